@@ -1,0 +1,1 @@
+//! The program `nacre`: command line today, service later.

@@ -1,0 +1,1 @@
+//! Device traits and drivers.

@@ -1,0 +1,16 @@
+//! Pure computation of Nacre: photographs in, maps of diffracting surfaces out.
+//!
+//! No device, no async, no network. Conventions that hold everywhere in this crate:
+//!
+//! - Orientation is the direction of the grating vector (across the grooves), in `[0, π)`, anticlockwise from
+//!   image right as the camera sees it, y up. Angles are radians in memory and in EXR maps, degrees in JSON and
+//!   in names that end in `_deg`.
+//! - Images are row-major, row 0 on top, pixel centres at integers.
+//! - Lengths are µm, wavelengths nm, unless a name says otherwise.
+
+pub mod error;
+pub mod image;
+pub mod polarimetry;
+pub mod progress;
+
+pub use error::{Error, Result};

@@ -1,0 +1,29 @@
+//! How a long computation tells its caller where it is, and learns that it is to stop.
+
+use crate::{Error, Result};
+
+/// Receives progress. Called from the computing threads, so it must be cheap.
+pub trait Progress: Sync {
+    /// A stage begins: its name as a user reads it, and how many steps it has.
+    fn stage(&self, name: &str, steps: u64);
+    /// One step of the current stage is done.
+    fn step(&self);
+    /// True once the computation is to stop; it then returns [`Error::Cancelled`] and leaves nothing behind.
+    fn cancelled(&self) -> bool;
+
+    /// `Err(Cancelled)` when the computation is to stop.
+    fn check(&self) -> Result<()> {
+        if self.cancelled() { Err(Error::Cancelled) } else { Ok(()) }
+    }
+}
+
+/// No report, never stopped: for tests and benchmarks.
+pub struct Silent;
+
+impl Progress for Silent {
+    fn stage(&self, _: &str, _: u64) {}
+    fn step(&self) {}
+    fn cancelled(&self) -> bool {
+        false
+    }
+}

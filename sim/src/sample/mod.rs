@@ -1,0 +1,1 @@
+//! Synthetic diffracting surfaces.
