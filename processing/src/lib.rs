@@ -9,6 +9,7 @@
 //! - Lengths are µm, wavelengths nm, unless a name says otherwise.
 
 pub mod error;
+pub mod frames;
 pub mod image;
 pub mod polarimetry;
 pub mod progress;

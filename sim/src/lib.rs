@@ -1,6 +1,24 @@
 //! The virtual bench: optics, samples, devices, noise and time, without hardware.
 //!
-//! It renders a fuller model than the reconstruction inverts, so that a good score is not the same code run
-//! backwards.
+//! It renders a fuller model than the reconstruction inverts (finite band, disc and aperture, Fresnel coefficients at
+//! oblique incidence, front reflection, several orders, mixed dots, lens blur, noise), so that a good score is not
+//! the same code run backwards.
 
+mod bench;
+mod blur;
+mod camera;
+mod config;
+mod optics;
+mod random;
 pub mod sample;
+mod scene;
+mod session;
+mod stage;
+
+pub use bench::{Bench, RawFrame};
+pub use camera::Settings;
+pub use config::{
+    BenchConfig, CameraConfig, FilmConfig, FilterConfig, GeometryConfig, GratingConfig, PanelConfig, StageConfig,
+};
+pub use scene::{Scene, StokesImage, Truth};
+pub use session::{capture, write_session};

@@ -1,1 +1,23 @@
-//! Images in and out: photographs of any usual format, EXR maps, pictures, and the transactional output folder.
+//! Images in and out: photographs of any usual format, EXR maps, pictures for people, and the output folder that
+//! appears whole or not at all.
+
+mod canvas;
+mod exif;
+mod folder;
+mod jpeg;
+mod openexr;
+mod picture;
+mod png;
+mod read;
+#[cfg(test)]
+mod tests;
+mod tif;
+mod write;
+
+pub use canvas::{Canvas, Rgb, text_width};
+pub use exif::{Exposure, exposure};
+pub use folder::OutputFolder;
+pub use openexr::{ExrMap, read_exr};
+pub use picture::{hsv, orientation_picture, scalar_picture, wheel};
+pub use read::{Depth, EXTENSIONS, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, info, read};
+pub use write::{Attribute, write_exr, write_png8, write_png16_gray};

@@ -1,1 +1,40 @@
-//! Polarization imaging: Jones and Stokes calculus, and the fit of intensity against analyser angle.
+//! Polarization imaging: the angle of light's polarization behind a turning analyser gives the orientation of a
+//! grating, pixel by pixel (2018 paper, section 5).
+//!
+//! Any light behind a linear analyser at angle ψ has the intensity `I(ψ) = (S0 + S1 cos 2ψ + S2 sin 2ψ) / 2`
+//! (Malus). So the fit is linear in three unknowns, exact for any set of angles, and needs no stack of frames:
+//!
+//! ```
+//! use nacre_processing::polarimetry::{Design, Fit};
+//!
+//! let angles = [0.0_f64, 45.0, 90.0, 135.0].map(f64::to_radians);
+//! let mut fit = Fit::new(1, 1);
+//! for psi in angles {
+//!     let intensity = 0.5 * (2.0 + 0.3 * (2.0 * psi).cos() + 0.4 * (2.0 * psi).sin());
+//!     fit.add(psi, |_row, values, _bad| values[0] = intensity as f32);
+//! }
+//! let maps = fit.solve(&Design::new(&angles)?);
+//! assert!((maps.s1[0] - 0.3).abs() < 1e-6 && (maps.s2[0] - 0.4).abs() < 1e-6);
+//! # Ok::<(), nacre_processing::Error>(())
+//! ```
+
+mod check;
+mod design;
+mod fit;
+mod jones;
+mod noise;
+mod orient;
+mod output;
+mod reconstruct;
+mod report;
+mod stokes;
+
+pub use check::{CircleCheck, check_circle};
+pub use design::Design;
+pub use fit::{Fit, StokesMaps};
+pub use jones::{Jones, JonesVector};
+pub use noise::{FrameNoise, NoiseModel, NoiseSource, estimate_noise};
+pub use orient::{MASK_SNR, OrientationMaps, angle_difference, orient};
+pub use reconstruct::{Model, Options, reconstruct};
+pub use report::Report;
+pub use stokes::Stokes;

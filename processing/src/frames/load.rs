@@ -1,0 +1,192 @@
+//! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
+
+use super::{FILE_NAME, FrameSet, Kind, Transfer};
+use crate::image::{Info, info};
+use crate::{Error, Result};
+use std::path::{Component, Path, PathBuf};
+
+/// Largest `frames.json` that is read; 10,000 frames need about 1 MiB.
+const MAX_BYTES: u64 = 16 << 20;
+
+/// A checked set: every file exists inside the folder and all have one size, depth and number of channels.
+#[derive(Debug)]
+pub struct LoadedFrames {
+    /// The `frames.json` itself, for messages.
+    pub path: PathBuf,
+    /// Folder that the file names are relative to.
+    pub folder: PathBuf,
+    /// The checked contents.
+    pub set: FrameSet,
+    /// What all photographs have in common.
+    pub info: Info,
+}
+
+impl LoadedFrames {
+    /// Path of one of the set's files.
+    pub fn file(&self, name: &Path) -> PathBuf {
+        self.folder.join(name)
+    }
+}
+
+/// Reads and checks a session folder, a folder that holds a `frames.json`, or a `frames.json`.
+///
+/// # Errors
+/// `Input`, naming the file or key, for anything that cannot be used; no pixel is decoded yet.
+pub fn load(input: &Path) -> Result<LoadedFrames> {
+    let path = if input.is_dir() { input.join(FILE_NAME) } else { input.to_path_buf() };
+    let set: FrameSet = parse(&path)?;
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
+        _ => PathBuf::from("."),
+    };
+    check_values(&path, &set)?;
+    let info = check_files(&path, &folder, &set)?;
+    Ok(LoadedFrames { path, folder, set, info })
+}
+
+/// Text of a `frames.json`, one frame a line.
+pub fn save(set: &FrameSet) -> String {
+    // Serialising plain data with string keys cannot fail.
+    let mut value = serde_json::to_value(set).unwrap_or_default();
+    let frames = value.as_object_mut().and_then(|o| o.remove("frames")).unwrap_or_default();
+    let lines: Vec<String> = frames.as_array().into_iter().flatten().map(|f| format!("    {f}")).collect();
+    let head: Vec<String> =
+        value.as_object().into_iter().flatten().map(|(k, v)| format!("  \"{k}\": {v},\n")).collect();
+    format!("{{\n{}  \"frames\": [\n{}\n  ]\n}}\n", head.concat(), lines.join(",\n"))
+}
+
+fn parse(path: &Path) -> Result<FrameSet> {
+    let remedy = format!("give a session folder, a {FILE_NAME} or a folder holding one (`nacre import` makes one)");
+    let size = std::fs::metadata(path).map_err(|e| Error::file(path, format!("cannot be read: {e}"), &remedy))?.len();
+    if size > MAX_BYTES {
+        return Err(Error::file(path, format!("has {size} bytes, at most {MAX_BYTES} are read"), remedy));
+    }
+    let bytes = std::fs::read(path).map_err(|e| Error::file(path, format!("cannot be read: {e}"), &remedy))?;
+    let mut json = serde_json::Deserializer::from_slice(&bytes);
+    let set = serde_path_to_error::deserialize(&mut json).map_err(|e| {
+        let place = if e.path().iter().next().is_some() { format!("{}: ", e.path()) } else { String::new() };
+        Error::file(path, format!("{place}{}", e.inner()), "correct it; `nacre schema frames` prints what is allowed")
+    })?;
+    json.end().map_err(|e| Error::file(path, e, "remove what follows the closing brace"))?;
+    Ok(set)
+}
+
+fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
+    let bad = |key: &str, problem: String, remedy: &str| Err(Error::file(path, format!("{key}: {problem}"), remedy));
+    if set.frames.is_empty() {
+        return bad("frames", "holds no frame".into(), "list at least one photograph");
+    }
+    if let Transfer::Gamma(g) = set.transfer
+        && !(g.is_finite() && (0.1..=10.0).contains(&g))
+    {
+        return bad("transfer.gamma", format!("{g} is outside 0.1 to 10"), "give the exponent, 2.2 for instance");
+    }
+    if let (Some(black), Some(white)) = (set.black, set.white)
+        && black >= white
+    {
+        return bad("black", format!("{black} is not below white ({white})"), "give the file values of no and of full light");
+    }
+    let positive = |key: &str, value: Option<f64>| match value {
+        Some(v) if !(v.is_finite() && v > 0.0) => bad(key, format!("{v} is not above 0"), "correct the number"),
+        _ => Ok(()),
+    };
+    for (i, frame) in set.frames.iter().enumerate() {
+        positive(&format!("frames[{i}].exposure_s"), frame.exposure_s)?;
+        positive(&format!("frames[{i}].gain"), frame.gain)?;
+        if !frame.scale().is_finite() || frame.scale() == 0.0 {
+            return bad(&format!("frames[{i}]"), "exposure_s · gain is out of range".into(), "correct the numbers");
+        }
+        match (set.kind, frame.analyser_deg) {
+            (Kind::Polarization, None) => {
+                return bad(&format!("frames[{i}].analyser_deg"), "is missing".into(), "give the analyser's angle");
+            }
+            (Kind::DivisionOfFocalPlane | Kind::Exposures, Some(_)) => {
+                return bad(&format!("frames[{i}].analyser_deg"), "does not belong to this kind".into(), "remove it or change kind");
+            }
+            (_, Some(a)) if a.abs() > 1e6 => {
+                return bad(&format!("frames[{i}].analyser_deg"), format!("{a} is no angle in degrees"), "correct it");
+            }
+            _ => {}
+        }
+    }
+    positive("wavelength_nm", set.wavelength_nm)?;
+    positive("band_nm", set.band_nm)?;
+    positive("noise.full_scale_e", set.noise.map(|n| n.full_scale_e))?;
+    if let Some(n) = set.noise
+        && !(n.read_noise_e >= 0.0)
+    {
+        return bad("noise.read_noise_e", format!("{} is negative", n.read_noise_e), "correct the number");
+    }
+    match (set.kind, set.layout) {
+        (Kind::DivisionOfFocalPlane, None) => {
+            bad("layout", "is missing".into(), "give the angles of the 2×2 block, [[90,45],[135,0]] for many sensors")
+        }
+        (Kind::Polarization | Kind::Exposures, Some(_)) => {
+            bad("layout", "belongs to kind division_of_focal_plane only".into(), "remove it or change kind")
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_files(path: &Path, folder: &Path, set: &FrameSet) -> Result<Info> {
+    let extra = [("dark", &set.dark), ("flat", &set.flat)];
+    let extra = extra.into_iter().filter_map(|(key, file)| Some((key.to_owned(), file.as_ref()?)));
+    let frames = set.frames.iter().enumerate().map(|(i, f)| (format!("frames[{i}].file"), &f.file));
+    let mut common: Option<(PathBuf, Info)> = None;
+    for (key, name) in frames.chain(extra) {
+        let file = inside(path, folder, &key, name)?;
+        let found = info(&file)?;
+        match &common {
+            None => common = Some((file, found)),
+            Some((first, wanted)) if *wanted != found => {
+                return Err(Error::file(
+                    &file,
+                    format!("is {found}, but {} is {wanted}", first.display()),
+                    "all photographs of a set must have one size, depth and number of channels",
+                ));
+            }
+            Some(_) => {}
+        }
+    }
+    let Some((file, info)) = common else { return Err(Error::file(path, "holds no frame", "list a photograph")) };
+    check_channels(&file, set, &info)?;
+    Ok(info)
+}
+
+/// Only plain names inside the folder: no absolute path, no `..`, no link that leads out of it.
+fn inside(path: &Path, folder: &Path, key: &str, name: &Path) -> Result<PathBuf> {
+    let plain = name.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+    let file = folder.join(name);
+    let leaves = || {
+        let problem = format!("{key}: {} leaves the folder of {FILE_NAME}", name.display());
+        Error::file(path, problem, "put the photographs beside or below it")
+    };
+    if !plain || name.as_os_str().is_empty() {
+        return Err(leaves());
+    }
+    let missing = |e| Error::file(&file, format!("cannot be read: {e}"), format!("{key} in {} names it", path.display()));
+    let (real, base) = (file.canonicalize().map_err(missing)?, folder.canonicalize().map_err(missing)?);
+    if real.starts_with(base) { Ok(file) } else { Err(leaves()) }
+}
+
+fn check_channels(file: &Path, set: &FrameSet, info: &Info) -> Result<()> {
+    match (info.channels, set.channel) {
+        (1, Some(c)) => Err(Error::file(file, format!("is grey, so it has no channel {c:?}"), "remove \"channel\"")),
+        (3, None) => {
+            Err(Error::file(file, "is a colour image and \"channel\" is not given", "add \"channel\": \"r\", \"g\" or \"b\""))
+        }
+        _ if set.kind == Kind::DivisionOfFocalPlane && (info.channels != 1 || info.width % 2 + info.height % 2 > 0) => {
+            Err(Error::file(
+                file,
+                format!("is {info}; a raw polarization-sensor frame is grey with even width and height"),
+                "give the camera's raw, not demosaicked frame",
+            ))
+        }
+        _ => {
+            let (black, white) = (set.black.unwrap_or(0.0), set.white.unwrap_or(info.depth.full_scale().into()));
+            if black < white { Ok(()) } else {
+                Err(Error::file(file, format!("black ({black}) is not below white ({white})"), "correct black and white"))
+            }
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! `frames.json`: what a set of photographs is. The only input format of reconstructions; the capture engine writes
+//! it into every session folder, `nacre import` builds it for photographs taken elsewhere.
+
+mod linear;
+mod load;
+
+pub use linear::{LinearFrame, Linearizer};
+pub use load::{LoadedFrames, load, save};
+
+use crate::polarimetry::NoiseModel;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Name of the file that describes a folder of photographs.
+pub const FILE_NAME: &str = "frames.json";
+
+/// A set of photographs and how their numbers become light.
+/// Linear value = transfer⁻¹((v - black)/(white - black)) / (exposure · gain).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FrameSet {
+    /// What was varied between the photographs.
+    pub kind: Kind,
+    /// The photographs, in the order they were taken.
+    pub frames: Vec<Frame>,
+    /// How the files encode light.
+    pub transfer: Transfer,
+    /// File value of no light (default 0).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub black: Option<f64>,
+    /// File value of a saturated pixel (default: the largest value of the file's depth, 1 for floating point). Pixels
+    /// that reach it are not used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub white: Option<f64>,
+    /// Which channel of a colour file to use. Required for colour files, refused for grey ones.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub channel: Option<Channel>,
+    /// Analyser angles in degrees of each 2×2 block, `[[top left, top right], [bottom left, bottom right]]`. Required for
+    /// division_of_focal_plane, refused otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layout: Option<[[f64; 2]; 2]>,
+    /// The sensor's noise; estimated from the photographs when it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<NoiseModel>,
+    /// Photograph with the light off at the same exposure, subtracted from every frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dark: Option<PathBuf>,
+    /// Photograph of an evenly reflecting surface; intensities are divided by it relative to its mean.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flat: Option<PathBuf>,
+    /// Middle of the filter's band in nm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wavelength_nm: Option<f64>,
+    /// Full width at half maximum of the filter's band in nm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub band_nm: Option<f64>,
+    /// Where sample, light and camera stood.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<Geometry>,
+}
+
+/// What varies between the photographs of a set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// The angle of an analyser in front of the camera.
+    Polarization,
+    /// The angle of four analysers on each 2×2 block of the sensor.
+    DivisionOfFocalPlane,
+    /// The exposure time.
+    Exposures,
+}
+
+/// One photograph.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Frame {
+    /// Image file, relative to the folder of `frames.json` and inside it.
+    pub file: PathBuf,
+    /// Analyser angle, anticlockwise from image right as the camera sees it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub analyser_deg: Option<f64>,
+    /// Exposure time (default 1).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure_s: Option<f64>,
+    /// Gain relative to the camera's base (default 1).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
+}
+
+/// How file values relate to light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Transfer {
+    /// Proportional to light.
+    Linear,
+    /// The sRGB curve of IEC 61966-2-1.
+    Srgb,
+    /// Value = light^(1/gamma).
+    Gamma(f64),
+}
+
+/// A channel of a colour file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Channel {
+    /// Red.
+    R,
+    /// Green.
+    G,
+    /// Blue.
+    B,
+}
+
+/// Distances on the bench.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Geometry {
+    /// Sample to camera and to the plane of the light, in mm.
+    pub distance_mm: f64,
+    /// Camera to the middle of the light, in mm.
+    pub baseline_mm: f64,
+    /// Size of a pixel on the sample, in µm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixel_um: Option<f64>,
+}
+
+impl Frame {
+    /// `1 / (exposure · gain)`.
+    pub fn scale(&self) -> f64 {
+        1.0 / (self.exposure_s.unwrap_or(1.0) * self.gain.unwrap_or(1.0))
+    }
+}
+
+impl Transfer {
+    /// Light (0 to 1) of an encoded value (0 to 1); values outside are continued linearly or as a power of 0.
+    pub fn decode(self, v: f32) -> f32 {
+        match self {
+            Self::Linear => v,
+            Self::Srgb if v <= 0.040_45 => v / 12.92,
+            Self::Srgb => ((v + 0.055) / 1.055).powf(2.4),
+            Self::Gamma(g) => v.max(0.0).powf(g as f32),
+        }
+    }
+
+    /// Change of light per change of the encoded value, at encoded value `v`.
+    pub fn slope(self, v: f64) -> f64 {
+        match self {
+            Self::Linear => 1.0,
+            Self::Srgb if v <= 0.040_45 => 1.0 / 12.92,
+            Self::Srgb => 2.4 / 1.055 * ((v + 0.055) / 1.055).powf(1.4),
+            Self::Gamma(g) => g * v.max(1e-6).powf(g - 1.0),
+        }
+    }
+}
+
+impl Channel {
+    /// Position in an RGB pixel.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_matches_the_standard() {
+        // IEC 61966-2-1: code 188 of 255 is 50.3 % light.
+        assert!((Transfer::Srgb.decode(188.0 / 255.0) - 0.502_9).abs() < 1e-3);
+        assert!((Transfer::Gamma(2.0).decode(0.5) - 0.25).abs() < 1e-7);
+        for t in [Transfer::Linear, Transfer::Srgb, Transfer::Gamma(2.2)] {
+            let difference = (t.decode(0.501) - t.decode(0.499)) / 0.002;
+            assert!((f64::from(difference) - t.slope(0.5)).abs() < 1e-3);
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! PNG: 8 and 16 bits, grey or RGB; palettes and smaller depths are expanded to 8 bits.
+
+use ::image::codecs::png::PngDecoder;
+use ::image::{ColorType, ImageDecoder, ImageError, Limits};
+
+use super::read::{Decoded, Depth, Fault, Info, Raster, Samples, Source, keep_channels, zeroed};
+
+/// Memory for everything but the pixels: one row, text and colour profile chunks.
+const SIDE_BYTES: u64 = 64 << 20;
+
+pub(super) fn info(source: Source) -> Decoded<Info> {
+    open(source).map(|(_, info, _)| info)
+}
+
+pub(super) fn read(source: Source) -> Decoded<Raster> {
+    let (decoder, info, stored) = open(source)?;
+    let bytes = usize::try_from(decoder.total_bytes()).map_err(Fault::damaged)?;
+    let mut buffer = zeroed::<u8>(bytes)?;
+    decoder.read_image(&mut buffer).map_err(fault)?;
+    let samples = match info.depth {
+        Depth::U8 => Samples::U8(keep_channels(buffer, stored, info.channels)),
+        _ => {
+            let wide = buffer.as_chunks::<2>().0.iter().map(|b| u16::from_ne_bytes(*b)).collect();
+            Samples::U16(keep_channels(wide, stored, info.channels))
+        }
+    };
+    info.raster(samples)
+}
+
+/// The decoder, what the header says, and how many channels are stored.
+fn open(source: Source) -> Decoded<(PngDecoder<Source>, Info, usize)> {
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(SIDE_BYTES);
+    let decoder = PngDecoder::with_limits(source, limits).map_err(fault)?;
+    let color = decoder.color_type();
+    let (channels, depth) = match color {
+        ColorType::L8 | ColorType::La8 => (1, Depth::U8),
+        ColorType::Rgb8 | ColorType::Rgba8 => (3, Depth::U8),
+        ColorType::L16 | ColorType::La16 => (1, Depth::U16),
+        ColorType::Rgb16 | ColorType::Rgba16 => (3, Depth::U16),
+        other => return Err(Fault::unsupported(format!("is a PNG of kind {other:?}"))),
+    };
+    let (width, height) = decoder.dimensions();
+    let per_pixel = u64::from(color.bytes_per_pixel());
+    let info = Info::checked([width.into(), height.into()], channels, depth, 1, per_pixel)?;
+    Ok((decoder, info, usize::from(color.channel_count())))
+}
+
+/// The decoder's error in our words; shared with JPEG.
+pub(super) fn fault(error: ImageError) -> Fault {
+    match error {
+        ImageError::IoError(error) => error.into(),
+        ImageError::Unsupported(error) => Fault::unsupported(format!("cannot be decoded: {error}")),
+        other => Fault::damaged(other),
+    }
+}

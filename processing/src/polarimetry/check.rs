@@ -1,0 +1,158 @@
+//! Does the `sinusoid` model explain the data? Under it the points (S1/S0, S2/S0) of all orientations lie on circles
+//! about the origin. A birefringent film moves the circle off centre and bends it (2018 paper, Fig. 15), and the
+//! fitted phase is then no longer the orientation.
+
+use super::{OrientationMaps, StokesMaps};
+use nalgebra::{Matrix3, Vector3};
+use serde::Serialize;
+
+/// Circle through the cloud of (S1/S0, S2/S0).
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CircleCheck {
+    /// Centre of the best circle; the origin when the model holds.
+    pub center: [f64; 2],
+    /// Its radius.
+    pub radius: f64,
+    /// Root mean square distance of the points from the circle, relative to the radius (noise and mixed dots included).
+    pub spread: f64,
+    /// Share of the circle that the points cover, in 10° steps. Under one half the circle is a guess.
+    pub coverage: f64,
+    /// Mean error of the orientation that a circle off its centre causes, after the best common offset, in degrees.
+    pub bias_deg: f64,
+}
+
+/// Below this the centre is not distinguishable from the origin in practice, and the sinusoid stands.
+const NEGLIGIBLE_BIAS_DEG: f64 = 0.5;
+
+impl CircleCheck {
+    /// The warning that belongs in front of a user, if any.
+    pub fn warning(&self) -> Option<String> {
+        if self.coverage < 0.5 {
+            return Some(format!(
+                "the orientations in view cover {:.0} % of the half turn, too little to check the sinusoid model: behind a \
+                 birefringent film the map can be wrong by much more than σ says",
+                100.0 * self.coverage
+            ));
+        }
+        (self.bias_deg > NEGLIGIBLE_BIAS_DEG).then(|| {
+            format!(
+                "the sinusoid model does not hold if this is a grating: (S1/S0, S2/S0) circles ({:.3}, {:.3}) instead of the \
+                 origin, as behind a birefringent film; orientations are off by about {:.1}° on average, which σ does not hold",
+                self.center[0], self.center[1], self.bias_deg
+            )
+        })
+    }
+}
+
+/// Fits the circle to at most 100,000 unmasked pixels; None when fewer than 100 are left.
+pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCheck> {
+    const PIXELS: usize = 100_000;
+    let stride = (maps.s0.len() / PIXELS).max(1);
+    let points: Vec<[f64; 2]> = (0..maps.s0.len())
+        .step_by(stride)
+        .filter(|&i| map.orientation[i].is_finite())
+        .map(|i| [f64::from(maps.s1[i] / maps.s0[i]), f64::from(maps.s2[i] / maps.s0[i])])
+        .collect();
+    if points.len() < 100 {
+        return None;
+    }
+    let first = least_squares_circle(&points)?;
+    // A second pass without the points far off (mixed dots, scratches), which pull an algebraic fit.
+    let limit = 2.0 * median_distance(&points, first);
+    let near: Vec<_> = points.iter().copied().filter(|p| distance(p, first) <= limit).collect();
+    let (center, radius) = least_squares_circle(&near)?;
+    let square: f64 = points.iter().map(|p| distance(p, (center, radius)).powi(2)).sum();
+    let spread = (square / points.len() as f64).sqrt() / radius;
+    Some(CircleCheck { center, radius, spread, coverage: coverage(&points, center), bias_deg: bias(&points, center) })
+}
+
+type Circle = ([f64; 2], f64);
+
+/// Algebraic circle fit: `x² + y² = 2 x cx + 2 y cy + d`.
+fn least_squares_circle(points: &[[f64; 2]]) -> Option<Circle> {
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for [x, y] in points {
+        let row = Vector3::new(2.0 * x, 2.0 * y, 1.0);
+        normal += row * row.transpose();
+        right += row * (x * x + y * y);
+    }
+    let solved = normal.try_inverse()? * right;
+    let radius = (solved[2] + solved[0] * solved[0] + solved[1] * solved[1]).sqrt();
+    (radius.is_finite() && radius > 0.0).then_some(([solved[0], solved[1]], radius))
+}
+
+fn distance(p: &[f64; 2], (c, r): Circle) -> f64 {
+    ((p[0] - c[0]).hypot(p[1] - c[1]) - r).abs()
+}
+
+/// Never 0, so that a perfect circle keeps its points.
+fn median_distance(points: &[[f64; 2]], circle: Circle) -> f64 {
+    let mut distances: Vec<f64> = points.iter().map(|p| distance(p, circle)).collect();
+    let middle = distances.len() / 2;
+    *distances.select_nth_unstable_by(middle, f64::total_cmp).1 + 1e-9 * circle.1
+}
+
+/// Share of 36 sectors about the centre that hold at least 0.1 % of the points.
+fn coverage(points: &[[f64; 2]], center: [f64; 2]) -> f64 {
+    let mut sectors = [0usize; 36];
+    for p in points {
+        let turn = (p[1] - center[1]).atan2(p[0] - center[0]) / std::f64::consts::TAU;
+        sectors[(turn.rem_euclid(1.0) * 36.0) as usize % 36] += 1;
+    }
+    sectors.iter().filter(|&&n| n * 1000 >= points.len()).count() as f64 / 36.0
+}
+
+/// Mean |half angle between a point seen from the origin and from the circle's centre|, after the mean is removed.
+fn bias(points: &[[f64; 2]], center: [f64; 2]) -> f64 {
+    let errors: Vec<f64> = points
+        .iter()
+        .map(|p| {
+            let (seen, turned) = (p[1].atan2(p[0]), (p[1] - center[1]).atan2(p[0] - center[0]));
+            0.5 * (seen - turned)
+        })
+        .collect();
+    let n = errors.len() as f64;
+    let (sin, cos) = errors.iter().fold((0.0, 0.0), |(s, c), e| (s + (2.0 * e).sin(), c + (2.0 * e).cos()));
+    let mean = 0.5 * f64::atan2(sin, cos);
+    (errors.iter().map(|e| super::angle_difference(*e, mean).abs()).sum::<f64>() / n).to_degrees()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(center: [f64; 2], radius: f64, share: f64) -> CircleCheck {
+        let n = 4000;
+        let points: Vec<[f64; 2]> = (0..n)
+            .map(|i| {
+                let turn = std::f64::consts::TAU * share * f64::from(i) / f64::from(n);
+                [center[0] + radius * turn.cos(), center[1] + radius * turn.sin()]
+            })
+            .collect();
+        let s0 = vec![1.0_f32; points.len()];
+        let (s1, s2) = (points.iter().map(|p| p[0] as f32).collect(), points.iter().map(|p| p[1] as f32).collect());
+        let maps = StokesMaps { width: n as usize, height: 1, residual: s0.clone(), correlation: s0.clone(), s0, s1, s2 };
+        let map = OrientationMaps { width: n as usize, height: 1, orientation: maps.s0.clone(), sigma: maps.s0.clone() };
+        check_circle(&maps, &map).unwrap()
+    }
+
+    #[test]
+    fn a_centred_circle_raises_no_warning() {
+        let c = check([0.0, 0.0], 0.3, 1.0);
+        assert!(c.bias_deg < 1e-4 && c.spread < 1e-5 && c.warning().is_none(), "{c:?}");
+    }
+
+    /// A centre off by ε of the radius turns the phase by ε sin, so the orientation by ε/2 · 2/π on average.
+    #[test]
+    fn an_off_centre_circle_states_its_bias() {
+        let c = check([0.03, 0.0], 0.3, 1.0);
+        let wanted = (0.1_f64 / std::f64::consts::PI).to_degrees();
+        assert!((c.bias_deg / wanted - 1.0).abs() < 0.02, "{c:?} {wanted}");
+        assert!(c.warning().unwrap().contains("film"));
+    }
+
+    #[test]
+    fn a_short_arc_cannot_be_checked() {
+        assert!(check([0.0, 0.0], 0.3, 0.3).warning().unwrap().contains("too little"));
+    }
+}

@@ -1,0 +1,172 @@
+//! Camera noise: given by the user, or estimated from what the fit leaves over.
+
+use super::{Design, StokesMaps};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Noise of a linear sensor at gain 1. A sensor value `v` (0 at black, 1 at white) has the variance
+/// `v/F + (r/F)² + q²/12`, with F electrons at white, read noise r, and q the step between codes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseModel {
+    /// Electrons that make a pixel white at gain 1.
+    pub full_scale_e: f64,
+    /// Read noise in electrons, standard deviation.
+    pub read_noise_e: f64,
+}
+
+/// Where a noise model comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoiseSource {
+    /// `frames.json` states it.
+    Given,
+    /// From the scatter of the frames about their fit.
+    Estimated,
+    /// Three frames leave no scatter to look at, so a modest camera is assumed.
+    Assumed,
+}
+
+/// Stands in when nothing is known: a small sensor, so that σ errs to the large side.
+pub(super) const ASSUMED: NoiseModel = NoiseModel { full_scale_e: 5000.0, read_noise_e: 10.0 };
+
+/// How one frame's linear values scatter: variance = `shot · I + floor` (I and the variance in linear units).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameNoise {
+    /// Variance per unit of intensity.
+    pub shot: f64,
+    /// Variance at zero intensity.
+    pub floor: f64,
+}
+
+impl NoiseModel {
+    /// Noise of a frame whose sensor values were multiplied by `scale = 1/(exposure · gain)`; `step` is the
+    /// distance between two codes in sensor units (0 for floating point).
+    pub fn frame(&self, gain: f64, scale: f64, step: f64) -> FrameNoise {
+        let full = self.full_scale_e / gain;
+        let floor = (self.read_noise_e / full).powi(2) + step * step / 12.0;
+        FrameNoise { shot: scale / full, floor: scale * scale * floor }
+    }
+}
+
+/// Variances and covariance of the fitted (C, S) as linear functions of the fitted (A, C, S) per pixel.
+pub(super) struct Covariance {
+    /// `[const, A, C, S]` coefficients of var C, cov(C, S), var S.
+    coefficients: [[f32; 4]; 3],
+}
+
+impl Covariance {
+    pub(super) fn new(design: &Design, noise: &[FrameNoise]) -> Self {
+        let mut coefficients = [[0.0_f64; 4]; 3];
+        for (x, frame) in design.rows.iter().zip(noise) {
+            let m = design.inverse * x;
+            for (row, product) in coefficients.iter_mut().zip([m[1] * m[1], m[1] * m[2], m[2] * m[2]]) {
+                row[0] += product * frame.floor;
+                for j in 0..3 {
+                    row[j + 1] += product * frame.shot * x[j];
+                }
+            }
+        }
+        Self { coefficients: coefficients.map(|row| row.map(|v| v as f32)) }
+    }
+
+    /// `[var C, cov(C, S), var S]` at one pixel.
+    #[inline]
+    pub(super) fn at(&self, a: f32, c: f32, s: f32) -> [f32; 3] {
+        self.coefficients.map(|k| k[0] + k[1] * a + k[2] * c + k[3] * s)
+    }
+}
+
+/// Estimates `shot` and `floor` (both in linear units, the same for all frames) from the residuals, robustly: pixels
+/// are sorted by intensity into groups, each group's median residual gives its variance, and a line through them
+/// with non-negative coefficients is the model. None when there are no degrees of freedom or too few pixels.
+///
+/// Whatever else keeps the frames from following a sinusoid (wrong angles, movement) ends up in it as well.
+pub fn estimate_noise(maps: &StokesMaps, design: &Design) -> Option<FrameNoise> {
+    const PIXELS: usize = 200_000;
+    const GROUPS: usize = 32;
+    let freedom = design.freedom();
+    let stride = (maps.s0.len() / PIXELS).max(1);
+    let mut pixels: Vec<(f32, f32)> = (0..maps.s0.len())
+        .step_by(stride)
+        .map(|i| (0.5 * maps.s0[i], maps.residual[i]))
+        .filter(|(a, r)| a.is_finite() && r.is_finite() && *a > 0.0)
+        .collect();
+    if freedom == 0 || pixels.len() < 64 {
+        return None;
+    }
+    pixels.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let size = pixels.len().div_ceil(GROUPS).max(32);
+    let points: Vec<(f64, f64)> = pixels
+        .chunks_mut(size)
+        .map(|group| {
+            let a = f64::from(group[group.len() / 2].0);
+            let middle = group.len() / 2;
+            let (_, median, _) = group.select_nth_unstable_by(middle, |a, b| a.1.total_cmp(&b.1));
+            (a, f64::from(median.1) / median_chi_square(freedom))
+        })
+        .collect();
+    Some(line_through(&points))
+}
+
+/// Median of χ² (Wilson and Hilferty's cube).
+fn median_chi_square(freedom: usize) -> f64 {
+    chi_square_quantile(freedom, 0.0)
+}
+
+/// Quantile of χ² at `z` standard deviations of a normal variable (Wilson and Hilferty 1931), good to 1 % from two
+/// degrees of freedom on; the median for one is 5 % high, which only makes the noise estimate smaller by as much.
+pub(super) fn chi_square_quantile(freedom: usize, z: f64) -> f64 {
+    let n = freedom as f64;
+    let k = 2.0 / (9.0 * n);
+    n * (1.0 - k + z * k.sqrt()).powi(3)
+}
+
+/// Weighted least squares of `variance = shot · a + floor`, relative errors weighted alike, both kept ≥ 0.
+fn line_through(points: &[(f64, f64)]) -> FrameNoise {
+    let tiny = points.iter().map(|p| p.1).fold(0.0, f64::max) * 1e-6 + f64::MIN_POSITIVE;
+    let (mut w0, mut w1, mut w2, mut wy, mut wxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for &(a, v) in points {
+        let w = (v + tiny).powi(-2);
+        w0 += w;
+        w1 += w * a;
+        w2 += w * a * a;
+        wy += w * v;
+        wxy += w * a * v;
+    }
+    let det = w0 * w2 - w1 * w1;
+    let shot = if det > 1e-12 * w0 * w2 { (w0 * wxy - w1 * wy) / det } else { 0.0 };
+    let floor = (wy - shot * w1) / w0;
+    if shot <= 0.0 {
+        FrameNoise { shot: 0.0, floor: (wy / w0).max(tiny) }
+    } else if floor <= 0.0 {
+        FrameNoise { shot: wxy / w2, floor: 0.0 }
+    } else {
+        FrameNoise { shot, floor }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_recovered_and_stays_non_negative() {
+        let on = |shot: f64, floor: f64| {
+            let points: Vec<_> = (1..30).map(|i| (f64::from(i), shot * f64::from(i) + floor)).collect();
+            line_through(&points)
+        };
+        let n = on(2e-3, 5e-3);
+        assert!((n.shot - 2e-3).abs() < 1e-12 && (n.floor - 5e-3).abs() < 1e-12);
+        assert_eq!(on(-1e-4, 1.0).shot, 0.0);
+        assert_eq!(on(1.0, -0.5).floor, 0.0);
+    }
+
+    #[test]
+    fn chi_square_quantiles_match_tables() {
+        for (freedom, z, table) in [(1, 0.0, 0.455), (5, 0.0, 4.351), (9, 0.0, 8.343), (9, 3.0902, 27.877), (2, 3.0902, 13.816)] {
+            let got = chi_square_quantile(freedom, z);
+            assert!((got / table - 1.0).abs() < 0.06, "{freedom} {z}: {got} {table}");
+        }
+    }
+}

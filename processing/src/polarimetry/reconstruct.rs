@@ -1,0 +1,230 @@
+//! The whole job: a set of photographs to maps, pictures and a report in a new folder.
+
+use super::noise::ASSUMED;
+use super::report::{Pixels, Report, Seconds};
+use super::{Design, Fit, FrameNoise, NoiseSource, OrientationMaps, StokesMaps, check_circle, estimate_noise, orient};
+use crate::frames::{Kind, LinearFrame, Linearizer, LoadedFrames, load};
+use crate::image::OutputFolder;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use std::path::Path;
+use std::time::Instant;
+
+/// How the fitted phase becomes an orientation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Model {
+    /// The simplest model that explains the data; its name and the reason are in the report.
+    #[default]
+    Auto,
+    /// The phase is the orientation, up to one offset.
+    Sinusoid,
+}
+
+/// What the user may choose.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// The model.
+    pub model: Model,
+    /// Added to every orientation, to fix the gauge (degrees).
+    pub offset_deg: f64,
+    /// Replace results that are already there.
+    pub overwrite: bool,
+}
+
+/// Reconstructs the orientation map of `input` (a session folder or `frames.json` of kind polarization or
+/// division_of_focal_plane) into the new folder `out`.
+///
+/// Memory: 6 floats per pixel and two decoded photographs, whatever the number of frames.
+///
+/// # Errors
+/// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which
+/// nothing is left behind; `Cancelled`.
+pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
+    if !options.offset_deg.is_finite() {
+        return Err(Error::input("offset", format!("{} is no angle", options.offset_deg), "give finite degrees"));
+    }
+    let start = Instant::now();
+    let frames = load(input)?;
+    let views = views(&frames)?;
+    let design = Design::new(&views.iter().map(|v| v.angle).collect::<Vec<_>>())?;
+    let folder = OutputFolder::begin(out, options.overwrite)?;
+    let linearizer = Linearizer::new(&frames)?;
+    let fit = fit_frames(&frames, &linearizer, &views, progress)?;
+    let fitted = start.elapsed().as_secs_f64();
+
+    let mut maps = fit.solve(&design);
+    check_light(&frames, &maps, &linearizer)?;
+    let (noise, source) = noise_of(&frames, &linearizer, &views, &maps, &design);
+    let map = orient(&mut maps, &design, &noise, options.offset_deg.to_radians());
+    let circle = check_circle(&maps, &map);
+    divide_by_flat(&frames, &linearizer, &mut maps)?;
+    let pixels = Pixels::count(&maps, &map);
+    let solved = start.elapsed().as_secs_f64();
+
+    let mut report = Report::new(&frames, options, &design, (&noise, source), pixels, circle);
+    super::output::write_maps(&folder, &frames, &maps, &map, progress)?;
+    let written = start.elapsed().as_secs_f64();
+    report.seconds = Seconds { read_and_fit: fitted, solve: solved - fitted, write: written - solved, total: written };
+    folder.write("report.json", report.json().as_bytes())?;
+    progress.check()?;
+    folder.commit()?;
+    Ok(report)
+}
+
+/// One intensity image at one analyser angle: a whole photograph, or one position of its 2×2 blocks.
+struct View {
+    frame: usize,
+    /// `(x, y)` inside the block and the block's size.
+    position: [usize; 2],
+    block: usize,
+    angle: f64,
+}
+
+fn views(frames: &LoadedFrames) -> Result<Vec<View>> {
+    let set = &frames.set;
+    let indexed = set.frames.iter().enumerate();
+    Ok(match (set.kind, set.layout) {
+        (Kind::Polarization, _) => indexed
+            .map(|(frame, f)| {
+                let angle = f.analyser_deg.unwrap_or_default().to_radians();
+                View { frame, position: [0, 0], block: 1, angle }
+            })
+            .collect(),
+        (Kind::DivisionOfFocalPlane, Some(layout)) => indexed
+            .flat_map(|(frame, _)| (0..4).map(move |k| (frame, [k % 2, k / 2])))
+            .map(|(frame, position)| {
+                View { frame, position, block: 2, angle: layout[position[1]][position[0]].to_radians() }
+            })
+            .collect(),
+        _ => {
+            let problem = "holds photographs of another kind than polarization or division_of_focal_plane";
+            return Err(Error::file(&frames.path, problem, "give the analyser angles, see `nacre schema frames`"));
+        }
+    })
+}
+
+/// Folds all frames in, two at a time: both are decoded at once, then added in order, so that the result does not
+/// depend on timing.
+fn fit_frames(frames: &LoadedFrames, linearizer: &Linearizer, views: &[View], progress: &dyn Progress) -> Result<Fit> {
+    let block = views.first().map_or(1, |v| v.block);
+    let mut fit = Fit::new(frames.info.width / block, frames.info.height / block);
+    let set = &frames.set.frames;
+    progress.stage("reading and fitting", set.len() as u64);
+    let read = |i: usize| linearizer.read(&frames.file(&set[i].file), set[i].scale());
+    let per_frame = block * block;
+    let mut add = |i: usize, frame: LinearFrame| {
+        for view in &views[i * per_frame..(i + 1) * per_frame] {
+            debug_assert_eq!(view.frame, i);
+            let [x, y] = view.position;
+            fit.add(view.angle, |row, light, bad| frame.strided(row * block + y, x, block, light, bad));
+        }
+        progress.step();
+    };
+    for first in (0..set.len()).step_by(2) {
+        progress.check()?;
+        if first + 1 < set.len() {
+            let (a, b) = rayon::join(|| read(first), || read(first + 1));
+            add(first, a?);
+            add(first + 1, b?);
+        } else {
+            add(first, read(first)?);
+        }
+    }
+    Ok(fit)
+}
+
+/// Refuses sets in which no pixel can be used at all.
+fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: &Linearizer) -> Result<()> {
+    let usable = maps.s0.iter().filter(|v| v.is_finite()).count();
+    if usable == 0 {
+        return Err(Error::file(
+            &frames.path,
+            "every pixel is saturated in at least one photograph",
+            "expose less, or correct \"white\"",
+        ));
+    }
+    let scale = frames.set.frames.iter().map(|f| f.scale()).fold(f64::INFINITY, f64::min);
+    let one_code = (linearizer.step() * scale) as f32;
+    if !maps.s0.iter().any(|&s0| 0.5 * s0 > one_code) {
+        return Err(Error::file(
+            &frames.path,
+            "no pixel is brighter than black in these photographs",
+            "expose longer, or correct \"black\"",
+        ));
+    }
+    Ok(())
+}
+
+/// Noise of every view: as given, or from the residuals, or assumed.
+fn noise_of(
+    frames: &LoadedFrames,
+    linearizer: &Linearizer,
+    views: &[View],
+    maps: &StokesMaps,
+    design: &Design,
+) -> (Vec<FrameNoise>, NoiseSource) {
+    let set = &frames.set;
+    // The steepest part of the transfer curve, so that quantisation is never taken too small.
+    let step = linearizer.step() * set.transfer.slope(1.0);
+    let of_camera = |camera: super::NoiseModel| {
+        let frame = |v: &View| &set.frames[v.frame];
+        views.iter().map(|v| camera.frame(frame(v).gain.unwrap_or(1.0), frame(v).scale(), step)).collect()
+    };
+    if let Some(camera) = set.noise {
+        return (of_camera(camera), NoiseSource::Given);
+    }
+    match estimate_noise(maps, design) {
+        Some(mut noise) => {
+            let scale = set.frames.iter().map(|f| f.scale()).sum::<f64>() / set.frames.len() as f64;
+            noise.floor = noise.floor.max((step * scale).powi(2) / 12.0);
+            (vec![noise; views.len()], NoiseSource::Estimated)
+        }
+        None => (of_camera(ASSUMED), NoiseSource::Assumed),
+    }
+}
+
+/// Evens out illumination and vignetting: a common factor per pixel that no orientation depends on.
+fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<()> {
+    let Some(flat) = &frames.set.flat else { return Ok(()) };
+    let light = linearizer.plane(&frames.file(flat))?;
+    let (block, width) = (frames.info.width / maps.width, frames.info.width);
+    let mean = light.iter().map(|&v| f64::from(v)).sum::<f64>() / light.len() as f64;
+    if mean <= 0.0 {
+        return Err(Error::file(&frames.file(flat), "is black", "give a photograph of an evenly lit white surface"));
+    }
+    let area = (block * block) as f32 * mean as f32;
+    for i in 0..maps.s0.len() {
+        let (x, y) = (i % maps.width * block, i / maps.width * block);
+        let sum: f32 = (0..block).flat_map(|j| light[(y + j) * width + x..][..block].iter()).sum();
+        let factor = if sum > 0.0 { area / sum } else { f32::NAN };
+        for plane in [&mut maps.s0, &mut maps.s1, &mut maps.s2] {
+            plane[i] *= factor;
+        }
+    }
+    Ok(())
+}
+
+impl Pixels {
+    fn count(maps: &StokesMaps, map: &OrientationMaps) -> Self {
+        let valid = map.orientation.iter().filter(|t| t.is_finite()).count();
+        let saturated = maps.correlation.iter().filter(|t| t.is_nan()).count();
+        let all = map.orientation.len();
+        let mut sigma: Vec<f32> =
+            map.sigma.iter().zip(&map.orientation).filter(|(_, t)| t.is_finite()).map(|(s, _)| *s).collect();
+        let mut quantile = |q: f64| -> Option<f64> {
+            let at = (q * (sigma.len().checked_sub(1)?) as f64) as usize;
+            Some(f64::from(*sigma.select_nth_unstable_by(at, f32::total_cmp).1).to_degrees())
+        };
+        let correlation = maps.correlation.iter().zip(&map.orientation).filter(|(_, t)| t.is_finite());
+        let correlation = correlation.map(|(c, _)| f64::from(*c)).sum::<f64>() / valid.max(1) as f64;
+        Self {
+            all,
+            valid,
+            saturated,
+            too_little_modulation: all - valid - saturated,
+            sigma_median_deg: quantile(0.5),
+            sigma_p90_deg: quantile(0.9),
+            correlation_mean: (valid > 0).then_some(correlation),
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! `report.json`: what was done, why, and how good the result is.
+
+use super::{CircleCheck, Design, FrameNoise, Model, NoiseSource, Options};
+use crate::frames::LoadedFrames;
+use serde::Serialize;
+
+/// Result of a polarization reconstruction, in words and numbers.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Always `polarization`.
+    pub method: &'static str,
+    /// The model used: `sinusoid`.
+    pub model: &'static str,
+    /// Why this model.
+    pub model_reason: String,
+    /// What the reader must know before trusting the map. Empty when there is nothing.
+    pub warnings: Vec<String>,
+    /// Pixels of the map.
+    pub width: usize,
+    /// Rows of the map.
+    pub height: usize,
+    /// Pixels counted, and their quality.
+    pub pixels: Pixels,
+    /// The noise model behind σ.
+    pub noise: NoiseReport,
+    /// Does the sinusoid explain the data?
+    pub circle: Option<CircleCheck>,
+    /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
+    pub offset_deg: f64,
+    /// Analyser angles in the order of the frames.
+    pub analyser_deg: Vec<f64>,
+    /// Condition number of the angle set, √2 at best.
+    pub condition: f64,
+    /// Files used, in order.
+    pub frames: Vec<String>,
+    /// Wall time per stage.
+    pub seconds: Seconds,
+}
+
+/// How many pixels carry an orientation and how well.
+#[derive(Clone, Debug, Serialize)]
+pub struct Pixels {
+    /// All pixels of the map.
+    pub all: usize,
+    /// Pixels with an orientation.
+    pub valid: usize,
+    /// Masked: saturated or not a number in at least one photograph.
+    pub saturated: usize,
+    /// Masked: the modulation is lost in the noise.
+    pub too_little_modulation: usize,
+    /// Median σ of the orientation over valid pixels.
+    pub sigma_median_deg: Option<f64>,
+    /// 90th percentile of σ over valid pixels.
+    pub sigma_p90_deg: Option<f64>,
+    /// Mean normalised correlation between fit and measurement over valid pixels.
+    pub correlation_mean: Option<f64>,
+}
+
+/// Noise of an average frame: variance = `shot` · I + `floor`, in linear units.
+#[derive(Clone, Debug, Serialize)]
+pub struct NoiseReport {
+    /// Where it comes from.
+    pub source: NoiseSource,
+    /// Variance per unit of intensity.
+    pub shot: f64,
+    /// Variance at zero intensity.
+    pub floor: f64,
+}
+
+/// Wall time in seconds.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Seconds {
+    /// Decoding the photographs and folding them into the fit.
+    pub read_and_fit: f64,
+    /// Solving, noise, orientation, checks.
+    pub solve: f64,
+    /// Writing maps and pictures.
+    pub write: f64,
+    /// Everything.
+    pub total: f64,
+}
+
+impl Report {
+    pub(super) fn new(
+        frames: &LoadedFrames,
+        options: &Options,
+        design: &Design,
+        (noise, source): (&[FrameNoise], NoiseSource),
+        pixels: Pixels,
+        circle: Option<CircleCheck>,
+    ) -> Self {
+        let block = if frames.set.layout.is_some() { 2 } else { 1 };
+        let mean = |of: fn(&FrameNoise) -> f64| noise.iter().map(of).sum::<f64>() / noise.len().max(1) as f64;
+        let set = &frames.set;
+        let mut warnings: Vec<String> = circle.iter().filter_map(CircleCheck::warning).collect();
+        if pixels.valid == 0 {
+            warnings.push("no pixel shows enough modulation to carry an orientation: the map is empty".into());
+        }
+        if source == NoiseSource::Assumed {
+            warnings.push("three angles leave no residual and no noise is given, so σ assumes a modest camera".into());
+        }
+        Self {
+            method: "polarization",
+            model: "sinusoid",
+            model_reason: reason(options.model, circle.as_ref()),
+            warnings,
+            width: frames.info.width / block,
+            height: frames.info.height / block,
+            pixels,
+            noise: NoiseReport { source, shot: mean(|n| n.shot), floor: mean(|n| n.floor) },
+            circle,
+            offset_deg: options.offset_deg,
+            analyser_deg: match set.layout {
+                Some(layout) => layout.concat().repeat(set.frames.len()),
+                None => set.frames.iter().filter_map(|f| f.analyser_deg).collect(),
+            },
+            condition: design.condition,
+            frames: set.frames.iter().map(|f| f.file.display().to_string()).collect(),
+            seconds: Seconds::default(),
+        }
+    }
+
+    /// The report as JSON.
+    pub fn json(&self) -> String {
+        // Plain data with string keys always serialises.
+        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
+    }
+}
+
+fn reason(asked: Model, circle: Option<&CircleCheck>) -> String {
+    match (asked, circle) {
+        (Model::Sinusoid, _) => "asked for".into(),
+        (Model::Auto, None) => "too few pixels carry an orientation to compare models".into(),
+        (Model::Auto, Some(c)) if c.warning().is_none() => format!(
+            "(S1/S0, S2/S0) lie on a circle about the origin: its centre costs {:.2}° on average, so nothing more is needed",
+            c.bias_deg
+        ),
+        (Model::Auto, Some(_)) => "the only model so far, although it does not explain the data: see warnings".into(),
+    }
+}

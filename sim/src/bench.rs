@@ -1,0 +1,187 @@
+//! The bench: sample, panel, analyser stage and camera on one virtual clock.
+
+use crate::camera::{Camera, Exposed, Settings};
+use crate::config::BenchConfig;
+use crate::random::{electrons, key};
+use crate::scene::{Scene, StokesImage, Truth};
+use crate::stage::Stage;
+use nacre_drivers::{Clock, Stamp};
+use rayon::prelude::*;
+use std::time::Duration;
+
+/// A simulated bench. Only waiting and device calls advance its time.
+pub struct Bench {
+    config: BenchConfig,
+    now: Duration,
+    scene: Scene,
+    /// Light with the panel white and black.
+    lit: StokesImage,
+    black: StokesImage,
+    truth: Truth,
+    display: Vec<(Duration, bool)>,
+    stage: Stage,
+    camera: Camera,
+    steady_since: Duration,
+}
+
+/// A frame as the camera hands it out.
+pub struct RawFrame {
+    /// Sequence number and timestamp.
+    pub stamp: Stamp,
+    /// Codes, row-major.
+    pub codes: Vec<u16>,
+}
+
+impl Bench {
+    /// Builds the bench and renders its light; the panel is black, the analyser at 0°.
+    pub fn new(config: &BenchConfig) -> Self {
+        let scene = Scene::new(config);
+        let (lit, truth) = scene.render(config.disc_mm());
+        let (black, _) = scene.render(0.0);
+        Self {
+            now: Duration::ZERO,
+            stage: Stage::new(&config.stage, config.seed),
+            camera: Camera::new(&config.camera),
+            display: vec![(Duration::ZERO, false)],
+            steady_since: Duration::ZERO,
+            config: config.clone(),
+            scene,
+            lit,
+            black,
+            truth,
+        }
+    }
+
+    /// The configuration it was built from.
+    pub fn config(&self) -> &BenchConfig {
+        &self.config
+    }
+
+    /// What the sample really is.
+    pub fn truth(&self) -> &Truth {
+        &self.truth
+    }
+
+    /// Size of a pixel on the sample in µm.
+    pub fn pixel_um(&self) -> f64 {
+        1000.0 * self.scene.pixel_mm()
+    }
+
+    /// Readout time of the camera.
+    pub fn readout(&self) -> Duration {
+        self.camera.readout()
+    }
+
+    /// Starts turning the analyser; returns when it has settled.
+    pub fn turn_analyser(&mut self, angle_deg: f64) -> Duration {
+        let settled = self.stage.move_to(angle_deg, self.now);
+        self.steady_since = settled;
+        settled
+    }
+
+    /// Shows the white disc, or black.
+    pub fn show_disc(&mut self, on: bool) {
+        self.display.push((self.now, on));
+        self.steady_since = self.steady_since.max(self.now);
+    }
+
+    /// Sets exposure (s) and gain.
+    pub fn set_camera(&mut self, exposure_s: f64, gain: f64) {
+        self.camera.set(Settings { exposure_s, gain });
+    }
+
+    /// The next frame in the camera's queue, however old; waits for one if there is none.
+    pub fn next_frame(&mut self) -> RawFrame {
+        loop {
+            if let Some(exposed) = self.camera.take() {
+                let codes = self.expose(&exposed);
+                return RawFrame { stamp: Stamp { sequence: exposed.sequence, timestamp: exposed.end }, codes };
+            }
+            let wait = self.camera.next_end().saturating_sub(self.now);
+            self.wait(wait);
+        }
+    }
+
+    /// Codes of one exposure: the analyser's angle averaged over it, shot and read noise, converter.
+    fn expose(&self, frame: &Exposed) -> Vec<u16> {
+        let (end, exposure) = (frame.end - self.camera.readout(), frame.settings.exposure_s);
+        let (cos2, sin2) = self.analyser_over(frame.start, end);
+        let lit = self.lit_share(frame.start, end);
+        let (camera, extinction) = (&self.config.camera, 1.0 / self.config.stage.extinction_ratio);
+        let electrons_per_unit = camera.sensitivity_e_ms * exposure * 1000.0;
+        let noise = self.noise_key(frame, cos2, sin2, lit);
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let white = f64::from((1u32 << camera.bits) - 1);
+        let black = f64::from(camera.black_level);
+        let per_electron = frame.settings.gain * (white - black) / camera.well_e;
+        let light = |image: &StokesImage, i: usize| {
+            let [s0, s1, s2] = [0, 1, 2].map(|p| f64::from(image.planes[p][i]));
+            0.5 * (s0 * (1.0 + extinction) + (1.0 - extinction) * (s1 * cos2 + s2 * sin2))
+        };
+        let mut codes = vec![0_u16; width * height];
+        codes.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            for (x, code) in row.iter_mut().enumerate() {
+                let i = y * width + x;
+                let intensity = if lit == 1.0 { light(&self.lit, i) } else {
+                    lit * light(&self.lit, i) + (1.0 - lit) * light(&self.black, i)
+                };
+                let mean = electrons_per_unit * intensity * self.vignetting(x, y);
+                let electrons = electrons(noise ^ (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15), mean.max(0.0), camera.read_noise_e);
+                *code = (black + per_electron * electrons.min(camera.well_e)).round().clamp(0.0, white) as u16;
+            }
+        });
+        codes
+    }
+
+    /// A frame's noise belongs to the seed, the physical state it shows and its place in the row of frames since
+    /// that state was reached, so that repeats differ and a repeated session does not.
+    fn noise_key(&self, frame: &Exposed, cos2: f64, sin2: f64, lit: f64) -> u64 {
+        let period = Duration::from_secs_f64(frame.settings.exposure_s) + self.camera.readout();
+        let since = frame.start.saturating_sub(self.steady_since).as_nanos() / period.as_nanos().max(1);
+        let state = [cos2, sin2, lit, frame.settings.exposure_s, frame.settings.gain].map(f64::to_bits);
+        key(&[self.config.seed, key(&state), since as u64])
+    }
+
+    fn vignetting(&self, x: usize, y: usize) -> f64 {
+        let half = [f64::from(self.config.camera.width) / 2.0, f64::from(self.config.camera.height) / 2.0];
+        let (u, v) = ((x as f64 + 0.5) / half[0] - 1.0, (y as f64 + 0.5) / half[1] - 1.0);
+        1.0 - self.config.camera.vignetting * 0.5 * (u * u + v * v)
+    }
+
+    /// Mean of (cos 2ψ, sin 2ψ) over an exposure, which is all that Malus' law needs.
+    fn analyser_over(&self, start: Duration, end: Duration) -> (f64, f64) {
+        const STEPS: u32 = 16;
+        let (mut cos, mut sin) = (0.0, 0.0);
+        for k in 0..STEPS {
+            let at = start + (end - start) * (2 * k + 1) / (2 * STEPS);
+            let (s, c) = (2.0 * self.stage.angle(at).to_radians()).sin_cos();
+            cos += c / f64::from(STEPS);
+            sin += s / f64::from(STEPS);
+        }
+        (cos, sin)
+    }
+
+    /// Share of an exposure during which the disc was white.
+    fn lit_share(&self, start: Duration, end: Duration) -> f64 {
+        let ends = self.display.iter().skip(1).map(|d| d.0).chain([Duration::MAX]);
+        let on: Duration = self
+            .display
+            .iter()
+            .zip(ends)
+            .filter(|((_, on), _)| *on)
+            .map(|((from, _), until)| until.min(end).saturating_sub(start.max(*from)))
+            .sum();
+        if end > start { on.as_secs_f64() / (end - start).as_secs_f64() } else { 0.0 }
+    }
+}
+
+impl Clock for Bench {
+    fn now(&self) -> Duration {
+        self.now
+    }
+
+    fn wait(&mut self, duration: Duration) {
+        self.now += duration;
+        self.camera.advance(self.now);
+    }
+}

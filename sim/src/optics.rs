@@ -1,0 +1,203 @@
+//! One ray of the bench by Jones calculus: panel, retarder, film, grating, film, seen by the camera.
+//!
+//! Fields are pairs of amplitudes along image right and up, turned with the ray (the smallest rotation that takes
+//! the surface normal to it), so that at normal incidence they are the paper's.
+
+use crate::config::BenchConfig;
+use nacre_processing::polarimetry::{Jones, JonesVector, Stokes};
+use num_complex::Complex;
+use std::f64::consts::TAU;
+
+/// Refractive index of evaporated aluminium near 560 nm, as the 2018 paper uses it (below its Fig. 14).
+const ALUMINIUM: Complex<f64> = Complex::new(1.0003, 6.5044);
+
+/// One wavelength of the filter's band with everything that depends on it alone.
+pub struct Wavelength {
+    /// Wavelength in µm.
+    pub um: f64,
+    /// Share of the light.
+    pub weight: f64,
+    /// Field that leaves the retarder.
+    source: JonesVector,
+    film: FilmAt,
+    ratio: Complex<f64>,
+}
+
+struct FilmAt {
+    axis: f64,
+    retardance: f64,
+    front: Complex<f64>,
+    index: f64,
+}
+
+/// The film's and the metal's Fresnel coefficients at one angle of incidence, relative to normal incidence, along
+/// (p) and across (s) the plane of incidence.
+pub struct Incidence {
+    azimuth: f64,
+    through: [f64; 2],
+    front: [f64; 2],
+    metal: [Complex<f64>; 2],
+    /// Cosine of the angle inside the film.
+    pub cos_inside: f64,
+}
+
+/// The band as three wavelengths: Gauss-Hermite quadrature, exact for a field that varies as a polynomial of degree
+/// five over the band; one wavelength for a laser.
+pub fn band(bench: &BenchConfig) -> Vec<Wavelength> {
+    let (middle, sigma) = (bench.filter.wavelength_nm, bench.filter.band_nm / (8.0 * 2f64.ln()).sqrt());
+    let nodes: &[(f64, f64)] = if sigma == 0.0 {
+        &[(0.0, 1.0)]
+    } else {
+        &[(-1.732_050_807_568_877_2, 1.0 / 6.0), (0.0, 2.0 / 3.0), (1.732_050_807_568_877_2, 1.0 / 6.0)]
+    };
+    nodes.iter().map(|(node, weight)| Wavelength::new(bench, middle + node * sigma, *weight)).collect()
+}
+
+impl Wavelength {
+    fn new(bench: &BenchConfig, nm: f64, weight: f64) -> Self {
+        // Both plates are thin slabs of nearly constant birefringence, so their retardance goes as 1/λ.
+        let stretch = bench.filter.wavelength_nm / nm;
+        let (panel, film) = (&bench.panel, &bench.film);
+        let retarder = Jones::retarder(panel.retarder_deg.to_radians(), panel.retardance_deg.to_radians() * stretch);
+        let front = Complex::from_polar(film.front_reflection, film.front_phase_deg.to_radians() * stretch);
+        let film = FilmAt {
+            axis: film.axis_deg.to_radians(),
+            retardance: film.retardance_deg.to_radians() * stretch,
+            front,
+            index: film.index,
+        };
+        let source = retarder.apply(JonesVector::linear(panel.polarization_deg.to_radians()));
+        let ratio = Complex::from_polar(bench.grating.r, bench.grating.zeta_deg.to_radians());
+        Self { um: nm / 1000.0, weight, source, film, ratio }
+    }
+
+    /// `R` of a grating with this period: ln r and ζ - 180° grow as period^-power, and `ellipticity` draws R towards
+    /// the mirror's -1.
+    pub fn ratio(&self, period_um: f64, power: f64, ellipticity: f64) -> Complex<f64> {
+        let growth = period_um.powf(-power);
+        let (r, zeta) = self.ratio.to_polar();
+        let delta = ((std::f64::consts::PI - zeta.rem_euclid(TAU)) * growth).clamp(-TAU, TAU);
+        let grating = Complex::from_polar((r.ln() * growth).exp(), std::f64::consts::PI - delta);
+        ellipticity * (grating + 1.0) - 1.0
+    }
+
+    /// Light of one order that comes back towards the camera, for unit panel intensity. `amplitude` is the order's
+    /// amplitude efficiency; `specular` adds the film's front reflection, which interferes.
+    pub fn reflect(
+        &self,
+        incidence: &Incidence,
+        orientation: f64,
+        ratio: Complex<f64>,
+        amplitude: f64,
+        specular: bool,
+    ) -> Stokes {
+        let plane = incidence.azimuth;
+        let along = |ps: [Complex<f64>; 2], e: JonesVector| Jones::diagonal(ps[0], ps[1]).turned(plane).apply(e);
+        let film = Jones::retarder(self.film.axis, self.film.retardance / incidence.cos_inside);
+        let through = incidence.through.map(Complex::from);
+        let metal = incidence.metal;
+        let inside = film.apply(along(through, self.source));
+        let back = along(metal, Jones::grating(orientation, ratio).apply(along(metal, inside)));
+        let out = along(through, film.apply(back)).scaled(amplitude.into());
+        let out = if specular {
+            out.plus(along(incidence.front.map(|f| self.film.front * f), self.source))
+        } else {
+            out
+        };
+        out.stokes()
+    }
+
+    /// Coefficients for a ray towards `direction` (unit vector from the surface to the light).
+    pub fn incidence(&self, direction: [f64; 3]) -> Incidence {
+        let n = self.film.index;
+        let cos = direction[2].clamp(1e-3, 1.0);
+        let sin2 = 1.0 - cos * cos;
+        let cos_inside = (1.0 - sin2 / (n * n)).sqrt();
+        let normal = (1.0 - n) / (1.0 + n);
+        // Transmission in and out again, per axis; its product over both faces is 1 - r², so each way has √(1 - r²).
+        let front_s = (cos - n * cos_inside) / (cos + n * cos_inside);
+        let front_p = (cos_inside - n * cos) / (cos_inside + n * cos);
+        let relative = |r: f64| if normal == 0.0 { 1.0 } else { r / normal };
+        let pass = |r: f64| ((1.0 - r * r) / (1.0 - normal * normal)).sqrt();
+        let (metal_s, metal_p, metal_normal) = metal(n, cos_inside);
+        Incidence {
+            azimuth: direction[1].atan2(direction[0]),
+            through: [pass(front_p), pass(front_s)],
+            front: [relative(front_p), relative(front_s)],
+            // Half before and half after the grating keeps the element reciprocal.
+            metal: [(metal_p / metal_normal).sqrt(), (metal_s / metal_normal).sqrt()],
+            cos_inside,
+        }
+    }
+}
+
+/// Fresnel reflection of aluminium under a film of index `n` at the angle with this cosine: (s, p, normal), with the
+/// sign of p such that both agree at normal incidence.
+fn metal(n: f64, cos: f64) -> (Complex<f64>, Complex<f64>, Complex<f64>) {
+    let m = ALUMINIUM;
+    let inside = (1.0 - (n * n * (1.0 - cos * cos)) / (m * m)).sqrt();
+    let s = (n * cos - m * inside) / (n * cos + m * inside);
+    let p = (n * inside - m * cos) / (n * inside + m * cos);
+    (s, p, (n - m) / (n + m))
+}
+
+/// Amplitude efficiency of order `m` of a sinusoid of peak-to-peak depth `depth_um` in a medium of index `n`:
+/// `J_m(k·n·w·h/2)`, w the sum of the cosines (exact in scalar theory; physics of the 2018 paper's Eq. 2 done right).
+pub fn efficiency(m: i32, depth_um: f64, wavelength_um: f64, n: f64, w: f64) -> f64 {
+    libm::jn(m, TAU / wavelength_um * n * w * depth_um / 2.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn orders_of_a_sinusoid_conserve_energy() {
+        for depth in [0.02, 0.1, 0.3, 1.0] {
+            let sum: f64 = (-40..=40).map(|m| efficiency(m, depth, 0.55, 1.468, 2.0).powi(2)).sum();
+            assert!((sum - 1.0).abs() < 1e-10, "{depth}: {sum}");
+        }
+    }
+
+    fn ideal() -> BenchConfig {
+        let mut bench = BenchConfig::default();
+        bench.filter.band_nm = 0.0;
+        bench.film.front_reflection = 0.0;
+        bench
+    }
+
+    /// At normal incidence without film the bench is the paper's closed form (Eq. 9), up to the source's intensity.
+    #[test]
+    fn normal_incidence_gives_equation_9() {
+        let bench = ideal();
+        let wave = &band(&bench)[0];
+        let incidence = wave.incidence([0.0, 0.0, 1.0]);
+        let (r, zeta) = (1.1, std::f64::consts::FRAC_PI_4);
+        for theta in [0.0, 0.4, 1.3, 2.9] {
+            let light = wave.reflect(&incidence, theta, Complex::from_polar(r, zeta), 1.0, true);
+            for k in 0..12 {
+                let psi = f64::from(k) * 0.3;
+                let local = 2.0 * (psi - theta);
+                let i = 0.5 * (1.0 + (r * r - 1.0) * (1.0 - local.cos()) / 2.0 + r * zeta.sin() * local.sin());
+                let mirrored = 0.5 * (1.0 + (r * r - 1.0) * (1.0 - local.cos()) / 2.0 - r * zeta.sin() * local.sin());
+                let got = light.through_analyser(psi);
+                // The retarder's handedness decides the sign of the last term.
+                assert!((got - i).abs().min((got - mirrored).abs()) < 1e-12, "{got} {i} {mirrored}");
+            }
+        }
+    }
+
+    /// Fresnel: energy is conserved at the film's face, and s reflects more than p off aluminium away from the normal.
+    #[test]
+    fn oblique_coefficients_behave() {
+        let bench = ideal();
+        let wave = &band(&bench)[0];
+        let slanted = wave.incidence([0.6, 0.0, 0.8]);
+        let normal = (1.0 - 1.468_f64) / (1.0 + 1.468);
+        for axis in 0..2 {
+            let energy = (slanted.front[axis] * normal).powi(2) + slanted.through[axis].powi(2) * (1.0 - normal * normal);
+            assert!((energy - 1.0).abs() < 1e-12);
+        }
+        assert!(slanted.metal[1].norm() > 1.0 && slanted.metal[0].norm() < 1.0);
+    }
+}

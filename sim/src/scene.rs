@@ -1,0 +1,224 @@
+//! What reaches the camera's side of the analyser, per pixel, and the truth about the sample.
+
+use crate::config::BenchConfig;
+use crate::optics::{Wavelength, band, efficiency};
+use crate::sample::{Point, Sample, Surface};
+use nacre_processing::polarimetry::Stokes;
+use num_complex::Complex;
+use rayon::prelude::*;
+
+/// Highest order that is traced from the panel; the others of the usual gratings miss it or vanish.
+const ORDERS: i32 = 3;
+
+/// Reflectance of a mirror pixel (metal without grating).
+const MIRROR_RATIO: Complex<f64> = Complex::new(-1.0, 0.0);
+
+/// Light before the analyser, in units of the panel's intensity; blurred by the lens, before noise.
+pub struct StokesImage {
+    /// S0, S1, S2, row-major.
+    pub planes: [Vec<f32>; 3],
+}
+
+/// What the sample really is, per pixel.
+pub struct Truth {
+    /// Orientation of the grating vector, `[0, π)` rad; NaN where no ray of the pixel meets a grating.
+    pub orientation: Vec<f32>,
+    /// Period in µm; NaN as above.
+    pub period_um: Vec<f32>,
+    /// 1 where all rays of the pixel meet gratings of one orientation, down to 0 where they cancel or miss.
+    pub purity: Vec<f32>,
+}
+
+/// The bench's view of a sample, ready to be rendered.
+pub struct Scene {
+    bench: BenchConfig,
+    sample: Sample,
+    band: Vec<Wavelength>,
+    pixel_mm: f64,
+}
+
+impl Scene {
+    /// Builds the sample and the band.
+    pub fn new(bench: &BenchConfig) -> Self {
+        let sample = Sample::new(&bench.sample, bench.seed);
+        let pixel_mm = sample.size_mm() / f64::from(bench.camera.width.min(bench.camera.height));
+        Self { sample, band: band(bench), pixel_mm, bench: bench.clone() }
+    }
+
+    /// Size of a pixel on the sample in mm.
+    pub fn pixel_mm(&self) -> f64 {
+        self.pixel_mm
+    }
+
+    /// Renders light and truth with a white disc of `disc_mm` on the panel (0: black).
+    pub fn render(&self, disc_mm: f64) -> (StokesImage, Truth) {
+        let (width, height) = (self.bench.camera.width as usize, self.bench.camera.height as usize);
+        let plane = || vec![0.0_f32; width * height];
+        let mut s = [plane(), plane(), plane()];
+        let mut truth = Truth { orientation: plane(), period_um: plane(), purity: plane() };
+        {
+            let [s0, s1, s2] = &mut s;
+            let light = s0.par_chunks_mut(width).zip(s1.par_chunks_mut(width)).zip(s2.par_chunks_mut(width));
+            let known = truth.orientation.par_chunks_mut(width).zip(truth.period_um.par_chunks_mut(width));
+            let known = known.zip(truth.purity.par_chunks_mut(width));
+            light.zip(known).enumerate().for_each(|(y, (((s0, s1), s2), ((orientation, period), purity)))| {
+                for x in 0..width {
+                    let (light, pixel) = self.pixel(x, y, disc_mm);
+                    (s0[x], s1[x], s2[x]) = (light.s0 as f32, light.s1 as f32, light.s2 as f32);
+                    (orientation[x], period[x], purity[x]) = pixel;
+                }
+            });
+        }
+        for plane in &mut s {
+            crate::blur::gaussian(plane, width, self.bench.camera.blur_px);
+        }
+        (StokesImage { planes: s }, truth)
+    }
+
+    /// Light of one pixel and its (orientation, period, purity), over all its rays.
+    fn pixel(&self, x: usize, y: usize, disc_mm: f64) -> (Stokes, (f32, f32, f32)) {
+        let n = self.bench.camera.subsamples;
+        let (width, height) = (f64::from(self.bench.camera.width), f64::from(self.bench.camera.height));
+        let mut light = Stokes::default();
+        let mut mean = GratingMean::default();
+        for k in 0..n * n {
+            let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
+            let x_mm = (x as f64 + offset(k % n) - 0.5 * width) * self.pixel_mm;
+            let y_mm = (0.5 * height - y as f64 - offset(k / n)) * self.pixel_mm;
+            let point = self.sample.at(x_mm, y_mm);
+            mean.add(&point);
+            light = light + self.ray(x_mm, y_mm, &point, disc_mm);
+        }
+        (light * (1.0 / f64::from(n * n)), mean.result(n * n))
+    }
+
+    /// Light from one point of the sample towards the camera.
+    fn ray(&self, x: f64, y: f64, point: &Point, disc_mm: f64) -> Stokes {
+        let (distance, half) = (self.bench.geometry.distance_mm, 0.5 * self.bench.geometry.baseline_mm);
+        let view = unit([-half - x, -y, distance]);
+        let ambient = Stokes::unpolarized(self.bench.panel.ambient * f64::from(point.reflectance));
+        let seen = match point.surface {
+            Surface::Nothing => return Stokes::default(),
+            // A diffuser sees the whole disc: Lambert's cosine and the solid angle over π.
+            Surface::Diffuse => {
+                let solid = (0.5 * disc_mm / distance).powi(2);
+                Stokes::unpolarized(0.5 * solid)
+            }
+            Surface::Mirror => self.order(x, y, view, point, disc_mm, 0, None),
+            Surface::Grating { orientation, period_um, depth_um } => {
+                let grating = Some((f64::from(orientation), f64::from(period_um), f64::from(depth_um)));
+                // Orders whose sine leaves the disc's reach are not even traced.
+                let reach = 0.5 * disc_mm / distance + 0.2;
+                let step = self.band[0].um / f64::from(period_um);
+                let highest = ((reach / step).floor() as i32).clamp(0, ORDERS);
+                (-highest..=highest)
+                    .map(|m| self.order(x, y, view, point, disc_mm, m, grating))
+                    .fold(Stokes::default(), |a, b| a + b)
+            }
+        };
+        (seen * f64::from(point.reflectance)) + ambient
+    }
+
+    /// Light that order `m` brings from the panel, over the band.
+    fn order(
+        &self,
+        x: f64,
+        y: f64,
+        view: [f64; 3],
+        point: &Point,
+        disc_mm: f64,
+        m: i32,
+        grating: Option<(f64, f64, f64)>,
+    ) -> Stokes {
+        let mirror = mirrored(view, point.slope);
+        let mut light = Stokes::default();
+        for wave in &self.band {
+            let shift = grating.map_or(0.0, |(_, period, _)| f64::from(m) * wave.um / period);
+            let (sin, cos) = grating.map_or((0.0, 1.0), |(orientation, ..)| orientation.sin_cos());
+            let Some(source) = lifted(mirror[0] + shift * cos, mirror[1] + shift * sin) else { continue };
+            let seen = self.panel(x, y, source, disc_mm);
+            if seen == 0.0 {
+                continue;
+            }
+            let incidence = wave.incidence(source);
+            let (orientation, ratio, amplitude) = match grating {
+                None => (0.0, MIRROR_RATIO, 1.0),
+                Some((orientation, period, depth)) => {
+                    let g = &self.bench.grating;
+                    let ratio = wave.ratio(period, g.period_power, g.ellipticity);
+                    let n = self.bench.film.index;
+                    let w = incidence.cos_inside + (1.0 - (1.0 - view[2] * view[2]) / (n * n)).sqrt();
+                    (orientation, ratio, efficiency(m, depth, wave.um, n, w))
+                }
+            };
+            light = light + wave.reflect(&incidence, orientation, ratio, amplitude, m == 0) * (seen * wave.weight);
+        }
+        light
+    }
+
+    /// Luminance of the panel where a ray from (x, y) along `direction` meets it. The camera focuses on the sample,
+    /// so the panel is out of focus and the disc's edge as soft as the aperture is wide.
+    fn panel(&self, x: f64, y: f64, direction: [f64; 3], disc_mm: f64) -> f64 {
+        let (distance, half) = (self.bench.geometry.distance_mm, 0.5 * self.bench.geometry.baseline_mm);
+        let hit = |from: f64, along: f64| from + along * distance / direction[2];
+        let radius = (hit(x, direction[0]) - half).hypot(hit(y, direction[1]));
+        let edge = self.bench.camera.aperture_mm.max(1e-6);
+        let inside = ((0.5 * disc_mm - radius) / edge + 0.5).clamp(0.0, 1.0);
+        if disc_mm <= 0.0 || inside == 0.0 {
+            return 0.0;
+        }
+        inside * inside * (3.0 - 2.0 * inside) * direction[2].powf(self.bench.panel.falloff)
+    }
+}
+
+/// Mirror direction of `view` about the tilted normal `(-slope, 1)`.
+fn mirrored(view: [f64; 3], slope: [f32; 2]) -> [f64; 3] {
+    let normal = unit([-f64::from(slope[0]), -f64::from(slope[1]), 1.0]);
+    let along = 2.0 * (0..3).map(|i| view[i] * normal[i]).sum::<f64>();
+    std::array::from_fn(|i| along * normal[i] - view[i])
+}
+
+/// The unit vector with these sines above the surface, if there is one.
+fn lifted(u: f64, v: f64) -> Option<[f64; 3]> {
+    let z2 = 1.0 - u * u - v * v;
+    (z2 > 1e-4).then(|| [u, v, z2.sqrt()])
+}
+
+fn unit(v: [f64; 3]) -> [f64; 3] {
+    let length = v.iter().map(|c| c * c).sum::<f64>().sqrt();
+    v.map(|c| c / length)
+}
+
+/// Mean orientation (of a line, so of the doubled angle) and period of a pixel's rays, weighted by reflectance.
+#[derive(Default)]
+struct GratingMean {
+    cos: f64,
+    sin: f64,
+    period: f64,
+    weight: f64,
+    rays: u32,
+}
+
+impl GratingMean {
+    fn add(&mut self, point: &Point) {
+        if let Surface::Grating { orientation, period_um, .. } = point.surface {
+            let weight = f64::from(point.reflectance);
+            let (sin, cos) = (2.0 * f64::from(orientation)).sin_cos();
+            self.cos += weight * cos;
+            self.sin += weight * sin;
+            self.period += weight * f64::from(period_um);
+            self.weight += weight;
+            self.rays += 1;
+        }
+    }
+
+    fn result(&self, rays: u32) -> (f32, f32, f32) {
+        if self.weight <= 0.0 {
+            return (f32::NAN, f32::NAN, 0.0);
+        }
+        let orientation = ((0.5 * self.sin.atan2(self.cos)).rem_euclid(std::f64::consts::PI)) as f32;
+        let orientation = if orientation >= std::f32::consts::PI { 0.0 } else { orientation };
+        let purity = self.cos.hypot(self.sin) / self.weight * f64::from(self.rays) / f64::from(rays);
+        (orientation, (self.period / self.weight) as f32, purity as f32)
+    }
+}
