@@ -1,1 +1,90 @@
-//! The program `nacre`: command line today, service later.
+//! The program `nacre`: its command line, and what each command does.
+
+pub mod commands;
+pub mod console;
+
+use clap::{Parser, Subcommand};
+use console::Console;
+use nacre_processing::Error;
+use std::process::ExitCode;
+
+/// Measures how surfaces diffract light: orientation maps of holographic surfaces from polarization photographs, on a
+/// real or a simulated bench.
+#[derive(Parser)]
+#[command(
+    version,
+    about,
+    after_help = "\
+Examples:
+  nacre demo                                              a simulated session, reconstructed and judged
+  nacre import photos/ --out series                       describe photographs taken elsewhere
+  nacre reconstruct polarization series --out result      orientation map from photographs
+  nacre sim render --sample cd --out session              only the simulated photographs
+
+Exit codes: 0 done, 1 failed (disk, device, a missed bound), 2 bad usage or bad input, 130 interrupted."
+)]
+struct Cli {
+    /// Print the result as JSON on standard output; everything else goes to standard error.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Simulate a polarization session, reconstruct it and compare with the truth.
+    Demo(commands::demo::Args),
+    /// Turn photographs into maps.
+    #[command(subcommand)]
+    Reconstruct(commands::reconstruct::Reconstruct),
+    /// Describe photographs taken elsewhere in a frames.json.
+    Import(commands::import::Args),
+    /// The simulated bench.
+    #[command(subcommand)]
+    Sim(commands::sim::Sim),
+    /// Print the JSON Schema of a file format.
+    Schema(commands::schema::Args),
+}
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let console = Console::new(cli.json);
+    let result = match cli.command {
+        Command::Demo(args) => commands::demo::run(&args, &console),
+        Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
+        Command::Import(args) => commands::import::run(&args, &console),
+        Command::Sim(args) => commands::sim::run(&args, &console),
+        Command::Schema(args) => commands::schema::run(&args, &console),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            console.error(&failure);
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// Why a command did not succeed.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// Something in the computation, its input or its output.
+    #[error(transparent)]
+    Processing(#[from] Error),
+    /// Everything ran, but the result misses its stated bound.
+    #[error("{0}")]
+    Bound(String),
+}
+
+impl Failure {
+    /// The exit code of the contract.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Processing(Error::Input { .. }) => 2,
+            Self::Processing(Error::Cancelled) => 130,
+            Self::Processing(Error::Output { .. }) | Self::Bound(_) => 1,
+        }
+    }
+}

@@ -1,2 +1,5 @@
-//! `nacre`.
-fn main() {}
+//! `nacre`: see the library's [`nacre::main`].
+
+fn main() -> std::process::ExitCode {
+    nacre::main()
+}

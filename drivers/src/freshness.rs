@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn the_control_lag_must_have_passed() {
-        let f = Freshness { steady_since: MS * 0, controls_set: MS * 1000, control_lag_frames: 2 };
+        let f = Freshness { steady_since: Duration::ZERO, controls_set: MS * 1000, control_lag_frames: 2 };
         assert!(!accepts(f, 1199) && accepts(f, 1200));
     }
 }

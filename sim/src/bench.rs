@@ -122,11 +122,17 @@ impl Bench {
         codes.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, code) in row.iter_mut().enumerate() {
                 let i = y * width + x;
-                let intensity = if lit == 1.0 { light(&self.lit, i) } else {
+                let intensity = if lit == 1.0 {
+                    light(&self.lit, i)
+                } else {
                     lit * light(&self.lit, i) + (1.0 - lit) * light(&self.black, i)
                 };
                 let mean = electrons_per_unit * intensity * self.vignetting(x, y);
-                let electrons = electrons(noise ^ (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15), mean.max(0.0), camera.read_noise_e);
+                let electrons = electrons(
+                    noise ^ (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15),
+                    mean.max(0.0),
+                    camera.read_noise_e,
+                );
                 *code = (black + per_electron * electrons.min(camera.well_e)).round().clamp(0.0, white) as u16;
             }
         });

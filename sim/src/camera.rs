@@ -101,7 +101,8 @@ mod tests {
 
     #[test]
     fn the_queue_keeps_stale_frames_and_settings_lag() {
-        let config = CameraConfig { exposure_ms: 40.0, readout_ms: 10.0, queue: 4, lag_frames: 2, ..CameraConfig::default() };
+        let config =
+            CameraConfig { exposure_ms: 40.0, readout_ms: 10.0, queue: 4, lag_frames: 2, ..CameraConfig::default() };
         let mut camera = Camera::new(&config);
         camera.advance(Duration::from_secs(1));
         let taken: Vec<u64> = std::iter::from_fn(|| camera.take()).map(|f| f.sequence).collect();

@@ -1,6 +1,6 @@
 //! `bench.toml`: everything about the virtual bench that can be turned.
 
-use crate::sample::SampleConfig;
+use crate::surface::SampleConfig;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -207,13 +207,7 @@ impl Default for CameraConfig {
 
 impl Default for StageConfig {
     fn default() -> Self {
-        Self {
-            speed_deg_s: 180.0,
-            settle_ms: 120.0,
-            backlash_deg: 0.1,
-            repeatability_deg: 0.01,
-            extinction_ratio: 1e4,
-        }
+        Self { speed_deg_s: 180.0, settle_ms: 120.0, backlash_deg: 0.1, repeatability_deg: 0.01, extinction_ratio: 1e4 }
     }
 }
 
@@ -292,7 +286,7 @@ impl BenchConfig {
 
     /// Diameter of the white disc in mm.
     pub fn disc_mm(&self) -> f64 {
-        let field = crate::sample::Sample::field_mm(&self.sample);
+        let field = self.sample.field_mm();
         // The mirror directions of the field's corners reach twice as far on the panel.
         self.panel.disc_mm.unwrap_or((2.0 * 2f64.sqrt() * field + 2.0 * self.camera.aperture_mm).max(180.0))
     }

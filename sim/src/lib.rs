@@ -10,10 +10,10 @@ mod camera;
 mod config;
 mod optics;
 mod random;
-pub mod sample;
 mod scene;
 mod session;
 mod stage;
+pub mod surface;
 
 pub use bench::{Bench, RawFrame};
 pub use camera::Settings;

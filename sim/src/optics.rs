@@ -99,11 +99,8 @@ impl Wavelength {
         let inside = film.apply(along(through, self.source));
         let back = along(metal, Jones::grating(orientation, ratio).apply(along(metal, inside)));
         let out = along(through, film.apply(back)).scaled(amplitude.into());
-        let out = if specular {
-            out.plus(along(incidence.front.map(|f| self.film.front * f), self.source))
-        } else {
-            out
-        };
+        let out =
+            if specular { out.plus(along(incidence.front.map(|f| self.film.front * f), self.source)) } else { out };
         out.stokes()
     }
 
@@ -195,7 +192,8 @@ mod tests {
         let slanted = wave.incidence([0.6, 0.0, 0.8]);
         let normal = (1.0 - 1.468_f64) / (1.0 + 1.468);
         for axis in 0..2 {
-            let energy = (slanted.front[axis] * normal).powi(2) + slanted.through[axis].powi(2) * (1.0 - normal * normal);
+            let energy =
+                (slanted.front[axis] * normal).powi(2) + slanted.through[axis].powi(2) * (1.0 - normal * normal);
             assert!((energy - 1.0).abs() < 1e-12);
         }
         assert!(slanted.metal[1].norm() > 1.0 && slanted.metal[0].norm() < 1.0);

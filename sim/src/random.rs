@@ -65,7 +65,10 @@ mod tests {
             let wanted = mean + read * read;
             // Five standard errors of mean and variance.
             assert!((average - mean).abs() < 5.0 * (wanted / n as f64).sqrt(), "{mean}: {average}");
-            assert!((variance / wanted - 1.0).abs() < 5.0 * ((2.0 + 1.0 / mean) / n as f64).sqrt(), "{mean}: {variance}");
+            assert!(
+                (variance / wanted - 1.0).abs() < 5.0 * ((2.0 + 1.0 / mean) / n as f64).sqrt(),
+                "{mean}: {variance}"
+            );
         }
     }
 }

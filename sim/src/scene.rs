@@ -2,7 +2,7 @@
 
 use crate::config::BenchConfig;
 use crate::optics::{Wavelength, band, efficiency};
-use crate::sample::{Point, Sample, Surface};
+use crate::surface::{Point, Sample, Surface};
 use nacre_processing::polarimetry::Stokes;
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -17,6 +17,14 @@ const MIRROR_RATIO: Complex<f64> = Complex::new(-1.0, 0.0);
 pub struct StokesImage {
     /// S0, S1, S2, row-major.
     pub planes: [Vec<f32>; 3],
+}
+
+/// A point of the sample (mm), the direction to the camera, and the disc on the panel.
+struct Ray {
+    x: f64,
+    y: f64,
+    view: [f64; 3],
+    disc_mm: f64,
 }
 
 /// What the sample really is, per pixel.
@@ -41,7 +49,7 @@ impl Scene {
     /// Builds the sample and the band.
     pub fn new(bench: &BenchConfig) -> Self {
         let sample = Sample::new(&bench.sample, bench.seed);
-        let pixel_mm = sample.size_mm() / f64::from(bench.camera.width.min(bench.camera.height));
+        let pixel_mm = sample.field_mm() / f64::from(bench.camera.width.min(bench.camera.height));
         Self { sample, band: band(bench), pixel_mm, bench: bench.clone() }
     }
 
@@ -95,76 +103,64 @@ impl Scene {
     /// Light from one point of the sample towards the camera.
     fn ray(&self, x: f64, y: f64, point: &Point, disc_mm: f64) -> Stokes {
         let (distance, half) = (self.bench.geometry.distance_mm, 0.5 * self.bench.geometry.baseline_mm);
-        let view = unit([-half - x, -y, distance]);
+        let ray = Ray { x, y, view: unit([-half - x, -y, distance]), disc_mm };
         let ambient = Stokes::unpolarized(self.bench.panel.ambient * f64::from(point.reflectance));
         let seen = match point.surface {
             Surface::Nothing => return Stokes::default(),
-            // A diffuser sees the whole disc: Lambert's cosine and the solid angle over π.
-            Surface::Diffuse => {
-                let solid = (0.5 * disc_mm / distance).powi(2);
-                Stokes::unpolarized(0.5 * solid)
-            }
-            Surface::Mirror => self.order(x, y, view, point, disc_mm, 0, None),
-            Surface::Grating { orientation, period_um, depth_um } => {
-                let grating = Some((f64::from(orientation), f64::from(period_um), f64::from(depth_um)));
+            // A diffuser sees the whole disc: its solid angle over π.
+            Surface::Diffuse => Stokes::unpolarized((0.5 * disc_mm / distance).powi(2)),
+            Surface::Mirror => self.order(&ray, point, 0),
+            Surface::Grating { period_um, .. } => {
                 // Orders whose sine leaves the disc's reach are not even traced.
                 let reach = 0.5 * disc_mm / distance + 0.2;
-                let step = self.band[0].um / f64::from(period_um);
-                let highest = ((reach / step).floor() as i32).clamp(0, ORDERS);
-                (-highest..=highest)
-                    .map(|m| self.order(x, y, view, point, disc_mm, m, grating))
-                    .fold(Stokes::default(), |a, b| a + b)
+                let highest = ((reach * f64::from(period_um) / self.band[0].um).floor() as i32).clamp(0, ORDERS);
+                (-highest..=highest).map(|m| self.order(&ray, point, m)).fold(Stokes::default(), |a, b| a + b)
             }
         };
         (seen * f64::from(point.reflectance)) + ambient
     }
 
     /// Light that order `m` brings from the panel, over the band.
-    fn order(
-        &self,
-        x: f64,
-        y: f64,
-        view: [f64; 3],
-        point: &Point,
-        disc_mm: f64,
-        m: i32,
-        grating: Option<(f64, f64, f64)>,
-    ) -> Stokes {
-        let mirror = mirrored(view, point.slope);
+    fn order(&self, ray: &Ray, point: &Point, m: i32) -> Stokes {
+        let mirror = mirrored(ray.view, point.slope);
         let mut light = Stokes::default();
         for wave in &self.band {
-            let shift = grating.map_or(0.0, |(_, period, _)| f64::from(m) * wave.um / period);
-            let (sin, cos) = grating.map_or((0.0, 1.0), |(orientation, ..)| orientation.sin_cos());
+            let (shift, orientation) = match point.surface {
+                Surface::Grating { orientation, period_um, .. } => {
+                    (f64::from(m) * wave.um / f64::from(period_um), f64::from(orientation))
+                }
+                _ => (0.0, 0.0),
+            };
+            let (sin, cos) = orientation.sin_cos();
             let Some(source) = lifted(mirror[0] + shift * cos, mirror[1] + shift * sin) else { continue };
-            let seen = self.panel(x, y, source, disc_mm);
+            let seen = self.panel(ray, source);
             if seen == 0.0 {
                 continue;
             }
             let incidence = wave.incidence(source);
-            let (orientation, ratio, amplitude) = match grating {
-                None => (0.0, MIRROR_RATIO, 1.0),
-                Some((orientation, period, depth)) => {
-                    let g = &self.bench.grating;
-                    let ratio = wave.ratio(period, g.period_power, g.ellipticity);
-                    let n = self.bench.film.index;
-                    let w = incidence.cos_inside + (1.0 - (1.0 - view[2] * view[2]) / (n * n)).sqrt();
-                    (orientation, ratio, efficiency(m, depth, wave.um, n, w))
+            let (ratio, amplitude) = match point.surface {
+                Surface::Grating { period_um, depth_um, .. } => {
+                    let (g, n) = (&self.bench.grating, self.bench.film.index);
+                    let w = incidence.cos_inside + (1.0 - (1.0 - ray.view[2] * ray.view[2]) / (n * n)).sqrt();
+                    let ratio = wave.ratio(period_um.into(), g.period_power, g.ellipticity);
+                    (ratio, efficiency(m, depth_um.into(), wave.um, n, w))
                 }
+                _ => (MIRROR_RATIO, 1.0),
             };
             light = light + wave.reflect(&incidence, orientation, ratio, amplitude, m == 0) * (seen * wave.weight);
         }
         light
     }
 
-    /// Luminance of the panel where a ray from (x, y) along `direction` meets it. The camera focuses on the sample,
+    /// Luminance of the panel where a ray along `direction` meets it. The camera focuses on the sample,
     /// so the panel is out of focus and the disc's edge as soft as the aperture is wide.
-    fn panel(&self, x: f64, y: f64, direction: [f64; 3], disc_mm: f64) -> f64 {
+    fn panel(&self, ray: &Ray, direction: [f64; 3]) -> f64 {
         let (distance, half) = (self.bench.geometry.distance_mm, 0.5 * self.bench.geometry.baseline_mm);
         let hit = |from: f64, along: f64| from + along * distance / direction[2];
-        let radius = (hit(x, direction[0]) - half).hypot(hit(y, direction[1]));
+        let radius = (hit(ray.x, direction[0]) - half).hypot(hit(ray.y, direction[1]));
         let edge = self.bench.camera.aperture_mm.max(1e-6);
-        let inside = ((0.5 * disc_mm - radius) / edge + 0.5).clamp(0.0, 1.0);
-        if disc_mm <= 0.0 || inside == 0.0 {
+        let inside = ((0.5 * ray.disc_mm - radius) / edge + 0.5).clamp(0.0, 1.0);
+        if ray.disc_mm <= 0.0 || inside == 0.0 {
             return 0.0;
         }
         inside * inside * (3.0 - 2.0 * inside) * direction[2].powf(self.bench.panel.falloff)

@@ -28,11 +28,8 @@ pub fn capture(
     let exposure = Duration::from_secs_f64(camera.exposure_ms / 1000.0);
     bench.set_camera(camera.exposure_ms / 1000.0, camera.gain);
     bench.show_disc(true);
-    let mut freshness = Freshness {
-        steady_since: bench.now(),
-        controls_set: bench.now(),
-        control_lag_frames: camera.lag_frames,
-    };
+    let mut freshness =
+        Freshness { steady_since: bench.now(), controls_set: bench.now(), control_lag_frames: camera.lag_frames };
     let mut dropped = 0;
     for (i, angle) in angles_deg.iter().enumerate() {
         progress.check()?;
@@ -196,18 +193,21 @@ mod tests {
         let width = config.camera.width as usize;
         let mut fit = Fit::new(width, config.camera.height as usize);
         for (image, psi) in images.iter().zip(&psi) {
-            fit.add(*psi, |y, row, _| row.iter_mut().zip(&image[y * width..]).for_each(|(v, c)| *v = f32::from(*c) - 64.0));
+            fit.add(*psi, |y, row, _| {
+                row.iter_mut().zip(&image[y * width..]).for_each(|(v, c)| *v = f32::from(*c) - 64.0)
+            });
         }
         let design = Design::new(&psi).unwrap();
         let noise = [FrameNoise { shot: 0.01, floor: 1.0 }; 6];
         let map = orient(&mut fit.solve(&design), &design, &noise, 0.0);
         let truth = bench.truth();
-        let pure: Vec<usize> = (0..map.orientation.len())
-            .filter(|&i| truth.purity[i] > 0.999 && map.orientation[i].is_finite())
-            .collect();
+        let pure: Vec<usize> =
+            (0..map.orientation.len()).filter(|&i| truth.purity[i] > 0.999 && map.orientation[i].is_finite()).collect();
         assert!(pure.len() > 2000, "{} pixels", pure.len());
         let difference = |i: &usize| angle_difference(map.orientation[*i].into(), truth.orientation[*i].into());
-        let (sin, cos) = pure.iter().fold((0.0, 0.0), |(s, c), i| (s + (2.0 * difference(i)).sin(), c + (2.0 * difference(i)).cos()));
+        let (sin, cos) = pure
+            .iter()
+            .fold((0.0, 0.0), |(s, c), i| (s + (2.0 * difference(i)).sin(), c + (2.0 * difference(i)).cos()));
         let offset = 0.5 * f64::atan2(sin, cos);
         let mean = pure.iter().map(|i| angle_difference(difference(i), offset).abs()).sum::<f64>() / pure.len() as f64;
         assert!(mean.to_degrees() < 0.1, "{}°", mean.to_degrees());

@@ -1,8 +1,8 @@
 //! From file values to light.
 
 use super::{FrameSet, LoadedFrames, Transfer};
-use crate::image::{Depth, Raster, Samples, read};
 use crate::Result;
+use crate::image::{Depth, Raster, Samples, read};
 use std::path::Path;
 
 /// Turns the values of one set's files into light between 0 (black) and 1 (white). 8 and 16 bit go through a table.
@@ -94,8 +94,8 @@ impl LinearFrame<'_> {
             Samples::U16(v) => table(&v[first..], step, l, self.scale, light, bad, |v| usize::from(*v)),
             Samples::F32(v) => {
                 for ((out, bad), value) in light.iter_mut().zip(bad).zip(v[first..].iter().step_by(step)) {
-                    // `!(<)` so that NaN counts as bad; it is stored as 0 to keep the sums finite.
-                    let unusable = !(*value < l.white) || value.is_infinite();
+                    // Stored as 0 to keep the sums finite.
+                    let unusable = !value.is_finite() || *value >= l.white;
                     *bad |= u8::from(unusable);
                     *out = if unusable { 0.0 } else { l.light(*value) * self.scale };
                 }
@@ -109,7 +109,15 @@ impl LinearFrame<'_> {
 }
 
 /// The common case, 8 and 16 bit: a lookup, and saturation where the value reaches white.
-fn table<T>(v: &[T], step: usize, l: &Linearizer, scale: f32, light: &mut [f32], bad: &mut [u8], index: impl Fn(&T) -> usize) {
+fn table<T>(
+    v: &[T],
+    step: usize,
+    l: &Linearizer,
+    scale: f32,
+    light: &mut [f32],
+    bad: &mut [u8],
+    index: impl Fn(&T) -> usize,
+) {
     let saturated = l.white.ceil() as usize;
     for ((out, bad), value) in light.iter_mut().zip(bad).zip(v.iter().step_by(step)) {
         let value = index(value);

@@ -34,7 +34,15 @@ impl LoadedFrames {
 /// `Input`, naming the file or key, for anything that cannot be used; no pixel is decoded yet.
 pub fn load(input: &Path) -> Result<LoadedFrames> {
     let path = if input.is_dir() { input.join(FILE_NAME) } else { input.to_path_buf() };
-    let set: FrameSet = parse(&path)?;
+    let set = parse(&path)?;
+    check(path, set)
+}
+
+/// Checks a set whose `frames.json` is, or is to be, at `path`.
+///
+/// # Errors
+/// As [`load`].
+pub fn check(path: PathBuf, set: FrameSet) -> Result<LoadedFrames> {
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
         _ => PathBuf::from("."),
@@ -84,7 +92,11 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
     if let (Some(black), Some(white)) = (set.black, set.white)
         && black >= white
     {
-        return bad("black", format!("{black} is not below white ({white})"), "give the file values of no and of full light");
+        return bad(
+            "black",
+            format!("{black} is not below white ({white})"),
+            "give the file values of no and of full light",
+        );
     }
     let positive = |key: &str, value: Option<f64>| match value {
         Some(v) if !(v.is_finite() && v > 0.0) => bad(key, format!("{v} is not above 0"), "correct the number"),
@@ -101,7 +113,11 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
                 return bad(&format!("frames[{i}].analyser_deg"), "is missing".into(), "give the analyser's angle");
             }
             (Kind::DivisionOfFocalPlane | Kind::Exposures, Some(_)) => {
-                return bad(&format!("frames[{i}].analyser_deg"), "does not belong to this kind".into(), "remove it or change kind");
+                return bad(
+                    &format!("frames[{i}].analyser_deg"),
+                    "does not belong to this kind".into(),
+                    "remove it or change kind",
+                );
             }
             (_, Some(a)) if a.abs() > 1e6 => {
                 return bad(&format!("frames[{i}].analyser_deg"), format!("{a} is no angle in degrees"), "correct it");
@@ -113,7 +129,7 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
     positive("band_nm", set.band_nm)?;
     positive("noise.full_scale_e", set.noise.map(|n| n.full_scale_e))?;
     if let Some(n) = set.noise
-        && !(n.read_noise_e >= 0.0)
+        && n.read_noise_e < 0.0
     {
         return bad("noise.read_noise_e", format!("{} is negative", n.read_noise_e), "correct the number");
     }
@@ -164,7 +180,8 @@ fn inside(path: &Path, folder: &Path, key: &str, name: &Path) -> Result<PathBuf>
     if !plain || name.as_os_str().is_empty() {
         return Err(leaves());
     }
-    let missing = |e| Error::file(&file, format!("cannot be read: {e}"), format!("{key} in {} names it", path.display()));
+    let missing =
+        |e| Error::file(&file, format!("cannot be read: {e}"), format!("{key} in {} names it", path.display()));
     let (real, base) = (file.canonicalize().map_err(missing)?, folder.canonicalize().map_err(missing)?);
     if real.starts_with(base) { Ok(file) } else { Err(leaves()) }
 }
@@ -172,9 +189,11 @@ fn inside(path: &Path, folder: &Path, key: &str, name: &Path) -> Result<PathBuf>
 fn check_channels(file: &Path, set: &FrameSet, info: &Info) -> Result<()> {
     match (info.channels, set.channel) {
         (1, Some(c)) => Err(Error::file(file, format!("is grey, so it has no channel {c:?}"), "remove \"channel\"")),
-        (3, None) => {
-            Err(Error::file(file, "is a colour image and \"channel\" is not given", "add \"channel\": \"r\", \"g\" or \"b\""))
-        }
+        (3, None) => Err(Error::file(
+            file,
+            "is a colour image and \"channel\" is not given",
+            "add \"channel\": \"r\", \"g\" or \"b\"",
+        )),
         _ if set.kind == Kind::DivisionOfFocalPlane && (info.channels != 1 || info.width % 2 + info.height % 2 > 0) => {
             Err(Error::file(
                 file,
@@ -184,8 +203,14 @@ fn check_channels(file: &Path, set: &FrameSet, info: &Info) -> Result<()> {
         }
         _ => {
             let (black, white) = (set.black.unwrap_or(0.0), set.white.unwrap_or(info.depth.full_scale().into()));
-            if black < white { Ok(()) } else {
-                Err(Error::file(file, format!("black ({black}) is not below white ({white})"), "correct black and white"))
+            if black < white {
+                Ok(())
+            } else {
+                Err(Error::file(
+                    file,
+                    format!("black ({black}) is not below white ({white})"),
+                    "correct black and white",
+                ))
             }
         }
     }

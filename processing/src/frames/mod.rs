@@ -5,7 +5,7 @@ mod linear;
 mod load;
 
 pub use linear::{LinearFrame, Linearizer};
-pub use load::{LoadedFrames, load, save};
+pub use load::{LoadedFrames, check, load, save};
 
 use crate::polarimetry::NoiseModel;
 use schemars::JsonSchema;

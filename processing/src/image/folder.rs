@@ -117,7 +117,9 @@ impl OutputFolder {
                 self.made.clear();
                 Ok(())
             }
-            Err(error) if error.kind() == ErrorKind::DirectoryNotEmpty => Err(not_empty(&self.out)),
+            Err(error) if matches!(error.kind(), ErrorKind::DirectoryNotEmpty | ErrorKind::AlreadyExists) => {
+                Err(not_empty(&self.out))
+            }
             Err(error) => Err(Error::output(&self.out, error)),
         }
     }

@@ -10,6 +10,8 @@ const PAPER: Rgb = [250, 250, 250];
 const INK: Rgb = [25, 25, 25];
 /// Masked pixels: a grey that neither the hues nor the scalar colours contain.
 const MASKED: Rgb = [64, 64, 64];
+/// Colours of the table for orientations: enough that none of the 1530 saturated hues is missed.
+const HUES: usize = 6120;
 
 /// sRGB of hue, saturation and value, each 0 to 1; hue wraps around.
 pub fn hsv(h: f32, s: f32, v: f32) -> Rgb {
@@ -74,7 +76,7 @@ fn label_size(radius: f32) -> f32 {
 
 /// A map of orientations at full resolution with its legend to the right: title, colour wheel, what is masked.
 ///
-/// `pixel(column, row)` is an orientation in radians (any branch), or `None` where masked; it is called from
+/// `pixel(column, row)` is an orientation in radians (any branch), or `None` or NaN where masked; it is called from
 /// several threads. Lines of `title` are wrapped to the width of the legend.
 pub fn orientation_picture(
     width: usize,
@@ -84,7 +86,12 @@ pub fn orientation_picture(
 ) -> Canvas {
     let legend = Legend::new(height, title, 14.0);
     let mut canvas = legend.canvas(width, height);
-    paint(&mut canvas, width, height, &|x, y| pixel(x, y).map_or(MASKED, orientation_color));
+    let table: Vec<Rgb> = (0..HUES).map(|i| orientation_color(PI * i as f32 / HUES as f32)).collect();
+    let color = |theta: f32| {
+        let turns = theta / PI;
+        table[((turns - turns.floor()) * HUES as f32).round() as usize % HUES]
+    };
+    paint(&mut canvas, width, height, &|x, y| pixel(x, y).filter(|v| v.is_finite()).map_or(MASKED, color));
     let mut y = legend.title(&mut canvas, width);
     let em = legend.em;
     let radius = 0.28 * legend.width as f32;
@@ -97,8 +104,8 @@ pub fn orientation_picture(
 
 /// A map of numbers at full resolution with its legend to the right: title, colour bar with ticks, what is masked.
 ///
-/// `value(column, row)` is `None` where masked; values outside `lo..hi` get the colour of the nearer end. `label`
-/// names the quantity and its unit.
+/// `value(column, row)` is `None` or NaN where masked; values outside `lo..hi` get the colour of the nearer end.
+/// `label` names the quantity and its unit.
 pub fn scalar_picture(
     width: usize,
     height: usize,
@@ -208,7 +215,7 @@ impl Bar {
             let color = table[(last - row.min(last)) * (table.len() - 1) / last];
             canvas.rectangle(self.x, self.top + row, thick, 1, color);
         }
-        let (values, decimals) = ticks(lo, hi, (self.length as f32 / (3.0 * self.em)).max(2.0));
+        let (values, decimals) = ticks(lo, hi, (self.length as f32 / (2.2 * self.em)).clamp(3.0, 8.0));
         let line = (self.em / 12.0).ceil() as usize;
         for value in values {
             let part = if hi > lo { (value - f64::from(lo)) / f64::from(hi - lo) } else { 0.5 };

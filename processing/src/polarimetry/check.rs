@@ -131,8 +131,10 @@ mod tests {
             .collect();
         let s0 = vec![1.0_f32; points.len()];
         let (s1, s2) = (points.iter().map(|p| p[0] as f32).collect(), points.iter().map(|p| p[1] as f32).collect());
-        let maps = StokesMaps { width: n as usize, height: 1, residual: s0.clone(), correlation: s0.clone(), s0, s1, s2 };
-        let map = OrientationMaps { width: n as usize, height: 1, orientation: maps.s0.clone(), sigma: maps.s0.clone() };
+        let maps =
+            StokesMaps { width: n as usize, height: 1, residual: s0.clone(), correlation: s0.clone(), s0, s1, s2 };
+        let map =
+            OrientationMaps { width: n as usize, height: 1, orientation: maps.s0.clone(), sigma: maps.s0.clone() };
         check_circle(&maps, &map).unwrap()
     }
 

@@ -90,21 +90,23 @@ impl Fit {
         let sums = self.sum.par_chunks_mut(width).zip(self.cos.par_chunks_mut(width));
         let sums = sums.zip(self.sin.par_chunks_mut(width)).zip(self.square.par_chunks_mut(width));
         let rest = self.bad.par_chunks(width).zip(correlation.par_chunks_mut(width));
-        self.pivot.par_chunks_mut(width).zip(sums).zip(rest).for_each(|((s0, (((sum, s1), s2), residual)), (bad, corr))| {
-            for x in 0..s0.len() {
-                let t = [sum[x], s1[x], s2[x]];
-                let beta = inverse.map(|m| m[0] * t[0] + m[1] * t[1] + m[2] * t[2]);
-                let explained = beta[0] * t[0] + beta[1] * t[1] + beta[2] * t[2];
-                let total = residual[x] - t[0] * t[0] / frames;
-                let left = (residual[x] - explained).max(0.0);
-                let nan = if bad[x] == 0 { 0.0 } else { f32::NAN };
-                s0[x] = 2.0 * (s0[x] + beta[0]) + nan;
-                s1[x] = 2.0 * beta[1] + nan;
-                s2[x] = 2.0 * beta[2] + nan;
-                residual[x] = left + nan;
-                corr[x] = if total > 0.0 { (1.0 - left / total).clamp(0.0, 1.0).sqrt() } else { 0.0 } + nan;
-            }
-        });
+        self.pivot.par_chunks_mut(width).zip(sums).zip(rest).for_each(
+            |((s0, (((sum, s1), s2), residual)), (bad, corr))| {
+                for x in 0..s0.len() {
+                    let t = [sum[x], s1[x], s2[x]];
+                    let beta = inverse.map(|m| m[0] * t[0] + m[1] * t[1] + m[2] * t[2]);
+                    let explained = beta[0] * t[0] + beta[1] * t[1] + beta[2] * t[2];
+                    let total = residual[x] - t[0] * t[0] / frames;
+                    let left = (residual[x] - explained).max(0.0);
+                    let nan = if bad[x] == 0 { 0.0 } else { f32::NAN };
+                    s0[x] = 2.0 * (s0[x] + beta[0]) + nan;
+                    s1[x] = 2.0 * beta[1] + nan;
+                    s2[x] = 2.0 * beta[2] + nan;
+                    residual[x] = left + nan;
+                    corr[x] = if total > 0.0 { (1.0 - left / total).clamp(0.0, 1.0).sqrt() } else { 0.0 } + nan;
+                }
+            },
+        );
         let Self { pivot: s0, cos: s1, sin: s2, square: residual, .. } = self;
         StokesMaps { width: self.width, height, s0, s1, s2, residual, correlation }
     }

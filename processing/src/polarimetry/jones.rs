@@ -38,7 +38,12 @@ impl JonesVector {
     pub fn stokes(self) -> Stokes {
         let [x, y] = self.0;
         let cross = x * y.conj();
-        Stokes { s0: x.norm_sqr() + y.norm_sqr(), s1: x.norm_sqr() - y.norm_sqr(), s2: 2.0 * cross.re, s3: -2.0 * cross.im }
+        Stokes {
+            s0: x.norm_sqr() + y.norm_sqr(),
+            s1: x.norm_sqr() - y.norm_sqr(),
+            s2: 2.0 * cross.re,
+            s3: -2.0 * cross.im,
+        }
     }
 }
 

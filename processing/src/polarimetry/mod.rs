@@ -19,6 +19,7 @@
 //! ```
 
 mod check;
+mod compare;
 mod design;
 mod fit;
 mod jones;
@@ -30,6 +31,7 @@ mod report;
 mod stokes;
 
 pub use check::{CircleCheck, check_circle};
+pub use compare::{Comparison, compare};
 pub use design::Design;
 pub use fit::{Fit, StokesMaps};
 pub use jones::{Jones, JonesVector};

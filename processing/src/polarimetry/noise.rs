@@ -164,7 +164,9 @@ mod tests {
 
     #[test]
     fn chi_square_quantiles_match_tables() {
-        for (freedom, z, table) in [(1, 0.0, 0.455), (5, 0.0, 4.351), (9, 0.0, 8.343), (9, 3.0902, 27.877), (2, 3.0902, 13.816)] {
+        for (freedom, z, table) in
+            [(1, 0.0, 0.455), (5, 0.0, 4.351), (9, 0.0, 8.343), (9, 3.0902, 27.877), (2, 3.0902, 13.816)]
+        {
             let got = chi_square_quantile(freedom, z);
             assert!((got / table - 1.0).abs() < 0.06, "{freedom} {z}: {got} {table}");
         }

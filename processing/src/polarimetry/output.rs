@@ -62,14 +62,21 @@ fn write_exrs(
     write_exr(&folder.path("orientation.exr"), width, height, &channels, &units, &|c, y, row| match c {
         0 => copy(&map.orientation, y, row),
         1 => copy(&map.sigma, y, row),
-        2 => row.iter_mut().zip(&map.orientation[y * width..]).for_each(|(m, t)| *m = f32::from(u8::from(t.is_finite()))),
+        2 => {
+            row.iter_mut().zip(&map.orientation[y * width..]).for_each(|(m, t)| *m = f32::from(u8::from(t.is_finite())))
+        }
         _ => copy(&maps.correlation, y, row),
     })?;
     progress.step();
     progress.check()
 }
 
-fn write_pictures(folder: &OutputFolder, maps: &StokesMaps, map: &OrientationMaps, progress: &dyn Progress) -> Result<()> {
+fn write_pictures(
+    folder: &OutputFolder,
+    maps: &StokesMaps,
+    map: &OrientationMaps,
+    progress: &dyn Progress,
+) -> Result<()> {
     let (width, height) = (maps.width, maps.height);
     let orientation = |x: usize, y: usize| Some(map.orientation[y * width + x]).filter(|t| t.is_finite());
     orientation_picture(width, height, &orientation, "Orientation").save_png(&folder.path("orientation.png"))?;
@@ -108,5 +115,11 @@ fn aolp(maps: &StokesMaps, i: usize) -> f32 {
 }
 
 fn dolp(maps: &StokesMaps, i: usize) -> f32 {
-    if maps.s0[i] > 0.0 { maps.s1[i].hypot(maps.s2[i]) / maps.s0[i] } else if maps.s0[i].is_nan() { f32::NAN } else { 0.0 }
+    if maps.s0[i] > 0.0 {
+        maps.s1[i].hypot(maps.s2[i]) / maps.s0[i]
+    } else if maps.s0[i].is_nan() {
+        f32::NAN
+    } else {
+        0.0
+    }
 }

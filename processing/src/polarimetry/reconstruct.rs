@@ -92,8 +92,11 @@ fn views(frames: &LoadedFrames) -> Result<Vec<View>> {
             .collect(),
         (Kind::DivisionOfFocalPlane, Some(layout)) => indexed
             .flat_map(|(frame, _)| (0..4).map(move |k| (frame, [k % 2, k / 2])))
-            .map(|(frame, position)| {
-                View { frame, position, block: 2, angle: layout[position[1]][position[0]].to_radians() }
+            .map(|(frame, position)| View {
+                frame,
+                position,
+                block: 2,
+                angle: layout[position[1]][position[0]].to_radians(),
             })
             .collect(),
         _ => {

@@ -1,0 +1,281 @@
+//! `nacre import`: a `frames.json` for photographs taken elsewhere.
+
+use crate::Failure;
+use crate::console::Console;
+use clap::ValueEnum;
+use nacre_processing::Error;
+use nacre_processing::frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
+use nacre_processing::image::{EXTENSIONS, OutputFolder, exposure};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `nacre import`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre import photos/                                      angles from names such as 045.png or psi_30deg.tif
+  nacre import photos/ --angles-deg 0,45,90,135 --channel g in the order of the file names
+  nacre import photos/ --out series                         the folder cannot be written to: copies the photographs
+  nacre import raw/ --kind division-of-focal-plane          2×2 blocks of 90 45 / 135 0 degrees, see --layout
+  nacre import bracket/ --kind exposures --channel g        times from EXIF
+
+Exposure times and ISO are read from EXIF where the files have it.")]
+pub struct Args {
+    /// Folder with the photographs (PNG, TIFF, JPEG, EXR).
+    folder: PathBuf,
+    /// What was varied between the photographs.
+    #[arg(long, value_enum, default_value_t = KindName::Polarization)]
+    kind: KindName,
+    /// Analyser angles in degrees, in the order of the file names; otherwise they are read from the names.
+    #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
+    angles_deg: Option<Vec<f64>>,
+    /// Angles of each 2×2 block of a polarization sensor: top left, top right, bottom left, bottom right.
+    #[arg(long, value_delimiter = ',', default_value = "90,45,135,0", allow_negative_numbers = true)]
+    layout: Vec<f64>,
+    /// How the files encode light: linear, srgb, or gamma=2.2. By default srgb for JPEG, linear for the rest.
+    #[arg(long, value_parser = transfer)]
+    transfer: Option<Transfer>,
+    /// Channel of colour files: r, g or b.
+    #[arg(long, value_enum)]
+    channel: Option<ChannelName>,
+    /// File value of no light.
+    #[arg(long)]
+    black: Option<f64>,
+    /// File value of a saturated pixel, 4095 for 12 bit in a 16-bit file for instance.
+    #[arg(long)]
+    white: Option<f64>,
+    /// Copy the photographs and write frames.json into this new folder, instead of beside the photographs.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Replace a frames.json that is already there.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum KindName {
+    Polarization,
+    DivisionOfFocalPlane,
+    Exposures,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ChannelName {
+    R,
+    G,
+    B,
+}
+
+fn transfer(text: &str) -> Result<Transfer, String> {
+    match (text, text.strip_prefix("gamma=").map(str::parse)) {
+        ("linear", _) => Ok(Transfer::Linear),
+        ("srgb", _) => Ok(Transfer::Srgb),
+        (_, Some(Ok(g))) => Ok(Transfer::Gamma(g)),
+        _ => Err("give linear, srgb or gamma=NUMBER".into()),
+    }
+}
+
+/// Describes the photographs, checks the description as a reconstruction does, and writes it.
+pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
+    let files = photographs(&args.folder)?;
+    let set = describe(args, &files)?;
+    let described = check(args.folder.join(FILE_NAME), set)?;
+    let text = save(&described.set);
+    let target = match &args.out {
+        Some(out) => {
+            let folder = OutputFolder::begin(out, args.force)?;
+            for file in &files {
+                let bytes = std::fs::read(args.folder.join(file)).map_err(|e| {
+                    Error::file(&args.folder.join(file), format!("cannot be read: {e}"), "check the file")
+                })?;
+                folder.write(&file.to_string_lossy(), &bytes)?;
+            }
+            folder.write(FILE_NAME, text.as_bytes())?;
+            folder.commit()?;
+            out.join(FILE_NAME)
+        }
+        None => write_beside(&args.folder, &text, args.force)?,
+    };
+    let message = format!(
+        "{} photographs, {}; transfer {}{}\nwrote     {}\n{text}",
+        files.len(),
+        described.info,
+        serde_json::to_string(&described.set.transfer).unwrap_or_default(),
+        if args.transfer.is_none() { " (guessed from the file type, see --transfer)" } else { "" },
+        target.display()
+    );
+    console.result(&message, &described.set);
+    Ok(())
+}
+
+/// Names of the photographs in a folder, sorted.
+fn photographs(folder: &Path) -> Result<Vec<PathBuf>, Error> {
+    const LIMIT: usize = 100_000;
+    let bad =
+        |problem: String| Error::file(folder, problem, format!("give a folder with {} files", EXTENSIONS.join(", ")));
+    let entries = std::fs::read_dir(folder).map_err(|e| bad(format!("cannot be read: {e}")))?;
+    let mut files: Vec<PathBuf> = entries
+        .flatten()
+        .map(|entry| PathBuf::from(entry.file_name()))
+        .filter(|name| {
+            let extension = name.extension().map(|e| e.to_string_lossy().to_lowercase());
+            extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) && !name.to_string_lossy().starts_with('.')
+        })
+        .take(LIMIT)
+        .collect();
+    files.sort();
+    if files.is_empty() { Err(bad("holds no photograph".into())) } else { Ok(files) }
+}
+
+fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {
+    let angles = match (args.kind, &args.angles_deg) {
+        (KindName::Polarization, Some(given)) if given.len() != files.len() => {
+            let problem = format!("{} angles for {} photographs", given.len(), files.len());
+            return Err(Error::input("--angles-deg", problem, "give one per photograph, in the order of the names"));
+        }
+        (KindName::Polarization, Some(given)) => given.iter().copied().map(Some).collect(),
+        (KindName::Polarization, None) => angles_from_names(&args.folder, files)?.into_iter().map(Some).collect(),
+        _ => vec![None; files.len()],
+    };
+    let jpeg = |f: &PathBuf| f.extension().is_some_and(|e| e.to_string_lossy().to_lowercase().starts_with("jp"));
+    let frames = files.iter().zip(angles).map(|(file, analyser_deg)| {
+        let exif = exposure(&args.folder.join(file));
+        Frame {
+            file: file.clone(),
+            analyser_deg,
+            exposure_s: exif.as_ref().and_then(|e| e.seconds),
+            gain: exif.as_ref().and_then(|e| e.iso).map(|iso| iso / 100.0),
+        }
+    });
+    let layout = match (args.kind, args.layout.as_slice()) {
+        (KindName::DivisionOfFocalPlane, &[a, b, c, d]) => Some([[a, b], [c, d]]),
+        (KindName::DivisionOfFocalPlane, _) => {
+            return Err(Error::input(
+                "--layout",
+                format!("{} angles", args.layout.len()),
+                "give four, 90,45,135,0 for instance",
+            ));
+        }
+        _ => None,
+    };
+    Ok(FrameSet {
+        kind: match args.kind {
+            KindName::Polarization => Kind::Polarization,
+            KindName::DivisionOfFocalPlane => Kind::DivisionOfFocalPlane,
+            KindName::Exposures => Kind::Exposures,
+        },
+        frames: frames.collect(),
+        transfer: args.transfer.unwrap_or(if files.iter().any(jpeg) { Transfer::Srgb } else { Transfer::Linear }),
+        black: args.black,
+        white: args.white,
+        channel: args.channel.map(|c| match c {
+            ChannelName::R => Channel::R,
+            ChannelName::G => Channel::G,
+            ChannelName::B => Channel::B,
+        }),
+        layout,
+        noise: None,
+        dark: None,
+        flat: None,
+        wavelength_nm: None,
+        band_nm: None,
+        geometry: None,
+    })
+}
+
+/// Angles from file names: the number before `deg`, or else the one number that differs between the names. A plain
+/// counter is refused, because it would be taken for angles and give a wrong map.
+fn angles_from_names(folder: &Path, files: &[PathBuf]) -> Result<Vec<f64>, Error> {
+    let bad = |problem: String| {
+        Error::file(
+            folder,
+            problem,
+            "name the photographs by their angle (045.png, psi_30deg.tif) or give --angles-deg",
+        )
+    };
+    let numbers: Vec<Vec<(f64, bool)>> =
+        files.iter().map(|f| numbers(&f.file_stem().unwrap_or_default().to_string_lossy())).collect();
+    if numbers.iter().all(|n| n.iter().filter(|(_, deg)| *deg).count() == 1) {
+        return Ok(numbers.iter().flatten().filter(|(_, deg)| *deg).map(|(value, _)| *value).collect());
+    }
+    let columns = numbers.first().map_or(0, Vec::len);
+    if columns == 0 || numbers.iter().any(|n| n.len() != columns) {
+        return Err(bad("the file names do not all hold an angle".into()));
+    }
+    let column = |c: usize| numbers.iter().map(|n| n[c].0).collect::<Vec<f64>>();
+    let varying: Vec<Vec<f64>> = (0..columns).map(column).filter(|v| v.iter().any(|a| *a != v[0])).collect();
+    let [angles] = varying.as_slice() else {
+        return Err(bad(format!("{} numbers differ between the file names", varying.len())));
+    };
+    let counter = angles.len() > 2 && angles.windows(2).all(|w| w[1] - w[0] == 1.0);
+    if counter || angles.iter().any(|a| *a > 360.0) {
+        return Err(bad(format!(
+            "the numbers in the file names ({}, {}, …) do not look like angles",
+            angles[0], angles[1]
+        )));
+    }
+    Ok(angles.clone())
+}
+
+/// Numbers in a name, each with whether `deg` or `°` follows it.
+fn numbers(stem: &str) -> Vec<(f64, bool)> {
+    let mut found = vec![];
+    let mut rest = stem;
+    while let Some(start) = rest.find(|c: char| c.is_ascii_digit()) {
+        let tail = &rest[start..];
+        let mut end = tail.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(tail.len());
+        while tail[..end].ends_with('.') {
+            end -= 1;
+        }
+        let after = tail[end..].trim_start_matches(['_', '-', ' ']);
+        let degrees = after.to_lowercase().starts_with("deg") || after.starts_with('°');
+        if let Ok(value) = tail[..end].parse() {
+            found.push((value, degrees));
+        }
+        rest = &tail[end..];
+    }
+    found
+}
+
+/// Writes `frames.json` whole or not at all.
+fn write_beside(folder: &Path, text: &str, force: bool) -> Result<PathBuf, Error> {
+    let target = folder.join(FILE_NAME);
+    if target.exists() && !force {
+        return Err(Error::file(&target, "is already there", "add --force to replace it"));
+    }
+    let failed = |e: std::io::Error| Error::output(&target, e);
+    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+    file.write_all(text.as_bytes()).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
+    file.persist(&target).map_err(|e| failed(e.error))?;
+    Ok(target)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn angles(names: &[&str]) -> Result<Vec<f64>, Error> {
+        angles_from_names(Path::new("x"), &names.iter().map(PathBuf::from).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn angles_are_read_from_usual_names() {
+        assert_eq!(angles(&["000.png", "045.png", "090.png"]).unwrap(), [0.0, 45.0, 90.0]);
+        assert_eq!(angles(&["run2_psi_0deg.tif", "run2_psi_22.5deg.tif"]).unwrap(), [0.0, 22.5]);
+        assert_eq!(angles(&["cd2_0_f8.png", "cd2_30_f8.png", "cd2_60_f8.png"]).unwrap(), [0.0, 30.0, 60.0]);
+        assert_eq!(angles(&["a1_15°.png", "a2_30°.png"]).unwrap(), [15.0, 30.0]);
+    }
+
+    #[test]
+    fn what_is_no_angle_is_refused() {
+        for names in [
+            &["IMG_0001.jpg", "IMG_0002.jpg", "IMG_0003.jpg"][..],
+            &["IMG_4711.jpg", "IMG_4713.jpg"],
+            &["left.png", "right.png"],
+            &["1_10.png", "2_20.png"],
+            &["a.png", "10.png"],
+        ] {
+            assert!(angles(names).is_err(), "{names:?}");
+        }
+    }
+}

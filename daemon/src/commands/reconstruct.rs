@@ -1,0 +1,108 @@
+//! `nacre reconstruct`.
+
+use crate::Failure;
+use crate::console::Console;
+use clap::{Subcommand, ValueEnum};
+use nacre_processing::polarimetry::{self, Model, Options, Report};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// What to reconstruct.
+#[derive(Subcommand)]
+pub enum Reconstruct {
+    /// Orientation of gratings from photographs behind a turning analyser, or from a polarization sensor.
+    Polarization(Polarization),
+}
+
+/// Arguments of `nacre reconstruct polarization`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre reconstruct polarization session --out result
+  nacre reconstruct polarization series/frames.json --out result --force --json
+  nacre reconstruct polarization cd --out result --offset-deg 12.5
+
+Writes stokes.exr (S0 S1 S2), aolp.exr (aolp dolp), orientation.exr (orientation sigma mask correlation),
+orientation.png, sigma.png, dolp.png and report.json. Orientations are known up to one offset common to all pixels.")]
+pub struct Polarization {
+    /// Session folder, frames.json, or a folder holding one (`nacre import` makes one for your photographs).
+    input: PathBuf,
+    /// Folder for the results.
+    #[arg(long)]
+    out: PathBuf,
+    /// How the fitted phase becomes an orientation.
+    #[arg(long, value_enum, default_value_t = ModelName::Auto)]
+    model: ModelName,
+    /// Degrees added to every orientation, where one is known.
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    offset_deg: f64,
+    /// Replace results that are already in the folder.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ModelName {
+    /// The simplest model that explains the data.
+    Auto,
+    /// The phase is the orientation.
+    Sinusoid,
+}
+
+/// Runs a reconstruction.
+pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
+    let Reconstruct::Polarization(args) = command;
+    let model = match args.model {
+        ModelName::Auto => Model::Auto,
+        ModelName::Sinusoid => Model::Sinusoid,
+    };
+    let options = Options { model, offset_deg: args.offset_deg, overwrite: args.force };
+    let report = polarimetry::reconstruct(&args.input, &args.out, &options, console)?;
+    let mut text = summary(&report);
+    let _ = write!(text, "\nresults   {}", args.out.display());
+    console.result(&text, &report);
+    Ok(())
+}
+
+/// The report in a few lines.
+pub fn summary(report: &Report) -> String {
+    let pixels = &report.pixels;
+    let percent = |n: usize| 100.0 * n as f64 / pixels.all.max(1) as f64;
+    let mut text = format!(
+        "frames    {} photographs, {} × {} pixels\nmodel     {} ({})\n",
+        report.frames.len(),
+        report.width,
+        report.height,
+        report.model,
+        report.model_reason
+    );
+    let _ = writeln!(
+        text,
+        "pixels    {:.1} % carry an orientation; masked: {:.1} % too little modulation, {:.1} % saturated",
+        percent(pixels.valid),
+        percent(pixels.too_little_modulation),
+        percent(pixels.saturated)
+    );
+    if let (Some(median), Some(p90), Some(correlation)) =
+        (pixels.sigma_median_deg, pixels.sigma_p90_deg, pixels.correlation_mean)
+    {
+        let _ = writeln!(
+            text,
+            "quality   σ median {median:.3}°, 90 % under {p90:.3}° (noise {}); correlation of the fit {correlation:.3}",
+            serde_json::to_value(report.noise.source)
+                .ok()
+                .and_then(|v| v.as_str().map(str::to_owned))
+                .unwrap_or_default()
+        );
+    }
+    for warning in &report.warnings {
+        let _ = writeln!(text, "warning   {warning}");
+    }
+    let s = &report.seconds;
+    let _ = write!(
+        text,
+        "time      {:.2} s: reading and fitting {:.2}, solving {:.2}, writing {:.2}",
+        s.total, s.read_and_fit, s.solve, s.write
+    );
+    text
+}

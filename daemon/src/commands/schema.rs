@@ -1,0 +1,34 @@
+//! `nacre schema`.
+
+use crate::Failure;
+use crate::console::Console;
+use clap::ValueEnum;
+use nacre_processing::frames::FrameSet;
+use nacre_sim::BenchConfig;
+
+/// Arguments of `nacre schema`.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  nacre schema frames > frames.schema.json")]
+pub struct Args {
+    /// The file format.
+    name: Name,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Name {
+    /// frames.json: a set of photographs.
+    Frames,
+    /// bench.toml: the simulated bench.
+    Bench,
+}
+
+/// Prints the schema; it is JSON with and without `--json`.
+pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
+    let schema = match args.name {
+        Name::Frames => schemars::schema_for!(FrameSet),
+        Name::Bench => schemars::schema_for!(BenchConfig),
+    };
+    let text = serde_json::to_string_pretty(&schema).unwrap_or_default();
+    console.result(&text, &schema);
+    Ok(())
+}

@@ -1,0 +1,89 @@
+//! What a person or a script sees: text or JSON on standard output, progress and errors on standard error.
+
+use crate::Failure;
+use indicatif::{ProgressBar, ProgressStyle};
+use nacre_processing::progress::Progress;
+use serde::Serialize;
+use std::io::{IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Bars appear only when a stage takes longer than this.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Output of one command, and its wish to stop.
+pub struct Console {
+    json: bool,
+    interrupted: Arc<AtomicBool>,
+    stage: Mutex<Stage>,
+}
+
+struct Stage {
+    bar: ProgressBar,
+    begun: Instant,
+}
+
+impl Console {
+    /// Catches Ctrl-C and SIGTERM from now on, so that a command can clean up.
+    pub fn new(json: bool) -> Self {
+        let interrupted = Arc::new(AtomicBool::new(false));
+        let flag = interrupted.clone();
+        // Fails only when a handler is already set; then the system's default stays, which also ends the program.
+        let _ = ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed));
+        Self { json, interrupted, stage: Mutex::new(Stage { bar: ProgressBar::hidden(), begun: Instant::now() }) }
+    }
+
+    /// The command's result: `text` for a person, or `value` as JSON.
+    pub fn result(&self, text: &str, value: &impl Serialize) {
+        self.finish_stage();
+        let json = || serde_json::to_string_pretty(value).unwrap_or_default();
+        let line = if self.json { json() } else { text.trim_end().to_owned() };
+        // A reader that went away (`| head`) is no failure of the command.
+        let _ = writeln!(std::io::stdout().lock(), "{line}");
+    }
+
+    /// A note for the person in front of the terminal.
+    pub fn note(&self, text: &str) {
+        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.bar.suspend(|| {
+            let _ = writeln!(std::io::stderr().lock(), "{text}");
+        });
+    }
+
+    /// Why the command failed.
+    pub fn error(&self, failure: &Failure) {
+        self.finish_stage();
+        self.note(&format!("nacre: {failure}"));
+    }
+
+    fn finish_stage(&self) {
+        self.stage.lock().unwrap_or_else(PoisonError::into_inner).bar.finish_and_clear();
+    }
+}
+
+impl Progress for Console {
+    fn stage(&self, name: &str, steps: u64) {
+        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.bar.finish_and_clear();
+        if std::io::stderr().is_terminal() {
+            let style = ProgressStyle::with_template("{msg:22} {bar:30} {pos}/{len} {elapsed} left {eta}");
+            stage.bar = ProgressBar::hidden().with_message(name.to_owned());
+            stage.bar.set_length(steps);
+            stage.bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        }
+        stage.begun = Instant::now();
+    }
+
+    fn step(&self) {
+        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.bar.inc(1);
+        if stage.begun.elapsed() > PATIENCE && stage.bar.is_hidden() && stage.bar.length().is_some() {
+            stage.bar.set_draw_target(indicatif::ProgressDrawTarget::stderr());
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,175 @@
+//! What a sample is made of.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A synthetic sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SampleConfig {
+    /// Which sample.
+    pub kind: SampleKind,
+    /// Side of the tile, or diameter, in mm; by default that of the real thing.
+    pub size_mm: Option<f64>,
+    /// Depth of the grating, peak to peak, in µm.
+    pub depth_um: f64,
+    /// Period in µm; by default 1.6 for a CD and 1 for the rest. Samples of several periods scale with it.
+    pub period_um: Option<f64>,
+    /// Smooth variation of the reflectance over the sample: 0.4 is ±40 %.
+    pub reflectance_variation: f64,
+    /// Pitch of the printed grating dots in µm; without it orientations vary continuously.
+    pub dot_um: Option<f64>,
+    /// Share of the dots (50 µm without `dot_um`) that carry no grating.
+    pub dead_dots: f64,
+    /// Share of the dots that carry a random orientation, so that pixels mix.
+    pub mixed_dots: f64,
+    /// Root mean square slope of smooth surface bumps in degrees, per direction.
+    pub bumps_deg: f64,
+    /// Number of scratches.
+    pub scratches: u32,
+}
+
+/// Samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SampleKind {
+    /// Kinematic tile: ten sectors in which the orientation turns by 180°, smaller ones at the corners.
+    #[default]
+    Kinematic,
+    /// Gradient stars of several sizes.
+    Stars,
+    /// Paper of polygons with few orientations.
+    Polygons,
+    /// Overlapping circles.
+    Circles,
+    /// Bursts of strokes, circles and small stars.
+    Fireworks,
+    /// Round logo of polygons, 15 mm, on paper that does not diffract.
+    Logo,
+    /// Currency emblem: bands of orientations, and fine rings of longer periods.
+    Emblem,
+    /// Compact disc, tracks tangential, with hub and hole.
+    Cd,
+    /// Foil of random squares whose periods follow their orientations, so that a flash makes a spiral.
+    Stochastic,
+}
+
+impl SampleKind {
+    /// All samples.
+    pub const ALL: [Self; 9] = [
+        Self::Kinematic,
+        Self::Stars,
+        Self::Polygons,
+        Self::Circles,
+        Self::Fireworks,
+        Self::Logo,
+        Self::Emblem,
+        Self::Cd,
+        Self::Stochastic,
+    ];
+
+    /// Name in files and options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Kinematic => "kinematic",
+            Self::Stars => "stars",
+            Self::Polygons => "polygons",
+            Self::Circles => "circles",
+            Self::Fireworks => "fireworks",
+            Self::Logo => "logo",
+            Self::Emblem => "emblem",
+            Self::Cd => "cd",
+            Self::Stochastic => "stochastic",
+        }
+    }
+}
+
+impl Default for SampleConfig {
+    fn default() -> Self {
+        Self {
+            kind: SampleKind::default(),
+            size_mm: None,
+            depth_um: 0.1,
+            period_um: None,
+            reflectance_variation: 0.4,
+            dot_um: None,
+            dead_dots: 0.0,
+            mixed_dots: 0.0,
+            bumps_deg: 0.0,
+            scratches: 0,
+        }
+    }
+}
+
+impl SampleConfig {
+    /// Side of the tile, or diameter, in mm.
+    pub fn size_mm(&self) -> f64 {
+        self.size_mm.unwrap_or(match self.kind {
+            SampleKind::Kinematic => 25.0,
+            SampleKind::Logo => 15.0,
+            SampleKind::Emblem => 20.0,
+            SampleKind::Cd => 100.0,
+            _ => 40.0,
+        })
+    }
+
+    /// Side of the square that the camera should see, in mm: a margin around samples with a surround.
+    pub fn field_mm(&self) -> f64 {
+        let margin = match self.kind {
+            SampleKind::Logo | SampleKind::Emblem | SampleKind::Cd => 1.08,
+            _ => 1.0,
+        };
+        margin * self.size_mm()
+    }
+
+    /// Period in µm.
+    pub fn period_um(&self) -> f64 {
+        self.period_um.unwrap_or(if self.kind == SampleKind::Cd { 1.6 } else { 1.0 })
+    }
+
+    /// Pitch of dots and of defects in mm.
+    pub(super) fn cell_mm(&self) -> f64 {
+        self.dot_um.unwrap_or(if self.kind == SampleKind::Stochastic { 60.0 } else { 50.0 }) / 1000.0
+    }
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// A sentence that names the key, what was found and what is allowed.
+    pub fn validate(&self) -> Result<(), String> {
+        for (key, value, low, high) in [
+            ("size_mm", self.size_mm(), 0.1, 1000.0),
+            ("depth_um", self.depth_um, 1e-4, 10.0),
+            ("period_um", self.period_um(), 0.2, 50.0),
+            ("reflectance_variation", self.reflectance_variation, 0.0, 0.95),
+            ("dot_um", self.dot_um.unwrap_or(50.0), 1.0, 1e4),
+            ("dead_dots", self.dead_dots, 0.0, 1.0),
+            ("mixed_dots", self.mixed_dots, 0.0, 1.0),
+            ("bumps_deg", self.bumps_deg, 0.0, 20.0),
+            ("scratches", self.scratches.into(), 0.0, 1000.0),
+        ] {
+            if !(low..=high).contains(&value) {
+                return Err(format!("sample.{key} is {value}; give a number from {low} to {high}"));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn impossible_samples_are_refused_by_key() {
+        let refused = |change: fn(&mut SampleConfig)| {
+            let mut config = SampleConfig::default();
+            change(&mut config);
+            config.validate().unwrap_err()
+        };
+        assert!(refused(|c| c.size_mm = Some(f64::NAN)).contains("sample.size_mm"));
+        assert!(refused(|c| c.depth_um = -0.1).contains("sample.depth_um"));
+        assert!(refused(|c| c.dead_dots = 1.5).contains("sample.dead_dots"));
+        assert!(SampleConfig::default().validate().is_ok());
+    }
+}

@@ -1,0 +1,209 @@
+//! Synthetic diffracting samples: what the surface is at every point, with its defects.
+
+mod config;
+mod defects;
+mod discs;
+mod patterns;
+mod polygons;
+mod shapes;
+
+pub use config::{SampleConfig, SampleKind};
+
+use defects::Defects;
+
+/// What the surface is at one point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Its kind.
+    pub surface: Surface,
+    /// Multiplies all light from it, 0 to 1.
+    pub reflectance: f32,
+    /// Tilt of the surface, dz/dx and dz/dy.
+    pub slope: [f32; 2],
+}
+
+/// Kinds of surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Surface {
+    /// A one-dimensional grating.
+    Grating {
+        /// Direction of the grating vector in `[0, π)` rad, anticlockwise from x, y up.
+        orientation: f32,
+        /// Period in µm.
+        period_um: f32,
+        /// Depth, peak to peak, in µm.
+        depth_um: f32,
+    },
+    /// Metal without a grating.
+    Mirror,
+    /// Paper or plastic: scatters and depolarises.
+    Diffuse,
+    /// Nothing that reflects.
+    Nothing,
+}
+
+/// A pattern of gratings; the sample is centred at (0, 0), x right, y up, in mm.
+trait Pattern: Send + Sync {
+    /// Surface at a point: orientation in any range, period relative to the sample's.
+    fn at(&self, x: f64, y: f64) -> Ideal;
+}
+
+/// What a pattern says of a point.
+#[derive(Clone, Copy)]
+enum Ideal {
+    /// Orientation (rad, any range) and period relative to the sample's.
+    Grating(f64, f64),
+    Mirror,
+    Diffuse,
+    Nothing,
+}
+
+/// A sample with its defects.
+pub struct Sample {
+    pattern: Box<dyn Pattern>,
+    defects: Defects,
+    config: SampleConfig,
+}
+
+impl Sample {
+    /// Makes the sample; the same configuration and seed give the same surface.
+    pub fn new(config: &SampleConfig, seed: u64) -> Self {
+        let half = 0.5 * config.size_mm();
+        let pattern: Box<dyn Pattern> = match config.kind {
+            SampleKind::Kinematic => Box::new(discs::Kinematic { half }),
+            SampleKind::Stars => Box::new(shapes::Stars::new(half, seed)),
+            SampleKind::Polygons => Box::new(polygons::Paper::new(half, seed)),
+            SampleKind::Circles => Box::new(discs::Circles::new(half, seed)),
+            SampleKind::Fireworks => Box::new(shapes::Fireworks::new(half, seed)),
+            SampleKind::Logo => Box::new(polygons::Logo::new(half, seed)),
+            SampleKind::Emblem => Box::new(patterns::Emblem { half }),
+            SampleKind::Cd => Box::new(discs::Cd { half }),
+            SampleKind::Stochastic => Box::new(patterns::Stochastic { square: config.cell_mm(), seed }),
+        };
+        Self { pattern, defects: Defects::new(config, seed), config: config.clone() }
+    }
+
+    /// Side of the square that the camera should see, in mm.
+    pub fn field_mm(&self) -> f64 {
+        self.config.field_mm()
+    }
+
+    /// The surface at a point (mm).
+    pub fn at(&self, x: f64, y: f64) -> Point {
+        let cell = self.config.cell_mm();
+        let (column, row) = ((x / cell).floor(), (y / cell).floor());
+        // A printed dot has the orientation that the pattern has at its middle.
+        let (px, py) = match self.config.dot_um {
+            Some(_) => ((column + 0.5) * cell, (row + 0.5) * cell),
+            None => (x, y),
+        };
+        let surface = match self.pattern.at(px, py) {
+            Ideal::Grating(orientation, period) => {
+                self.defects.dot(column as i64, row as i64, |turn| Surface::Grating {
+                    orientation: fold(orientation + turn),
+                    period_um: (period * self.config.period_um()) as f32,
+                    depth_um: self.config.depth_um as f32,
+                })
+            }
+            Ideal::Mirror => Surface::Mirror,
+            Ideal::Diffuse => Surface::Diffuse,
+            Ideal::Nothing => Surface::Nothing,
+        };
+        self.defects.apply(surface, x, y)
+    }
+}
+
+/// Folds an angle into `[0, π)` in f32, whose rounding may reach π.
+fn fold(angle: f64) -> f32 {
+    let folded = angle.rem_euclid(std::f64::consts::PI) as f32;
+    if folded >= std::f32::consts::PI { 0.0 } else { folded }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::PI;
+
+    fn sample(kind: SampleKind) -> Sample {
+        Sample::new(&SampleConfig { kind, ..SampleConfig::default() }, 3)
+    }
+
+    fn orientation(s: &Sample, x: f64, y: f64) -> f64 {
+        match s.at(x, y).surface {
+            Surface::Grating { orientation, .. } => orientation.into(),
+            other => panic!("{other:?} at {x}, {y}"),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_sample_is_sound_everywhere(x in -0.6..0.6f64, y in -0.6..0.6f64, kind in 0..9usize, seed in 0..50u64) {
+            let config = SampleConfig { kind: SampleKind::ALL[kind], mixed_dots: 0.1, dead_dots: 0.1, bumps_deg: 0.2, scratches: 3, ..SampleConfig::default() };
+            let (a, b) = (Sample::new(&config, seed), Sample::new(&config, seed));
+            let (x, y) = (x * a.field_mm(), y * a.field_mm());
+            let point = a.at(x, y);
+            prop_assert_eq!(point, b.at(x, y));
+            prop_assert!((0.0..=1.0).contains(&point.reflectance));
+            if let Surface::Grating { orientation, period_um, depth_um } = point.surface {
+                prop_assert!((0.0..std::f32::consts::PI).contains(&orientation));
+                prop_assert!(period_um > 0.1 && depth_um > 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn the_kinematic_tile_runs_ten_times_through_half_a_turn() {
+        let s = sample(SampleKind::Kinematic);
+        let mut turned = 0.0;
+        let steps = 1000;
+        let at = |k: i32| {
+            let phi = 2.0 * PI * f64::from(k) / f64::from(steps);
+            orientation(&s, 5.0 * phi.cos(), 5.0 * phi.sin())
+        };
+        for k in 0..steps {
+            turned += (at(k + 1) - at(k) + PI / 2.0).rem_euclid(PI) - PI / 2.0;
+        }
+        assert!((turned / PI - 10.0).abs() < 1e-3, "{turned}");
+    }
+
+    #[test]
+    fn a_cd_diffracts_radially() {
+        let s = sample(SampleKind::Cd);
+        for phi in [0.1_f64, 1.0, 2.5, 4.0] {
+            let got = orientation(&s, 40.0 * phi.cos(), 40.0 * phi.sin());
+            assert!(((got - phi + PI / 2.0).rem_euclid(PI) - PI / 2.0).abs() < 1e-5);
+        }
+        assert_eq!(s.at(0.0, 0.0).surface, Surface::Nothing);
+        assert_eq!(s.at(15.0, 0.0).surface, Surface::Diffuse);
+    }
+
+    #[test]
+    fn the_stochastic_foil_ties_period_to_orientation() {
+        let s = sample(SampleKind::Stochastic);
+        for k in 0..200 {
+            let Surface::Grating { orientation, period_um, .. } = s.at(0.061 * f64::from(k), 1.0).surface else {
+                panic!()
+            };
+            let wanted = 0.8 + 0.8 * f64::from(orientation) / PI;
+            assert!((f64::from(period_um) / wanted - 1.0).abs() < 0.03, "{orientation} {period_um}");
+        }
+    }
+
+    #[test]
+    fn defects_have_the_asked_size() {
+        let config =
+            SampleConfig { dead_dots: 0.2, bumps_deg: 0.5, reflectance_variation: 0.4, ..SampleConfig::default() };
+        let s = Sample::new(&config, 9);
+        let points: Vec<Point> =
+            (0..40_000).map(|k| s.at(f64::from(k % 200) * 0.1 - 10.0, f64::from(k / 200) * 0.1 - 10.0)).collect();
+        let n = points.len() as f64;
+        let dead = points.iter().filter(|p| p.surface == Surface::Mirror).count() as f64 / n;
+        assert!((dead - 0.2).abs() < 3.0 * (0.2 * 0.8 / n).sqrt(), "{dead}");
+        let slope = (points.iter().map(|p| f64::from(p.slope[0]).powi(2)).sum::<f64>() / n).sqrt();
+        assert!((slope / 0.5_f64.to_radians().tan() - 1.0).abs() < 0.15, "{slope}");
+        let (low, high) =
+            points.iter().fold((1.0_f32, 0.0_f32), |(l, h), p| (l.min(p.reflectance), h.max(p.reflectance)));
+        assert!((low / high - 0.6 / 1.4).abs() < 0.1, "{low} {high}");
+    }
+}

@@ -1,0 +1,79 @@
+//! Samples made of polygons.
+
+use super::{Ideal, Pattern};
+use crate::random::{key, uniform};
+use std::f64::consts::PI;
+
+/// Polygons around random seeds, one in each cell of a grid that repeats at the sample's edge (Voronoi cells).
+struct Cells {
+    per_side: i64,
+    side: f64,
+    seed: u64,
+}
+
+impl Cells {
+    /// Key of the polygon that a point lies in, and its middle.
+    fn find(&self, x: f64, y: f64) -> (u64, [f64; 2]) {
+        let (column, row) = ((x / self.side).floor() as i64, (y / self.side).floor() as i64);
+        let mut best = (f64::INFINITY, 0, [0.0; 2]);
+        for j in row - 2..=row + 2 {
+            for i in column - 2..=column + 2 {
+                let id =
+                    key(&[self.seed, 0xce, i.rem_euclid(self.per_side) as u64, j.rem_euclid(self.per_side) as u64]);
+                let middle = [i, j].map(|k| k as f64);
+                let at = [0, 1].map(|a| (middle[a] + uniform(key(&[id, a as u64]))) * self.side);
+                let distance = (x - at[0]).powi(2) + (y - at[1]).powi(2);
+                if distance < best.0 {
+                    best = (distance, id, at);
+                }
+            }
+        }
+        (best.1, best.2)
+    }
+}
+
+/// Holographic paper: polygons with one of twelve orientations each; tiles seamlessly.
+pub(super) struct Paper(Cells);
+
+impl Paper {
+    pub(super) fn new(half: f64, seed: u64) -> Self {
+        Self(Cells { per_side: 10, side: half / 5.0, seed })
+    }
+}
+
+impl Pattern for Paper {
+    fn at(&self, x: f64, y: f64) -> Ideal {
+        let (id, _) = self.0.find(x, y);
+        Ideal::Grating((uniform(key(&[id, 7])) * 12.0).floor() * PI / 12.0, 1.0)
+    }
+}
+
+/// A round logo of polygons, each with a smooth gradient of orientations, on paper that does not diffract.
+pub(super) struct Logo {
+    cells: Cells,
+    radius: f64,
+}
+
+impl Logo {
+    pub(super) fn new(half: f64, seed: u64) -> Self {
+        Self { cells: Cells { per_side: 1 << 20, side: half / 3.2, seed }, radius: half }
+    }
+}
+
+impl Pattern for Logo {
+    fn at(&self, x: f64, y: f64) -> Ideal {
+        let r = x.hypot(y) / self.radius;
+        // Two lens shapes are left out of the disc, so that the diffracting part has an inner outline too.
+        let lens = |cx: f64| (x / self.radius - cx).hypot(y / self.radius) < 0.55;
+        if r > 1.0 || (lens(-0.38) != lens(0.38) && r > 0.86) {
+            return Ideal::Diffuse;
+        }
+        if (r - 0.93).abs() < 0.07 {
+            return Ideal::Grating(y.atan2(x), 1.0);
+        }
+        let (id, [mx, my]) = self.cells.find(x, y);
+        let direction = 2.0 * PI * uniform(key(&[id, 8]));
+        let along = ((x - mx) * direction.cos() + (y - my) * direction.sin()) / self.cells.side;
+        Ideal::Grating(PI * uniform(key(&[id, 9])) + 0.4 * along, 1.0)
+    }
+}
