@@ -1,11 +1,11 @@
 //! The bench: sample, panel, analyser stage and camera on one virtual clock.
 
 use crate::camera::{Camera, Exposed, Settings};
-use crate::config::BenchConfig;
+use crate::config::{BenchConfig, CameraConfig};
 use crate::random::{electrons, key};
 use crate::scene::{Scene, StokesImage, Truth};
 use crate::stage::Stage;
-use nacre_drivers::{Clock, Stamp};
+use nacre_drivers::Clock;
 use rayon::prelude::*;
 use std::time::Duration;
 
@@ -14,40 +14,31 @@ pub struct Bench {
     config: BenchConfig,
     now: Duration,
     scene: Scene,
-    /// Light with the panel white and black.
-    lit: StokesImage,
-    black: StokesImage,
+    light: StokesImage,
     truth: Truth,
+    exposure_ms: f64,
     display: Vec<(Duration, bool)>,
     stage: Stage,
     camera: Camera,
     steady_since: Duration,
 }
 
-/// A frame as the camera hands it out.
-pub struct RawFrame {
-    /// Sequence number and timestamp.
-    pub stamp: Stamp,
-    /// Codes, row-major.
-    pub codes: Vec<u16>,
-}
-
 impl Bench {
     /// Builds the bench and renders its light; the panel is black, the analyser at 0°.
     pub fn new(config: &BenchConfig) -> Self {
         let scene = Scene::new(config);
-        let (lit, truth) = scene.render(config.disc_mm());
-        let (black, _) = scene.render(0.0);
+        let (light, truth) = scene.render(config.disc_mm());
+        let exposure_ms = config.camera.exposure_ms.unwrap_or_else(|| metered_ms(config, &light));
         Self {
             now: Duration::ZERO,
             stage: Stage::new(&config.stage, config.seed),
-            camera: Camera::new(&config.camera),
+            camera: Camera::new(&config.camera, exposure_ms / 1000.0),
             display: vec![(Duration::ZERO, false)],
             steady_since: Duration::ZERO,
+            exposure_ms,
             config: config.clone(),
             scene,
-            lit,
-            black,
+            light,
             truth,
         }
     }
@@ -65,6 +56,11 @@ impl Bench {
     /// Size of a pixel on the sample in µm.
     pub fn pixel_um(&self) -> f64 {
         1000.0 * self.scene.pixel_mm()
+    }
+
+    /// Exposure time in ms: as configured, or such that no pixel saturates at any analyser angle.
+    pub fn exposure_ms(&self) -> f64 {
+        self.exposure_ms
     }
 
     /// Readout time of the camera.
@@ -91,19 +87,18 @@ impl Bench {
     }
 
     /// The next frame in the camera's queue, however old; waits for one if there is none.
-    pub fn next_frame(&mut self) -> RawFrame {
+    pub fn next_frame(&mut self) -> Exposed {
         loop {
             if let Some(exposed) = self.camera.take() {
-                let codes = self.expose(&exposed);
-                return RawFrame { stamp: Stamp { sequence: exposed.sequence, timestamp: exposed.end }, codes };
+                return exposed;
             }
             let wait = self.camera.next_end().saturating_sub(self.now);
             self.wait(wait);
         }
     }
 
-    /// Codes of one exposure: the analyser's angle averaged over it, shot and read noise, converter.
-    fn expose(&self, frame: &Exposed) -> Vec<u16> {
+    /// Codes of one exposure, row-major: the analyser's angle averaged over it, shot and read noise, converter.
+    pub fn codes(&self, frame: &Exposed) -> Vec<u16> {
         let (end, exposure) = (frame.end - self.camera.readout(), frame.settings.exposure_s);
         let (cos2, sin2) = self.analyser_over(frame.start, end);
         let lit = self.lit_share(frame.start, end);
@@ -114,20 +109,16 @@ impl Bench {
         let white = f64::from((1u32 << camera.bits) - 1);
         let black = f64::from(camera.black_level);
         let per_electron = frame.settings.gain * (white - black) / camera.well_e;
-        let light = |image: &StokesImage, i: usize| {
-            let [s0, s1, s2] = [0, 1, 2].map(|p| f64::from(image.planes[p][i]));
-            0.5 * (s0 * (1.0 + extinction) + (1.0 - extinction) * (s1 * cos2 + s2 * sin2))
+        let light = |i: usize| {
+            let [s0, s1, s2] = [0, 1, 2].map(|p| f64::from(self.light.planes[p][i]));
+            let disc = s0 * (1.0 + extinction) + (1.0 - extinction) * (s1 * cos2 + s2 * sin2);
+            0.5 * (lit * disc + (1.0 + extinction) * f64::from(self.light.ambient[i]))
         };
         let mut codes = vec![0_u16; width * height];
         codes.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, code) in row.iter_mut().enumerate() {
                 let i = y * width + x;
-                let intensity = if lit == 1.0 {
-                    light(&self.lit, i)
-                } else {
-                    lit * light(&self.lit, i) + (1.0 - lit) * light(&self.black, i)
-                };
-                let mean = electrons_per_unit * intensity * self.vignetting(x, y);
+                let mean = electrons_per_unit * light(i) * vignetting(camera, x, y);
                 let electrons = electrons(
                     noise ^ (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15),
                     mean.max(0.0),
@@ -146,12 +137,6 @@ impl Bench {
         let since = frame.start.saturating_sub(self.steady_since).as_nanos() / period.as_nanos().max(1);
         let state = [cos2, sin2, lit, frame.settings.exposure_s, frame.settings.gain].map(f64::to_bits);
         key(&[self.config.seed, key(&state), since as u64])
-    }
-
-    fn vignetting(&self, x: usize, y: usize) -> f64 {
-        let half = [f64::from(self.config.camera.width) / 2.0, f64::from(self.config.camera.height) / 2.0];
-        let (u, v) = ((x as f64 + 0.5) / half[0] - 1.0, (y as f64 + 0.5) / half[1] - 1.0);
-        1.0 - self.config.camera.vignetting * 0.5 * (u * u + v * v)
     }
 
     /// Mean of (cos 2ψ, sin 2ψ) over an exposure, which is all that Malus' law needs.
@@ -179,6 +164,27 @@ impl Bench {
             .sum();
         if end > start { on.as_secs_f64() / (end - start).as_secs_f64() } else { 0.0 }
     }
+}
+
+/// Exposure (ms) that fills the brightest pixel to 85 % of well and converter at its brightest analyser angle.
+fn metered_ms(config: &BenchConfig, light: &StokesImage) -> f64 {
+    let [s0, s1, s2] = &light.planes;
+    let camera = &config.camera;
+    let width = camera.width as usize;
+    let brightest = (0..s0.len())
+        .map(|i| {
+            let disc = 0.5 * f64::from(s0[i] + s1[i].hypot(s2[i]) + light.ambient[i]);
+            disc * vignetting(camera, i % width, i / width)
+        })
+        .fold(0.0, f64::max);
+    let electrons = 0.85 * camera.well_e / camera.gain.max(1.0);
+    (electrons / (camera.sensitivity_e_ms * brightest.max(1e-9))).clamp(1e-3, 1e6)
+}
+
+fn vignetting(camera: &CameraConfig, x: usize, y: usize) -> f64 {
+    let half = [f64::from(camera.width) / 2.0, f64::from(camera.height) / 2.0];
+    let (u, v) = ((x as f64 + 0.5) / half[0] - 1.0, (y as f64 + 0.5) / half[1] - 1.0);
+    1.0 - camera.vignetting * 0.5 * (u * u + v * v)
 }
 
 impl Clock for Bench {

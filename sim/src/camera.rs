@@ -1,6 +1,7 @@
 //! The camera as a free-running stream: a queue of frames that goes stale, and settings that act late.
 
 use crate::config::CameraConfig;
+use nacre_drivers::Stamp;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -26,6 +27,13 @@ pub struct Exposed {
     pub settings: Settings,
 }
 
+impl Exposed {
+    /// What the camera says of the frame.
+    pub fn stamp(&self) -> Stamp {
+        Stamp { sequence: self.sequence, timestamp: self.end }
+    }
+}
+
 /// Timing of a simulated camera.
 pub struct Camera {
     readout: Duration,
@@ -40,14 +48,14 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera that starts to stream at time 0.
-    pub fn new(config: &CameraConfig) -> Self {
+    /// A camera that starts to stream at time 0 with this exposure time.
+    pub fn new(config: &CameraConfig, exposure_s: f64) -> Self {
         Self {
             readout: Duration::from_secs_f64(config.readout_ms / 1000.0),
             queue_length: config.queue as usize,
             lag: config.lag_frames,
             queue: VecDeque::new(),
-            settings: Settings { exposure_s: config.exposure_ms / 1000.0, gain: config.gain },
+            settings: Settings { exposure_s, gain: config.gain },
             pending: Vec::new(),
             next_start: Duration::ZERO,
             sequence: 0,
@@ -101,9 +109,8 @@ mod tests {
 
     #[test]
     fn the_queue_keeps_stale_frames_and_settings_lag() {
-        let config =
-            CameraConfig { exposure_ms: 40.0, readout_ms: 10.0, queue: 4, lag_frames: 2, ..CameraConfig::default() };
-        let mut camera = Camera::new(&config);
+        let config = CameraConfig { readout_ms: 10.0, queue: 4, lag_frames: 2, ..CameraConfig::default() };
+        let mut camera = Camera::new(&config, 0.04);
         camera.advance(Duration::from_secs(1));
         let taken: Vec<u64> = std::iter::from_fn(|| camera.take()).map(|f| f.sequence).collect();
         assert_eq!(taken, [0, 1, 2, 3], "the first four frames, a second old");

@@ -95,8 +95,8 @@ pub struct CameraConfig {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Exposure time in ms.
-    pub exposure_ms: f64,
+    /// Exposure time in ms; without it the bench is metered so that no pixel saturates at any analyser angle.
+    pub exposure_ms: Option<f64>,
     /// Gain.
     pub gain: f64,
     /// Electrons that fill a pixel.
@@ -187,7 +187,7 @@ impl Default for CameraConfig {
         Self {
             width: 1024,
             height: 1024,
-            exposure_ms: 40.0,
+            exposure_ms: None,
             gain: 1.0,
             well_e: 40_000.0,
             read_noise_e: 8.0,
@@ -255,7 +255,7 @@ impl BenchConfig {
             ("filter.band_nm", self.filter.band_nm, 0.0, 200.0),
             ("camera.width", c.width.into(), 2.0, 16_384.0),
             ("camera.height", c.height.into(), 2.0, 16_384.0),
-            ("camera.exposure_ms", c.exposure_ms, 1e-3, 1e6),
+            ("camera.exposure_ms", c.exposure_ms.unwrap_or(40.0), 1e-3, 1e6),
             ("camera.gain", c.gain, 0.01, 1000.0),
             ("camera.well_e", c.well_e, 10.0, 1e7),
             ("camera.read_noise_e", c.read_noise_e, 0.0, 1e4),

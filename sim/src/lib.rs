@@ -15,8 +15,8 @@ mod session;
 mod stage;
 pub mod surface;
 
-pub use bench::{Bench, RawFrame};
-pub use camera::Settings;
+pub use bench::Bench;
+pub use camera::{Exposed, Settings};
 pub use config::{
     BenchConfig, CameraConfig, FilmConfig, FilterConfig, GeometryConfig, GratingConfig, PanelConfig, StageConfig,
 };

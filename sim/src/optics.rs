@@ -23,8 +23,33 @@ pub struct Wavelength {
     ratio: Complex<f64>,
 }
 
+/// A direction in the surface, as cosine and sine.
+#[derive(Clone, Copy)]
+struct Axis([f64; 2]);
+
+impl Axis {
+    fn at(angle: f64) -> Self {
+        let (sin, cos) = angle.sin_cos();
+        Self([cos, sin])
+    }
+
+    /// Direction of a vector; x for none.
+    fn along(x: f64, y: f64) -> Self {
+        let length = x.hypot(y);
+        if length > 0.0 { Self([x / length, y / length]) } else { Self([1.0, 0.0]) }
+    }
+
+    /// A field behind an element that multiplies its parts along and across this axis: `diag(d).turned(angle)` without
+    /// the matrices, since this is the inner loop of rendering.
+    fn act(self, diagonal: [Complex<f64>; 2], field: JonesVector) -> JonesVector {
+        let ([c, s], [x, y]) = (self.0, field.0);
+        let (along, across) = ((x * c + y * s) * diagonal[0], (y * c - x * s) * diagonal[1]);
+        JonesVector([along * c - across * s, along * s + across * c])
+    }
+}
+
 struct FilmAt {
-    axis: f64,
+    axis: Axis,
     retardance: f64,
     front: Complex<f64>,
     index: f64,
@@ -33,7 +58,7 @@ struct FilmAt {
 /// The film's and the metal's Fresnel coefficients at one angle of incidence, relative to normal incidence, along
 /// (p) and across (s) the plane of incidence.
 pub struct Incidence {
-    azimuth: f64,
+    plane: Axis,
     through: [f64; 2],
     front: [f64; 2],
     metal: [Complex<f64>; 2],
@@ -61,7 +86,7 @@ impl Wavelength {
         let retarder = Jones::retarder(panel.retarder_deg.to_radians(), panel.retardance_deg.to_radians() * stretch);
         let front = Complex::from_polar(film.front_reflection, film.front_phase_deg.to_radians() * stretch);
         let film = FilmAt {
-            axis: film.axis_deg.to_radians(),
+            axis: Axis::at(film.axis_deg.to_radians()),
             retardance: film.retardance_deg.to_radians() * stretch,
             front,
             index: film.index,
@@ -81,8 +106,8 @@ impl Wavelength {
         ellipticity * (grating + 1.0) - 1.0
     }
 
-    /// Light of one order that comes back towards the camera, for unit panel intensity. `amplitude` is the order's
-    /// amplitude efficiency; `specular` adds the film's front reflection, which interferes.
+    /// Light of one order that comes back towards the camera, for unit panel intensity. `ratio` is the grating's R,
+    /// `amplitude` the order's amplitude efficiency; `specular` adds the film's front reflection, which interferes.
     pub fn reflect(
         &self,
         incidence: &Incidence,
@@ -91,16 +116,18 @@ impl Wavelength {
         amplitude: f64,
         specular: bool,
     ) -> Stokes {
-        let plane = incidence.azimuth;
-        let along = |ps: [Complex<f64>; 2], e: JonesVector| Jones::diagonal(ps[0], ps[1]).turned(plane).apply(e);
-        let film = Jones::retarder(self.film.axis, self.film.retardance / incidence.cos_inside);
+        let plane = incidence.plane;
+        let film = |e| {
+            let retarder = [1.0.into(), Complex::from_polar(1.0, self.film.retardance / incidence.cos_inside)];
+            self.film.axis.act(retarder, e)
+        };
         let through = incidence.through.map(Complex::from);
-        let metal = incidence.metal;
-        let inside = film.apply(along(through, self.source));
-        let back = along(metal, Jones::grating(orientation, ratio).apply(along(metal, inside)));
-        let out = along(through, film.apply(back)).scaled(amplitude.into());
+        let inside = film(plane.act(through, self.source));
+        let grating = Axis::at(orientation).act([Complex::from(-1.0), ratio], plane.act(incidence.metal, inside));
+        let back = plane.act(incidence.metal, grating);
+        let out = plane.act(through, film(back)).scaled(amplitude.into());
         let out =
-            if specular { out.plus(along(incidence.front.map(|f| self.film.front * f), self.source)) } else { out };
+            if specular { out.plus(plane.act(incidence.front.map(|f| self.film.front * f), self.source)) } else { out };
         out.stokes()
     }
 
@@ -118,7 +145,7 @@ impl Wavelength {
         let pass = |r: f64| ((1.0 - r * r) / (1.0 - normal * normal)).sqrt();
         let (metal_s, metal_p, metal_normal) = metal(n, cos_inside);
         Incidence {
-            azimuth: direction[1].atan2(direction[0]),
+            plane: Axis::along(direction[0], direction[1]),
             through: [pass(front_p), pass(front_s)],
             front: [relative(front_p), relative(front_s)],
             // Half before and half after the grating keeps the element reciprocal.
@@ -147,6 +174,16 @@ pub fn efficiency(m: i32, depth_um: f64, wavelength_um: f64, n: f64, w: f64) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The short form equals the product of Jones matrices.
+    #[test]
+    fn acting_along_an_axis_equals_the_turned_matrix() {
+        let (d, e) = ([Complex::new(0.3, -1.0), Complex::new(2.0, 0.5)], JonesVector::circular());
+        for angle in [0.0, 0.7, 2.0, -1.1] {
+            let (short, long) = (Axis::at(angle).act(d, e), Jones::diagonal(d[0], d[1]).turned(angle).apply(e));
+            assert!((0..2).all(|i| (short.0[i] - long.0[i]).norm() < 1e-14));
+        }
+    }
 
     #[test]
     fn orders_of_a_sinusoid_conserve_energy() {

@@ -15,8 +15,17 @@ const MIRROR_RATIO: Complex<f64> = Complex::new(-1.0, 0.0);
 
 /// Light before the analyser, in units of the panel's intensity; blurred by the lens, before noise.
 pub struct StokesImage {
-    /// S0, S1, S2, row-major.
+    /// S0, S1, S2 from the white disc, row-major.
     pub planes: [Vec<f32>; 3],
+    /// S0 of the unpolarized light from elsewhere, there also when the panel is black.
+    pub ambient: Vec<f32>,
+}
+
+/// Light from the disc, S0 from elsewhere, and (orientation, period, purity) of a pixel.
+struct Pixel {
+    light: Stokes,
+    ambient: f32,
+    truth: (f32, f32, f32),
 }
 
 /// A point of the sample (mm), the direction to the camera, and the disc on the panel.
@@ -58,53 +67,51 @@ impl Scene {
         self.pixel_mm
     }
 
-    /// Renders light and truth with a white disc of `disc_mm` on the panel (0: black).
+    /// Renders light and truth with a white disc of `disc_mm` on the panel.
     pub fn render(&self, disc_mm: f64) -> (StokesImage, Truth) {
         let (width, height) = (self.bench.camera.width as usize, self.bench.camera.height as usize);
-        let plane = || vec![0.0_f32; width * height];
-        let mut s = [plane(), plane(), plane()];
-        let mut truth = Truth { orientation: plane(), period_um: plane(), purity: plane() };
-        {
-            let [s0, s1, s2] = &mut s;
-            let light = s0.par_chunks_mut(width).zip(s1.par_chunks_mut(width)).zip(s2.par_chunks_mut(width));
-            let known = truth.orientation.par_chunks_mut(width).zip(truth.period_um.par_chunks_mut(width));
-            let known = known.zip(truth.purity.par_chunks_mut(width));
-            light.zip(known).enumerate().for_each(|(y, (((s0, s1), s2), ((orientation, period), purity)))| {
-                for x in 0..width {
-                    let (light, pixel) = self.pixel(x, y, disc_mm);
-                    (s0[x], s1[x], s2[x]) = (light.s0 as f32, light.s1 as f32, light.s2 as f32);
-                    (orientation[x], period[x], purity[x]) = pixel;
-                }
-            });
-        }
-        for plane in &mut s {
-            crate::blur::gaussian(plane, width, self.bench.camera.blur_px);
-        }
-        (StokesImage { planes: s }, truth)
+        let rows: Vec<Vec<Pixel>> =
+            (0..height).into_par_iter().map(|y| (0..width).map(|x| self.pixel(x, y, disc_mm)).collect()).collect();
+        let plane = |of: fn(&Pixel) -> f32| -> Vec<f32> { rows.iter().flatten().map(of).collect() };
+        let blurred = |of: fn(&Pixel) -> f32| {
+            let mut plane = plane(of);
+            crate::blur::gaussian(&mut plane, width, self.bench.camera.blur_px);
+            plane
+        };
+        let light = StokesImage {
+            planes: [blurred(|p| p.light.s0 as f32), blurred(|p| p.light.s1 as f32), blurred(|p| p.light.s2 as f32)],
+            ambient: blurred(|p| p.ambient),
+        };
+        let truth =
+            Truth { orientation: plane(|p| p.truth.0), period_um: plane(|p| p.truth.1), purity: plane(|p| p.truth.2) };
+        (light, truth)
     }
 
-    /// Light of one pixel and its (orientation, period, purity), over all its rays.
-    fn pixel(&self, x: usize, y: usize, disc_mm: f64) -> (Stokes, (f32, f32, f32)) {
+    /// Everything about one pixel, over all its rays.
+    fn pixel(&self, x: usize, y: usize, disc_mm: f64) -> Pixel {
         let n = self.bench.camera.subsamples;
         let (width, height) = (f64::from(self.bench.camera.width), f64::from(self.bench.camera.height));
         let mut light = Stokes::default();
         let mut mean = GratingMean::default();
+        let mut reflectance = 0.0;
         for k in 0..n * n {
             let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
             let x_mm = (x as f64 + offset(k % n) - 0.5 * width) * self.pixel_mm;
             let y_mm = (0.5 * height - y as f64 - offset(k / n)) * self.pixel_mm;
             let point = self.sample.at(x_mm, y_mm);
             mean.add(&point);
+            reflectance += point.reflectance;
             light = light + self.ray(x_mm, y_mm, &point, disc_mm);
         }
-        (light * (1.0 / f64::from(n * n)), mean.result(n * n))
+        let rays = n * n;
+        let ambient = self.bench.panel.ambient as f32 * reflectance / rays as f32;
+        Pixel { light: light * (1.0 / f64::from(rays)), ambient, truth: mean.result(rays) }
     }
 
     /// Light from one point of the sample towards the camera.
     fn ray(&self, x: f64, y: f64, point: &Point, disc_mm: f64) -> Stokes {
         let (distance, half) = (self.bench.geometry.distance_mm, 0.5 * self.bench.geometry.baseline_mm);
         let ray = Ray { x, y, view: unit([-half - x, -y, distance]), disc_mm };
-        let ambient = Stokes::unpolarized(self.bench.panel.ambient * f64::from(point.reflectance));
         let seen = match point.surface {
             Surface::Nothing => return Stokes::default(),
             // A diffuser sees the whole disc: its solid angle over π.
@@ -117,7 +124,7 @@ impl Scene {
                 (-highest..=highest).map(|m| self.order(&ray, point, m)).fold(Stokes::default(), |a, b| a + b)
             }
         };
-        (seen * f64::from(point.reflectance)) + ambient
+        seen * f64::from(point.reflectance)
     }
 
     /// Light that order `m` brings from the panel, over the band.
@@ -160,7 +167,7 @@ impl Scene {
         let radius = (hit(ray.x, direction[0]) - half).hypot(hit(ray.y, direction[1]));
         let edge = self.bench.camera.aperture_mm.max(1e-6);
         let inside = ((0.5 * ray.disc_mm - radius) / edge + 0.5).clamp(0.0, 1.0);
-        if ray.disc_mm <= 0.0 || inside == 0.0 {
+        if inside == 0.0 {
             return 0.0;
         }
         inside * inside * (3.0 - 2.0 * inside) * direction[2].powf(self.bench.panel.falloff)

@@ -1,6 +1,6 @@
 //! A polarization session on the virtual bench, written as the folder that reconstructions read.
 
-use crate::bench::{Bench, RawFrame};
+use crate::bench::Bench;
 use nacre_drivers::{Clock, Freshness};
 use nacre_processing::frames::{FILE_NAME, Frame, FrameSet, Geometry, Kind, Transfer, save};
 use nacre_processing::image::{Attribute, OutputFolder, write_exr, write_png16_gray};
@@ -22,11 +22,11 @@ pub fn capture(
     bench: &mut Bench,
     angles_deg: &[f64],
     progress: &dyn Progress,
-    mut store: impl FnMut(usize, RawFrame) -> Result<()>,
+    mut store: impl FnMut(usize, Vec<u16>) -> Result<()>,
 ) -> Result<u64> {
     let camera = bench.config().camera.clone();
-    let exposure = Duration::from_secs_f64(camera.exposure_ms / 1000.0);
-    bench.set_camera(camera.exposure_ms / 1000.0, camera.gain);
+    let exposure = Duration::from_secs_f64(bench.exposure_ms() / 1000.0);
+    bench.set_camera(exposure.as_secs_f64(), camera.gain);
     bench.show_disc(true);
     let mut freshness =
         Freshness { steady_since: bench.now(), controls_set: bench.now(), control_lag_frames: camera.lag_frames };
@@ -38,7 +38,7 @@ pub fn capture(
         let mut stale = 0;
         let frame = loop {
             let frame = bench.next_frame();
-            if freshness.accepts(frame.stamp, exposure, bench.readout()) {
+            if freshness.accepts(frame.stamp(), exposure, bench.readout()) {
                 break frame;
             }
             stale += 1;
@@ -48,7 +48,7 @@ pub fn capture(
             }
         };
         dropped += u64::from(stale);
-        store(i, frame)?;
+        store(i, bench.codes(&frame))?;
         progress.step();
     }
     bench.show_disc(false);
@@ -70,8 +70,8 @@ pub fn write_session(
     progress.stage("capturing", angles_deg.len() as u64);
     let name = |i: usize| PathBuf::from("frames").join(format!("{i:04}.png"));
     let (width, height) = (bench.config().camera.width as usize, bench.config().camera.height as usize);
-    let dropped = capture(bench, angles_deg, progress, |i, frame| {
-        write_png16_gray(&folder.path(&name(i).to_string_lossy()), width, height, &frame.codes)
+    let dropped = capture(bench, angles_deg, progress, |i, codes| {
+        write_png16_gray(&folder.path(&name(i).to_string_lossy()), width, height, &codes)
     })?;
     let set = describe(bench, angles_deg, name);
     folder.write(FILE_NAME, save(&set).as_bytes())?;
@@ -88,7 +88,7 @@ fn describe(bench: &Bench, angles_deg: &[f64], name: impl Fn(usize) -> PathBuf) 
     let frame = |(i, angle): (usize, &f64)| Frame {
         file: name(i),
         analyser_deg: Some(*angle),
-        exposure_s: Some(camera.exposure_ms / 1000.0),
+        exposure_s: Some(bench.exposure_ms() / 1000.0),
         gain: Some(camera.gain),
     };
     FrameSet {
@@ -130,6 +130,7 @@ fn write_truth(bench: &Bench, folder: &OutputFolder) -> Result<()> {
 mod tests {
     use super::*;
     use crate::BenchConfig;
+    use crate::surface::SampleKind;
     use nacre_processing::polarimetry::{Design, Fit, FrameNoise, angle_difference, orient};
     use nacre_processing::progress::Silent;
 
@@ -141,8 +142,8 @@ mod tests {
 
     fn frames(config: &BenchConfig, angles: &[f64]) -> Vec<Vec<u16>> {
         let mut frames = vec![];
-        capture(&mut Bench::new(config), angles, &Silent, |_, f| {
-            frames.push(f.codes);
+        capture(&mut Bench::new(config), angles, &Silent, |_, codes| {
+            frames.push(codes);
             Ok(())
         })
         .unwrap();
@@ -161,7 +162,9 @@ mod tests {
     /// Without the freshness rule the queue's stale frames would be taken: 12 angles would all show the first.
     #[test]
     fn stale_frames_are_dropped() {
-        let mut bench = Bench::new(&small());
+        let mut config = small();
+        config.camera.exposure_ms = Some(15.0);
+        let mut bench = Bench::new(&config);
         let dropped = capture(&mut bench, &[0.0, 45.0, 90.0], &Silent, |_, _| Ok(())).unwrap();
         assert!(dropped >= 3 * 4, "{dropped}: at least a full queue of 4 per angle");
         let mut stale = Bench::new(&small());
@@ -169,7 +172,8 @@ mod tests {
         stale.show_disc(true);
         stale.wait(Duration::from_secs(1));
         let old = stale.next_frame();
-        let mean = old.codes.iter().map(|&c| f64::from(c)).sum::<f64>() / old.codes.len() as f64;
+        let codes = stale.codes(&old);
+        let mean = codes.iter().map(|&c| f64::from(c)).sum::<f64>() / codes.len() as f64;
         assert!(mean < 80.0, "the oldest frame in the queue was taken before the light was on: {mean}");
     }
 
@@ -177,8 +181,8 @@ mod tests {
     #[test]
     fn the_bench_shows_the_orientation_of_its_sample() {
         let mut config = small();
+        config.sample.kind = SampleKind::Cd;
         config.camera.well_e = 1e7;
-        config.camera.sensitivity_e_ms = 1e5;
         config.camera.bits = 16;
         config.camera.blur_px = 0.0;
         config.stage.repeatability_deg = 0.0;

@@ -134,26 +134,35 @@ fn judge(result: &Path, truth: &Truth) -> Result<Judged, Failure> {
 
 /// Photograph, measured map, truth and error side by side.
 fn overview(session: &Path, judged: &Judged, truth: &Truth) -> Result<Canvas, Failure> {
-    const SIDE: usize = 480;
+    const SIDE: usize = 520;
     let step = judged.width.max(judged.height).div_ceil(SIDE).max(1);
     let (width, height) = (judged.width / step, judged.height / step);
     let at = |x: usize, y: usize| y * step * judged.width + x * step;
     let offset = judged.error.map_or(0.0, |e| e.offset_deg.to_radians()) as f32;
     let gauge = |t: f32| t.is_finite().then(|| (t - offset).rem_euclid(std::f32::consts::PI));
 
-    let photograph = read(&session.join("frames/0000.png"))?;
-    let nacre_processing::image::Samples::U16(codes) = photograph.samples else {
+    let frame = read(&session.join("frames/0000.png"))?;
+    let nacre_processing::image::Samples::U16(codes) = frame.samples else {
         return Err(Error::input("frames/0000.png", "is not 16-bit", "report this").into());
     };
     let top = codes.iter().copied().max().unwrap_or(1).max(1);
-    let photo = |x: usize, y: usize| Some(f32::from(codes[at(x, y)]));
+    let mut photo = Canvas::new(width, height, [0, 0, 0]);
+    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+        // A display's gamma, so that dark parts show.
+        let grey = (255.0 * (f32::from(codes[at(x, y)]) / f32::from(top)).powf(1.0 / 2.2)) as u8;
+        photo.set(x, y, [grey; 3]);
+    }
+    let mut photograph = orientation_picture(width, height, &|_, _| None, "One of the photographs");
+    photograph.fill([250, 250, 250]);
+    photograph.blit(&photo, 0, 0);
+    photograph.text(width as f32 + 16.0, 16.0, 15.0, [30, 30, 30], "One of the photographs");
     let error = |x: usize, y: usize| {
         let (measured, known) = (gauge(judged.orientation[at(x, y)])?, truth.orientation[at(x, y)]);
         let difference = nacre_processing::polarimetry::angle_difference(measured.into(), known.into());
         known.is_finite().then(|| difference.abs().to_degrees() as f32)
     };
     let panels = [
-        scalar_picture(width, height, &photo, 0.0, top.into(), "code", "One of the photographs"),
+        photograph,
         orientation_picture(width, height, &|x, y| gauge(judged.orientation[at(x, y)]), "Measured orientation"),
         orientation_picture(width, height, &|x, y| gauge(truth.orientation[at(x, y)] + offset), "True orientation"),
         scalar_picture(width, height, &error, 0.0, 2.0, "error (°)", "Difference"),

@@ -116,10 +116,11 @@ impl BenchOptions {
         if let Some(size) = self.size {
             (bench.camera.width, bench.camera.height) = (size, size);
         }
-        let check = bench.validate().and_then(|()| match self.angles_deg.iter().find(|a| !a.is_finite() || a.abs() > 1e6) {
-            Some(bad) => Err(format!("angles-deg holds {bad}; give finite degrees")),
-            None => Ok(()),
-        });
+        let check =
+            bench.validate().and_then(|()| match self.angles_deg.iter().find(|a| !a.is_finite() || a.abs() > 1e6) {
+                Some(bad) => Err(format!("angles-deg holds {bad}; give finite degrees")),
+                None => Ok(()),
+            });
         check.map_err(|problem| Error::input("bench", problem, "`nacre schema bench` lists all keys"))?;
         Ok(bench)
     }

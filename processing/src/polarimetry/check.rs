@@ -13,10 +13,12 @@ pub struct CircleCheck {
     pub center: [f64; 2],
     /// Its radius.
     pub radius: f64,
-    /// Root mean square distance of the points from the circle, relative to the radius (noise and mixed dots included).
+    /// Scatter of the points about the circle (1.48 median distance), relative to the radius.
     pub spread: f64,
-    /// Share of the circle that the points cover, in 10° steps. Under one half the circle is a guess.
-    pub coverage: f64,
+    /// The scatter that noise alone explains.
+    pub spread_of_noise: f64,
+    /// Widest gap between the points along the circle, in degrees of orientation. Over 60° the circle is a guess.
+    pub gap_deg: f64,
     /// Mean error of the orientation that a circle off its centre causes, after the best common offset, in degrees.
     pub bias_deg: f64,
 }
@@ -27,32 +29,41 @@ const NEGLIGIBLE_BIAS_DEG: f64 = 0.5;
 impl CircleCheck {
     /// The warning that belongs in front of a user, if any.
     pub fn warning(&self) -> Option<String> {
-        if self.coverage < 0.5 {
+        if self.gap_deg > 60.0 {
             return Some(format!(
-                "the orientations in view cover {:.0} % of the half turn, too little to check the sinusoid model: behind a \
-                 birefringent film the map can be wrong by much more than σ says",
-                100.0 * self.coverage
+                "no orientations over a range of {:.0}° are in view, too few to check the sinusoid model: behind a birefringent \
+                 film the map can be wrong by much more than σ says",
+                self.gap_deg
             ));
         }
-        (self.bias_deg > NEGLIGIBLE_BIAS_DEG).then(|| {
-            format!(
+        if self.bias_deg > NEGLIGIBLE_BIAS_DEG {
+            return Some(format!(
                 "the sinusoid model does not hold if this is a grating: (S1/S0, S2/S0) circles ({:.3}, {:.3}) instead of the \
                  origin, as behind a birefringent film; orientations are off by about {:.1}° on average, which σ does not hold",
                 self.center[0], self.center[1], self.bias_deg
+            ));
+        }
+        (self.spread > MIXED_SPREAD.max(3.0 * self.spread_of_noise)).then(|| {
+            format!(
+                "the strength of the modulation varies by {:.0} % where noise explains {:.0} %: a sample of several periods or \
+                 depths has a different offset for each, which shifts orientations against each other by up to about 20°",
+                100.0 * self.spread,
+                100.0 * self.spread_of_noise
             )
         })
     }
 }
 
+/// Relative scatter of the modulation beyond which the pixels do not share one grating profile.
+const MIXED_SPREAD: f64 = 0.05;
+
 /// Fits the circle to at most 100,000 unmasked pixels; None when fewer than 100 are left.
 pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCheck> {
     const PIXELS: usize = 100_000;
     let stride = (maps.s0.len() / PIXELS).max(1);
-    let points: Vec<[f64; 2]> = (0..maps.s0.len())
-        .step_by(stride)
-        .filter(|&i| map.orientation[i].is_finite())
-        .map(|i| [f64::from(maps.s1[i] / maps.s0[i]), f64::from(maps.s2[i] / maps.s0[i])])
-        .collect();
+    let valid: Vec<usize> = (0..maps.s0.len()).step_by(stride).filter(|&i| map.orientation[i].is_finite()).collect();
+    let points: Vec<[f64; 2]> =
+        valid.iter().map(|&i| [f64::from(maps.s1[i] / maps.s0[i]), f64::from(maps.s2[i] / maps.s0[i])]).collect();
     if points.len() < 100 {
         return None;
     }
@@ -61,9 +72,13 @@ pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCh
     let limit = 2.0 * median_distance(&points, first);
     let near: Vec<_> = points.iter().copied().filter(|p| distance(p, first) <= limit).collect();
     let (center, radius) = least_squares_circle(&near)?;
-    let square: f64 = points.iter().map(|p| distance(p, (center, radius)).powi(2)).sum();
-    let spread = (square / points.len() as f64).sqrt() / radius;
-    Some(CircleCheck { center, radius, spread, coverage: coverage(&points, center), bias_deg: bias(&points, center) })
+    let spread = 1.4826 * median_distance(&points, (center, radius)) / radius;
+    // σ(θ) is half the relative error across the modulation, which is about that along it.
+    let mut sigma: Vec<f32> = valid.iter().map(|&i| map.sigma[i]).collect();
+    let middle = sigma.len() / 2;
+    let spread_of_noise = 2.0 * f64::from(*sigma.select_nth_unstable_by(middle, f32::total_cmp).1);
+    let (gap_deg, bias_deg) = (gap(&points, center), bias(&points, center));
+    Some(CircleCheck { center, radius, spread, spread_of_noise, gap_deg, bias_deg })
 }
 
 type Circle = ([f64; 2], f64);
@@ -92,14 +107,21 @@ fn median_distance(points: &[[f64; 2]], circle: Circle) -> f64 {
     *distances.select_nth_unstable_by(middle, f64::total_cmp).1 + 1e-9 * circle.1
 }
 
-/// Share of 36 sectors about the centre that hold at least 0.1 % of the points.
-fn coverage(points: &[[f64; 2]], center: [f64; 2]) -> f64 {
-    let mut sectors = [0usize; 36];
+/// Widest run of 10° sectors about the centre that hold less than 0.1 % of the points, in degrees of orientation.
+fn gap(points: &[[f64; 2]], center: [f64; 2]) -> f64 {
+    const SECTORS: usize = 36;
+    let mut count = [0usize; SECTORS];
     for p in points {
         let turn = (p[1] - center[1]).atan2(p[0] - center[0]) / std::f64::consts::TAU;
-        sectors[(turn.rem_euclid(1.0) * 36.0) as usize % 36] += 1;
+        count[(turn.rem_euclid(1.0) * SECTORS as f64) as usize % SECTORS] += 1;
     }
-    sectors.iter().filter(|&&n| n * 1000 >= points.len()).count() as f64 / 36.0
+    let (mut longest, mut run) = (0, 0);
+    // Twice around, so that a run across the end counts whole.
+    for k in 0..2 * SECTORS {
+        run = if count[k % SECTORS] * 1000 < points.len() { run + 1 } else { 0 };
+        longest = longest.max(run);
+    }
+    longest.min(SECTORS) as f64 * 180.0 / SECTORS as f64
 }
 
 /// Mean |half angle between a point seen from the origin and from the circle's centre|, after the mean is removed.
@@ -155,6 +177,6 @@ mod tests {
 
     #[test]
     fn a_short_arc_cannot_be_checked() {
-        assert!(check([0.0, 0.0], 0.3, 0.3).warning().unwrap().contains("too little"));
+        assert!(check([0.0, 0.0], 0.3, 0.3).warning().unwrap().contains("too few"));
     }
 }

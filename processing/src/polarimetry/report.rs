@@ -23,6 +23,8 @@ pub struct Report {
     pub pixels: Pixels,
     /// The noise model behind σ.
     pub noise: NoiseReport,
+    /// Expected error of a typical orientation: the median σ, and the bias that the check below finds.
+    pub error_estimate_deg: Option<f64>,
     /// Does the sinusoid explain the data?
     pub circle: Option<CircleCheck>,
     /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
@@ -106,6 +108,7 @@ impl Report {
             warnings,
             width: frames.info.width / block,
             height: frames.info.height / block,
+            error_estimate_deg: pixels.sigma_median_deg.map(|sigma| sigma.hypot(circle.map_or(0.0, |c| c.bias_deg))),
             pixels,
             noise: NoiseReport { source, shot: mean(|n| n.shot), floor: mean(|n| n.floor) },
             circle,
