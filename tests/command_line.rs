@@ -1,1 +1,209 @@
-fn main() {}
+//! The commands as a user types them: demo, import, reconstruct, sim, schema.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_processing::image::read_exr;
+use nacre_tests::{listing, nacre, test_data};
+use std::path::Path;
+
+fn args<'a>(fixed: &[&'a str], path: &'a Path) -> Vec<&'a str> {
+    let path = path.to_str().unwrap();
+    fixed.iter().map(|a| if *a == "OUT" { path } else { a }).collect()
+}
+
+#[test]
+fn the_demo_meets_its_bound_and_says_where_things_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("demo");
+    let run = nacre(args(&["--json", "demo", "--size", "256", "--out", "OUT"], &out)).expect(0);
+    let json = run.json();
+    assert!(json["error"]["mean_deg"].as_f64().unwrap() < 0.5, "{json}");
+    assert_eq!(json["within_bound"], true);
+    for file in ["session/frames.json", "session/truth.exr", "result/report.json", "result/overview.png"] {
+        assert!(out.join(file).exists(), "{file}");
+    }
+    let again = nacre(args(&["demo", "--size", "64", "--out", "OUT"], &out)).expect(2);
+    assert!(again.stderr().contains("session"), "{}", again.stderr());
+}
+
+/// The bound is real: a strong film bends the phase, the program says so and does not claim success.
+#[test]
+fn a_birefringent_film_misses_the_bound_and_is_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("film");
+    let run =
+        nacre(args(&["--json", "demo", "--size", "256", "--retardance-deg", "10", "--out", "OUT"], &out)).expect(1);
+    let json = run.json();
+    let mean = json["error"]["mean_deg"].as_f64().unwrap();
+    let predicted = json["report"]["circle"]["bias_deg"].as_f64().unwrap();
+    assert!(mean > 2.0 && (0.5..2.0).contains(&(predicted / mean)), "mean {mean}, predicted {predicted}");
+    assert!(json["report"]["warnings"][0].as_str().unwrap().contains("film"));
+}
+
+#[test]
+fn every_sample_renders_and_sessions_repeat_to_the_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    for kind in ["kinematic", "stars", "polygons", "circles", "fireworks", "logo", "emblem", "cd", "stochastic"] {
+        let render = |name: &str, seed: &str| {
+            let out = folder.path().join(format!("{kind}-{name}"));
+            let fixed = [
+                "sim",
+                "render",
+                "--sample",
+                kind,
+                "--size",
+                "48",
+                "--seed",
+                seed,
+                "--angles-deg",
+                "0,60,120",
+                "--out",
+                "OUT",
+            ];
+            nacre(args(&fixed, &out)).expect(0);
+            std::fs::read(out.join("frames/0001.png")).unwrap()
+        };
+        let first = render("a", "4");
+        assert!(first == render("b", "4"), "{kind} repeats");
+        assert!(first != render("c", "5"), "{kind} depends on the seed");
+    }
+}
+
+#[test]
+fn the_eight_photographs_agree_with_plain_least_squares() {
+    let Some(data) = test_data() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (series, result) = (folder.path().join("series"), folder.path().join("result"));
+    let source = data.join("polarization/rotating_analyser_630nm");
+    nacre(["import", source.to_str().unwrap(), "--out", series.to_str().unwrap()]).expect(0);
+    nacre(["reconstruct", "polarization", series.to_str().unwrap(), "--out", result.to_str().unwrap()]).expect(0);
+    let angles: Vec<f64> = (0..8).map(|k| 45.0 * f64::from(k)).collect();
+    let images: Vec<Vec<f64>> = angles
+        .iter()
+        .map(|a| {
+            let image = image::open(source.join(format!("{a:03}.png"))).unwrap().to_luma8();
+            image.into_raw().into_iter().map(|v| f64::from(v) / 255.0).collect()
+        })
+        .collect();
+    compare_stokes(&result, &angles, &images, |i, k| images[k][i]);
+}
+
+#[test]
+fn the_polarization_sensor_agrees_with_plain_least_squares() {
+    let Some(data) = test_data() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (series, result) = (folder.path().join("series"), folder.path().join("result"));
+    let source = data.join("polarization/imx250mzr");
+    let kind = ["--kind", "division-of-focal-plane", "--layout", "90,45,135,0"];
+    nacre(["import", source.to_str().unwrap(), "--out", series.to_str().unwrap()].into_iter().chain(kind)).expect(0);
+    nacre(["reconstruct", "polarization", series.to_str().unwrap(), "--out", result.to_str().unwrap()]).expect(0);
+    let raw = image::open(source.join("camera_IMX250MZR.png")).unwrap().to_luma8();
+    let width = raw.width() as usize / 2;
+    let at = |i: usize, k: usize| {
+        let (x, y) = (2 * (i % width) + k % 2, 2 * (i / width) + k / 2);
+        f64::from(raw.get_pixel(x as u32, y as u32).0[0]) / 255.0
+    };
+    let images: Vec<Vec<f64>> =
+        (0..4).map(|k| (0..width * raw.height() as usize / 2).map(|i| at(i, k)).collect()).collect();
+    compare_stokes(&result, &[90.0, 45.0, 135.0, 0.0], &images, at);
+}
+
+/// Least squares of its own: normal equations per pixel in f64, solved by elimination.
+fn compare_stokes(result: &Path, angles: &[f64], images: &[Vec<f64>], at: impl Fn(usize, usize) -> f64) {
+    let stokes = read_exr(&result.join("stokes.exr")).unwrap();
+    let map = read_exr(&result.join("orientation.exr")).unwrap();
+    let rows: Vec<[f64; 3]> = angles.iter().map(|a| 2.0 * a.to_radians()).map(|p| [1.0, p.cos(), p.sin()]).collect();
+    let (mut worst, mut counted) = (0.0_f64, 0);
+    for i in 0..images[0].len() {
+        let mut m = [[0.0; 4]; 3];
+        for (k, row) in rows.iter().enumerate() {
+            for a in 0..3 {
+                (0..3).for_each(|b| m[a][b] += row[a] * row[b]);
+                m[a][3] += row[a] * at(i, k);
+            }
+        }
+        let fit = eliminate(m);
+        let saturated = (0..rows.len()).any(|k| at(i, k) >= 1.0);
+        for (channel, wanted) in ["S0", "S1", "S2"].iter().zip(fit) {
+            let got = f64::from(stokes.channels[*channel][i]);
+            assert_eq!(got.is_nan(), saturated, "pixel {i}");
+            if !saturated {
+                worst = worst.max((got - 2.0 * wanted).abs() / (2.0 * fit[0]).max(1.0 / 255.0));
+                counted += 1;
+            }
+        }
+        assert_eq!(map.channels["mask"][i] == 1.0, map.channels["orientation"][i].is_finite());
+    }
+    assert!(worst < 1e-5 && counted > 1000, "worst {worst} of {counted}");
+}
+
+fn eliminate(mut m: [[f64; 4]; 3]) -> [f64; 3] {
+    for p in 0..3 {
+        let pivot = m[p];
+        for (r, row) in m.iter_mut().enumerate() {
+            if r != p {
+                let factor = row[p] / pivot[p];
+                (0..4).for_each(|c| row[c] -= factor * pivot[c]);
+            }
+        }
+    }
+    [0, 1, 2].map(|r| m[r][3] / m[r][r])
+}
+
+#[test]
+fn import_asks_instead_of_guessing_and_never_overwrites() {
+    let folder = tempfile::tempdir().unwrap();
+    let png = |name: &str| image::GrayImage::new(4, 4).save(folder.path().join(name)).unwrap();
+    (1..=3).for_each(|k| png(&format!("IMG_000{k}.png")));
+    let path = folder.path().to_str().unwrap();
+    let counter = nacre(["import", path]).expect(2);
+    assert!(counter.stderr().contains("--angles-deg"), "{}", counter.stderr());
+    assert!(!folder.path().join("frames.json").exists());
+    nacre(["import", path, "--angles-deg", "0,60,120"]).expect(0);
+    let again = nacre(["import", path, "--angles-deg", "0,45,90"]).expect(2);
+    assert!(again.stderr().contains("--force"), "{}", again.stderr());
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("frames.json")).unwrap()).unwrap();
+    assert_eq!(json["frames"][2]["analyser_deg"], 120.0);
+    assert_eq!(listing(folder.path()).len(), 4);
+}
+
+#[test]
+fn import_reads_exposure_times_from_exif() {
+    let Some(data) = test_data() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("bracket");
+    let source = data.join("hdr");
+    let run = nacre([
+        "--json",
+        "import",
+        source.to_str().unwrap(),
+        "--kind",
+        "exposures",
+        "--channel",
+        "g",
+        "--out",
+        out.to_str().unwrap(),
+    ])
+    .expect(0)
+    .json();
+    let times: Vec<f64> = run["frames"].as_array().unwrap().iter().map(|f| f["exposure_s"].as_f64().unwrap()).collect();
+    assert!((times[0] - 2.0).abs() < 1e-9 && (times[6] - 1.0 / 4000.0).abs() < 1e-9, "{times:?}");
+    assert_eq!(run["transfer"], "srgb");
+}
+
+#[test]
+fn schemas_and_help_are_there() {
+    let frames = nacre(["schema", "frames"]).expect(0).json();
+    assert!(frames["properties"]["layout"]["description"].as_str().unwrap().contains("2×2"));
+    let bench = nacre(["schema", "bench"]).expect(0).json();
+    assert!(
+        bench["properties"]["film"].is_object() && bench["$defs"]["FilmConfig"]["properties"]["axis_deg"].is_object()
+    );
+    for command in [&["demo"][..], &["import"], &["schema"], &["sim", "render"], &["reconstruct", "polarization"], &[]]
+    {
+        let help = nacre(command.iter().copied().chain(["--help"])).expect(0);
+        assert!(help.stdout().contains("Example"), "{command:?}");
+    }
+    nacre(["reconstruct", "polarisation"]).expect(2);
+}

@@ -69,8 +69,9 @@ pub fn summary(report: &Report) -> String {
     let pixels = &report.pixels;
     let percent = |n: usize| 100.0 * n as f64 / pixels.all.max(1) as f64;
     let mut text = format!(
-        "frames    {} photographs, {} × {} pixels\nmodel     {} ({})\n",
+        "frames    {} photograph{}, {} × {} pixels\nmodel     {} ({})\n",
         report.frames.len(),
+        if report.frames.len() == 1 { "" } else { "s" },
         report.width,
         report.height,
         report.model,

@@ -20,7 +20,8 @@ pub struct CircleCheck {
     /// Widest gap between the points along the circle, in degrees of orientation. Over 60° the circle is a guess.
     pub gap_deg: f64,
     /// Mean error of the orientation that a circle off its centre causes, after the best common offset, in degrees.
-    pub bias_deg: f64,
+    /// None when the points form no ring, so that there is no centre to speak of.
+    pub bias_deg: Option<f64>,
 }
 
 /// Below this the centre is not distinguishable from the origin in practice, and the sinusoid stands.
@@ -29,6 +30,13 @@ const NEGLIGIBLE_BIAS_DEG: f64 = 0.5;
 impl CircleCheck {
     /// The warning that belongs in front of a user, if any.
     pub fn warning(&self) -> Option<String> {
+        let Some(bias) = self.bias_deg else {
+            return Some(
+                "the points (S1/S0, S2/S0) form no ring, so the sinusoid model cannot be checked: the map is the angle of \
+                 linear polarization, which is the orientation only of gratings of one period without a birefringent film"
+                    .into(),
+            );
+        };
         if self.gap_deg > 60.0 {
             return Some(format!(
                 "no orientations over a range of {:.0}° are in view, too few to check the sinusoid model: behind a birefringent \
@@ -36,11 +44,11 @@ impl CircleCheck {
                 self.gap_deg
             ));
         }
-        if self.bias_deg > NEGLIGIBLE_BIAS_DEG {
+        if bias > NEGLIGIBLE_BIAS_DEG {
             return Some(format!(
                 "the sinusoid model does not hold if this is a grating: (S1/S0, S2/S0) circles ({:.3}, {:.3}) instead of the \
-                 origin, as behind a birefringent film; orientations are off by about {:.1}° on average, which σ does not hold",
-                self.center[0], self.center[1], self.bias_deg
+                 origin, as behind a birefringent film; orientations are off by about {bias:.1}° on average, which σ does not hold",
+                self.center[0], self.center[1]
             ));
         }
         (self.spread > MIXED_SPREAD.max(3.0 * self.spread_of_noise)).then(|| {
@@ -56,6 +64,9 @@ impl CircleCheck {
 
 /// Relative scatter of the modulation beyond which the pixels do not share one grating profile.
 const MIXED_SPREAD: f64 = 0.05;
+
+/// Relative scatter from which the points are a blob and not a ring (a Gaussian blob has about 0.5).
+const NO_RING_SPREAD: f64 = 0.3;
 
 /// Fits the circle to at most 100,000 unmasked pixels; None when fewer than 100 are left.
 pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCheck> {
@@ -77,7 +88,8 @@ pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCh
     let mut sigma: Vec<f32> = valid.iter().map(|&i| map.sigma[i]).collect();
     let middle = sigma.len() / 2;
     let spread_of_noise = 2.0 * f64::from(*sigma.select_nth_unstable_by(middle, f32::total_cmp).1);
-    let (gap_deg, bias_deg) = (gap(&points, center), bias(&points, center));
+    let gap_deg = gap(&points, center);
+    let bias_deg = (spread < NO_RING_SPREAD).then(|| bias(&points, center));
     Some(CircleCheck { center, radius, spread, spread_of_noise, gap_deg, bias_deg })
 }
 
@@ -151,19 +163,22 @@ mod tests {
                 [center[0] + radius * turn.cos(), center[1] + radius * turn.sin()]
             })
             .collect();
-        let s0 = vec![1.0_f32; points.len()];
+        check_points(&points)
+    }
+
+    fn check_points(points: &[[f64; 2]]) -> CircleCheck {
+        let n = points.len();
+        let s0 = vec![1.0_f32; n];
         let (s1, s2) = (points.iter().map(|p| p[0] as f32).collect(), points.iter().map(|p| p[1] as f32).collect());
-        let maps =
-            StokesMaps { width: n as usize, height: 1, residual: s0.clone(), correlation: s0.clone(), s0, s1, s2 };
-        let map =
-            OrientationMaps { width: n as usize, height: 1, orientation: maps.s0.clone(), sigma: maps.s0.clone() };
+        let maps = StokesMaps { width: n, height: 1, residual: s0.clone(), correlation: s0.clone(), s0, s1, s2 };
+        let map = OrientationMaps { width: n, height: 1, orientation: maps.s0.clone(), sigma: maps.s0.clone() };
         check_circle(&maps, &map).unwrap()
     }
 
     #[test]
     fn a_centred_circle_raises_no_warning() {
         let c = check([0.0, 0.0], 0.3, 1.0);
-        assert!(c.bias_deg < 1e-4 && c.spread < 1e-5 && c.warning().is_none(), "{c:?}");
+        assert!(c.bias_deg.unwrap() < 1e-4 && c.spread < 1e-5 && c.warning().is_none(), "{c:?}");
     }
 
     /// A centre off by ε of the radius turns the phase by ε sin, so the orientation by ε/2 · 2/π on average.
@@ -171,8 +186,21 @@ mod tests {
     fn an_off_centre_circle_states_its_bias() {
         let c = check([0.03, 0.0], 0.3, 1.0);
         let wanted = (0.1_f64 / std::f64::consts::PI).to_degrees();
-        assert!((c.bias_deg / wanted - 1.0).abs() < 0.02, "{c:?} {wanted}");
+        assert!((c.bias_deg.unwrap() / wanted - 1.0).abs() < 0.02, "{c:?} {wanted}");
         assert!(c.warning().unwrap().contains("film"));
+    }
+
+    #[test]
+    fn points_without_a_ring_are_not_judged() {
+        // A filled disc away from the origin: light of one polarization, and noise.
+        let points: Vec<[f64; 2]> = (0..4000)
+            .map(|i| {
+                let (r, turn) = (0.02 * (f64::from(i) / 4000.0).sqrt(), 2.4 * f64::from(i));
+                [0.5 + r * turn.cos(), r * turn.sin()]
+            })
+            .collect();
+        let c = check_points(&points);
+        assert!(c.bias_deg.is_none() && c.warning().unwrap().contains("no ring"), "{c:?}");
     }
 
     #[test]

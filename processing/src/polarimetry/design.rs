@@ -26,7 +26,7 @@ impl Design {
     ///
     /// # Errors
     /// When the angles are not finite, fewer than three are distinct modulo 180°, or they lie so close together
-    /// that the condition number exceeds [`MAX_CONDITION`]. The message lists the angles.
+    /// that the condition number exceeds 100. The message lists the angles.
     pub fn new(angles: &[f64]) -> Result<Self> {
         if let Some(bad) = angles.iter().find(|a| !a.is_finite()) {
             return Err(Error::input("analyser angles", format!("{bad} is not an angle"), "give finite degrees"));

@@ -108,7 +108,9 @@ impl Report {
             warnings,
             width: frames.info.width / block,
             height: frames.info.height / block,
-            error_estimate_deg: pixels.sigma_median_deg.map(|sigma| sigma.hypot(circle.map_or(0.0, |c| c.bias_deg))),
+            error_estimate_deg: pixels
+                .sigma_median_deg
+                .map(|sigma| sigma.hypot(circle.and_then(|c| c.bias_deg).unwrap_or(0.0))),
             pixels,
             noise: NoiseReport { source, shot: mean(|n| n.shot), floor: mean(|n| n.floor) },
             circle,
@@ -134,10 +136,12 @@ fn reason(asked: Model, circle: Option<&CircleCheck>) -> String {
     match (asked, circle) {
         (Model::Sinusoid, _) => "asked for".into(),
         (Model::Auto, None) => "too few pixels carry an orientation to compare models".into(),
-        (Model::Auto, Some(c)) if c.warning().is_none() => format!(
-            "(S1/S0, S2/S0) lie on a circle about the origin: its centre costs {:.2}° on average, so nothing more is needed",
-            c.bias_deg
-        ),
-        (Model::Auto, Some(_)) => "the only model so far, although it does not explain the data: see warnings".into(),
+        (Model::Auto, Some(c)) => match (c.warning(), c.bias_deg) {
+            (None, Some(bias)) => format!(
+                "(S1/S0, S2/S0) lie on a circle about the origin: its centre costs {bias:.2}° on average, so nothing more is \
+                 needed"
+            ),
+            _ => "the only model so far, although it is not known to explain the data: see warnings".into(),
+        },
     }
 }

@@ -1,0 +1,152 @@
+//! Full disks, interrupts and memory.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_tests::{binary, listing, nacre};
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A series of `count` frames of `width` × `height`; four TIFF files are written, the rest are links to them.
+fn series(folder: &Path, count: usize, width: usize, height: usize) {
+    fs::create_dir_all(folder).unwrap();
+    let file = |k: usize| format!("{:06.2}.tif", 180.0 * k as f64 / count as f64);
+    for k in 0..count {
+        if k < 4 {
+            let pixels: Vec<u8> = (0..width * height).map(|i| (60 + 40 * k + i % 23) as u8).collect();
+            let image = image::GrayImage::from_raw(width as u32, height as u32, pixels).unwrap();
+            write_tiff(&folder.join(file(k)), &image);
+        } else {
+            fs::hard_link(folder.join(file(k % 4)), folder.join(file(k))).unwrap();
+        }
+    }
+    nacre(["import", folder.to_str().unwrap()]).expect(0);
+}
+
+/// An uncompressed little-endian TIFF of one strip, by hand: 8 tags.
+fn write_tiff(path: &Path, image: &image::GrayImage) {
+    let tags: [(u16, u32); 9] = [
+        (256, image.width()),
+        (257, image.height()),
+        (258, 8),
+        (259, 1),
+        (262, 1),
+        (273, 8),
+        (277, 1),
+        (278, image.height()),
+        (279, image.width() * image.height()),
+    ];
+    let mut bytes = b"II*\0".to_vec();
+    bytes.extend((8 + image.as_raw().len() as u32).to_le_bytes());
+    bytes.extend(image.as_raw());
+    bytes.extend((tags.len() as u16).to_le_bytes());
+    for (tag, value) in tags {
+        bytes.extend(tag.to_le_bytes());
+        bytes.extend(4_u16.to_le_bytes());
+        bytes.extend(1_u32.to_le_bytes());
+        bytes.extend(value.to_le_bytes());
+    }
+    bytes.extend(0_u32.to_le_bytes());
+    fs::write(path, bytes).unwrap();
+}
+
+fn start(series: &Path, out: &Path) -> Child {
+    let args = ["reconstruct", "polarization", series.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    Command::new(binary()).args(args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+/// Highest resident memory of a run in KiB, by watching the kernel's own high-water mark until it ends.
+fn peak_memory(series: &Path, out: &Path) -> u64 {
+    let mut child = start(series, out);
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak = 0;
+    while child.try_wait().unwrap().is_none() {
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let mark = text
+            .lines()
+            .find_map(|l| l.strip_prefix("VmHWM:"))
+            .and_then(|l| l.trim().trim_end_matches(" kB").parse().ok());
+        peak = peak.max(mark.unwrap_or(0));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert!(child.wait().unwrap().success());
+    peak
+}
+
+#[test]
+fn memory_does_not_grow_with_the_number_of_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let peak = |count: usize| {
+        let (input, out) = (folder.path().join(format!("in{count}")), folder.path().join(format!("out{count}")));
+        series(&input, count, 4096, 3072);
+        peak_memory(&input, &out)
+    };
+    let (few, many) = (peak(4), peak(64));
+    println!("peak memory: 4 frames {few} KiB, 64 frames {many} KiB of 12.6 Mpixel");
+    assert!((many as f64 / few as f64 - 1.0).abs() < 0.1, "{few} {many}");
+    // 6 floats a pixel, two frames of 1 byte, the mask and the largest picture: 24 + 2 + 1 + 4 bytes a pixel, and 64 MiB
+    // for the program itself.
+    let allowed = 4096 * 3072 * 31 / 1024 + 64 * 1024;
+    assert!(many < allowed, "{many} KiB, allowed {allowed}");
+}
+
+#[test]
+fn an_interrupt_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, out) = (folder.path().join("in"), folder.path().join("out"));
+    series(&input, 64, 2048, 2048);
+    let child = start(&input, &out);
+    // The temporary folder shows that the run is under way.
+    let begun = Instant::now();
+    while listing(folder.path()).len() < 2 && begun.elapsed() < Duration::from_secs(20) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let done = child.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(130), "{}", String::from_utf8_lossy(&done.stderr));
+    assert_eq!(listing(folder.path()), ["in"]);
+}
+
+/// Runs a shell script with `$NACRE`, `$IN` and `$OUT` set; exit code and standard error.
+fn shell(script: &str, input: &Path, out: &Path) -> (i32, String) {
+    let run = Command::new("sh")
+        .args(["-c", script])
+        .env("NACRE", binary())
+        .env("IN", input)
+        .env("OUT", out)
+        .output()
+        .unwrap();
+    (run.status.code().unwrap_or(-1), String::from_utf8_lossy(&run.stderr).into_owned())
+}
+
+#[test]
+fn a_file_size_limit_is_an_error_that_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, out) = (folder.path().join("in"), folder.path().join("out"));
+    series(&input, 4, 512, 512);
+    let script = r#"trap '' XFSZ; ulimit -f 1000; exec "$NACRE" reconstruct polarization "$IN" --out "$OUT/result""#;
+    let (code, message) = shell(script, &input, &out);
+    assert_eq!(code, 1, "{message}");
+    assert!(message.contains("cannot write") && message.contains("exr"), "{message}");
+    assert_eq!(listing(folder.path()), ["in"]);
+}
+
+#[test]
+fn a_full_disk_is_an_error_that_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, out) = (folder.path().join("in"), folder.path().join("disk"));
+    series(&input, 4, 512, 512);
+    fs::create_dir(&out).unwrap();
+    let mount = r#"mount -t tmpfs -o size=4m tmpfs "$OUT" || exit 77;"#;
+    let run = r#""$NACRE" reconstruct polarization "$IN" --out "$OUT/result"; code=$?; ls -A "$OUT" >&2; exit $code"#;
+    let inside = format!("unshare -m sh -c '{mount} {run}'");
+    let (code, message) = shell(&inside, &input, &out);
+    if code == 77 || message.contains("unshare failed") || message.contains("not found") {
+        println!("skipped: no private mount here ({message})");
+        return;
+    }
+    assert_eq!(code, 1, "{message}");
+    let lines: Vec<&str> = message.lines().collect();
+    assert!(lines.len() == 1 && lines[0].contains("free some space"), "{message}");
+}
