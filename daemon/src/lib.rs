@@ -16,12 +16,13 @@ use std::process::ExitCode;
     about,
     after_help = "\
 Examples:
-  nacre demo                                              a simulated session, reconstructed and judged
-  nacre import photos/ --out series                       describe photographs taken elsewhere
-  nacre reconstruct polarization series --out result      orientation map from photographs
-  nacre sim render --sample cd --out session              only the simulated photographs
+  nacre demo                                            a simulated session, judged
+  nacre import photos/ --out series                     describe your photographs
+  nacre reconstruct polarization series --out result    orientation map from photographs
+  nacre sim render --sample cd --out session            simulated photographs only
 
-Exit codes: 0 done, 1 failed (disk, device, a missed bound), 2 bad usage or bad input, 130 interrupted."
+Exit codes: 0 done; 1 failed (disk, device, a missed bound); 2 bad usage or bad input;
+130 interrupted."
 )]
 struct Cli {
     /// Print the result as JSON on standard output; everything else goes to standard error.

@@ -24,7 +24,7 @@ const PURE: f32 = 0.999;
 Examples:
   nacre demo
   nacre demo --sample logo --seed 3 --out logo
-  nacre demo --sample cd --retardance-deg 10     (a film that the sinusoid model cannot undo: warned of, exit 1)
+  nacre demo --retardance-deg 10      a film that the sinusoid model cannot undo: it warns
 
 Exits with 1 when the mean orientation error is not under 0.5°.")]
 pub struct Args {

@@ -13,11 +13,11 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  nacre import photos/                                      angles from names such as 045.png or psi_30deg.tif
-  nacre import photos/ --angles-deg 0,45,90,135 --channel g in the order of the file names
-  nacre import photos/ --out series                         the folder cannot be written to: copies the photographs
-  nacre import raw/ --kind division-of-focal-plane          2×2 blocks of 90 45 / 135 0 degrees, see --layout
-  nacre import bracket/ --kind exposures --channel g        times from EXIF
+  nacre import photos/                       angles from names: 045.png, psi_30deg.tif
+  nacre import photos/ --out series          copies the photographs beside the frames.json
+  nacre import photos/ --angles-deg 0,45,90,135 --channel g
+  nacre import raw/ --kind division-of-focal-plane --layout 90,45,135,0
+  nacre import bracket/ --kind exposures --channel g
 
 Exposure times and ISO are read from EXIF where the files have it.")]
 pub struct Args {

@@ -22,8 +22,9 @@ Examples:
   nacre reconstruct polarization series/frames.json --out result --force --json
   nacre reconstruct polarization cd --out result --offset-deg 12.5
 
-Writes stokes.exr (S0 S1 S2), aolp.exr (aolp dolp), orientation.exr (orientation sigma mask correlation),
-orientation.png, sigma.png, dolp.png and report.json. Orientations are known up to one offset common to all pixels.")]
+Writes stokes.exr (S0 S1 S2), aolp.exr (aolp dolp), orientation.exr (orientation sigma
+mask correlation), orientation.png, sigma.png, dolp.png and report.json. Orientations are
+known up to one offset that all pixels share.")]
 pub struct Polarization {
     /// Session folder, frames.json, or a folder holding one (`nacre import` makes one for your photographs).
     input: PathBuf,

@@ -22,9 +22,11 @@ pub enum Sim {
 Examples:
   nacre sim render --sample cd --out cd
   nacre sim render --bench bench.toml --angles-deg 0,45,90,135 --out session
-  nacre sim render --sample logo --retardance-deg 10 --out filmed     (a birefringent film)
+  nacre sim render --sample logo --retardance-deg 10 --out filmed
 
-Writes frames/, frames.json, truth.exr (orientation, period, purity) and bench.toml. `nacre schema bench` lists all knobs.")]
+Samples: kinematic, stars, polygons, circles, fireworks, logo, emblem, cd, stochastic.
+Writes frames/, frames.json, truth.exr (orientation, period, purity) and bench.toml;
+`nacre schema bench` lists all knobs.")]
 pub struct Render {
     /// Description of the bench (TOML); its defaults are used without it.
     #[arg(long)]

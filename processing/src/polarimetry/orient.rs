@@ -9,9 +9,9 @@ use std::f32::consts::{FRAC_PI_2, PI};
 /// when σ(θ) ≤ 1/8 rad = 7.2°. Pure noise passes with probability e⁻⁸ = 0.03 %.
 pub const MASK_SNR: f32 = 4.0;
 
-/// A residual beyond the χ² quantile at this many standard deviations (1 in 1,000) is no noise: the pixel does not
+/// A residual beyond the χ² quantile at this many standard deviations (1 in 100,000) is no noise: the pixel does not
 /// follow the model, and its σ is widened by the factor that explains the residual.
-const MISFIT_Z: f64 = 3.09;
+const MISFIT_Z: f64 = 4.27;
 
 /// Orientation per pixel, NaN where masked.
 pub struct OrientationMaps {

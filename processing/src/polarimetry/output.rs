@@ -91,7 +91,7 @@ fn write_pictures(
     scalar_picture(width, height, &sigma, 0.0, top, "σ (°)", "Uncertainty").save_png(&folder.path("sigma.png"))?;
     progress.step();
     let dolp = |x: usize, y: usize| Some(dolp(maps, y * width + x)).filter(|d| d.is_finite());
-    let top = top_of_scale(width, height, &dolp);
+    let top = top_of_scale(width, height, &dolp).min(1.0);
     scalar_picture(width, height, &dolp, 0.0, top, "DoLP", "Degree of linear polarization")
         .save_png(&folder.path("dolp.png"))?;
     progress.step();
