@@ -1,7 +1,7 @@
 //! What a person or a script sees: text or JSON on standard output, progress and errors on standard error.
 
 use crate::Failure;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nacre_processing::progress::Progress;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
@@ -20,8 +20,12 @@ pub struct Console {
 }
 
 struct Stage {
-    bar: ProgressBar,
+    name: String,
+    steps: u64,
+    done: u64,
     begun: Instant,
+    /// Hidden until the stage has taken a while.
+    bar: ProgressBar,
 }
 
 impl Console {
@@ -31,7 +35,7 @@ impl Console {
         let flag = interrupted.clone();
         // Fails only when a handler is already set; then the system's default stays, which also ends the program.
         let _ = ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed));
-        Self { json, interrupted, stage: Mutex::new(Stage { bar: ProgressBar::hidden(), begun: Instant::now() }) }
+        Self { json, interrupted, stage: Mutex::new(Stage::new("", 0)) }
     }
 
     /// The command's result: `text` for a person, or `value` as JSON.
@@ -62,25 +66,35 @@ impl Console {
     }
 }
 
+impl Stage {
+    fn new(name: &str, steps: u64) -> Self {
+        Self { name: name.to_owned(), steps, done: 0, begun: Instant::now(), bar: ProgressBar::hidden() }
+    }
+
+    fn visible_bar(&self) -> ProgressBar {
+        let style = ProgressStyle::with_template("{msg:20} {bar:30} {percent:>3} %  {elapsed} gone, {eta} to go")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
+        ProgressBar::with_draw_target(Some(self.steps), ProgressDrawTarget::stderr())
+            .with_style(style)
+            .with_message(self.name.clone())
+            .with_elapsed(self.begun.elapsed())
+    }
+}
+
 impl Progress for Console {
     fn stage(&self, name: &str, steps: u64) {
         let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
         stage.bar.finish_and_clear();
-        if std::io::stderr().is_terminal() {
-            let style = ProgressStyle::with_template("{msg:22} {bar:30} {pos}/{len} {elapsed} left {eta}");
-            stage.bar = ProgressBar::hidden().with_message(name.to_owned());
-            stage.bar.set_length(steps);
-            stage.bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        }
-        stage.begun = Instant::now();
+        *stage = Stage::new(name, steps);
     }
 
     fn step(&self) {
-        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
-        stage.bar.inc(1);
-        if stage.begun.elapsed() > PATIENCE && stage.bar.is_hidden() && stage.bar.length().is_some() {
-            stage.bar.set_draw_target(indicatif::ProgressDrawTarget::stderr());
+        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.done += 1;
+        if stage.bar.is_hidden() && stage.begun.elapsed() > PATIENCE && std::io::stderr().is_terminal() {
+            stage.bar = stage.visible_bar();
         }
+        stage.bar.set_position(stage.done);
     }
 
     fn cancelled(&self) -> bool {

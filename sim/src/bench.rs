@@ -6,6 +6,8 @@ use crate::random::{electrons, key};
 use crate::scene::{Scene, StokesImage, Truth};
 use crate::stage::Stage;
 use nacre_drivers::Clock;
+use nacre_processing::Result;
+use nacre_processing::progress::Progress;
 use rayon::prelude::*;
 use std::time::Duration;
 
@@ -25,11 +27,14 @@ pub struct Bench {
 
 impl Bench {
     /// Builds the bench and renders its light; the panel is black, the analyser at 0°.
-    pub fn new(config: &BenchConfig) -> Self {
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub fn new(config: &BenchConfig, progress: &dyn Progress) -> Result<Self> {
         let scene = Scene::new(config);
-        let (light, truth) = scene.render(config.disc_mm());
+        let (light, truth) = scene.render(config.disc_mm(), progress)?;
         let exposure_ms = config.camera.exposure_ms.unwrap_or_else(|| metered_ms(config, &light));
-        Self {
+        Ok(Self {
             now: Duration::ZERO,
             stage: Stage::new(&config.stage, config.seed),
             camera: Camera::new(&config.camera, exposure_ms / 1000.0),
@@ -40,7 +45,7 @@ impl Bench {
             scene,
             light,
             truth,
-        }
+        })
     }
 
     /// The configuration it was built from.

@@ -3,7 +3,9 @@
 use crate::config::BenchConfig;
 use crate::optics::{Wavelength, band, efficiency};
 use crate::surface::{Point, Sample, Surface};
+use nacre_processing::Result;
 use nacre_processing::polarimetry::Stokes;
+use nacre_processing::progress::Progress;
 use num_complex::Complex;
 use rayon::prelude::*;
 
@@ -68,10 +70,19 @@ impl Scene {
     }
 
     /// Renders light and truth with a white disc of `disc_mm` on the panel.
-    pub fn render(&self, disc_mm: f64) -> (StokesImage, Truth) {
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub fn render(&self, disc_mm: f64, progress: &dyn Progress) -> Result<(StokesImage, Truth)> {
         let (width, height) = (self.bench.camera.width as usize, self.bench.camera.height as usize);
-        let rows: Vec<Vec<Pixel>> =
-            (0..height).into_par_iter().map(|y| (0..width).map(|x| self.pixel(x, y, disc_mm)).collect()).collect();
+        progress.stage("rendering the bench", height as u64);
+        let row = |y: usize| {
+            progress.check()?;
+            let row: Vec<Pixel> = (0..width).map(|x| self.pixel(x, y, disc_mm)).collect();
+            progress.step();
+            Ok(row)
+        };
+        let rows: Vec<Vec<Pixel>> = (0..height).into_par_iter().map(row).collect::<Result<_>>()?;
         let plane = |of: fn(&Pixel) -> f32| -> Vec<f32> { rows.iter().flatten().map(of).collect() };
         let blurred = |of: fn(&Pixel) -> f32| {
             let mut plane = plane(of);
@@ -84,7 +95,7 @@ impl Scene {
         };
         let truth =
             Truth { orientation: plane(|p| p.truth.0), period_um: plane(|p| p.truth.1), purity: plane(|p| p.truth.2) };
-        (light, truth)
+        Ok((light, truth))
     }
 
     /// Everything about one pixel, over all its rays.

@@ -142,7 +142,7 @@ mod tests {
 
     fn frames(config: &BenchConfig, angles: &[f64]) -> Vec<Vec<u16>> {
         let mut frames = vec![];
-        capture(&mut Bench::new(config), angles, &Silent, |_, codes| {
+        capture(&mut Bench::new(config, &Silent).unwrap(), angles, &Silent, |_, codes| {
             frames.push(codes);
             Ok(())
         })
@@ -164,10 +164,10 @@ mod tests {
     fn stale_frames_are_dropped() {
         let mut config = small();
         config.camera.exposure_ms = Some(15.0);
-        let mut bench = Bench::new(&config);
+        let mut bench = Bench::new(&config, &Silent).unwrap();
         let dropped = capture(&mut bench, &[0.0, 45.0, 90.0], &Silent, |_, _| Ok(())).unwrap();
         assert!(dropped >= 3 * 4, "{dropped}: at least a full queue of 4 per angle");
-        let mut stale = Bench::new(&small());
+        let mut stale = Bench::new(&small(), &Silent).unwrap();
         stale.wait(Duration::from_secs(1));
         stale.show_disc(true);
         stale.wait(Duration::from_secs(1));
@@ -191,7 +191,7 @@ mod tests {
         config.geometry.distance_mm = 5000.0;
         config.panel.disc_mm = Some(1000.0);
         let angles: Vec<f64> = (0..6).map(|k| f64::from(k) * 30.0).collect();
-        let bench = Bench::new(&config);
+        let bench = Bench::new(&config, &Silent).unwrap();
         let images = frames(&config, &angles);
         let psi: Vec<f64> = angles.iter().map(|a| a.to_radians()).collect();
         let width = config.camera.width as usize;

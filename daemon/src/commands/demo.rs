@@ -69,8 +69,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let out = args.out.clone().unwrap_or_else(free_name);
     let (session, result) = (out.join("session"), out.join("result"));
     let folder = OutputFolder::begin(&session, false)?;
-    console.note(&format!("simulating a bench with the sample {} …", config.sample.kind.name()));
-    let mut bench = Bench::new(&config);
+    let mut bench = Bench::new(&config, console)?;
     let rendered = start.elapsed().as_secs_f64();
     let stale = write_session(&mut bench, &args.options.angles_deg, &folder, console)?;
     folder.commit()?;

@@ -79,7 +79,7 @@ pub fn run(command: &Sim, console: &Console) -> Result<(), Failure> {
     let Sim::Render(args) = command;
     let config = args.options.apply(read_bench(args.bench.as_ref())?)?;
     let folder = OutputFolder::begin(&args.out, args.force)?;
-    let mut bench = Bench::new(&config);
+    let mut bench = Bench::new(&config, console)?;
     let stale = write_session(&mut bench, &args.options.angles_deg, &folder, console)?;
     folder.commit()?;
     let frames = args.options.angles_deg.len();
