@@ -41,6 +41,28 @@ fn a_birefringent_film_misses_the_bound_and_is_warned_of() {
 }
 
 #[test]
+fn a_wanted_error_is_held_or_the_exit_code_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let (session, out) = (folder.path().join("session"), folder.path().join("result"));
+    nacre(args(&["sim", "render", "--size", "128", "--out", "OUT"], &session)).expect(0);
+    let run = |wanted: &str| {
+        let fixed = [
+            "reconstruct",
+            "polarization",
+            session.to_str().unwrap(),
+            "--out",
+            "OUT",
+            "--force",
+            "--max-error",
+            wanted,
+        ];
+        nacre(args(&fixed, &out))
+    };
+    run("0.5").expect(0);
+    assert!(run("0.01").expect(1).stderr().contains("0.01°"));
+}
+
+#[test]
 fn every_sample_renders_and_sessions_repeat_to_the_byte() {
     let folder = tempfile::tempdir().unwrap();
     for kind in ["kinematic", "stars", "polygons", "circles", "fireworks", "logo", "emblem", "cd", "stochastic"] {

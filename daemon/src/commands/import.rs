@@ -85,10 +85,8 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         Some(out) => {
             let folder = OutputFolder::begin(out, args.force)?;
             for file in &files {
-                let bytes = std::fs::read(args.folder.join(file)).map_err(|e| {
-                    Error::file(&args.folder.join(file), format!("cannot be read: {e}"), "check the file")
-                })?;
-                folder.write(&file.to_string_lossy(), &bytes)?;
+                let target = folder.path(&file.to_string_lossy());
+                std::fs::copy(args.folder.join(file), &target).map_err(|e| Error::output(&out.join(file), e))?;
             }
             folder.write(FILE_NAME, text.as_bytes())?;
             folder.commit()?;

@@ -37,6 +37,10 @@ pub struct Polarization {
     /// Degrees added to every orientation, where one is known.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     offset_deg: f64,
+    /// Largest acceptable error of a typical orientation in degrees, noise and model together; the results are
+    /// written in any case, but the exit code is 1 when the estimate is larger or cannot be made.
+    #[arg(long, value_name = "DEG")]
+    max_error: Option<f64>,
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
@@ -62,7 +66,21 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
     let mut text = summary(&report);
     let _ = write!(text, "\nresults   {}", args.out.display());
     console.result(&text, &report);
-    Ok(())
+    meets(args.max_error, report.error_estimate_deg)
+}
+
+fn meets(wanted: Option<f64>, estimate: Option<f64>) -> Result<(), Failure> {
+    match (wanted, estimate) {
+        (None, _) => Ok(()),
+        (Some(wanted), Some(estimate)) if estimate <= wanted => Ok(()),
+        (Some(wanted), Some(estimate)) => Err(Failure::Bound(format!(
+            "the estimated error is {estimate:.3}°, more than the {wanted}° asked for; add analyser angles, expose longer, \
+             or heed the warnings"
+        ))),
+        (Some(wanted), None) => {
+            Err(Failure::Bound(format!("no error can be estimated, so it may exceed the {wanted}° asked for")))
+        }
+    }
 }
 
 /// The report in a few lines.
@@ -85,6 +103,9 @@ pub fn summary(report: &Report) -> String {
         percent(pixels.too_little_modulation),
         percent(pixels.saturated)
     );
+    if let Some(estimate) = report.error_estimate_deg {
+        let _ = writeln!(text, "estimate  a typical orientation is good to {estimate:.3}°, σ and known bias together");
+    }
     if let (Some(median), Some(p90), Some(correlation)) =
         (pixels.sigma_median_deg, pixels.sigma_p90_deg, pixels.correlation_mean)
     {

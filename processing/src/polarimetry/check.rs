@@ -37,7 +37,7 @@ impl CircleCheck {
                     .into(),
             );
         };
-        if self.gap_deg > 60.0 {
+        if self.gap_deg > WIDEST_GAP_DEG {
             return Some(format!(
                 "no orientations over a range of {:.0}° are in view, too few to check the sinusoid model: behind a birefringent \
                  film the map can be wrong by much more than σ says",
@@ -51,7 +51,7 @@ impl CircleCheck {
                 self.center[0], self.center[1]
             ));
         }
-        (self.spread > MIXED_SPREAD.max(3.0 * self.spread_of_noise)).then(|| {
+        self.mixed().then(|| {
             format!(
                 "the strength of the modulation varies by {:.0} % where noise explains {:.0} %: a sample of several periods or \
                  depths has a different offset for each, which shifts orientations against each other by up to about 20°",
@@ -60,7 +60,20 @@ impl CircleCheck {
             )
         })
     }
+
+    /// Whether `bias_deg` is the whole systematic error: there is a ring, it is seen all around, and it is one.
+    pub fn bias_is_known(&self) -> bool {
+        self.bias_deg.is_some() && self.gap_deg <= WIDEST_GAP_DEG && !self.mixed()
+    }
+
+    /// More scatter than noise explains.
+    fn mixed(&self) -> bool {
+        self.spread > MIXED_SPREAD.max(3.0 * self.spread_of_noise)
+    }
 }
+
+/// With a wider gap in the orientations in view the circle is a guess.
+const WIDEST_GAP_DEG: f64 = 60.0;
 
 /// Relative scatter of the modulation beyond which the pixels do not share one grating profile.
 const MIXED_SPREAD: f64 = 0.05;

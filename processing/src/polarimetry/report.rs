@@ -23,7 +23,8 @@ pub struct Report {
     pub pixels: Pixels,
     /// The noise model behind σ.
     pub noise: NoiseReport,
-    /// Expected error of a typical orientation: the median σ, and the bias that the check below finds.
+    /// Expected error of a typical orientation: the median σ, and the bias that the check below finds. None when the
+    /// check could not be made or found more wrong than it can put in degrees.
     pub error_estimate_deg: Option<f64>,
     /// Does the sinusoid explain the data?
     pub circle: Option<CircleCheck>,
@@ -108,9 +109,7 @@ impl Report {
             warnings,
             width: frames.info.width / block,
             height: frames.info.height / block,
-            error_estimate_deg: pixels
-                .sigma_median_deg
-                .map(|sigma| sigma.hypot(circle.and_then(|c| c.bias_deg).unwrap_or(0.0))),
+            error_estimate_deg: error_estimate(&pixels, circle.as_ref()),
             pixels,
             noise: NoiseReport { source, shot: mean(|n| n.shot), floor: mean(|n| n.floor) },
             circle,
@@ -130,6 +129,11 @@ impl Report {
         // Plain data with string keys always serialises.
         serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
     }
+}
+
+fn error_estimate(pixels: &Pixels, circle: Option<&CircleCheck>) -> Option<f64> {
+    let (sigma, circle) = (pixels.sigma_median_deg?, circle?);
+    Some(sigma.hypot(circle.bias_deg?)).filter(|_| circle.bias_is_known())
 }
 
 fn reason(asked: Model, circle: Option<&CircleCheck>) -> String {
