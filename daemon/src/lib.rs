@@ -2,6 +2,9 @@
 
 pub mod commands;
 pub mod console;
+pub mod engine;
+pub mod plan;
+pub mod session;
 
 use clap::{Parser, Subcommand};
 use console::Console;
@@ -36,6 +39,13 @@ struct Cli {
 enum Command {
     /// Simulate a polarization session, reconstruct it and compare with the truth.
     Demo(commands::demo::Args),
+    /// Take a session's frames as a plan says.
+    Capture(commands::capture::Args),
+    /// Check plans and estimate what they need.
+    #[command(subcommand)]
+    Plan(commands::plan::PlanCommand),
+    /// Verify a session folder.
+    Check(commands::check::Args),
     /// Turn photographs into maps.
     #[command(subcommand)]
     Reconstruct(commands::reconstruct::Reconstruct),
@@ -54,6 +64,9 @@ pub fn main() -> ExitCode {
     let console = Console::new(cli.json);
     let result = match cli.command {
         Command::Demo(args) => commands::demo::run(&args, &console),
+        Command::Capture(args) => commands::capture::run(&args, &console),
+        Command::Plan(args) => commands::plan::run(&args, &console),
+        Command::Check(args) => commands::check::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),
@@ -74,9 +87,18 @@ pub enum Failure {
     /// Something in the computation, its input or its output.
     #[error(transparent)]
     Processing(#[from] Error),
+    /// A device.
+    #[error(transparent)]
+    Device(Box<nacre_drivers::DeviceError>),
     /// Everything ran, but the result misses its stated bound.
     #[error("{0}")]
     Bound(String),
+}
+
+impl From<nacre_drivers::DeviceError> for Failure {
+    fn from(error: nacre_drivers::DeviceError) -> Self {
+        Self::Device(Box::new(error))
+    }
 }
 
 impl Failure {
@@ -85,7 +107,7 @@ impl Failure {
         match self {
             Self::Processing(Error::Input { .. }) => 2,
             Self::Processing(Error::Cancelled) => 130,
-            Self::Processing(Error::Output { .. }) | Self::Bound(_) => 1,
+            Self::Processing(Error::Output { .. }) | Self::Device(_) | Self::Bound(_) => 1,
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Cameras queue frames, and adopt a changed setting only some frames later. So a frame may show the bench as it was
 //! before the last change. The rule: the whole exposure must lie after the change and its settling, and the
-//! camera's control lag must have passed.
+//! camera's control lag must have passed, counted in frames, since frames of the old exposure may take longer.
 
 use std::time::Duration;
 
@@ -15,26 +15,27 @@ pub struct Stamp {
     pub timestamp: Duration,
 }
 
-/// The last physical change (stage, light, display, camera control) and how long it takes to act.
+/// Which frames show the bench as it is now.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Freshness {
     /// When stage, light and display were done changing, settling included.
     pub steady_since: Duration,
-    /// When the camera's controls were last set.
-    pub controls_set: Duration,
-    /// Frames that the camera takes to adopt its controls, as measured.
-    pub control_lag_frames: u32,
+    /// First frame that has the camera's controls.
+    pub first_sequence: u64,
 }
 
 impl Freshness {
-    /// Whether a frame with this stamp shows the bench after the last change. `exposure` and `readout` are those in
-    /// force, the longest possible where that is not known.
+    /// Whether a frame with this stamp shows the bench after the last change. `exposure` and `readout` are those of the
+    /// controls in force.
     pub fn accepts(&self, stamp: Stamp, exposure: Duration, readout: Duration) -> bool {
-        let frame = exposure + readout;
-        let began = stamp.timestamp.saturating_sub(frame);
-        // A frame in progress when the controls were set does not count towards the lag.
-        let adopted = self.controls_set + frame * (self.control_lag_frames + 1);
-        began >= self.steady_since && (self.control_lag_frames == 0 || began >= adopted)
+        let adopted = stamp.sequence >= self.first_sequence;
+        adopted && stamp.timestamp.saturating_sub(exposure + readout) >= self.steady_since
+    }
+
+    /// First frame that is sure to have controls that were set at `set_at`, seen from `frame`, the first that ended
+    /// later: it was in progress, and `lag` more may follow with the old controls. None for frames that ended earlier.
+    pub fn first_with_controls(frame: Stamp, set_at: Duration, lag: u32) -> Option<u64> {
+        (frame.timestamp > set_at).then(|| frame.sequence + 1 + u64::from(lag))
     }
 }
 
@@ -44,19 +45,19 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    fn accepts(freshness: Freshness, timestamp_ms: u32) -> bool {
-        freshness.accepts(Stamp { sequence: 0, timestamp: MS * timestamp_ms }, MS * 40, MS * 10)
-    }
-
     #[test]
     fn the_whole_exposure_must_follow_the_change() {
-        let f = Freshness { steady_since: MS * 1000, ..Freshness::default() };
-        assert!(!accepts(f, 1049) && accepts(f, 1050));
+        let f = Freshness { steady_since: MS * 1000, first_sequence: 0 };
+        let accepts = |ms: u32| f.accepts(Stamp { sequence: 5, timestamp: MS * ms }, MS * 40, MS * 10);
+        assert!(!accepts(1049) && accepts(1050));
     }
 
     #[test]
     fn the_control_lag_must_have_passed() {
-        let f = Freshness { steady_since: Duration::ZERO, controls_set: MS * 1000, control_lag_frames: 2 };
-        assert!(!accepts(f, 1199) && accepts(f, 1200));
+        let stamp = |sequence, ms| Stamp { sequence, timestamp: MS * ms };
+        assert_eq!(Freshness::first_with_controls(stamp(3, 990), MS * 1000, 2), None);
+        assert_eq!(Freshness::first_with_controls(stamp(4, 1040), MS * 1000, 2), Some(7));
+        let f = Freshness { steady_since: Duration::ZERO, first_sequence: 7 };
+        assert!(!f.accepts(stamp(6, 9000), MS, MS) && f.accepts(stamp(7, 9000), MS, MS));
     }
 }

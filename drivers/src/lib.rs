@@ -1,9 +1,13 @@
-//! What devices and their simulation have in common: time, and the rule that decides whether a frame is fresh.
+//! Devices of a bench: what they can be asked for, how they fail, their time, and the rule for fresh frames.
 //!
-//! The device traits and drivers themselves come with the capture engine.
+//! Drivers of real devices come later; the simulated bench implements these traits today.
 
 pub mod clock;
+pub mod error;
 pub mod freshness;
+pub mod traits;
 
 pub use clock::{Clock, SystemClock};
+pub use error::{Class, DeviceError, DeviceResult};
 pub use freshness::{Freshness, Stamp};
+pub use traits::{Camera, CameraInfo, Controls, Display, DisplayInfo, Frame, Pattern, Settled, Stage, StageInfo};

@@ -8,6 +8,7 @@ mod bench;
 mod blur;
 mod camera;
 mod config;
+mod devices;
 mod optics;
 mod random;
 mod scene;
@@ -20,5 +21,6 @@ pub use camera::{Exposed, Settings};
 pub use config::{
     BenchConfig, CameraConfig, FilmConfig, FilterConfig, GeometryConfig, GratingConfig, PanelConfig, StageConfig,
 };
+pub use devices::{SharedBench, SimCamera, SimDisplay, SimStage, describe};
 pub use scene::{Scene, StokesImage, Truth};
 pub use session::{capture, write_session};

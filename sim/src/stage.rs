@@ -57,7 +57,10 @@ impl Stage {
             }
             let since = (at - m.arrival).as_secs_f64();
             let settling = self.settling().as_secs_f64();
-            // Below 1e-4 of the start at the end of the settling time.
+            if since >= settling {
+                return m.to;
+            }
+            // Down to 1e-4 of the start at the end of the settling time.
             return m.to + RINGING_DEG * (-9.2 * since / settling).exp() * (40.0 * since / settling).cos();
         }
         let share = (at.saturating_sub(m.start)).as_secs_f64() / (m.arrival - m.start).as_secs_f64();

@@ -18,6 +18,8 @@ pub struct Args {
 enum Name {
     /// frames.json: a set of photographs.
     Frames,
+    /// plan.toml: what a capture takes.
+    Plan,
     /// bench.toml: the simulated bench.
     Bench,
 }
@@ -26,6 +28,7 @@ enum Name {
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let schema = match args.name {
         Name::Frames => schemars::schema_for!(FrameSet),
+        Name::Plan => schemars::schema_for!(crate::plan::Plan),
         Name::Bench => schemars::schema_for!(BenchConfig),
     };
     let text = serde_json::to_string_pretty(&schema).unwrap_or_default();

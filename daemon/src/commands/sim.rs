@@ -94,7 +94,7 @@ pub fn run(command: &Sim, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-fn read_bench(path: Option<&PathBuf>) -> Result<BenchConfig, Failure> {
+pub(super) fn read_bench(path: Option<&PathBuf>) -> Result<BenchConfig, Failure> {
     const LIMIT: u64 = 1 << 20;
     let Some(path) = path else { return Ok(BenchConfig::default()) };
     let remedy = "give a bench.toml; `nacre schema bench` lists its keys";

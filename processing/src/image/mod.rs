@@ -20,4 +20,4 @@ pub use folder::OutputFolder;
 pub use openexr::{ExrMap, read_exr};
 pub use picture::{hsv, orientation_picture, scalar_picture, wheel};
 pub use read::{Depth, EXTENSIONS, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, info, read};
-pub use write::{Attribute, write_exr, write_png8, write_png16_gray};
+pub use write::{Attribute, encode_png16_gray, write_exr, write_png8, write_png16_gray};

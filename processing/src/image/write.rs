@@ -158,20 +158,34 @@ pub fn write_png8(path: &Path, width: usize, height: usize, channels: usize, sam
 /// # Errors
 /// `Error::Output` when the system refuses, or the samples do not fit the size.
 pub fn write_png16_gray(path: &Path, width: usize, height: usize, samples: &[u16]) -> Result<()> {
-    let bytes: Vec<u8> = samples.iter().flat_map(|sample| sample.to_ne_bytes()).collect();
-    write_png(path, [width, height], &bytes, ExtendedColorType::L16)
+    let encoded = encode_png16_gray(width, height, samples).map_err(|error| Error::output(path, error))?;
+    std::fs::write(path, encoded).map_err(|error| Error::output(path, error))
 }
 
-/// Encodes in memory, so that a failing write keeps the system's own error (the encoder turns it into text).
+/// A 16-bit grey PNG of `width · height` samples, in memory; the same samples always give the same bytes.
+///
+/// # Errors
+/// `InvalidInput` when the samples do not fit the size.
+pub fn encode_png16_gray(width: usize, height: usize, samples: &[u16]) -> io::Result<Vec<u8>> {
+    let bytes: Vec<u8> = samples.iter().flat_map(|sample| sample.to_ne_bytes()).collect();
+    encode_png([width, height], &bytes, ExtendedColorType::L16)
+}
+
+/// Encodes in memory first, so that a failing write keeps the system's own error (the encoder turns it into text).
 fn write_png(path: &Path, size: [usize; 2], bytes: &[u8], color: ExtendedColorType) -> Result<()> {
+    let encoded = encode_png(size, bytes, color).map_err(|error| Error::output(path, error))?;
+    std::fs::write(path, encoded).map_err(|error| Error::output(path, error))
+}
+
+fn encode_png(size: [usize; 2], bytes: &[u8], color: ExtendedColorType) -> io::Result<Vec<u8>> {
     let pixels = size[0].checked_mul(size[1]).filter(|_| size[0].min(size[1]) > 0 && size[0].max(size[1]) <= MAX_SIDE);
     if pixels.map(|n| n * usize::from(color.bits_per_pixel()) / 8) != Some(bytes.len()) {
         let words = format!("{} bytes for a picture of {} x {} pixels", bytes.len(), size[0], size[1]);
-        return Err(Error::output(path, io::Error::new(io::ErrorKind::InvalidInput, words)));
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, words));
     }
     let mut encoded = Vec::new();
     PngEncoder::new_with_quality(&mut encoded, CompressionType::Fast, FilterType::Up)
         .write_image(bytes, size[0] as u32, size[1] as u32, color)
-        .map_err(|error| Error::output(path, io::Error::other(error)))?;
-    std::fs::write(path, encoded).map_err(|error| Error::output(path, error))
+        .map_err(io::Error::other)?;
+    Ok(encoded)
 }

@@ -21,7 +21,7 @@ pub struct SampleConfig {
     pub dot_um: Option<f64>,
     /// Share of the dots (50 µm without `dot_um`) that carry no grating.
     pub dead_dots: f64,
-    /// Share of the dots that carry a random orientation, so that pixels mix.
+    /// Share of the dots that carry a random orientation, so that pixels mix; at most 1 together with `dead_dots`.
     pub mixed_dots: f64,
     /// Root mean square slope of smooth surface bumps in degrees, per direction.
     pub bumps_deg: f64,
@@ -152,6 +152,12 @@ impl SampleConfig {
                 return Err(format!("sample.{key} is {value}; give a number from {low} to {high}"));
             }
         }
+        let (dead, mixed) = (self.dead_dots, self.mixed_dots);
+        if dead + mixed > 1.0 {
+            return Err(format!(
+                "sample.mixed_dots is {mixed} beside dead_dots {dead}; give shares that sum to 1 at most"
+            ));
+        }
         Ok(())
     }
 }
@@ -170,6 +176,9 @@ mod tests {
         assert!(refused(|c| c.size_mm = Some(f64::NAN)).contains("sample.size_mm"));
         assert!(refused(|c| c.depth_um = -0.1).contains("sample.depth_um"));
         assert!(refused(|c| c.dead_dots = 1.5).contains("sample.dead_dots"));
+        assert!(refused(|c| c.period_um = Some(f64::INFINITY)).contains("sample.period_um"));
+        assert!(refused(|c| c.size_mm = Some(1e4)).contains("from 0.1 to 1000"));
+        assert!(refused(|c| (c.dead_dots, c.mixed_dots) = (0.6, 0.6)).contains("sample.mixed_dots"));
         assert!(SampleConfig::default().validate().is_ok());
     }
 }

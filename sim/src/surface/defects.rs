@@ -20,6 +20,8 @@ pub(super) struct Defects {
     dead: f64,
     mixed: f64,
     variation: f64,
+    /// Phases of the reflectance along x and y.
+    phases: [f64; 2],
     waves: Vec<Wave>,
     scratches: Vec<Scratch>,
     size: f64,
@@ -64,7 +66,8 @@ impl Defects {
             })
             .collect();
         let variation = config.reflectance_variation;
-        Self { seed, dead: config.dead_dots, mixed: config.mixed_dots, variation, waves, scratches, size }
+        let phases = normals(key(&[seed, 9]));
+        Self { seed, dead: config.dead_dots, mixed: config.mixed_dots, variation, phases, waves, scratches, size }
     }
 
     /// The grating of a dot, or what the dot became; `grating(turn)` makes it, turned by a random angle when mixed.
@@ -103,7 +106,7 @@ impl Defects {
 
     /// Smooth, between (1 - v) and (1 + v) of its mean: a product of waves as long as the sample.
     fn reflectance(&self, x: f64, y: f64) -> f32 {
-        let [px, py] = normals(key(&[self.seed, 9]));
+        let [px, py] = self.phases;
         let k = 3.0 * std::f64::consts::PI / self.size;
         let wave = (k * x + px).sin() * (k * y + py).cos();
         (TOP * (1.0 + self.variation * wave) / (1.0 + self.variation)) as f32

@@ -191,19 +191,78 @@ mod tests {
     }
 
     #[test]
-    fn defects_have_the_asked_size() {
-        let config =
-            SampleConfig { dead_dots: 0.2, bumps_deg: 0.5, reflectance_variation: 0.4, ..SampleConfig::default() };
-        let s = Sample::new(&config, 9);
-        let points: Vec<Point> =
-            (0..40_000).map(|k| s.at(f64::from(k % 200) * 0.1 - 10.0, f64::from(k / 200) * 0.1 - 10.0)).collect();
-        let n = points.len() as f64;
-        let dead = points.iter().filter(|p| p.surface == Surface::Mirror).count() as f64 / n;
-        assert!((dead - 0.2).abs() < 3.0 * (0.2 * 0.8 / n).sqrt(), "{dead}");
-        let slope = (points.iter().map(|p| f64::from(p.slope[0]).powi(2)).sum::<f64>() / n).sqrt();
-        assert!((slope / 0.5_f64.to_radians().tan() - 1.0).abs() < 0.15, "{slope}");
-        let (low, high) =
-            points.iter().fold((1.0_f32, 0.0_f32), |(l, h), p| (l.min(p.reflectance), h.max(p.reflectance)));
-        assert!((low / high - 0.6 / 1.4).abs() < 0.1, "{low} {high}");
+    fn another_seed_makes_another_sample_where_there_is_chance() {
+        for kind in SampleKind::ALL {
+            let config = SampleConfig { kind, ..SampleConfig::default() };
+            let [a, b] = [3, 4].map(|seed| Sample::new(&config, seed));
+            let at = |s: &Sample, k: i32| s.at(0.3 * f64::from(k % 20) - 3.0, 0.3 * f64::from(k / 20) - 3.0).surface;
+            let differs = (0..400).any(|k| at(&a, k) != at(&b, k));
+            let drawn = matches!(kind, SampleKind::Kinematic | SampleKind::Emblem | SampleKind::Cd);
+            assert_ne!(differs, drawn, "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn the_emblem_has_a_crown_rings_and_bands() {
+        let s = sample(SampleKind::Emblem);
+        let surface = |u: f64, v: f64| match s.at(10.0 * u, 10.0 * v).surface {
+            Surface::Grating { orientation, period_um, .. } => Some((orientation, period_um)),
+            _ => None,
+        };
+        assert_eq!(surface(0.95, 0.9), None, "paper");
+        let (crown, period) = surface(0.0, -0.2).unwrap();
+        assert!((crown - 0.33 * std::f32::consts::PI).abs() < 1e-3 && period == 1.0, "{crown} {period}");
+        // Below the crown, rings 0.25 mm apart in turn.
+        let rings: Vec<_> =
+            (0..4).map(|k| surface(0.0, -0.2 - 0.0125 - 0.025 * f64::from(20 + k)).unwrap().1).collect();
+        assert_eq!(rings, [2.0, 1.4, 2.0, 1.4]);
+        let bands = [0.55, 0.635, 0.72].map(|v| surface(0.0, v).unwrap().0);
+        assert!(bands[0] != bands[1] && bands[1] != bands[2], "{bands:?}");
+        assert_eq!(surface(0.1, 0.55).unwrap().0, bands[0], "a band runs near-horizontally");
+    }
+
+    /// 160 000 points over 40 mm.
+    fn points(config: SampleConfig, seed: u64) -> Vec<Point> {
+        let s = Sample::new(&config, seed);
+        (0..160_000).map(|k| s.at(f64::from(k % 400) * 0.1 - 20.0, f64::from(k / 400) * 0.1 - 20.0)).collect()
+    }
+
+    #[test]
+    fn the_asked_share_of_dots_is_dead() {
+        // Points 0.1 mm apart lie on dots of their own. Many seeds, since one in 370 is over three sigma by itself.
+        let config = SampleConfig { dead_dots: 0.2, ..SampleConfig::default() };
+        let (mut dead, mut n) = (0.0, 0.0);
+        for seed in 0..20 {
+            let points = points(config.clone(), seed);
+            n += points.len() as f64;
+            dead += points.iter().filter(|p| p.surface == Surface::Mirror).count() as f64;
+        }
+        assert!((dead / n - 0.2).abs() < 3.0 * (0.2 * 0.8 / n).sqrt(), "{}", dead / n);
+    }
+
+    #[test]
+    fn bumps_have_the_asked_slope_in_both_directions() {
+        let wanted = 0.5_f64.to_radians().tan();
+        for seed in 0..8 {
+            let points = points(SampleConfig { bumps_deg: 0.5, ..SampleConfig::default() }, seed);
+            for axis in 0..2 {
+                let sum: f64 = points.iter().map(|p| f64::from(p.slope[axis]).powi(2)).sum();
+                let slope = (sum / points.len() as f64).sqrt();
+                assert!((slope / wanted - 1.0).abs() < 0.1, "seed {seed} axis {axis}: {}", slope / wanted);
+            }
+        }
+    }
+
+    #[test]
+    fn reflectance_varies_as_much_as_asked() {
+        for variation in [0.0, 0.4, 0.95] {
+            let config = SampleConfig { reflectance_variation: variation, ..SampleConfig::default() };
+            let (low, high) = points(config, 9)
+                .iter()
+                .fold((f64::INFINITY, 0.0_f64), |(l, h), p| (l.min(p.reflectance.into()), h.max(p.reflectance.into())));
+            let wanted = (1.0 - variation) / (1.0 + variation);
+            let ratio = low / high;
+            assert!(high <= 0.95 + 1e-6 && ratio > wanted - 1e-6 && ratio < wanted + 0.02, "{low} {high}");
+        }
     }
 }

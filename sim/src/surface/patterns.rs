@@ -4,7 +4,7 @@ use super::{Ideal, Pattern};
 use crate::random::{hash, key, uniform};
 use std::f64::consts::PI;
 
-/// A currency emblem: an oval medallion on paper; at its top near-horizontal bands of different orientations, a rosette
+/// A currency emblem: an oval medallion on paper; at its top near-horizontal bands of different orientations, a crown
 /// in the middle, fine concentric rings of longer periods around it (2018 paper, Fig. 19).
 pub(super) struct Emblem {
     pub(super) half: f64,
@@ -17,9 +17,8 @@ impl Pattern for Emblem {
             return Ideal::Diffuse;
         }
         let (r, azimuth) = (u.hypot(v + 0.2), (v + 0.2).atan2(u));
-        let petal = 0.36 + 0.1 * (8.0 * azimuth).cos();
-        if r < petal {
-            return Ideal::Grating(4.0 * azimuth + 2.0 * r, 1.0);
+        if let Some(orientation) = crown(u, v + 0.2) {
+            return Ideal::Grating(orientation, 1.0);
         }
         // Rings 0.25 mm apart on a 20 mm emblem, every other one with a longer period.
         if r < 0.66 {
@@ -34,6 +33,29 @@ impl Pattern for Emblem {
         }
         Ideal::Grating(0.5 * PI + 0.5 * azimuth, 1.0)
     }
+}
+
+/// Orientation inside a crown around the origin, about 0.8 wide: a band with jewels, and five points with balls on them.
+fn crown(u: f64, v: f64) -> Option<f64> {
+    // The crown widens upwards, so across it, from -1 to 1, goes with the height.
+    let across = u / (0.3 + 0.22 * (v + 0.26));
+    if !(-1.2..=1.2).contains(&across) || !(-0.26..=0.4).contains(&v) {
+        return None;
+    }
+    let tip = (2.0 * across).round().clamp(-2.0, 2.0) / 2.0;
+    let height = 0.27 - 0.07 * tip * tip;
+    if ((across - tip) * 0.4).hypot(v - height) < 0.045 {
+        return Some(0.15 * PI);
+    }
+    if across.abs() > 1.0 {
+        return None;
+    }
+    if v < -0.13 {
+        let jewel = ((2.0 * across - (2.0 * across).round()) * 0.15).hypot(v + 0.195) < 0.04;
+        return Some(if jewel { 0.85 * PI } else { 0.6 * PI });
+    }
+    // Green of the colour wheel, with a slight gradient.
+    (v < height - 1.1 * (across - tip).abs()).then_some((0.33 + 0.1 * v) * PI)
 }
 
 /// Random squares. Orientation is uniform and the period grows with it from 0.8 to 1.6 of the sample's, so that a flash

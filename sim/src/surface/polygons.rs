@@ -16,8 +16,12 @@ impl Cells {
     fn find(&self, x: f64, y: f64) -> (u64, [f64; 2]) {
         let (column, row) = ((x / self.side).floor() as i64, (y / self.side).floor() as i64);
         let mut best = (f64::INFINITY, 0, [0.0; 2]);
-        for j in row - 2..=row + 2 {
-            for i in column - 2..=column + 2 {
+        // From the nearest column and row outwards, so that most of the far cells are passed over unhashed.
+        for j in [0, -1, 1, -2, 2].map(|k| row + k) {
+            for i in [0, -1, 1, -2, 2].map(|k| column + k) {
+                if self.gap(i, x).powi(2) + self.gap(j, y).powi(2) >= best.0 {
+                    continue;
+                }
                 let id =
                     key(&[self.seed, 0xce, i.rem_euclid(self.per_side) as u64, j.rem_euclid(self.per_side) as u64]);
                 let middle = [i, j].map(|k| k as f64);
@@ -29,6 +33,12 @@ impl Cells {
             }
         }
         (best.1, best.2)
+    }
+
+    /// How far a coordinate lies outside the cell of an index, along one axis, in mm.
+    fn gap(&self, index: i64, value: f64) -> f64 {
+        let low = index as f64 * self.side;
+        (low - value).max(value - low - self.side).max(0.0)
     }
 }
 
@@ -75,5 +85,44 @@ impl Pattern for Logo {
         let direction = 2.0 * PI * uniform(key(&[id, 8]));
         let along = ((x - mx) * direction.cos() + (y - my) * direction.sin()) / self.cells.side;
         Ideal::Grating(PI * uniform(key(&[id, 9])) + 0.4 * along, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn orientation(paper: &Paper, x: f64, y: f64) -> f64 {
+        let Ideal::Grating(orientation, _) = paper.at(x, y) else { panic!("no grating at {x}, {y}") };
+        orientation
+    }
+
+    #[test]
+    fn the_paper_has_twelve_orientations_and_repeats() {
+        let (half, paper) = (20.0, Paper::new(20.0, 5));
+        let mut seen = std::collections::BTreeSet::new();
+        for k in 0..4000_u64 {
+            let [x, y] = [0, 1].map(|axis| half * (2.0 * uniform(key(&[k, axis])) - 1.0));
+            let here = orientation(&paper, x, y);
+            assert_eq!(here, orientation(&paper, x + 2.0 * half, y - 2.0 * half), "{x} {y}");
+            seen.insert((here * 12.0 / PI).round() as i64);
+        }
+        assert_eq!(seen, (0..12).collect());
+    }
+
+    #[test]
+    fn cells_passed_over_are_never_the_nearest() {
+        let cells = Cells { per_side: 10, side: 1.0, seed: 2 };
+        for k in 0..4000_u64 {
+            let [x, y] = [0, 1].map(|axis| 10.0 * uniform(key(&[k, axis])));
+            let (_, [mx, my]) = cells.find(x, y);
+            let found = (x - mx).hypot(y - my);
+            // No middle of the neighbourhood, each found by asking at itself, is nearer.
+            for step in 0..25_u64 {
+                let (dx, dy) = ((step % 5) as f64 - 2.0, (step / 5) as f64 - 2.0);
+                let (_, [ox, oy]) = cells.find(x + 0.4 * dx, y + 0.4 * dy);
+                assert!((x - ox).hypot(y - oy) >= found - 1e-12, "{x} {y}");
+            }
+        }
     }
 }

@@ -15,10 +15,10 @@ impl Star {
     /// Polar position relative to the star when the point lies inside: (radius relative to the star's, azimuth).
     fn inside(&self, x: f64, y: f64) -> Option<(f64, f64)> {
         let (dx, dy) = (x - self.center[0], y - self.center[1]);
-        let r = dx.hypot(dy) / self.radius;
-        if r > 1.0 {
+        if dx * dx + dy * dy > self.radius * self.radius {
             return None;
         }
+        let r = dx.hypot(dy) / self.radius;
         let azimuth = dy.atan2(dx) - self.turn;
         // Within a fifth of a turn the edge runs straight from the tip (radius 1) to the notch (0.382).
         let folded = (azimuth.rem_euclid(TAU / 5.0) - PI / 5.0).abs();
@@ -76,10 +76,10 @@ impl Burst {
     /// Orientation of the stroke or ring that a point lies on.
     fn at(&self, x: f64, y: f64) -> Option<f64> {
         let (dx, dy) = (x - self.center[0], y - self.center[1]);
-        let r = dx.hypot(dy) / self.radius;
-        if r > 1.0 {
+        if dx * dx + dy * dy > self.radius * self.radius {
             return None;
         }
+        let r = dx.hypot(dy) / self.radius;
         let azimuth = dy.atan2(dx);
         if (r - 0.22).abs() < 0.035 {
             return Some(azimuth);

@@ -1,0 +1,36 @@
+//! `nacre check`.
+
+use crate::Failure;
+use crate::console::Console;
+use crate::session::check;
+use std::path::PathBuf;
+
+/// Arguments of `nacre check`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre check session
+  nacre check session --json
+
+Exits with 1 when a frame is missing or differs from its checksum.")]
+pub struct Args {
+    /// Session folder.
+    folder: PathBuf,
+}
+
+/// Verifies the checksums and says what is missing.
+pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
+    let condition = check(&args.folder)?;
+    let mut text = format!("{} of {} frames are whole", condition.intact, condition.planned);
+    for trouble in &condition.trouble {
+        text += &format!("\n{}: {}", trouble.file, trouble.problem);
+    }
+    console.result(&text, &condition);
+    if condition.finished && condition.trouble.is_empty() {
+        return Ok(());
+    }
+    let folder = args.folder.display();
+    Err(Failure::Bound(format!(
+        "{folder}: not complete; `nacre capture --resume {folder} --sim` takes what is missing"
+    )))
+}

@@ -1,0 +1,167 @@
+//! The journal: JSON Lines, each with its number and a CRC over its entry.
+
+use serde::{Deserialize, Serialize};
+use std::io;
+use std::path::Path;
+
+/// Longest journal that is read; a frame takes about 400 bytes.
+const MAX_BYTES: u64 = 256 << 20;
+
+/// What happened.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Entry {
+    /// The session was made.
+    Begun,
+    /// A process went on with it.
+    Resumed,
+    /// A frame is about to be stored.
+    Intent {
+        /// Its file.
+        file: String,
+    },
+    /// A frame is stored for good.
+    Committed(Commit),
+    /// The session ended early.
+    Stopped {
+        /// Why.
+        reason: String,
+    },
+    /// All frames and `frames.json` are there.
+    Finished,
+}
+
+/// A stored frame and the evidence that it is fresh. Times are nanoseconds on the bench's clock.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Commit {
+    /// File in the session folder.
+    pub file: String,
+    /// Of the file.
+    pub sha256: String,
+    /// Sequence number of the (last) frame.
+    pub sequence: u64,
+    /// End of its readout.
+    pub timestamp_ns: u64,
+    /// Since when stage and display stood still.
+    pub steady_since_ns: u64,
+    /// Stale frames dropped before it.
+    pub dropped: u32,
+}
+
+/// The journal in memory: what its lines said.
+#[derive(Default)]
+pub struct Journal {
+    entries: Vec<Entry>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Line {
+    seq: usize,
+    crc: u32,
+    entry: Entry,
+}
+
+impl Journal {
+    /// File name inside a session folder.
+    pub const NAME: &'static str = "journal";
+
+    /// Reads a journal; also returns the length of its intact part. A missing file is an empty journal.
+    ///
+    /// # Errors
+    /// `InvalidData` when a line before the last is damaged, which no crash can cause.
+    pub fn read(path: &Path) -> io::Result<(Self, u64)> {
+        let invalid = |problem: String| io::Error::new(io::ErrorKind::InvalidData, format!("journal: {problem}"));
+        let size = match std::fs::metadata(path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok((Self::default(), 0)),
+            other => other?.len(),
+        };
+        if size > MAX_BYTES {
+            return Err(invalid(format!("has {size} bytes, at most {MAX_BYTES} are read")));
+        }
+        let bytes = std::fs::read(path)?;
+        let mut journal = Self::default();
+        let mut intact = 0;
+        for line in bytes.split_inclusive(|b| *b == b'\n') {
+            let Some(entry) = parse(line, journal.entries.len()) else {
+                if intact + line.len() < bytes.len() {
+                    return Err(invalid(format!("line {} is damaged", journal.entries.len() + 1)));
+                }
+                break;
+            };
+            journal.entries.push(entry);
+            intact += line.len();
+        }
+        Ok((journal, intact as u64))
+    }
+
+    /// Adds an entry and returns its line.
+    ///
+    /// # Errors
+    /// Never for entries of this program; kept so that a failed serialisation cannot be overlooked.
+    pub fn line(&mut self, entry: Entry) -> io::Result<String> {
+        let line = Line { seq: self.entries.len(), crc: checksum(&entry)?, entry };
+        let text = serde_json::to_string(&line).map_err(io::Error::other)? + "\n";
+        self.entries.push(line.entry);
+        Ok(text)
+    }
+
+    /// Number of entries.
+    #[allow(clippy::len_without_is_empty)]
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// The last commit of a file.
+    pub fn commit(&self, file: &str) -> Option<&Commit> {
+        self.commits().rev().find(|c| c.file == file)
+    }
+
+    /// All commits in order.
+    pub fn commits(&self) -> impl DoubleEndedIterator<Item = &Commit> {
+        self.entries.iter().filter_map(|e| if let Entry::Committed(c) = e { Some(c) } else { None })
+    }
+
+    /// Whether the session was finished.
+    pub fn finished(&self) -> bool {
+        self.entries.contains(&Entry::Finished)
+    }
+}
+
+fn checksum(entry: &Entry) -> io::Result<u32> {
+    Ok(crc32fast::hash(&serde_json::to_vec(entry).map_err(io::Error::other)?))
+}
+
+fn parse(line: &[u8], seq: usize) -> Option<Entry> {
+    let text = line.strip_suffix(b"\n")?;
+    let line: Line = serde_json::from_slice(text).ok()?;
+    (line.seq == seq && checksum(&line.entry).ok()? == line.crc).then_some(line.entry)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(entries: &[Entry]) -> Vec<u8> {
+        let mut journal = Journal::default();
+        entries.iter().flat_map(|e| journal.line(e.clone()).unwrap().into_bytes()).collect()
+    }
+
+    #[test]
+    fn a_torn_tail_is_cut_wherever_it_is_torn_and_damage_inside_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal");
+        let entries = [Entry::Begun, Entry::Intent { file: "frames/0000.png".into() }, Entry::Finished];
+        let (whole, two) = (written(&entries), written(&entries[..2]).len());
+        for cut in two..whole.len() {
+            std::fs::write(&path, &whole[..cut]).unwrap();
+            let (journal, intact) = Journal::read(&path).unwrap();
+            assert_eq!((journal.entries.as_slice(), intact), (&entries[..2], two as u64));
+        }
+        for byte in 0..two - 1 {
+            let mut damaged = whole.clone();
+            damaged[byte] ^= 1;
+            std::fs::write(&path, &damaged).unwrap();
+            assert!(Journal::read(&path).is_err(), "byte {byte}");
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! A session folder: the truth about a capture, whatever happens to the process that writes it.
+//!
+//! `session.json` says what was asked for and with which devices; `journal` records each step before (intent) and
+//! after (commit, with the file's SHA-256); `frames/` holds the frames. Files appear whole: temporary file, sync, rename,
+//! directory sync. A torn last line of the journal is cut.
+
+mod check;
+mod disk;
+mod journal;
+#[cfg(test)]
+mod power_loss;
+
+pub use check::{Condition, Trouble, check};
+pub use disk::{Disk, RealDisk};
+pub use journal::{Commit, Entry, Journal};
+
+use crate::plan::Plan;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// `session.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SessionFile {
+    /// Version of the program that captured.
+    pub software: String,
+    /// What was asked for.
+    pub plan: Plan,
+    /// Identities of the devices.
+    pub devices: Vec<String>,
+    /// Exposure time in seconds, metered or as planned.
+    pub exposure_s: f64,
+    /// The simulated bench, for simulated sessions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bench: Option<nacre_sim::BenchConfig>,
+}
+
+/// Name of the description inside a session folder.
+pub const SESSION_FILE: &str = "session.json";
+
+/// An open session folder.
+pub struct Session<D: Disk> {
+    folder: PathBuf,
+    disk: D,
+    journal: Journal,
+}
+
+impl<D: Disk> Session<D> {
+    /// Makes a new session folder with its description; `folder` must not exist.
+    ///
+    /// # Errors
+    /// As the system answers.
+    pub fn create(disk: D, folder: &Path, description: &SessionFile) -> io::Result<Self> {
+        disk.create_dir(folder)?;
+        disk.create_dir(&folder.join("frames"))?;
+        let mut session = Self { folder: folder.to_path_buf(), disk, journal: Journal::default() };
+        let text = serde_json::to_vec_pretty(description).map_err(io::Error::other)?;
+        session.write_whole(SESSION_FILE, &text)?;
+        if let Some(parent) = folder.parent() {
+            session.disk.sync_dir(if parent.as_os_str().is_empty() { Path::new(".") } else { parent })?;
+        }
+        session.append(Entry::Begun)?;
+        Ok(session)
+    }
+
+    /// Opens a folder to go on with it: reads the journal and cuts a torn tail.
+    ///
+    /// # Errors
+    /// As the system answers; `InvalidData` for a journal that is damaged before its tail.
+    pub fn open(disk: D, folder: &Path) -> io::Result<(Self, SessionFile)> {
+        let description = serde_json::from_slice(&std::fs::read(folder.join(SESSION_FILE))?)
+            .map_err(|e| io::Error::new(io::ErrorKind::InvalidData, format!("{SESSION_FILE}: {e}")))?;
+        let (journal, intact) = Journal::read(&folder.join(Journal::NAME))?;
+        let mut session = Self { folder: folder.to_path_buf(), disk, journal };
+        session.disk.truncate(&session.folder.join(Journal::NAME), intact)?;
+        session.append(Entry::Resumed)?;
+        Ok((session, description))
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Whether a step's file is committed and still what the journal says.
+    pub fn has(&self, file: &str) -> bool {
+        let bytes = || std::fs::read(self.folder.join(file)).ok();
+        self.journal.commit(file).is_some_and(|c| bytes().is_some_and(|b| sha256(&b) == c.sha256))
+    }
+
+    /// Whether the session was finished.
+    pub fn finished(&self) -> bool {
+        self.journal.finished()
+    }
+
+    /// Stores a frame: intent, file, commit. `evidence` says why the frame is fresh.
+    ///
+    /// # Errors
+    /// As the system answers; the file is then not committed and will be taken again.
+    pub fn store(&mut self, file: &str, bytes: &[u8], evidence: Commit) -> io::Result<()> {
+        self.append(Entry::Intent { file: file.into() })?;
+        self.write_whole(file, bytes)?;
+        self.append(Entry::Committed(Commit { file: file.into(), sha256: sha256(bytes), ..evidence }))
+    }
+
+    /// Writes `frames.json` and closes the session.
+    ///
+    /// # Errors
+    /// As the system answers.
+    pub fn finish(&mut self, frames_json: &str) -> io::Result<()> {
+        self.write_whole(nacre_processing::frames::FILE_NAME, frames_json.as_bytes())?;
+        self.append(Entry::Finished)
+    }
+
+    /// Records why the session ended early.
+    ///
+    /// # Errors
+    /// As the system answers.
+    pub fn stopped(&mut self, reason: &str) -> io::Result<()> {
+        self.append(Entry::Stopped { reason: reason.into() })
+    }
+
+    fn append(&mut self, entry: Entry) -> io::Result<()> {
+        let line = self.journal.line(entry)?;
+        self.disk.append(&self.folder.join(Journal::NAME), line.as_bytes())?;
+        if self.journal.len() == 1 {
+            self.disk.sync_dir(&self.folder)?;
+        }
+        Ok(())
+    }
+
+    fn write_whole(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
+        let target = self.folder.join(name);
+        let temporary = target.with_extension("partial");
+        self.disk.write(&temporary, bytes)?;
+        self.disk.rename(&temporary, &target)?;
+        self.disk.sync_dir(target.parent().unwrap_or(&self.folder))
+    }
+}
+
+/// SHA-256 in hexadecimal.
+pub fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
+}

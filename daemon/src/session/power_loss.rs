@@ -1,0 +1,169 @@
+//! Power loss, tried at every disk operation: what was not synced is gone.
+
+use super::{Commit, Disk, RealDisk, Session, SessionFile, check};
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Works on a real folder and remembers what was asked for.
+#[derive(Default)]
+struct Recorder(RefCell<Vec<Operation>>);
+
+#[derive(Clone)]
+enum Operation {
+    CreateDir,
+    Write(PathBuf, Vec<u8>),
+    Rename(PathBuf, PathBuf),
+    SyncDir(PathBuf),
+    Append(PathBuf, Vec<u8>),
+    Truncate(PathBuf, u64),
+}
+
+impl Disk for &Recorder {
+    fn create_dir(&self, path: &Path) -> io::Result<()> {
+        self.0.borrow_mut().push(Operation::CreateDir);
+        RealDisk.create_dir(path)
+    }
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        self.0.borrow_mut().push(Operation::Write(path.into(), bytes.into()));
+        RealDisk.write(path, bytes)
+    }
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.0.borrow_mut().push(Operation::Rename(from.into(), to.into()));
+        RealDisk.rename(from, to)
+    }
+    fn sync_dir(&self, path: &Path) -> io::Result<()> {
+        self.0.borrow_mut().push(Operation::SyncDir(path.into()));
+        RealDisk.sync_dir(path)
+    }
+    fn append(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        self.0.borrow_mut().push(Operation::Append(path.into(), bytes.into()));
+        RealDisk.append(path, bytes)
+    }
+    fn truncate(&self, path: &Path, length: u64) -> io::Result<()> {
+        self.0.borrow_mut().push(Operation::Truncate(path.into(), length));
+        RealDisk.truncate(path, length)
+    }
+}
+
+/// A disk after power loss. Contents are durable once written (our writes sync them); names only after the sync of
+/// their folder, and until then either the old or the new name may be there.
+#[derive(Clone, Default)]
+struct Model {
+    durable: BTreeMap<PathBuf, Vec<u8>>,
+    pending: BTreeMap<PathBuf, Vec<u8>>,
+    removed: BTreeSet<PathBuf>,
+}
+
+impl Model {
+    fn now(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let mut all = self.durable.clone();
+        all.retain(|path, _| !self.removed.contains(path));
+        all.extend(self.pending.clone());
+        all
+    }
+
+    fn apply(&mut self, operation: &Operation) {
+        match operation {
+            Operation::CreateDir => {}
+            Operation::Write(path, bytes) => {
+                self.pending.insert(path.clone(), bytes.clone());
+            }
+            Operation::Rename(from, to) => {
+                if let Some(bytes) = self.now().remove(from) {
+                    self.pending.remove(from);
+                    self.removed.insert(from.clone());
+                    self.pending.insert(to.clone(), bytes);
+                }
+            }
+            Operation::SyncDir(folder) => {
+                let here = |path: &PathBuf| path.parent() == Some(folder);
+                self.durable.retain(|path, _| !(here(path) && self.removed.contains(path)));
+                self.removed.retain(|path| !here(path));
+                let (synced, rest) = std::mem::take(&mut self.pending).into_iter().partition(|(path, _)| here(path));
+                self.durable.extend::<BTreeMap<_, _>>(synced);
+                self.pending = rest;
+            }
+            Operation::Append(path, bytes) => {
+                let mut content = self.now().remove(path).unwrap_or_default();
+                content.extend(bytes);
+                // Syncing contents of a file whose name is durable makes them durable.
+                let place = if self.durable.contains_key(path) { &mut self.durable } else { &mut self.pending };
+                place.insert(path.clone(), content);
+            }
+            Operation::Truncate(path, length) => {
+                for place in [&mut self.durable, &mut self.pending] {
+                    if let Some(content) = place.get_mut(path) {
+                        content.truncate(*length as usize);
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn description() -> SessionFile {
+    let plan = "kind = \"polarization\"\nanalyser = { angles_deg = [0, 60, 120] }";
+    SessionFile {
+        software: "test".into(),
+        plan: toml::from_str(plan).unwrap(),
+        devices: vec![],
+        exposure_s: 0.01,
+        bench: None,
+    }
+}
+
+fn frame(file: &str) -> Vec<u8> {
+    format!("frame {file}").repeat(5).into_bytes()
+}
+
+/// Takes what is missing, as the engine does.
+fn complete<D: Disk>(session: &mut Session<D>) {
+    for step in description().plan.steps() {
+        if !session.has(&step.file) {
+            session.store(&step.file, &frame(&step.file), Commit::default()).unwrap();
+        }
+    }
+    session.finish("{}").unwrap();
+}
+
+#[test]
+fn any_prefix_of_the_disk_operations_can_be_resumed_after_power_loss() {
+    let home = tempfile::tempdir().unwrap();
+    let (folder, recorder) = (home.path().join("s"), Recorder::default());
+    complete(&mut Session::create(&recorder, &folder, &description()).unwrap());
+    let operations = recorder.0.borrow().clone();
+    let is_begun = |files: &BTreeMap<PathBuf, Vec<u8>>| files.contains_key(&folder.join(super::SESSION_FILE));
+    let mut model = Model::default();
+    let mut tried = 0;
+    for operation in &operations {
+        model.apply(operation);
+        // The two extremes: nothing that is pending survived, or all of it; and a torn journal on top.
+        for (mut files, tear) in [(model.durable.clone(), 0), (model.now(), 0), (model.durable.clone(), 7)] {
+            if !is_begun(&files) {
+                continue;
+            }
+            if let Some(journal) = files.get_mut(&folder.join("journal")).filter(|_| tear > 0) {
+                journal.truncate(journal.len().saturating_sub(tear));
+            }
+            let place = tempfile::tempdir().unwrap();
+            let copy = place.path().join("s");
+            std::fs::create_dir_all(copy.join("frames")).unwrap();
+            for (path, bytes) in files {
+                std::fs::write(copy.join(path.strip_prefix(&folder).unwrap()), bytes).unwrap();
+            }
+            let before = check(&copy).unwrap();
+            assert!(before.trouble.iter().all(|t| t.problem.contains("not taken yet")), "{before:?}");
+            let (mut session, _) = Session::open(RealDisk, &copy).unwrap();
+            complete(&mut session);
+            let after = check(&copy).unwrap();
+            assert!(after.finished && after.trouble.is_empty(), "{after:?}");
+            for step in description().plan.steps() {
+                assert_eq!(std::fs::read(copy.join(&step.file)).unwrap(), frame(&step.file));
+            }
+            tried += 1;
+        }
+    }
+    assert!(tried > 40, "{tried}");
+}
