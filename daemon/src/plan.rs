@@ -35,6 +35,31 @@ pub struct Plan {
     /// Frames taken besides.
     #[serde(default)]
     pub extras: Vec<Extra>,
+    /// What to make of the frames at once, in the session's `results/`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reconstruct: Option<ReconstructPlan>,
+}
+
+/// A reconstruction that follows the capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReconstructPlan {
+    /// Which reconstruction.
+    pub method: PlanKind,
+    /// Which model.
+    #[serde(default)]
+    pub model: ModelPlan,
+}
+
+/// Models of a polarization reconstruction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelPlan {
+    /// The simplest that explains the data.
+    #[default]
+    Auto,
+    /// The phase is the orientation.
+    Sinusoid,
 }
 
 /// What a plan varies.
@@ -50,13 +75,25 @@ pub enum PlanKind {
 #[serde(deny_unknown_fields, default)]
 pub struct CameraPlan {
     /// Exposure time in ms; metered over the whole turn of the analyser when it is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure_ms: Option<f64>,
+    /// `"meter"` says so in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<ExposureMode>,
     /// Gain.
     pub gain: f64,
     /// Frames averaged at each angle, 1 to 16.
     pub average: u32,
     /// Region of interest: left, top, width, height in pixels; the whole frame when it is not given.
     pub roi: Option<[u32; 4]>,
+}
+
+/// How the exposure is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ExposureMode {
+    /// From trial frames over the whole turn of the analyser.
+    Meter,
 }
 
 /// What the panel shows.
@@ -95,7 +132,7 @@ pub enum Extra {
 
 impl Default for CameraPlan {
     fn default() -> Self {
-        Self { exposure_ms: None, gain: 1.0, average: 1, roi: None }
+        Self { exposure_ms: None, exposure: None, gain: 1.0, average: 1, roi: None }
     }
 }
 
@@ -162,6 +199,9 @@ impl Plan {
         positive("camera.gain", self.camera.gain)?;
         positive("camera.exposure_ms", self.camera.exposure_ms.unwrap_or(1.0))?;
         positive("display.diameter_mm", self.display.diameter_mm)?;
+        if self.camera.exposure_ms.is_some() && self.camera.exposure.is_some() {
+            return Err("camera.exposure and camera.exposure_ms are both given; keep one".into());
+        }
         match self.camera.average {
             1..=16 => Ok(()),
             n => Err(format!("camera.average is {n}; give 1 to 16")),
@@ -217,22 +257,21 @@ impl Plan {
         series.chain(extras).collect()
     }
 
-    /// Time and disk for a session with this exposure time (s).
+    /// Time and disk for a session with this exposure time (s): the engine's own timeline. The camera runs freely, so
+    /// a fresh frame begins at the first of its beats after stage and panel stand still.
     pub fn estimate(&self, exposure_s: f64, camera: &CameraInfo, stage: &StageInfo) -> Estimate {
-        let period = exposure_s + camera.readout_s;
+        let (old, beat) = (camera.exposure_now_s + camera.readout_s, exposure_s + camera.readout_s);
+        // Controls act after the lag, in frames of the old exposure; the first frame after that is the first used.
+        let adopted = f64::from(camera.control_lag_frames) * old;
+        let mut seconds = stage.settling_s.max(old);
         let mut angle = 0.0;
-        // The camera takes its settings during one frame; its lag passes while the stage moves.
-        let mut seconds = period;
         for step in self.steps() {
-            let travel: f64 = crate::engine::approach(angle, step.analyser_deg)
-                .iter()
-                .scan(angle, |from, to| Some((to - std::mem::replace(from, *to)).abs()))
-                .sum();
-            let moves = crate::engine::approach(angle, step.analyser_deg).len() as f64;
-            // A fresh frame begins half a period after the stage stands still, on average.
-            let frames = 0.5 + f64::from(self.camera.average);
-            seconds += travel / stage.speed_deg_s + moves * stage.settling_s + frames * period;
-            angle = step.analyser_deg;
+            for stop in crate::engine::approach(angle, step.analyser_deg) {
+                seconds += (stop - angle).abs() / stage.speed_deg_s + stage.settling_s;
+                angle = stop;
+            }
+            let begin = adopted + beat * ((seconds - adopted) / beat).ceil().max(1.0);
+            seconds = begin + f64::from(self.camera.average) * beat;
         }
         let pixels = self.camera.roi.map_or(camera.width * camera.height, |[_, _, w, h]| w as usize * h as usize);
         let frames = self.steps().len();
@@ -252,6 +291,7 @@ mod tests {
         display = { pattern = "disc", diameter_mm = 180 }
         analyser = { angles_deg = [0, 15, 30, 45, 60, 75, 90, 105, 120, 135, 150, 165] }
         extras = ["display_black"]
+        reconstruct = { method = "polarization", model = "auto" }
     "#;
 
     #[test]
@@ -270,6 +310,7 @@ mod tests {
             ("average = 1", "average = 0", "camera.average"),
             ("gain = 1.0", "gain = -1", "camera.gain"),
             ("[0, 15,", "[nan, 15,", "angles_deg"),
+            ("gain = 1.0", "exposure = \"meter\"", "camera.exposure"),
             ("diameter_mm = 180", "diameter_mm = inf", "display.diameter_mm"),
         ] {
             let plan: Plan = toml::from_str(&DOCUMENTED.replace(from, to)).unwrap();

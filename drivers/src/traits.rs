@@ -101,6 +101,8 @@ pub struct CameraInfo {
     pub height: usize,
     /// Shortest and longest exposure in seconds.
     pub exposure_s: [f64; 2],
+    /// Exposure in force before anything is set.
+    pub exposure_now_s: f64,
     /// Lowest and highest gain.
     pub gain: [f64; 2],
     /// Code of no light, and of a saturated pixel.

@@ -37,7 +37,7 @@ impl Bench {
         Ok(Self {
             now: Duration::ZERO,
             stage: Stage::new(&config.stage, config.seed),
-            camera: Camera::new(&config.camera, exposure_ms / 1000.0),
+            camera: Camera::new(&config.camera),
             display: vec![(Duration::ZERO, false)],
             steady_since: Duration::ZERO,
             exposure_ms,

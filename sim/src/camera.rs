@@ -48,14 +48,14 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A camera that starts to stream at time 0 with this exposure time.
-    pub fn new(config: &CameraConfig, exposure_s: f64) -> Self {
+    /// A camera that starts to stream at time 0.
+    pub fn new(config: &CameraConfig) -> Self {
         Self {
             readout: Duration::from_secs_f64(config.readout_ms / 1000.0),
             queue_length: config.queue as usize,
             lag: config.lag_frames,
             queue: VecDeque::new(),
-            settings: Settings { exposure_s, gain: config.gain },
+            settings: Settings { exposure_s: config.power_on_exposure_s(), gain: config.gain },
             pending: Vec::new(),
             next_start: Duration::ZERO,
             sequence: 0,
@@ -109,8 +109,14 @@ mod tests {
 
     #[test]
     fn the_queue_keeps_stale_frames_and_settings_lag() {
-        let config = CameraConfig { readout_ms: 10.0, queue: 4, lag_frames: 2, ..CameraConfig::default() };
-        let mut camera = Camera::new(&config, 0.04);
+        let config = CameraConfig {
+            exposure_ms: Some(40.0),
+            readout_ms: 10.0,
+            queue: 4,
+            lag_frames: 2,
+            ..CameraConfig::default()
+        };
+        let mut camera = Camera::new(&config);
         camera.advance(Duration::from_secs(1));
         let taken: Vec<u64> = std::iter::from_fn(|| camera.take()).map(|f| f.sequence).collect();
         assert_eq!(taken, [0, 1, 2, 3], "the first four frames, a second old");

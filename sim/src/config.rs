@@ -217,6 +217,13 @@ impl Default for GeometryConfig {
     }
 }
 
+impl CameraConfig {
+    /// Exposure with which the camera begins to stream, in seconds: as configured, or 10 ms.
+    pub fn power_on_exposure_s(&self) -> f64 {
+        self.exposure_ms.unwrap_or(10.0) / 1000.0
+    }
+}
+
 impl BenchConfig {
     /// Reads a bench from TOML.
     ///

@@ -47,6 +47,7 @@ pub fn describe(bench: &BenchConfig) -> (StageInfo, CameraInfo, DisplayInfo) {
         width: camera.width as usize,
         height: camera.height as usize,
         exposure_s: [1e-5, 60.0],
+        exposure_now_s: camera.power_on_exposure_s(),
         gain: [1.0, 100.0],
         black: camera.black_level as u16,
         white: ((1u32 << camera.bits) - 1) as u16,

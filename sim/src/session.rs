@@ -190,7 +190,7 @@ mod tests {
             (config.camera.width, config.camera.height, config.camera.lag_frames) = (2, 2, lag);
             let mut bench = Bench::new(&config, &Silent).unwrap();
             let random = |i: u64, k: u64| crate::random::uniform(crate::random::key(&[lag.into(), i, k]));
-            let (mut exposure, mut freshness) = (bench.exposure_ms() / 1000.0, Freshness::default());
+            let (mut exposure, mut freshness) = (config.camera.power_on_exposure_s(), Freshness::default());
             for i in 0..2500 {
                 if random(i, 0) < 0.3 {
                     exposure = 0.001 + 0.2 * random(i, 1).powi(3);

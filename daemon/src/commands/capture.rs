@@ -3,11 +3,12 @@
 use super::sim::read_bench;
 use crate::console::Console;
 use crate::engine::Bench;
-use crate::plan::Plan;
-use crate::session::{RealDisk, Session, SessionFile};
+use crate::plan::{ModelPlan, Plan};
+use crate::session::{RealDisk, SESSION_FILE, Session, SessionFile};
 use crate::{Failure, session};
 use nacre_drivers::{Camera, Clock, Display, Stage};
 use nacre_processing::Error;
+use nacre_processing::polarimetry::{self, Model, Options};
 use nacre_sim::{BenchConfig, SharedBench};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -108,6 +109,7 @@ async fn begin(plan: Plan, config: &BenchConfig, out: &Path, console: &Console) 
         bench: Some(config.clone()),
     };
     let mut session = Session::create(RealDisk, out, &description).map_err(|e| Error::output(out, e))?;
+    let _lock = lock(out)?;
     take(&mut bench, &description, &mut session, &shared, console).await
 }
 
@@ -115,6 +117,7 @@ async fn resume(folder: &Path, console: &Console) -> Result<(), Failure> {
     let bad = |e: std::io::Error| {
         Error::file(folder, format!("cannot be resumed: {e}"), "give a folder that `nacre capture` made")
     };
+    let _lock = lock(folder)?;
     let (mut session, description) = Session::open(RealDisk, folder).map_err(bad)?;
     let Some(config) = &description.bench else {
         return Err(
@@ -140,18 +143,51 @@ async fn take(
     bench.run(&description.plan, exposure, session, console).await?;
     let device_s = (shared.lock().now() - begun).as_secs_f64();
     let condition = session::check(session.folder())?;
+    let results = reconstruct_as_planned(&description.plan, session.folder(), console)?;
     let folder = session.folder().display();
+    let next = match &results {
+        Some(results) => format!("results   {}", results.display()),
+        None => format!("next      nacre reconstruct polarization {folder} --out result"),
+    };
     let text = format!(
-        "{} frames of {:.1} ms; {device_s:.1} s of the devices' time, {:.2} s on the clock\nsession   {folder}\nnext      \
-         nacre reconstruct polarization {folder} --out result",
+        "{} frames of {:.1} ms; {device_s:.1} s of the devices' time, {:.2} s on the clock\nsession   {folder}\n{next}",
         condition.intact,
         1000.0 * description.exposure_s,
         wall.elapsed().as_secs_f64(),
     );
     let json = serde_json::json!({
         "session": session.folder(), "frames": condition.intact, "exposure_s": description.exposure_s,
-        "device_seconds": device_s, "seconds": wall.elapsed().as_secs_f64(),
+        "device_seconds": device_s, "seconds": wall.elapsed().as_secs_f64(), "results": results,
     });
     console.result(&text, &json);
     Ok(())
+}
+
+/// Runs the reconstruction that the plan asks for; results of an earlier run of the same session are replaced.
+fn reconstruct_as_planned(plan: &Plan, folder: &Path, console: &Console) -> Result<Option<PathBuf>, Failure> {
+    let Some(planned) = plan.reconstruct else { return Ok(None) };
+    let model = match planned.model {
+        ModelPlan::Auto => Model::Auto,
+        ModelPlan::Sinusoid => Model::Sinusoid,
+    };
+    let results = folder.join("results");
+    let options = Options { model, overwrite: true, ..Options::default() };
+    let report = polarimetry::reconstruct(folder, &results, &options, console)?;
+    for warning in &report.warnings {
+        console.note(&format!("warning: {warning}"));
+    }
+    Ok(Some(results))
+}
+
+/// Keeps a second process from capturing into the same session; released when it is dropped.
+fn lock(folder: &Path) -> Result<std::fs::File, Failure> {
+    let path = folder.join(SESSION_FILE);
+    let taken =
+        std::fs::File::open(&path).and_then(|file| file.try_lock().map(|()| file).map_err(std::io::Error::from));
+    taken.map_err(|e| match e.kind() {
+        std::io::ErrorKind::WouldBlock => {
+            Error::file(folder, "is being captured by another process", "wait for it or stop it").into()
+        }
+        _ => Error::file(&path, format!("cannot be read: {e}"), "give a folder that `nacre capture` made").into(),
+    })
 }

@@ -1,7 +1,7 @@
-//! Power loss, tried at every disk operation: what was not synced is gone.
+//! Power loss and full disks, tried at every disk operation; after power loss what was not synced is gone.
 
 use super::{Commit, Disk, RealDisk, Session, SessionFile, check};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,6 +9,44 @@ use std::path::{Path, PathBuf};
 /// Works on a real folder and remembers what was asked for.
 #[derive(Default)]
 struct Recorder(RefCell<Vec<Operation>>);
+
+/// A disk that is full from a given operation on.
+struct Full(Cell<usize>);
+
+impl Full {
+    fn one_more(&self) -> io::Result<()> {
+        match self.0.get().checked_sub(1) {
+            Some(left) => {
+                self.0.set(left);
+                Ok(())
+            }
+            None => Err(io::ErrorKind::StorageFull.into()),
+        }
+    }
+}
+
+impl Disk for &Full {
+    fn create_dir(&self, path: &Path) -> io::Result<()> {
+        self.one_more().and_then(|()| RealDisk.create_dir(path))
+    }
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        self.one_more().and_then(|()| RealDisk.write(path, bytes))
+    }
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.one_more().and_then(|()| RealDisk.rename(from, to))
+    }
+    fn sync_dir(&self, path: &Path) -> io::Result<()> {
+        self.one_more().and_then(|()| RealDisk.sync_dir(path))
+    }
+    fn append(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        // A full disk may take the beginning of a line.
+        self.one_more().inspect_err(|_| _ = RealDisk.append(path, &bytes[..bytes.len() / 2]))?;
+        RealDisk.append(path, bytes)
+    }
+    fn truncate(&self, path: &Path, length: u64) -> io::Result<()> {
+        self.one_more().and_then(|()| RealDisk.truncate(path, length))
+    }
+}
 
 #[derive(Clone)]
 enum Operation {
@@ -119,20 +157,46 @@ fn frame(file: &str) -> Vec<u8> {
 }
 
 /// Takes what is missing, as the engine does.
-fn complete<D: Disk>(session: &mut Session<D>) {
+fn complete<D: Disk>(session: &mut Session<D>) -> io::Result<()> {
     for step in description().plan.steps() {
         if !session.has(&step.file) {
-            session.store(&step.file, &frame(&step.file), Commit::default()).unwrap();
+            session.store(&step.file, &frame(&step.file), Commit::default())?;
         }
     }
-    session.finish("{}").unwrap();
+    session.finish("{}")
+}
+
+#[test]
+fn a_disk_that_fills_up_at_any_operation_is_an_error_that_can_be_resumed() {
+    let home = tempfile::tempdir().unwrap();
+    let mut failed = 0;
+    for operations in 0.. {
+        let (folder, disk) = (home.path().join(format!("s{operations}")), Full(Cell::new(operations)));
+        let outcome = Session::create(&disk, &folder, &description()).and_then(|mut session| {
+            let result = complete(&mut session);
+            // As the engine does, whether or not the disk takes it.
+            result.inspect_err(|e| _ = session.stopped(&e.to_string()))
+        });
+        match outcome {
+            Ok(()) => break,
+            Err(e) => assert_eq!(e.kind(), io::ErrorKind::StorageFull),
+        }
+        failed += 1;
+        if folder.join(super::SESSION_FILE).exists() {
+            let (mut session, _) = Session::open(RealDisk, &folder).unwrap();
+            complete(&mut session).unwrap();
+            let after = check(&folder).unwrap();
+            assert!(after.finished && after.trouble.is_empty(), "{operations}: {after:?}");
+        }
+    }
+    assert!(failed > 20, "{failed}");
 }
 
 #[test]
 fn any_prefix_of_the_disk_operations_can_be_resumed_after_power_loss() {
     let home = tempfile::tempdir().unwrap();
     let (folder, recorder) = (home.path().join("s"), Recorder::default());
-    complete(&mut Session::create(&recorder, &folder, &description()).unwrap());
+    complete(&mut Session::create(&recorder, &folder, &description()).unwrap()).unwrap();
     let operations = recorder.0.borrow().clone();
     let is_begun = |files: &BTreeMap<PathBuf, Vec<u8>>| files.contains_key(&folder.join(super::SESSION_FILE));
     let mut model = Model::default();
@@ -156,7 +220,7 @@ fn any_prefix_of_the_disk_operations_can_be_resumed_after_power_loss() {
             let before = check(&copy).unwrap();
             assert!(before.trouble.iter().all(|t| t.problem.contains("not taken yet")), "{before:?}");
             let (mut session, _) = Session::open(RealDisk, &copy).unwrap();
-            complete(&mut session);
+            complete(&mut session).unwrap();
             let after = check(&copy).unwrap();
             assert!(after.finished && after.trouble.is_empty(), "{after:?}");
             for step in description().plan.steps() {
