@@ -28,37 +28,38 @@ pub struct CircleCheck {
 const NEGLIGIBLE_BIAS_DEG: f64 = 0.5;
 
 impl CircleCheck {
-    /// The warning that belongs in front of a user, if any.
-    pub fn warning(&self) -> Option<String> {
+    /// What belongs in front of a user; empty when the sinusoid stands.
+    pub fn warnings(&self) -> Vec<String> {
         let Some(bias) = self.bias_deg else {
-            return Some(
+            return vec![
                 "the points (S1/S0, S2/S0) form no ring, so the sinusoid model cannot be checked: the map is the angle of \
                  linear polarization, which is the orientation only of gratings of one period without a birefringent film"
                     .into(),
-            );
+            ];
         };
+        let mut warnings = vec![];
         if self.gap_deg > WIDEST_GAP_DEG {
-            return Some(format!(
+            warnings.push(format!(
                 "no orientations over a range of {:.0}° are in view, too few to check the sinusoid model: behind a birefringent \
                  film the map can be wrong by much more than σ says",
                 self.gap_deg
             ));
-        }
-        if bias > NEGLIGIBLE_BIAS_DEG {
-            return Some(format!(
+        } else if bias > NEGLIGIBLE_BIAS_DEG {
+            warnings.push(format!(
                 "the sinusoid model does not hold if this is a grating: (S1/S0, S2/S0) circles ({:.3}, {:.3}) instead of the \
                  origin, as behind a birefringent film; orientations are off by about {bias:.1}° on average, which σ does not hold",
                 self.center[0], self.center[1]
             ));
         }
-        self.mixed().then(|| {
-            format!(
+        if self.mixed() {
+            warnings.push(format!(
                 "the strength of the modulation varies by {:.0} % where noise explains {:.0} %: a sample of several periods or \
                  depths has a different offset for each, which shifts orientations against each other by up to about 20°",
                 100.0 * self.spread,
                 100.0 * self.spread_of_noise
-            )
-        })
+            ));
+        }
+        warnings
     }
 
     /// Whether `bias_deg` is the whole systematic error: there is a ring, it is seen all around, and it is one.
@@ -191,7 +192,7 @@ mod tests {
     #[test]
     fn a_centred_circle_raises_no_warning() {
         let c = check([0.0, 0.0], 0.3, 1.0);
-        assert!(c.bias_deg.unwrap() < 1e-4 && c.spread < 1e-5 && c.warning().is_none(), "{c:?}");
+        assert!(c.bias_deg.unwrap() < 1e-4 && c.spread < 1e-5 && c.warnings().is_empty(), "{c:?}");
     }
 
     /// A centre off by ε of the radius turns the phase by ε sin, so the orientation by ε/2 · 2/π on average.
@@ -200,7 +201,7 @@ mod tests {
         let c = check([0.03, 0.0], 0.3, 1.0);
         let wanted = (0.1_f64 / std::f64::consts::PI).to_degrees();
         assert!((c.bias_deg.unwrap() / wanted - 1.0).abs() < 0.02, "{c:?} {wanted}");
-        assert!(c.warning().unwrap().contains("film"));
+        assert!(c.warnings()[0].contains("film"));
     }
 
     #[test]
@@ -213,11 +214,24 @@ mod tests {
             })
             .collect();
         let c = check_points(&points);
-        assert!(c.bias_deg.is_none() && c.warning().unwrap().contains("no ring"), "{c:?}");
+        assert!(c.bias_deg.is_none() && c.warnings()[0].contains("no ring"), "{c:?}");
+    }
+
+    /// Two rings, as of two periods: no bias, but a warning all the same.
+    #[test]
+    fn several_periods_are_warned_of() {
+        let points: Vec<[f64; 2]> = (0..4000)
+            .map(|i| {
+                let (r, turn) = (if i % 2 == 0 { 0.30 } else { 0.24 }, 0.01 * f64::from(i));
+                [r * turn.cos(), r * turn.sin()]
+            })
+            .collect();
+        let c = check_points(&points);
+        assert!(!c.bias_is_known() && c.warnings().iter().any(|w| w.contains("several periods")), "{c:?}");
     }
 
     #[test]
     fn a_short_arc_cannot_be_checked() {
-        assert!(check([0.0, 0.0], 0.3, 0.3).warning().unwrap().contains("too few"));
+        assert!(check([0.0, 0.0], 0.3, 0.3).warnings()[0].contains("too few"));
     }
 }

@@ -95,7 +95,7 @@ impl Report {
         let block = if frames.set.layout.is_some() { 2 } else { 1 };
         let mean = |of: fn(&FrameNoise) -> f64| noise.iter().map(of).sum::<f64>() / noise.len().max(1) as f64;
         let set = &frames.set;
-        let mut warnings: Vec<String> = circle.iter().filter_map(CircleCheck::warning).collect();
+        let mut warnings: Vec<String> = circle.iter().flat_map(CircleCheck::warnings).collect();
         if pixels.valid == 0 {
             warnings.push("no pixel shows enough modulation to carry an orientation: the map is empty".into());
         }
@@ -140,12 +140,12 @@ fn reason(asked: Model, circle: Option<&CircleCheck>) -> String {
     match (asked, circle) {
         (Model::Sinusoid, _) => "asked for".into(),
         (Model::Auto, None) => "too few pixels carry an orientation to compare models".into(),
-        (Model::Auto, Some(c)) => match (c.warning(), c.bias_deg) {
-            (None, Some(bias)) => format!(
+        (Model::Auto, Some(c)) => match c.bias_deg.filter(|_| c.warnings().is_empty()) {
+            Some(bias) => format!(
                 "(S1/S0, S2/S0) lie on a circle about the origin: its centre costs {bias:.2}° on average, so nothing more is \
                  needed"
             ),
-            _ => "the only model so far, although it is not known to explain the data: see warnings".into(),
+            None => "the only model so far, although it is not known to explain the data: see warnings".into(),
         },
     }
 }
