@@ -13,7 +13,8 @@ pub struct CircleCheck {
     pub center: [f64; 2],
     /// Its radius.
     pub radius: f64,
-    /// Scatter of the points about the circle (1.48 median distance), relative to the radius.
+    /// Scatter of the points about the circle, relative to the radius: the distance that 80 % stay under, over that of a
+    /// normal deviate, so that edges and scratches do not count but a fifth of the pixels with another period does.
     pub spread: f64,
     /// The scatter that noise alone explains.
     pub spread_of_noise: f64,
@@ -94,10 +95,10 @@ pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCh
     }
     let first = least_squares_circle(&points)?;
     // A second pass without the points far off (mixed dots, scratches), which pull an algebraic fit.
-    let limit = 2.0 * median_distance(&points, first);
+    let limit = 2.0 * distance_of(0.5, &points, first);
     let near: Vec<_> = points.iter().copied().filter(|p| distance(p, first) <= limit).collect();
     let (center, radius) = least_squares_circle(&near)?;
-    let spread = 1.4826 * median_distance(&points, (center, radius)) / radius;
+    let spread = distance_of(0.8, &points, (center, radius)) / 1.2816 / radius;
     // σ(θ) is half the relative error across the modulation, which is about that along it.
     let mut sigma: Vec<f32> = valid.iter().map(|&i| map.sigma[i]).collect();
     let middle = sigma.len() / 2;
@@ -126,11 +127,12 @@ fn distance(p: &[f64; 2], (c, r): Circle) -> f64 {
     ((p[0] - c[0]).hypot(p[1] - c[1]) - r).abs()
 }
 
-/// Never 0, so that a perfect circle keeps its points.
-fn median_distance(points: &[[f64; 2]], circle: Circle) -> f64 {
+/// Distance from the circle that this share of the points stays under; never 0, so that a perfect circle keeps its
+/// points.
+fn distance_of(share: f64, points: &[[f64; 2]], circle: Circle) -> f64 {
     let mut distances: Vec<f64> = points.iter().map(|p| distance(p, circle)).collect();
-    let middle = distances.len() / 2;
-    *distances.select_nth_unstable_by(middle, f64::total_cmp).1 + 1e-9 * circle.1
+    let at = (share * (distances.len() - 1) as f64) as usize;
+    *distances.select_nth_unstable_by(at, f64::total_cmp).1 + 1e-9 * circle.1
 }
 
 /// Widest run of 10° sectors about the centre that hold less than 0.1 % of the points, in degrees of orientation.
@@ -185,7 +187,7 @@ mod tests {
         let s0 = vec![1.0_f32; n];
         let (s1, s2) = (points.iter().map(|p| p[0] as f32).collect(), points.iter().map(|p| p[1] as f32).collect());
         let maps = StokesMaps { width: n, height: 1, residual: s0.clone(), correlation: s0.clone(), s0, s1, s2 };
-        let map = OrientationMaps { width: n, height: 1, orientation: maps.s0.clone(), sigma: maps.s0.clone() };
+        let map = OrientationMaps { width: n, height: 1, orientation: maps.s0.clone(), sigma: vec![0.001; n] };
         check_circle(&maps, &map).unwrap()
     }
 
