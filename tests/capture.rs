@@ -169,6 +169,30 @@ fn a_damaged_journal_is_refused_and_nothing_is_touched() {
 }
 
 #[test]
+fn an_edited_session_file_is_refused_by_key() {
+    let place = Place::new(PLAN);
+    nacre(place.capture("s")).expect(0);
+    let (path, journal) = (place.path("s/session.json"), fs::read(place.path("s/journal")).unwrap());
+    let good: serde_json::Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    for (pointer, value, word) in [
+        ("/plan/camera/average", serde_json::json!(0), "camera.average"),
+        ("/plan/camera/roi", serde_json::json!([60, 40, 100, 100]), "camera.roi"),
+        ("/exposure_s", serde_json::json!(-1.0), "exposure_s"),
+        ("/plan/analyser/angles_deg", serde_json::json!([]), "angles_deg"),
+        ("/bench/camera/width", serde_json::json!(1_000_000_000), "camera.width"),
+        ("/devices", serde_json::json!(3), "session.json"),
+    ] {
+        let mut edited = good.clone();
+        *edited.pointer_mut(pointer).unwrap() = value;
+        fs::write(&path, edited.to_string()).unwrap();
+        let run = nacre(place.resume("s")).expect(2);
+        assert!(run.stderr().contains(word) && !run.stderr().contains("panicked"), "{word}: {}", run.stderr());
+    }
+    let journal_now = fs::read(place.path("s/journal")).unwrap();
+    assert!(journal_now.starts_with(&journal), "what was recorded stays");
+}
+
+#[test]
 fn estimates_hold_within_ten_percent() {
     for plan in [
         "analyser = { angles_deg = [0, 15, 30, 45, 60, 75, 90, 105, 120, 135, 150, 165] }\ncamera = { exposure_ms = 40 }",

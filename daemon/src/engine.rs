@@ -128,7 +128,7 @@ impl Bench<'_> {
         let mut sum: Vec<u32> = frame.codes.iter().map(|&c| c.into()).collect();
         let mut last = frame;
         for _ in 1..count {
-            last = self.camera.next_frame().await?;
+            last = self.next_frame().await?;
             sum.iter_mut().zip(&last.codes).for_each(|(s, &c)| *s += u32::from(c));
         }
         let factor = stored_factor(&self.camera.describe(), count);
@@ -148,15 +148,21 @@ impl Bench<'_> {
         Ok((png, evidence))
     }
 
+    /// The next frame, of the size that the camera promised.
+    async fn next_frame(&mut self) -> Result<Frame, Failure> {
+        let (info, frame) = (self.camera.describe(), self.camera.next_frame().await?);
+        if frame.codes.len() != info.width * info.height || frame.width != info.width {
+            return Err(wrong_size(&info, &frame).into());
+        }
+        Ok(frame)
+    }
+
     /// Drops frames until one is fresh; also returns how many were dropped.
     async fn until_fresh(&mut self, freshness: &Freshness, controls: &Controls) -> Result<(Frame, u32), Failure> {
         let info = self.camera.describe();
         let readout = Duration::from_secs_f64(info.readout_s);
         for dropped in 0..MAX_STALE {
-            let frame = self.camera.next_frame().await?;
-            if frame.codes.len() != info.width * info.height || frame.width != info.width {
-                return Err(wrong_size(&info, &frame).into());
-            }
+            let frame = self.next_frame().await?;
             if freshness.accepts(frame.stamp, controls.exposure, readout) {
                 return Ok((frame, dropped));
             }
@@ -167,9 +173,20 @@ impl Bench<'_> {
     /// Exposure time at which the brightest pixels, at their brightest analyser angle, just stay below white: found from
     /// four frames at 0, 45, 90 and 135 degrees, which tell the whole turn.
     ///
+    /// The panel is black afterwards, come what may.
+    ///
     /// # Errors
     /// A device error; no light; a sample too bright for the shortest exposure.
     pub async fn meter(&mut self, plan: &Plan) -> Result<Duration, Failure> {
+        let exposure = self.metered(plan).await;
+        let dark = self.display.show(Pattern::Black).await;
+        let exposure = exposure?;
+        dark?;
+        self.stage.home().await?;
+        Ok(exposure)
+    }
+
+    async fn metered(&mut self, plan: &Plan) -> Result<Duration, Failure> {
         let info = self.camera.describe();
         let angles = [0.0, 45.0, 90.0, 135.0];
         let design = Design::new(&angles.map(f64::to_radians))?;
@@ -203,7 +220,6 @@ impl Bench<'_> {
             let settled = (0.2..=0.95).contains(&level);
             exposure = Duration::from_secs_f64(clamped);
             if settled {
-                self.display.show(Pattern::Black).await?;
                 return Ok(exposure);
             }
         }

@@ -184,7 +184,11 @@ impl Plan {
         Ok(plan)
     }
 
-    fn check_values(&self) -> Result<(), String> {
+    /// Checks every number, apart from device limits.
+    ///
+    /// # Errors
+    /// A sentence that names the key, what was found and what is allowed.
+    pub fn check_values(&self) -> Result<(), String> {
         let angles = &self.analyser.angles_deg;
         if angles.is_empty() || angles.len() > 100_000 {
             return Err(format!("analyser.angles_deg holds {} angles; give 1 to 100000", angles.len()));

@@ -68,13 +68,18 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
 pub(super) fn simulated_bench(bench: Option<&PathBuf>, path: &Path, plan: &Plan) -> Result<BenchConfig, Failure> {
     let mut config = read_bench(bench)?;
     config.panel.disc_mm = Some(plan.display.diameter_mm);
-    let (_, camera, display) = nacre_sim::describe(&config);
+    check_bench(path, plan, &config)?;
+    Ok(config)
+}
+
+fn check_bench(path: &Path, plan: &Plan, config: &BenchConfig) -> Result<(), Failure> {
+    let (_, camera, display) = nacre_sim::describe(config);
     let problems = plan.check_limits(&camera, &display);
     if !problems.is_empty() {
         return Err(Error::file(path, problems.join("; "), "change the plan or the bench").into());
     }
     config.validate().map_err(|problem| Error::input("bench", problem, "`nacre schema bench` lists all keys"))?;
-    Ok(config)
+    Ok(())
 }
 
 fn build(config: &BenchConfig, console: &Console) -> Result<SharedBench, Failure> {
@@ -124,7 +129,9 @@ async fn resume(folder: &Path, console: &Console) -> Result<(), Failure> {
             Error::file(folder, "was not captured on the simulated bench", "resume it on its own devices").into()
         );
     };
-    config.validate().map_err(|problem| Error::file(folder, problem, "restore session.json"))?;
+    // The file may have been edited since, so it is checked against the devices like a new plan.
+    let path = folder.join(SESSION_FILE);
+    check_bench(&path, &description.plan, config)?;
     let shared = build(config, console)?;
     let (mut stage, mut camera, mut display) = shared.devices();
     let mut bench = Bench { stage: &mut stage, camera: &mut camera, display: &mut display };

@@ -36,8 +36,7 @@ pub fn check(folder: &Path) -> Result<Condition, Error> {
         Error::file(path, problem, "give a folder that `nacre capture` made; its frames may still be whole")
     };
     let path = folder.join(SESSION_FILE);
-    let text = std::fs::read(&path).map_err(|e| bad(&path, format!("cannot be read: {e}")))?;
-    let session: SessionFile = serde_json::from_slice(&text).map_err(|e| bad(&path, e.to_string()))?;
+    let session = SessionFile::read(folder).map_err(|e| bad(&path, e.to_string()))?;
     let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| bad(folder, e.to_string()))?;
     let mut condition = Condition { planned: 0, intact: 0, finished: journal.finished(), trouble: vec![] };
     for step in session.plan.steps() {

@@ -36,6 +36,35 @@ pub struct SessionFile {
     pub bench: Option<nacre_sim::BenchConfig>,
 }
 
+impl SessionFile {
+    /// Reads the description of a session folder.
+    ///
+    /// # Errors
+    /// As the system answers; `InvalidData` for anything that is no such description.
+    pub fn read(folder: &Path) -> io::Result<Self> {
+        const LIMIT: u64 = 64 << 20;
+        let invalid =
+            |problem: String| io::Error::new(io::ErrorKind::InvalidData, format!("{SESSION_FILE}: {problem}"));
+        let path = folder.join(SESSION_FILE);
+        let size = std::fs::metadata(&path)?.len();
+        if size > LIMIT {
+            return Err(invalid(format!("has {size} bytes, at most {LIMIT} are read")));
+        }
+        let session: Self = serde_json::from_slice(&std::fs::read(&path)?).map_err(|e| invalid(e.to_string()))?;
+        session.check().map_err(invalid)?;
+        Ok(session)
+    }
+
+    /// Checks every number, apart from device limits.
+    fn check(&self) -> Result<(), String> {
+        self.plan.check_values()?;
+        match self.exposure_s {
+            s if s > 0.0 && s < 1e6 => Ok(()),
+            s => Err(format!("exposure_s is {s}; expected seconds above 0")),
+        }
+    }
+}
+
 /// Name of the description inside a session folder.
 pub const SESSION_FILE: &str = "session.json";
 
@@ -69,8 +98,7 @@ impl<D: Disk> Session<D> {
     /// # Errors
     /// As the system answers; `InvalidData` for a journal that is damaged before its tail.
     pub fn open(disk: D, folder: &Path) -> io::Result<(Self, SessionFile)> {
-        let description = serde_json::from_slice(&std::fs::read(folder.join(SESSION_FILE))?)
-            .map_err(|e| io::Error::new(io::ErrorKind::InvalidData, format!("{SESSION_FILE}: {e}")))?;
+        let description = SessionFile::read(folder)?;
         let (journal, intact) = Journal::read(&folder.join(Journal::NAME))?;
         let mut session = Self { folder: folder.to_path_buf(), disk, journal };
         session.disk.truncate(&session.folder.join(Journal::NAME), intact)?;
