@@ -82,7 +82,9 @@ impl Bench {
 
     /// Shows the white disc, or black.
     pub fn show_disc(&mut self, on: bool) {
-        self.display.push((self.now, on));
+        if self.display.last().is_none_or(|(_, was)| *was != on) {
+            self.display.push((self.now, on));
+        }
         self.steady_since = self.steady_since.max(self.now);
     }
 

@@ -123,15 +123,15 @@ async fn resume(folder: &Path, console: &Console) -> Result<(), Failure> {
         Error::file(folder, format!("cannot be resumed: {e}"), "give a folder that `nacre capture` made")
     };
     let _lock = lock(folder)?;
-    let (mut session, description) = Session::open(RealDisk, folder).map_err(bad)?;
+    let description = SessionFile::read(folder).map_err(bad)?;
     let Some(config) = &description.bench else {
         return Err(
             Error::file(folder, "was not captured on the simulated bench", "resume it on its own devices").into()
         );
     };
-    // The file may have been edited since, so it is checked against the devices like a new plan.
-    let path = folder.join(SESSION_FILE);
-    check_bench(&path, &description.plan, config)?;
+    // The file may have been edited since, so it is checked like a new plan, before anything is changed.
+    check_bench(&folder.join(SESSION_FILE), &description.plan, config)?;
+    let mut session = Session::open(RealDisk, folder).map_err(bad)?;
     let shared = build(config, console)?;
     let (mut stage, mut camera, mut display) = shared.devices();
     let mut bench = Bench { stage: &mut stage, camera: &mut camera, display: &mut display };

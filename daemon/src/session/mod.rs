@@ -97,13 +97,12 @@ impl<D: Disk> Session<D> {
     ///
     /// # Errors
     /// As the system answers; `InvalidData` for a journal that is damaged before its tail.
-    pub fn open(disk: D, folder: &Path) -> io::Result<(Self, SessionFile)> {
-        let description = SessionFile::read(folder)?;
+    pub fn open(disk: D, folder: &Path) -> io::Result<Self> {
         let (journal, intact) = Journal::read(&folder.join(Journal::NAME))?;
         let mut session = Self { folder: folder.to_path_buf(), disk, journal };
         session.disk.truncate(&session.folder.join(Journal::NAME), intact)?;
         session.append(Entry::Resumed)?;
-        Ok((session, description))
+        Ok(session)
     }
 
     /// The folder.
@@ -115,11 +114,6 @@ impl<D: Disk> Session<D> {
     pub fn has(&self, file: &str) -> bool {
         let bytes = || std::fs::read(self.folder.join(file)).ok();
         self.journal.commit(file).is_some_and(|c| bytes().is_some_and(|b| sha256(&b) == c.sha256))
-    }
-
-    /// Whether the session was finished.
-    pub fn finished(&self) -> bool {
-        self.journal.finished()
     }
 
     /// Stores a frame: intent, file, commit. `evidence` says why the frame is fresh.

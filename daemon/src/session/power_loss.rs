@@ -183,7 +183,7 @@ fn a_disk_that_fills_up_at_any_operation_is_an_error_that_can_be_resumed() {
         }
         failed += 1;
         if folder.join(super::SESSION_FILE).exists() {
-            let (mut session, _) = Session::open(RealDisk, &folder).unwrap();
+            let mut session = Session::open(RealDisk, &folder).unwrap();
             complete(&mut session).unwrap();
             let after = check(&folder).unwrap();
             assert!(after.finished && after.trouble.is_empty(), "{operations}: {after:?}");
@@ -219,7 +219,7 @@ fn any_prefix_of_the_disk_operations_can_be_resumed_after_power_loss() {
             }
             let before = check(&copy).unwrap();
             assert!(before.trouble.iter().all(|t| t.problem.contains("not taken yet")), "{before:?}");
-            let (mut session, _) = Session::open(RealDisk, &copy).unwrap();
+            let mut session = Session::open(RealDisk, &copy).unwrap();
             complete(&mut session).unwrap();
             let after = check(&copy).unwrap();
             assert!(after.finished && after.trouble.is_empty(), "{after:?}");

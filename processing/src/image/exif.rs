@@ -16,8 +16,6 @@ pub struct Exposure {
     pub seconds: Option<f64>,
     /// Sensitivity (ISO).
     pub iso: Option<f64>,
-    /// F-number of the lens.
-    pub f_number: Option<f64>,
 }
 
 /// The exposure settings of a photograph, or `None` when the file cannot be read or has no Exif tags.
@@ -25,11 +23,7 @@ pub fn exposure(path: &Path) -> Option<Exposure> {
     let file = File::open(path).ok().filter(|f| f.metadata().is_ok_and(|m| m.is_file()))?;
     let tags = Reader::new().read_from_container(&mut BufReader::new(file.take(SEARCHED))).ok()?;
     let number = |tag| tags.get_field(tag, In::PRIMARY).and_then(|field| positive(&field.value));
-    Some(Exposure {
-        seconds: number(Tag::ExposureTime),
-        iso: number(Tag::PhotographicSensitivity),
-        f_number: number(Tag::FNumber),
-    })
+    Some(Exposure { seconds: number(Tag::ExposureTime), iso: number(Tag::PhotographicSensitivity) })
 }
 
 /// A finite number above zero. The crate's own conversions to integers and `f32` lose 1/3 s and the like.
