@@ -3,11 +3,11 @@
 use std::time::{Duration, Instant};
 
 /// Monotonic time since an arbitrary start.
-pub trait Clock {
+pub trait Clock: Send + Sync {
     /// Time now.
     fn now(&self) -> Duration;
     /// Returns once `duration` has passed on this clock.
-    fn wait(&mut self, duration: Duration);
+    fn wait(&self, duration: Duration);
 }
 
 /// The machine's monotonic clock.
@@ -24,7 +24,7 @@ impl Clock for SystemClock {
         self.0.elapsed()
     }
 
-    fn wait(&mut self, duration: Duration) {
+    fn wait(&self, duration: Duration) {
         std::thread::sleep(duration);
     }
 }
@@ -35,7 +35,7 @@ mod tests {
 
     #[test]
     fn system_clock_waits_at_least_as_long_as_asked() {
-        let mut clock = SystemClock::default();
+        let clock = SystemClock::default();
         let before = clock.now();
         clock.wait(Duration::from_millis(5));
         assert!(clock.now() - before >= Duration::from_millis(5));

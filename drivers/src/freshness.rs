@@ -4,10 +4,11 @@
 //! before the last change. The rule: the whole exposure must lie after the change and its settling, and the
 //! camera's control lag must have passed, counted in frames, since frames of the old exposure may take longer.
 
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// What a camera says about a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stamp {
     /// Counts frames the camera made, including those nobody took.
     pub sequence: u64,

@@ -1,11 +1,11 @@
 //! The devices of a bench, as the capture engine sees them.
 //!
-//! Every call ends: with the device in the state asked for, or with an error that says what it did instead. Angles are
-//! degrees, times are on the bench's clock.
+//! Every call ends: with what the device reports of itself afterwards, or with an error. A device that reports something
+//! else than it was asked for is not believed; the engine compares. Angles are degrees, times are on the bench's clock.
 
 use crate::{DeviceResult, Stamp};
 use async_trait::async_trait;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// The rotation stage of the analyser.
@@ -14,9 +14,11 @@ pub trait Stage: Send {
     /// Identity and limits.
     fn describe(&self) -> StageInfo;
     /// Finds the mechanical zero and moves to it.
-    async fn home(&mut self) -> DeviceResult<Settled>;
+    async fn home(&mut self) -> DeviceResult<Arrived>;
     /// Moves to an absolute angle; returns once the stage stands still.
-    async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Settled>;
+    async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived>;
+    /// Where it stands.
+    async fn position(&mut self) -> DeviceResult<f64>;
 }
 
 /// The camera.
@@ -26,6 +28,8 @@ pub trait Camera: Send {
     fn describe(&self) -> CameraInfo;
     /// Sets exposure and gain, and reads back what the camera made of them.
     async fn configure(&mut self, exposure: Duration, gain: f64) -> DeviceResult<Controls>;
+    /// Closes or opens the shutter; returns when that was done.
+    async fn cover(&mut self, closed: bool) -> DeviceResult<Duration>;
     /// The next frame in the camera's queue, however old; waits for one if there is none.
     async fn next_frame(&mut self) -> DeviceResult<Frame>;
 }
@@ -36,27 +40,82 @@ pub trait Display: Send {
     /// Identity and limits.
     fn describe(&self) -> DisplayInfo;
     /// Shows a pattern; returns once it can be seen.
-    async fn show(&mut self, pattern: Pattern) -> DeviceResult<Settled>;
+    async fn show(&mut self, pattern: Pattern) -> DeviceResult<Shown>;
+}
+
+/// The flash.
+#[async_trait]
+pub trait Flash: Send {
+    /// Identity and limits.
+    fn describe(&self) -> FlashInfo;
+    /// Switches the light and reads its state back.
+    async fn switch(&mut self, on: bool) -> DeviceResult<Switched>;
+    /// Whether the light is on.
+    async fn is_on(&mut self) -> DeviceResult<bool>;
+}
+
+/// A level that must hold while anything moves or shines: a door switch, an emergency stop.
+#[async_trait]
+pub trait Interlock: Send {
+    /// Identity.
+    fn describe(&self) -> InterlockInfo;
+    /// The level now, and how often it changed.
+    async fn level(&mut self) -> DeviceResult<Level>;
 }
 
 /// What a panel shows.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Pattern {
     /// Nothing.
     Black,
-    /// A white disc of this diameter in mm around the panel's middle.
-    Disc(f64),
+    /// A white disc.
+    Disc {
+        /// Its middle, from the panel's middle to the right and up, in mm.
+        center_mm: [f64; 2],
+        /// Its diameter in mm.
+        diameter_mm: f64,
+    },
 }
 
-/// A change is complete.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settled {
+/// The stage stands still.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Arrived {
     /// Since when, settling included.
     pub since: Duration,
+    /// Where, as it reports.
+    pub angle_deg: f64,
+}
+
+/// The panel acknowledges a pattern.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Shown {
+    /// Since when it can be seen.
+    pub since: Duration,
+    /// The pattern it says that it shows.
+    pub pattern: Pattern,
+}
+
+/// The flash was switched.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Switched {
+    /// Since when the light is steady.
+    pub since: Duration,
+    /// Its state as read back.
+    pub on: bool,
+}
+
+/// Level of an interlock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Level {
+    /// Whether it holds now.
+    pub holds: bool,
+    /// How often it changed so far, so that a short opening is not missed.
+    pub changes: u64,
 }
 
 /// Camera controls in force.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Controls {
     /// Exposure time.
     pub exposure: Duration,
@@ -75,12 +134,14 @@ pub struct Frame {
     pub width: usize,
     /// Rows.
     pub height: usize,
+    /// The driver says that the frame is damaged.
+    pub damaged: bool,
     /// Codes.
     pub codes: Vec<u16>,
 }
 
 /// What a stage is and can do.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageInfo {
     /// Stable identity: kind and serial number.
     pub id: String,
@@ -88,10 +149,16 @@ pub struct StageInfo {
     pub speed_deg_s: f64,
     /// Time to stand still after a move.
     pub settling_s: f64,
+    /// Lowest and highest angle that it may be sent to.
+    pub limits_deg: [f64; 2],
+    /// A reported angle may differ from the asked one by this much.
+    pub tolerance_deg: f64,
+    /// A person turns it, so a move takes as long as it takes.
+    pub by_hand: bool,
 }
 
 /// What a camera is and can do.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraInfo {
     /// Stable identity: kind and serial number.
     pub id: String,
@@ -105,7 +172,7 @@ pub struct CameraInfo {
     pub exposure_now_s: f64,
     /// Lowest and highest gain.
     pub gain: [f64; 2],
-    /// Code of no light, and of a saturated pixel.
+    /// Code of no light.
     pub black: u16,
     /// Code of a saturated pixel.
     pub white: u16,
@@ -113,6 +180,8 @@ pub struct CameraInfo {
     pub readout_s: f64,
     /// Frames until changed controls act, as measured.
     pub control_lag_frames: u32,
+    /// Whether it has a shutter that can be closed.
+    pub shutter: bool,
     /// Electrons that make a pixel white at gain 1, where known.
     pub full_scale_e: Option<f64>,
     /// Read noise in electrons, where known.
@@ -120,10 +189,38 @@ pub struct CameraInfo {
 }
 
 /// What a panel is and can do.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DisplayInfo {
     /// Stable identity.
     pub id: String,
-    /// Largest disc in mm.
-    pub largest_disc_mm: f64,
+    /// Width and height in mm.
+    pub size_mm: [f64; 2],
+}
+
+/// What a flash is and can do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FlashInfo {
+    /// Stable identity.
+    pub id: String,
+    /// Time from the command until the light is steady.
+    pub settling_s: f64,
+    /// It must not be on for longer than this at a time.
+    pub max_on_s: f64,
+}
+
+/// What an interlock is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InterlockInfo {
+    /// Stable identity.
+    pub id: String,
+}
+
+impl Pattern {
+    /// Half the width and height that it needs around the panel's middle, in mm.
+    pub fn reach_mm(&self) -> [f64; 2] {
+        match self {
+            Self::Black => [0.0, 0.0],
+            Self::Disc { center_mm, diameter_mm } => center_mm.map(|c| c.abs() + 0.5 * diameter_mm),
+        }
+    }
 }

@@ -1,0 +1,73 @@
+//! An analyser that a person turns: "turn to 45° and press Enter".
+
+use crate::{Arrived, Clock, DeviceError, DeviceResult, Stage, StageInfo};
+use async_trait::async_trait;
+use std::sync::Arc;
+
+/// Asks a person to do something; returns once it is done.
+pub trait Prompt: Send {
+    /// # Errors
+    /// The person cannot be asked or goes away.
+    fn ask(&mut self, request: &str) -> std::io::Result<()>;
+}
+
+/// The hand-turned analyser.
+pub struct HandStage {
+    prompt: Box<dyn Prompt>,
+    clock: Arc<dyn Clock>,
+    /// On a simulated bench something must turn the analyser in the person's place.
+    turned: Option<Box<dyn Stage>>,
+    angle_deg: Option<f64>,
+}
+
+/// A person reads a scale of degrees to about this.
+const TOLERANCE_DEG: f64 = 1.0;
+
+impl HandStage {
+    /// An analyser of unknown angle. `turned` follows what the person is asked for (simulation).
+    pub fn new(prompt: Box<dyn Prompt>, clock: Arc<dyn Clock>, turned: Option<Box<dyn Stage>>) -> Self {
+        Self { prompt, clock, turned, angle_deg: None }
+    }
+
+    async fn turn(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
+        let command = format!("turn to {angle_deg}°");
+        self.prompt
+            .ask(&format!("turn the analyser to {angle_deg}° and press Enter"))
+            .map_err(|e| DeviceError::new(&self.describe().id, &command, "Enter", e.to_string()))?;
+        let since = match &mut self.turned {
+            Some(stage) => stage.move_to(angle_deg).await?.since,
+            None => self.clock.now(),
+        };
+        self.angle_deg = Some(angle_deg);
+        Ok(Arrived { since, angle_deg })
+    }
+}
+
+#[async_trait]
+impl Stage for HandStage {
+    fn describe(&self) -> StageInfo {
+        StageInfo {
+            id: "hand-turned analyser".into(),
+            speed_deg_s: 20.0,
+            settling_s: 1.0,
+            limits_deg: [-360.0, 720.0],
+            tolerance_deg: TOLERANCE_DEG,
+            by_hand: true,
+        }
+    }
+
+    /// A hand needs no zero: angles are read from the scale.
+    async fn home(&mut self) -> DeviceResult<Arrived> {
+        Ok(Arrived { since: self.clock.now(), angle_deg: self.angle_deg.unwrap_or(0.0) })
+    }
+
+    async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
+        self.turn(angle_deg).await
+    }
+
+    async fn position(&mut self) -> DeviceResult<f64> {
+        self.angle_deg.ok_or_else(|| {
+            DeviceError::new("hand-turned analyser", "report its position", "an angle", "none, it was not turned yet")
+        })
+    }
+}

@@ -1,0 +1,148 @@
+//! Devices on their own threads, behind the same traits: what the engine is given.
+//!
+//! Each call has a limit: the time that the device should need, and [`MARGIN`].
+
+use crate::actor::{Actor, Connect, Patience};
+use crate::{
+    Arrived, Camera, CameraInfo, Controls, DeviceResult, Display, DisplayInfo, Flash, FlashInfo, Frame, Interlock,
+    InterlockInfo, Level, Pattern, Shown, Stage, StageInfo, Switched,
+};
+use async_trait::async_trait;
+use std::time::Duration;
+
+/// What a device may take beyond its nominal time. A simulated one renders meanwhile.
+pub const MARGIN: Duration = Duration::from_secs(60);
+
+/// A person who turns the analyser may take this long.
+const BY_HAND: Duration = Duration::from_secs(24 * 3600);
+
+/// A device with what it says of itself.
+pub struct Handle<D: ?Sized, Info> {
+    actor: Actor<D>,
+    info: Info,
+}
+
+/// A rotation stage on its own thread.
+pub type StageHandle = Handle<dyn Stage, StageInfo>;
+/// A camera on its own thread.
+pub type CameraHandle = Handle<dyn Camera, CameraInfo>;
+/// A panel on its own thread.
+pub type DisplayHandle = Handle<dyn Display, DisplayInfo>;
+/// A flash on its own thread.
+pub type FlashHandle = Handle<dyn Flash, FlashInfo>;
+/// An interlock on its own thread.
+pub type InterlockHandle = Handle<dyn Interlock, InterlockInfo>;
+
+macro_rules! start {
+    ($device:ident, $info:ident, $what:literal) => {
+        impl Handle<dyn $device, $info> {
+            #[doc = concat!("Connects ", $what, ".")]
+            ///
+            /// # Errors
+            /// As `connect` answers.
+            pub async fn start(connect: Connect<dyn $device>, patience: Patience) -> DeviceResult<Self> {
+                let (actor, info) = Actor::start(connect, |d| d.describe().id, |d| d.describe(), patience).await?;
+                Ok(Self { actor, info })
+            }
+        }
+    };
+}
+start!(Stage, StageInfo, "a rotation stage");
+start!(Camera, CameraInfo, "a camera");
+start!(Display, DisplayInfo, "a panel");
+start!(Flash, FlashInfo, "a flash");
+start!(Interlock, InterlockInfo, "an interlock");
+
+impl StageHandle {
+    fn limit(&self) -> Duration {
+        let [low, high] = self.info.limits_deg;
+        let seconds = (high - low).abs() / self.info.speed_deg_s.max(1e-3) + self.info.settling_s;
+        MARGIN + if self.info.by_hand { BY_HAND } else { Duration::from_secs_f64(seconds.clamp(0.0, 1e6)) }
+    }
+}
+
+#[async_trait]
+impl Stage for StageHandle {
+    fn describe(&self) -> StageInfo {
+        self.info.clone()
+    }
+
+    async fn home(&mut self) -> DeviceResult<Arrived> {
+        self.actor.call("home", self.limit(), |d| d.home()).await
+    }
+
+    async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
+        let command = format!("move to {angle_deg}°");
+        self.actor.call(&command, self.limit(), move |d| d.move_to(angle_deg)).await
+    }
+
+    async fn position(&mut self) -> DeviceResult<f64> {
+        self.actor.call("report its position", MARGIN, |d| d.position()).await
+    }
+}
+
+impl CameraHandle {
+    /// Frames of the longest exposure may still be on their way.
+    fn limit(&self) -> Duration {
+        MARGIN + Duration::from_secs_f64((2.0 * self.info.exposure_s[1] + self.info.readout_s).clamp(0.0, 1e6))
+    }
+}
+
+#[async_trait]
+impl Camera for CameraHandle {
+    fn describe(&self) -> CameraInfo {
+        self.info.clone()
+    }
+
+    async fn configure(&mut self, exposure: Duration, gain: f64) -> DeviceResult<Controls> {
+        let command = format!("set an exposure of {} s and a gain of {gain}", exposure.as_secs_f64());
+        self.actor.call(&command, MARGIN, move |d| d.configure(exposure, gain)).await
+    }
+
+    async fn cover(&mut self, closed: bool) -> DeviceResult<Duration> {
+        let command = if closed { "close the shutter" } else { "open the shutter" };
+        self.actor.call(command, MARGIN, move |d| d.cover(closed)).await
+    }
+
+    async fn next_frame(&mut self) -> DeviceResult<Frame> {
+        self.actor.call("take a frame", self.limit(), |d| d.next_frame()).await
+    }
+}
+
+#[async_trait]
+impl Display for DisplayHandle {
+    fn describe(&self) -> DisplayInfo {
+        self.info.clone()
+    }
+
+    async fn show(&mut self, pattern: Pattern) -> DeviceResult<Shown> {
+        self.actor.call("show a pattern", MARGIN, move |d| d.show(pattern)).await
+    }
+}
+
+#[async_trait]
+impl Flash for FlashHandle {
+    fn describe(&self) -> FlashInfo {
+        self.info.clone()
+    }
+
+    async fn switch(&mut self, on: bool) -> DeviceResult<Switched> {
+        let command = if on { "switch on" } else { "switch off" };
+        self.actor.call(command, MARGIN, move |d| d.switch(on)).await
+    }
+
+    async fn is_on(&mut self) -> DeviceResult<bool> {
+        self.actor.call("report its state", MARGIN, |d| d.is_on()).await
+    }
+}
+
+#[async_trait]
+impl Interlock for InterlockHandle {
+    fn describe(&self) -> InterlockInfo {
+        self.info.clone()
+    }
+
+    async fn level(&mut self) -> DeviceResult<Level> {
+        self.actor.call("report its level", MARGIN, |d| d.level()).await
+    }
+}

@@ -1,0 +1,93 @@
+//! One process per device: a lock per stable device id that names its holder.
+
+use crate::{Class, DeviceError, DeviceResult};
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
+/// Holds a device until dropped; the system releases it also when the process is killed.
+pub struct DeviceLock(#[allow(dead_code, reason = "the open file is the lock")] File);
+
+impl DeviceLock {
+    /// Takes the lock of the device `id`. `place` tells apart devices of one id on different benches.
+    ///
+    /// # Errors
+    /// `Setup`, naming the holder, when another process has it; `Setup` when locks cannot be made.
+    pub fn take(id: &str, place: &str) -> DeviceResult<Self> {
+        let folder = lock_folder();
+        let path = folder.join(file_name(id, place));
+        let cannot = |e: std::io::Error| {
+            DeviceError::new(id, "lock the device", "a lock file", format!("{}: {e}", path.display()))
+                .remedy("make the folder writable, or set XDG_RUNTIME_DIR to one that is")
+                .class(Class::Setup)
+        };
+        std::fs::create_dir_all(&folder).map_err(cannot)?;
+        let mut file =
+            OpenOptions::new().create(true).truncate(false).read(true).write(true).open(&path).map_err(cannot)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(taken(id, &holder(&mut file))),
+            Err(TryLockError::Error(e)) => return Err(cannot(e)),
+        }
+        let written = file.set_len(0).and_then(|()| write!(file, "process {}", std::process::id()));
+        written.map_err(cannot)?;
+        Ok(Self(file))
+    }
+
+    /// Who holds the device now.
+    pub fn holder(id: &str, place: &str) -> Option<String> {
+        let mut file = File::open(lock_folder().join(file_name(id, place))).ok()?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => Some(holder(&mut file)),
+            _ => None,
+        }
+    }
+}
+
+fn holder(file: &mut File) -> String {
+    let mut text = String::new();
+    let read = file.rewind().and_then(|()| file.take(200).read_to_string(&mut text));
+    if read.is_ok() && !text.is_empty() { text } else { "another process".into() }
+}
+
+fn taken(id: &str, holder: &str) -> DeviceError {
+    DeviceError::new(id, "lock the device", "a free device", format!("one in use by {holder}"))
+        .remedy("wait for that process or stop it")
+        .class(Class::Setup)
+}
+
+fn lock_folder() -> PathBuf {
+    std::env::var_os("XDG_RUNTIME_DIR").map_or_else(std::env::temp_dir, PathBuf::from).join("nacre-locks")
+}
+
+/// Readable, and different for different devices: what is no letter or digit is written as its bytes.
+fn file_name(id: &str, place: &str) -> PathBuf {
+    let plain = |text: &str| -> String {
+        text.bytes()
+            .map(|b| if b.is_ascii_alphanumeric() { (b as char).to_string() } else { format!("-{b:x}") })
+            .collect()
+    };
+    let name = if place.is_empty() { plain(id) } else { format!("{}@{}", plain(id), plain(place)) };
+    // Longest names that file systems take are 255 bytes.
+    Path::new(&name[name.len().saturating_sub(200)..]).with_extension("lock")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_second_holder_is_refused_by_name_until_the_first_lets_go() {
+        let place = format!("test {}", std::process::id());
+        let first = DeviceLock::take("stage 7", &place).unwrap();
+        let error = DeviceLock::take("stage 7", &place).err().unwrap();
+        assert!(error.got.contains(&format!("process {}", std::process::id())), "{error}");
+        assert!(DeviceLock::holder("stage 7", &place).is_some());
+        assert!(DeviceLock::take("stage-7", &place).is_ok(), "another device");
+        drop(first);
+        assert!(DeviceLock::holder("stage 7", &place).is_none());
+        DeviceLock::take("stage 7", &place).unwrap();
+        let _ = std::fs::remove_file(lock_folder().join(file_name("stage 7", &place)));
+        let _ = std::fs::remove_file(lock_folder().join(file_name("stage-7", &place)));
+    }
+}
