@@ -1,49 +1,77 @@
-//! The bench: sample, panel, analyser stage and camera on one virtual clock.
+//! The bench: sample, panel, flash, analyser stage and camera on one clock.
 
 use crate::camera::{Camera, Exposed, Settings};
 use crate::config::{BenchConfig, CameraConfig};
 use crate::random::{electrons, key};
-use crate::scene::{Scene, StokesImage, Truth};
+use crate::scene::{Lamp, Scene, Source, StokesImage, Truth};
 use crate::stage::Stage;
-use nacre_drivers::Clock;
+use nacre_drivers::Pattern;
 use nacre_processing::Result;
-use nacre_processing::progress::Progress;
+use nacre_processing::progress::{Progress, Silent};
 use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::Duration;
 
-/// A simulated bench. Only waiting and device calls advance its time.
+/// Rendered lights that are kept: pattern, flash, and those just left.
+const KEPT_LIGHTS: usize = 4;
+
+/// Changes of the light that are kept; an exposure that straddles more sees the newest of them.
+const KEPT_CHANGES: usize = 16;
+
+/// A simulated bench. Only [`Bench::advance_to`] moves its time.
 pub struct Bench {
     config: BenchConfig,
     now: Duration,
     scene: Scene,
-    light: StokesImage,
+    ambient: Vec<f32>,
     truth: Truth,
-    exposure_ms: f64,
-    display: Vec<(Duration, bool)>,
+    /// Newest last.
+    lights: VecDeque<(Source, Arc<StokesImage>)>,
+    /// What shone since when, newest last.
+    changes: VecDeque<(Duration, Shining)>,
     stage: Stage,
     camera: Camera,
     steady_since: Duration,
 }
 
+/// What shines on the sample, and whether the camera can see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shining {
+    /// What the panel shows.
+    pub pattern: Pattern,
+    /// The flash is on.
+    pub flash: bool,
+    /// The camera's shutter is closed.
+    pub covered: bool,
+}
+
+/// A part of an exposure under one source; none for the dark.
+struct Lit {
+    share: f64,
+    source: Source,
+    light: Arc<StokesImage>,
+}
+
 impl Bench {
-    /// Builds the bench and renders its light; the panel is black, the analyser at 0°.
+    /// Builds the bench; the panel is black, the flash off, the analyser at 0°.
     ///
     /// # Errors
     /// `Cancelled`.
     pub fn new(config: &BenchConfig, progress: &dyn Progress) -> Result<Self> {
         let scene = Scene::new(config);
-        let (light, truth) = scene.render(config.disc_mm(), progress)?;
-        let exposure_ms = config.camera.exposure_ms.unwrap_or_else(|| metered_ms(config, &light));
+        let (truth, ambient) = scene.survey(progress)?;
+        let dark = Shining { pattern: Pattern::Black, flash: false, covered: false };
         Ok(Self {
             now: Duration::ZERO,
             stage: Stage::new(&config.stage, config.seed),
             camera: Camera::new(&config.camera),
-            display: vec![(Duration::ZERO, false)],
+            lights: VecDeque::new(),
+            changes: [(Duration::ZERO, dark)].into(),
             steady_since: Duration::ZERO,
-            exposure_ms,
             config: config.clone(),
             scene,
-            light,
+            ambient,
             truth,
         })
     }
@@ -63,9 +91,15 @@ impl Bench {
         1000.0 * self.scene.pixel_mm()
     }
 
-    /// Exposure time in ms: as configured, or such that no pixel saturates at any analyser angle.
-    pub fn exposure_ms(&self) -> f64 {
-        self.exposure_ms
+    /// Time now.
+    pub fn now(&self) -> Duration {
+        self.now
+    }
+
+    /// Lets time pass; never back.
+    pub fn advance_to(&mut self, time: Duration) {
+        self.now = self.now.max(time);
+        self.camera.advance(self.now);
     }
 
     /// Readout time of the camera.
@@ -80,12 +114,28 @@ impl Bench {
         settled
     }
 
-    /// Shows the white disc, or black.
-    pub fn show_disc(&mut self, on: bool) {
-        if self.display.last().is_none_or(|(_, was)| *was != on) {
-            self.display.push((self.now, on));
+    /// Where the analyser really stands.
+    pub fn analyser_deg(&self) -> f64 {
+        self.stage.angle(self.now)
+    }
+
+    /// What shines now.
+    pub fn shining(&self) -> Shining {
+        self.changes.back().map_or(Shining { pattern: Pattern::Black, flash: false, covered: false }, |c| c.1)
+    }
+
+    /// Changes what shines, which is steady after `settling`. Light that was not rendered before is rendered now.
+    pub fn shine(&mut self, shining: Shining, settling: Duration) {
+        self.steady_since = self.steady_since.max(self.now + settling);
+        if shining != self.shining() {
+            self.changes.push_back((self.now, shining));
+            if self.changes.len() > KEPT_CHANGES {
+                self.changes.pop_front();
+            }
         }
-        self.steady_since = self.steady_since.max(self.now);
+        for source in self.sources(&shining).into_iter().flatten() {
+            self.rendered(&source);
+        }
     }
 
     /// Sets exposure (s) and gain.
@@ -93,33 +143,87 @@ impl Bench {
         self.camera.set(Settings { exposure_s, gain });
     }
 
-    /// The next frame in the camera's queue, however old; waits for one if there is none.
-    pub fn next_frame(&mut self) -> Exposed {
-        loop {
-            if let Some(exposed) = self.camera.take() {
-                return exposed;
+    /// The next frame in the camera's queue, however old; none while the queue is empty.
+    pub fn take_frame(&mut self) -> Option<Exposed> {
+        self.camera.take()
+    }
+
+    /// When the frame that is being exposed will be in the queue.
+    pub fn next_frame_at(&self) -> Duration {
+        self.camera.next_end()
+    }
+
+    fn sources(&self, shining: &Shining) -> [Option<Source>; 2] {
+        let panel = match shining.pattern {
+            Pattern::Black => None,
+            Pattern::Disc { center_mm, diameter_mm } => {
+                let middle = self.scene.panel_middle_mm();
+                let center_mm = [middle[0] + center_mm[0], middle[1] + center_mm[1]];
+                Some(Source { lamp: Lamp::Panel, center_mm, diameter_mm })
             }
-            let wait = self.camera.next_end().saturating_sub(self.now);
-            self.wait(wait);
+        };
+        let f = &self.config.flash;
+        let flash = Source { lamp: Lamp::Flash, center_mm: [f.x_mm, f.y_mm], diameter_mm: f.diameter_mm };
+        [panel, shining.flash.then_some(flash)]
+    }
+
+    fn rendered(&mut self, source: &Source) {
+        let light = match self.lights.iter().position(|(s, _)| s == source).and_then(|at| self.lights.remove(at)) {
+            Some((_, light)) => light,
+            // Nobody cancels `Silent`.
+            None => match self.scene.render(source, &Silent) {
+                Ok(light) => Arc::new(light),
+                Err(_) => return,
+            },
+        };
+        self.lights.push_back((*source, light));
+        if self.lights.len() > KEPT_LIGHTS {
+            self.lights.pop_front();
         }
+    }
+
+    /// The sources that lit an exposure with their shares of its time, and the share with an open shutter.
+    fn lit(&self, start: Duration, end: Duration) -> (Vec<Lit>, f64) {
+        let length = end.saturating_sub(start).as_secs_f64();
+        let ends = self.changes.iter().skip(1).map(|c| c.0).chain([Duration::MAX]);
+        let (mut lit, mut open): (Vec<Lit>, f64) = (Vec::new(), 0.0);
+        for ((from, shining), until) in self.changes.iter().zip(ends) {
+            let overlap = until.min(end).saturating_sub(start.max(*from)).as_secs_f64();
+            if overlap == 0.0 || shining.covered {
+                continue;
+            }
+            let share = overlap / length;
+            open += share;
+            for source in self.sources(shining).into_iter().flatten() {
+                if let Some(same) = lit.iter_mut().find(|l| l.source == source) {
+                    same.share += share;
+                } else if let Some((_, light)) = self.lights.iter().find(|(s, _)| *s == source) {
+                    lit.push(Lit { share, source, light: light.clone() });
+                }
+            }
+        }
+        (lit, open)
     }
 
     /// Codes of one exposure, row-major: the analyser's angle averaged over it, shot and read noise, converter.
     pub fn codes(&self, frame: &Exposed) -> Vec<u16> {
         let (end, exposure) = (frame.end - self.camera.readout(), frame.settings.exposure_s);
         let (cos2, sin2) = self.analyser_over(frame.start, end);
-        let lit = self.lit_share(frame.start, end);
+        let (lit, open) = self.lit(frame.start, end);
         let (camera, extinction) = (&self.config.camera, 1.0 / self.config.stage.extinction_ratio);
         let electrons_per_unit = camera.sensitivity_e_ms * exposure * 1000.0;
-        let noise = self.noise_key(frame, cos2, sin2, lit);
+        let noise = self.noise_key(frame, [cos2, sin2, open], &lit);
         let (width, height) = (camera.width as usize, camera.height as usize);
         let white = f64::from((1u32 << camera.bits) - 1);
         let black = f64::from(camera.black_level);
         let per_electron = frame.settings.gain * (white - black) / camera.well_e;
         let light = |i: usize| {
-            let [s0, s1, s2] = [0, 1, 2].map(|p| f64::from(self.light.planes[p][i]));
-            let disc = s0 * (1.0 + extinction) + (1.0 - extinction) * (s1 * cos2 + s2 * sin2);
-            0.5 * (lit * disc + (1.0 + extinction) * f64::from(self.light.ambient[i]))
+            let mut sum = open * (1.0 + extinction) * f64::from(self.ambient[i]);
+            for Lit { share, light, .. } in &lit {
+                let [s0, s1, s2] = [0, 1, 2].map(|p| f64::from(light.planes[p][i]));
+                sum += share * (s0 * (1.0 + extinction) + (1.0 - extinction) * (s1 * cos2 + s2 * sin2));
+            }
+            0.5 * sum
         };
         let mut codes = vec![0_u16; width * height];
         codes.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -139,10 +243,16 @@ impl Bench {
 
     /// A frame's noise belongs to the seed, the physical state it shows and its place in the row of frames since
     /// that state was reached, so that repeats differ and a repeated session does not.
-    fn noise_key(&self, frame: &Exposed, cos2: f64, sin2: f64, lit: f64) -> u64 {
+    fn noise_key(&self, frame: &Exposed, [cos2, sin2, open]: [f64; 3], lit: &[Lit]) -> u64 {
         let period = Duration::from_secs_f64(frame.settings.exposure_s) + self.camera.readout();
-        let since = frame.start.saturating_sub(self.steady_since).as_nanos() / period.as_nanos().max(1);
-        let state = [cos2, sin2, lit, frame.settings.exposure_s, frame.settings.gain].map(f64::to_bits);
+        let reached = self.steady_since.max(frame.adopted);
+        let since = frame.start.saturating_sub(reached).as_nanos() / period.as_nanos().max(1);
+        let mut state = vec![cos2, sin2, open, frame.settings.exposure_s, frame.settings.gain];
+        for Lit { share, source, .. } in lit {
+            let lamp = if source.lamp == Lamp::Flash { 1.0 } else { 0.0 };
+            state.extend([*share, lamp, source.center_mm[0], source.center_mm[1], source.diameter_mm]);
+        }
+        let state: Vec<u64> = state.into_iter().map(f64::to_bits).collect();
         key(&[self.config.seed, key(&state), since as u64])
     }
 
@@ -158,49 +268,10 @@ impl Bench {
         }
         (cos, sin)
     }
-
-    /// Share of an exposure during which the disc was white.
-    fn lit_share(&self, start: Duration, end: Duration) -> f64 {
-        let ends = self.display.iter().skip(1).map(|d| d.0).chain([Duration::MAX]);
-        let on: Duration = self
-            .display
-            .iter()
-            .zip(ends)
-            .filter(|((_, on), _)| *on)
-            .map(|((from, _), until)| until.min(end).saturating_sub(start.max(*from)))
-            .sum();
-        if end > start { on.as_secs_f64() / (end - start).as_secs_f64() } else { 0.0 }
-    }
-}
-
-/// Exposure (ms) that fills the brightest pixel to 85 % of well and converter at its brightest analyser angle.
-fn metered_ms(config: &BenchConfig, light: &StokesImage) -> f64 {
-    let [s0, s1, s2] = &light.planes;
-    let camera = &config.camera;
-    let width = camera.width as usize;
-    let brightest = (0..s0.len())
-        .map(|i| {
-            let disc = 0.5 * f64::from(s0[i] + s1[i].hypot(s2[i]) + light.ambient[i]);
-            disc * vignetting(camera, i % width, i / width)
-        })
-        .fold(0.0, f64::max);
-    let electrons = 0.85 * camera.well_e / camera.gain.max(1.0);
-    (electrons / (camera.sensitivity_e_ms * brightest.max(1e-9))).clamp(1e-3, 1e6)
 }
 
 fn vignetting(camera: &CameraConfig, x: usize, y: usize) -> f64 {
     let half = [f64::from(camera.width) / 2.0, f64::from(camera.height) / 2.0];
     let (u, v) = ((x as f64 + 0.5) / half[0] - 1.0, (y as f64 + 0.5) / half[1] - 1.0);
     1.0 - camera.vignetting * 0.5 * (u * u + v * v)
-}
-
-impl Clock for Bench {
-    fn now(&self) -> Duration {
-        self.now
-    }
-
-    fn wait(&mut self, duration: Duration) {
-        self.now += duration;
-        self.camera.advance(self.now);
-    }
 }

@@ -25,6 +25,8 @@ pub struct Exposed {
     pub end: Duration,
     /// Settings it was exposed with.
     pub settings: Settings,
+    /// Start of the first frame with these settings.
+    pub adopted: Duration,
 }
 
 impl Exposed {
@@ -43,6 +45,7 @@ pub struct Camera {
     /// Settings in force, and those on their way with the frames left until they act.
     settings: Settings,
     pending: Vec<(u32, Settings)>,
+    adopted: Duration,
     next_start: Duration,
     sequence: u64,
 }
@@ -57,6 +60,7 @@ impl Camera {
             queue: VecDeque::new(),
             settings: Settings { exposure_s: config.power_on_exposure_s(), gain: config.gain },
             pending: Vec::new(),
+            adopted: Duration::ZERO,
             next_start: Duration::ZERO,
             sequence: 0,
         }
@@ -80,11 +84,15 @@ impl Camera {
     /// Makes all frames that end by `now`. A full queue drops new frames and keeps the old, as V4L2 does.
     pub fn advance(&mut self, now: Duration) {
         while self.next_end() <= now {
-            self.settings = self.upcoming();
+            let settings = self.upcoming();
+            if settings != self.settings {
+                (self.settings, self.adopted) = (settings, self.next_start);
+            }
             self.pending.retain(|(left, _)| *left > 0);
             self.pending.iter_mut().for_each(|(left, _)| *left -= 1);
             let end = self.next_start + Duration::from_secs_f64(self.settings.exposure_s) + self.readout;
-            let frame = Exposed { sequence: self.sequence, start: self.next_start, end, settings: self.settings };
+            let (sequence, start) = (self.sequence, self.next_start);
+            let frame = Exposed { sequence, start, end, settings: self.settings, adopted: self.adopted };
             if self.queue.len() < self.queue_length {
                 self.queue.push_back(frame);
             }

@@ -24,8 +24,106 @@ pub struct BenchConfig {
     pub camera: CameraConfig,
     /// The stage that turns the analyser.
     pub stage: StageConfig,
+    /// The flash.
+    pub flash: FlashConfig,
     /// Where things stand.
     pub geometry: GeometryConfig,
+    /// What goes wrong.
+    pub faults: Vec<FaultConfig>,
+}
+
+/// The flash: a small unpolarized lamp in the plane of panel and camera lens.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FlashConfig {
+    /// To the right of the point between camera and panel, in mm.
+    pub x_mm: f64,
+    /// Above it, in mm.
+    pub y_mm: f64,
+    /// Diameter in mm.
+    pub diameter_mm: f64,
+    /// Luminance relative to the panel.
+    pub power: f64,
+    /// Time until the light is steady, in ms.
+    pub settle_ms: f64,
+    /// It must not be on for longer than this, in seconds.
+    pub max_on_s: f64,
+}
+
+/// A fault of one device.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FaultConfig {
+    /// Which device.
+    pub device: FaultyDevice,
+    /// What it does.
+    pub kind: FaultKind,
+    /// Commands that it carries out properly before (descriptions do not count).
+    #[serde(default)]
+    pub after: u64,
+    /// Commands that fail; all further ones when it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times: Option<u64>,
+}
+
+/// Devices that can fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultyDevice {
+    /// The rotation stage.
+    Stage,
+    /// The camera.
+    Camera,
+    /// The panel.
+    Display,
+    /// The flash.
+    Flash,
+    /// The door switch; counts how often its level is asked for.
+    Interlock,
+    /// The clock that all devices report; counts commands to all devices.
+    Clock,
+}
+
+/// Ways to fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultKind {
+    /// Any device: no answer within the driver's time.
+    Silent,
+    /// Any device: the link is gone.
+    Lost,
+    /// Stage: stands still half-way and says where.
+    StopsShort,
+    /// Stage: answers something that is no angle.
+    Nonsense,
+    /// Camera: frames of another size.
+    WrongSize,
+    /// Camera: frames that the driver flags as damaged.
+    Damaged,
+    /// Display: acknowledges another pattern.
+    OtherPattern,
+    /// Flash: the state read back is the opposite.
+    WrongState,
+    /// Interlock: opens.
+    Opens,
+    /// Clock: is set back by an hour.
+    SetBack,
+}
+
+impl FaultKind {
+    /// Whether a device can fail in this way.
+    fn befalls(self, device: FaultyDevice) -> bool {
+        use FaultyDevice::{Camera, Clock, Display, Flash, Interlock, Stage};
+        match self {
+            Self::Silent | Self::Lost => device != Clock,
+            Self::StopsShort | Self::Nonsense => device == Stage,
+            Self::WrongSize | Self::Damaged => device == Camera,
+            Self::OtherPattern => device == Display,
+            Self::WrongState => device == Flash,
+            Self::Opens => device == Interlock,
+            Self::SetBack => device == Clock,
+        }
+    }
 }
 
 /// The grating's Jones matrix is diag(-1, R) along and across its vector, R = r·exp(iζ) (2018 paper, Eq. 6); a
@@ -137,6 +235,8 @@ pub struct StageConfig {
     pub backlash_deg: f64,
     /// Random error of each move, standard deviation in degrees.
     pub repeatability_deg: f64,
+    /// Lowest and highest angle that it takes.
+    pub limits_deg: [f64; 2],
     /// Light through parallel over light through crossed polarizers.
     pub extinction_ratio: f64,
 }
@@ -207,7 +307,20 @@ impl Default for CameraConfig {
 
 impl Default for StageConfig {
     fn default() -> Self {
-        Self { speed_deg_s: 180.0, settle_ms: 120.0, backlash_deg: 0.1, repeatability_deg: 0.01, extinction_ratio: 1e4 }
+        Self {
+            speed_deg_s: 180.0,
+            settle_ms: 120.0,
+            backlash_deg: 0.1,
+            repeatability_deg: 0.01,
+            limits_deg: [-360.0, 720.0],
+            extinction_ratio: 1e4,
+        }
+    }
+}
+
+impl Default for FlashConfig {
+    fn default() -> Self {
+        Self { x_mm: 300.0, y_mm: 250.0, diameter_mm: 10.0, power: 30.0, settle_ms: 1.0, max_on_s: 30.0 }
     }
 }
 
@@ -281,6 +394,14 @@ impl BenchConfig {
             ("stage.backlash_deg", s.backlash_deg, -10.0, 10.0),
             ("stage.repeatability_deg", s.repeatability_deg, 0.0, 10.0),
             ("stage.extinction_ratio", s.extinction_ratio, 1.0, 1e12),
+            ("stage.limits_deg[0]", s.limits_deg[0], -36_000.0, s.limits_deg[1]),
+            ("stage.limits_deg[1]", s.limits_deg[1], s.limits_deg[0], 36_000.0),
+            ("flash.x_mm", self.flash.x_mm, -1e4, 1e4),
+            ("flash.y_mm", self.flash.y_mm, -1e4, 1e4),
+            ("flash.diameter_mm", self.flash.diameter_mm, 0.1, 1000.0),
+            ("flash.power", self.flash.power, 1e-6, 1e9),
+            ("flash.settle_ms", self.flash.settle_ms, 0.0, 1e5),
+            ("flash.max_on_s", self.flash.max_on_s, 1e-3, 1e5),
             ("geometry.distance_mm", self.geometry.distance_mm, 10.0, 1e5),
             ("geometry.baseline_mm", self.geometry.baseline_mm, 0.0, 1e5),
         ] {
@@ -288,7 +409,17 @@ impl BenchConfig {
                 return Err(format!("{key} is {value}; give a number from {low} to {high}"));
             }
         }
-        Ok(())
+        match self.faults.iter().position(|f| !f.kind.befalls(f.device)) {
+            Some(i) => {
+                let fault = &self.faults[i];
+                Err(format!(
+                    "faults[{i}]: the {:?} has no fault {:?}; `nacre schema bench` lists them",
+                    fault.device, fault.kind
+                )
+                .to_lowercase())
+            }
+            None => Ok(()),
+        }
     }
 
     /// Diameter of the white disc in mm.

@@ -1,134 +1,149 @@
-//! The bench as devices: what the capture engine drives in place of real ones.
+//! The simulated devices: what the capture engine drives in place of real ones. They know the bench only through a
+//! [`Port`], which is in this process or behind a socket.
 
-use crate::bench::Bench;
-use crate::config::BenchConfig;
+use crate::port::{Devices, Reply, Request, SharedBench, error};
 use async_trait::async_trait;
 use nacre_drivers::{
-    Camera, CameraInfo, Class, Clock, Controls, DeviceError, DeviceResult, Display, DisplayInfo, Frame, Pattern,
-    Settled, Stage, StageInfo,
+    Arrived, Camera, CameraInfo, Controls, DeviceError, DeviceResult, Display, DisplayInfo, Flash, FlashInfo, Frame,
+    Interlock, InterlockInfo, Level, Pattern, Shown, Stage, StageInfo, Switched,
 };
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// A bench that several devices share.
-#[derive(Clone)]
-pub struct SharedBench(Arc<Mutex<Bench>>);
+/// Calls and takes the expected kind of answer.
+macro_rules! call {
+    ($device:expr, $request:expr, $reply:pat => $value:expr) => {{
+        let request = $request;
+        match $device.port.call(&request)? {
+            $reply => Ok($value),
+            other => Err(unexpected(&request, &other)),
+        }
+    }};
+}
+/// A way to the bench.
+pub trait Port: Send {
+    /// Carries a request out.
+    ///
+    /// # Errors
+    /// As the bench answers; `Lost` when it cannot be reached.
+    fn call(&mut self, request: &Request) -> DeviceResult<Reply>;
+}
 
-impl SharedBench {
-    /// Shares a bench.
-    pub fn new(bench: Bench) -> Self {
-        Self(Arc::new(Mutex::new(bench)))
-    }
-
-    /// The bench, for as long as the guard lives.
-    pub fn lock(&self) -> MutexGuard<'_, Bench> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// The three devices of a polarization session.
-    pub fn devices(&self) -> (SimStage, SimCamera, SimDisplay) {
-        (SimStage(self.clone()), SimCamera(self.clone()), SimDisplay(self.clone()))
+impl Port for SharedBench {
+    fn call(&mut self, request: &Request) -> DeviceResult<Reply> {
+        self.answer(request)
     }
 }
 
-/// Height of the simulated panel, a common 24-inch one.
-const PANEL_MM: f64 = 320.0;
-
-/// What the devices of a bench are and can do, without building it.
-pub fn describe(bench: &BenchConfig) -> (StageInfo, CameraInfo, DisplayInfo) {
-    let (stage, camera) = (&bench.stage, &bench.camera);
-    let stage = StageInfo {
-        id: "simulated stage".into(),
-        speed_deg_s: stage.speed_deg_s,
-        settling_s: stage.settle_ms / 1000.0,
-    };
-    let camera = CameraInfo {
-        id: "simulated camera".into(),
-        width: camera.width as usize,
-        height: camera.height as usize,
-        exposure_s: [1e-5, 60.0],
-        exposure_now_s: camera.power_on_exposure_s(),
-        gain: [1.0, 100.0],
-        black: camera.black_level as u16,
-        white: ((1u32 << camera.bits) - 1) as u16,
-        readout_s: camera.readout_ms / 1000.0,
-        control_lag_frames: camera.lag_frames,
-        full_scale_e: Some(camera.well_e),
-        read_noise_e: Some(camera.read_noise_e),
-    };
-    (stage, camera, DisplayInfo { id: "simulated panel".into(), largest_disc_mm: PANEL_MM })
+/// Any device of the bench: the traits say what it is used as.
+pub struct SimDevice {
+    port: Box<dyn Port>,
+    devices: Devices,
 }
 
-/// The simulated rotation stage.
-pub struct SimStage(SharedBench);
+impl SimDevice {
+    /// A device behind a port.
+    ///
+    /// # Errors
+    /// The bench cannot be reached.
+    pub fn new(mut port: Box<dyn Port>) -> DeviceResult<Self> {
+        let request = Request::Describe;
+        match port.call(&request)? {
+            Reply::Described(devices) => Ok(Self { port, devices: *devices }),
+            other => Err(unexpected(&request, &other)),
+        }
+    }
 
-/// The simulated camera.
-pub struct SimCamera(SharedBench);
+    /// What all devices of the bench are.
+    pub fn devices(&self) -> &Devices {
+        &self.devices
+    }
 
-/// The simulated panel.
-pub struct SimDisplay(SharedBench);
+    /// Whether panel and flash shine.
+    ///
+    /// # Errors
+    /// The bench cannot be reached.
+    pub fn light(&mut self) -> DeviceResult<[bool; 2]> {
+        call!(self, Request::Light, Reply::Light { panel, flash } => [panel, flash])
+    }
+}
+
+fn unexpected(request: &Request, reply: &Reply) -> DeviceError {
+    let got: String = format!("{reply:?}").chars().take(60).collect();
+    error(request, "the answer to this request", &got)
+}
 
 #[async_trait]
-impl Stage for SimStage {
+impl Stage for SimDevice {
     fn describe(&self) -> StageInfo {
-        describe(self.0.lock().config()).0
+        self.devices.stage.clone()
     }
 
-    async fn home(&mut self) -> DeviceResult<Settled> {
-        self.move_to(0.0).await
+    async fn home(&mut self) -> DeviceResult<Arrived> {
+        call!(self, Request::Home, Reply::Arrived(a) => a)
     }
 
-    async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Settled> {
-        let mut bench = self.0.lock();
-        let since = bench.turn_analyser(angle_deg);
-        let wait = since.saturating_sub(bench.now());
-        bench.wait(wait);
-        Ok(Settled { since })
+    async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
+        call!(self, Request::MoveTo { angle_deg }, Reply::Arrived(a) => a)
+    }
+
+    async fn position(&mut self) -> DeviceResult<f64> {
+        call!(self, Request::Position, Reply::Angle(a) => a)
     }
 }
 
 #[async_trait]
-impl Camera for SimCamera {
+impl Camera for SimDevice {
     fn describe(&self) -> CameraInfo {
-        describe(self.0.lock().config()).1
+        self.devices.camera.clone()
     }
 
     async fn configure(&mut self, exposure: Duration, gain: f64) -> DeviceResult<Controls> {
-        let mut bench = self.0.lock();
-        bench.set_camera(exposure.as_secs_f64(), gain);
-        Ok(Controls { exposure, gain, set_at: bench.now() })
+        call!(self, Request::Configure { exposure, gain }, Reply::Controls(c) => c)
+    }
+
+    async fn cover(&mut self, closed: bool) -> DeviceResult<Duration> {
+        call!(self, Request::Cover { closed }, Reply::At(t) => t)
     }
 
     async fn next_frame(&mut self) -> DeviceResult<Frame> {
-        let mut bench = self.0.lock();
-        let exposed = bench.next_frame();
-        let (width, height) = (bench.config().camera.width as usize, bench.config().camera.height as usize);
-        Ok(Frame { stamp: exposed.stamp(), width, height, codes: bench.codes(&exposed) })
+        call!(self, Request::NextFrame, Reply::Frame { stamp, width, height, damaged, codes } =>
+            Frame { stamp, width, height, damaged, codes })
     }
 }
 
 #[async_trait]
-impl Display for SimDisplay {
+impl Display for SimDevice {
     fn describe(&self) -> DisplayInfo {
-        describe(self.0.lock().config()).2
+        self.devices.display.clone()
     }
 
-    async fn show(&mut self, pattern: Pattern) -> DeviceResult<Settled> {
-        let mut bench = self.0.lock();
-        let rendered = bench.config().disc_mm();
-        if let Pattern::Disc(mm) = pattern
-            && mm != rendered
-        {
-            return Err(DeviceError {
-                device: "simulated panel".into(),
-                command: format!("show a disc of {mm} mm"),
-                expected: format!("the {rendered} mm that this bench was rendered with"),
-                got: format!("{mm} mm"),
-                remedy: "build the bench with panel.disc_mm set to it".into(),
-                class: Class::Setup,
-            });
-        }
-        bench.show_disc(pattern != Pattern::Black);
-        Ok(Settled { since: bench.now() })
+    async fn show(&mut self, pattern: Pattern) -> DeviceResult<Shown> {
+        call!(self, Request::Show { pattern }, Reply::Shown(s) => s)
+    }
+}
+
+#[async_trait]
+impl Flash for SimDevice {
+    fn describe(&self) -> FlashInfo {
+        self.devices.flash.clone()
+    }
+
+    async fn switch(&mut self, on: bool) -> DeviceResult<Switched> {
+        call!(self, Request::Switch { on }, Reply::Switched(s) => s)
+    }
+
+    async fn is_on(&mut self) -> DeviceResult<bool> {
+        call!(self, Request::IsOn, Reply::On(on) => on)
+    }
+}
+
+#[async_trait]
+impl Interlock for SimDevice {
+    fn describe(&self) -> InterlockInfo {
+        self.devices.interlock.clone()
+    }
+
+    async fn level(&mut self) -> DeviceResult<Level> {
+        call!(self, Request::Level, Reply::Level(l) => l)
     }
 }

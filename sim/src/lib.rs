@@ -10,17 +10,21 @@ mod camera;
 mod config;
 mod devices;
 mod optics;
+mod port;
 mod random;
 mod scene;
-mod session;
+pub mod socket;
 mod stage;
 pub mod surface;
+mod truth;
 
-pub use bench::Bench;
+pub use bench::{Bench, Shining};
 pub use camera::{Exposed, Settings};
 pub use config::{
-    BenchConfig, CameraConfig, FilmConfig, FilterConfig, GeometryConfig, GratingConfig, PanelConfig, StageConfig,
+    BenchConfig, CameraConfig, FaultConfig, FaultKind, FaultyDevice, FilmConfig, FilterConfig, FlashConfig,
+    GeometryConfig, GratingConfig, PanelConfig, StageConfig,
 };
-pub use devices::{SharedBench, SimCamera, SimDisplay, SimStage, describe};
-pub use scene::{Scene, StokesImage, Truth};
-pub use session::{capture, write_session};
+pub use devices::{Port, SimDevice};
+pub use port::{Devices, Reply, Request, SharedBench, describe};
+pub use scene::{Lamp, Scene, Source, StokesImage, Truth};
+pub use truth::write_truth;

@@ -116,18 +116,46 @@ impl Wavelength {
         amplitude: f64,
         specular: bool,
     ) -> Stokes {
+        self.reflect_field(self.source, incidence, orientation, ratio, amplitude, specular)
+    }
+
+    /// The same for unpolarized light of the same intensity: the mean of two crossed polarizations.
+    pub fn reflect_unpolarized(
+        &self,
+        incidence: &Incidence,
+        orientation: f64,
+        ratio: Complex<f64>,
+        amplitude: f64,
+        specular: bool,
+    ) -> Stokes {
+        let light = |angle| {
+            let field = JonesVector::linear(angle);
+            self.reflect_field(field, incidence, orientation, ratio, amplitude, specular)
+        };
+        (light(0.0) + light(std::f64::consts::FRAC_PI_2)) * 0.5
+    }
+
+    fn reflect_field(
+        &self,
+        source: JonesVector,
+        incidence: &Incidence,
+        orientation: f64,
+        ratio: Complex<f64>,
+        amplitude: f64,
+        specular: bool,
+    ) -> Stokes {
         let plane = incidence.plane;
         let film = |e| {
             let retarder = [1.0.into(), Complex::from_polar(1.0, self.film.retardance / incidence.cos_inside)];
             self.film.axis.act(retarder, e)
         };
         let through = incidence.through.map(Complex::from);
-        let inside = film(plane.act(through, self.source));
+        let inside = film(plane.act(through, source));
         let grating = Axis::at(orientation).act([Complex::from(-1.0), ratio], plane.act(incidence.metal, inside));
         let back = plane.act(incidence.metal, grating);
         let out = plane.act(through, film(back)).scaled(amplitude.into());
         let out =
-            if specular { out.plus(plane.act(incidence.front.map(|f| self.film.front * f), self.source)) } else { out };
+            if specular { out.plus(plane.act(incidence.front.map(|f| self.film.front * f), source)) } else { out };
         out.stokes()
     }
 

@@ -15,27 +15,38 @@ const ORDERS: i32 = 3;
 /// Reflectance of a mirror pixel (metal without grating).
 const MIRROR_RATIO: Complex<f64> = Complex::new(-1.0, 0.0);
 
-/// Light before the analyser, in units of the panel's intensity; blurred by the lens, before noise.
+/// Light before the analyser from one source, in units of the panel's intensity; blurred by the lens, before noise.
 pub struct StokesImage {
-    /// S0, S1, S2 from the white disc, row-major.
+    /// S0, S1, S2, row-major.
     pub planes: [Vec<f32>; 3],
-    /// S0 of the unpolarized light from elsewhere, there also when the panel is black.
-    pub ambient: Vec<f32>,
 }
 
-/// Light from the disc, S0 from elsewhere, and (orientation, period, purity) of a pixel.
-struct Pixel {
-    light: Stokes,
-    ambient: f32,
-    truth: (f32, f32, f32),
+/// A luminous disc in the plane of panel and camera lens, parallel to the sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Source {
+    /// What shines.
+    pub lamp: Lamp,
+    /// Its middle, from the point between camera and panel, in mm.
+    pub center_mm: [f64; 2],
+    /// Its diameter in mm.
+    pub diameter_mm: f64,
 }
 
-/// A point of the sample (mm), the direction to the camera, and the disc on the panel.
-struct Ray {
+/// What shines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lamp {
+    /// The panel behind its retarder, dimmer at an angle.
+    Panel,
+    /// The flash: unpolarized, and brighter than the panel by its power.
+    Flash,
+}
+
+/// A point of the sample (mm), the direction to the camera, and the light.
+struct Ray<'a> {
     x: f64,
     y: f64,
     view: [f64; 3],
-    disc_mm: f64,
+    source: &'a Source,
 }
 
 /// What the sample really is, per pixel.
@@ -69,73 +80,108 @@ impl Scene {
         self.pixel_mm
     }
 
-    /// Renders light and truth with a white disc of `disc_mm` on the panel.
+    /// Where the panel's middle is, from the point between camera and panel, in mm.
+    pub fn panel_middle_mm(&self) -> [f64; 2] {
+        [0.5 * self.bench.geometry.baseline_mm, 0.0]
+    }
+
+    /// Light from one source, row-major.
     ///
     /// # Errors
     /// `Cancelled`.
-    pub fn render(&self, disc_mm: f64, progress: &dyn Progress) -> Result<(StokesImage, Truth)> {
+    pub fn render(&self, source: &Source, progress: &dyn Progress) -> Result<StokesImage> {
+        progress.stage("rendering the bench", self.bench.camera.height.into());
+        let rows = self.rows(progress, |x, y| self.light(x, y, source))?;
+        let plane = |of: fn(&Stokes) -> f64| self.blurred(rows.iter().map(|s| of(s) as f32).collect());
+        Ok(StokesImage { planes: [plane(|s| s.s0), plane(|s| s.s1), plane(|s| s.s2)] })
+    }
+
+    /// What the sample is, and S0 of the unpolarized light from elsewhere.
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub fn survey(&self, progress: &dyn Progress) -> Result<(Truth, Vec<f32>)> {
+        progress.stage("laying the sample", self.bench.camera.height.into());
+        let rows = self.rows(progress, |x, y| self.sample_in(x, y))?;
+        let plane = |of: fn(&Surveyed) -> f32| -> Vec<f32> { rows.iter().map(of).collect() };
+        let truth =
+            Truth { orientation: plane(|p| p.truth.0), period_um: plane(|p| p.truth.1), purity: plane(|p| p.truth.2) };
+        Ok((truth, self.blurred(plane(|p| p.ambient))))
+    }
+
+    fn rows<T: Send>(&self, progress: &dyn Progress, pixel: impl Fn(usize, usize) -> T + Sync) -> Result<Vec<T>> {
         let (width, height) = (self.bench.camera.width as usize, self.bench.camera.height as usize);
-        progress.stage("rendering the bench", height as u64);
         let row = |y: usize| {
             progress.check()?;
-            let row: Vec<Pixel> = (0..width).map(|x| self.pixel(x, y, disc_mm)).collect();
+            let row: Vec<T> = (0..width).map(|x| pixel(x, y)).collect();
             progress.step();
             Ok(row)
         };
-        let rows: Vec<Vec<Pixel>> = (0..height).into_par_iter().map(row).collect::<Result<_>>()?;
-        let plane = |of: fn(&Pixel) -> f32| -> Vec<f32> { rows.iter().flatten().map(of).collect() };
-        let blurred = |of: fn(&Pixel) -> f32| {
-            let mut plane = plane(of);
-            crate::blur::gaussian(&mut plane, width, self.bench.camera.blur_px);
-            plane
-        };
-        let light = StokesImage {
-            planes: [blurred(|p| p.light.s0 as f32), blurred(|p| p.light.s1 as f32), blurred(|p| p.light.s2 as f32)],
-            ambient: blurred(|p| p.ambient),
-        };
-        let truth =
-            Truth { orientation: plane(|p| p.truth.0), period_um: plane(|p| p.truth.1), purity: plane(|p| p.truth.2) };
-        Ok((light, truth))
+        let rows: Vec<Vec<T>> = (0..height).into_par_iter().map(row).collect::<Result<_>>()?;
+        Ok(rows.into_iter().flatten().collect())
     }
 
-    /// Everything about one pixel, over all its rays.
-    fn pixel(&self, x: usize, y: usize, disc_mm: f64) -> Pixel {
+    fn blurred(&self, mut plane: Vec<f32>) -> Vec<f32> {
+        crate::blur::gaussian(&mut plane, self.bench.camera.width as usize, self.bench.camera.blur_px);
+        plane
+    }
+
+    /// Where the rays of a pixel meet the sample, in mm.
+    fn rays(&self, x: usize, y: usize) -> impl ExactSizeIterator<Item = (f64, f64)> + use<> {
         let n = self.bench.camera.subsamples;
         let (width, height) = (f64::from(self.bench.camera.width), f64::from(self.bench.camera.height));
-        let mut light = Stokes::default();
-        let mut mean = GratingMean::default();
-        let mut reflectance = 0.0;
-        for k in 0..n * n {
+        let pixel_mm = self.pixel_mm;
+        (0..n * n).map(move |k| {
             let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
-            let x_mm = (x as f64 + offset(k % n) - 0.5 * width) * self.pixel_mm;
-            let y_mm = (0.5 * height - y as f64 - offset(k / n)) * self.pixel_mm;
-            let point = self.sample.at(x_mm, y_mm);
+            let x_mm = (x as f64 + offset(k % n) - 0.5 * width) * pixel_mm;
+            (x_mm, (0.5 * height - y as f64 - offset(k / n)) * pixel_mm)
+        })
+    }
+
+    fn light(&self, x: usize, y: usize, source: &Source) -> Stokes {
+        let rays = self.rays(x, y);
+        let share = 1.0 / rays.len() as f64;
+        rays.map(|(x, y)| self.ray(x, y, &self.sample.at(x, y), source)).fold(Stokes::default(), |a, b| a + b) * share
+    }
+
+    fn sample_in(&self, x: usize, y: usize) -> Surveyed {
+        let rays = self.rays(x, y);
+        let count = rays.len() as u32;
+        let (mut mean, mut reflectance) = (GratingMean::default(), 0.0);
+        for (x, y) in rays {
+            let point = self.sample.at(x, y);
             mean.add(&point);
             reflectance += point.reflectance;
-            light = light + self.ray(x_mm, y_mm, &point, disc_mm);
         }
-        let rays = n * n;
-        let ambient = self.bench.panel.ambient as f32 * reflectance / rays as f32;
-        Pixel { light: light * (1.0 / f64::from(rays)), ambient, truth: mean.result(rays) }
+        let ambient = self.bench.panel.ambient as f32 * reflectance / count as f32;
+        Surveyed { ambient, truth: mean.result(count) }
     }
 
     /// Light from one point of the sample towards the camera.
-    fn ray(&self, x: f64, y: f64, point: &Point, disc_mm: f64) -> Stokes {
-        let (distance, half) = (self.bench.geometry.distance_mm, 0.5 * self.bench.geometry.baseline_mm);
-        let ray = Ray { x, y, view: unit([-half - x, -y, distance]), disc_mm };
+    fn ray(&self, x: f64, y: f64, point: &Point, source: &Source) -> Stokes {
+        let (distance, [half, _]) = (self.bench.geometry.distance_mm, self.panel_middle_mm());
+        let ray = Ray { x, y, view: unit([-half - x, -y, distance]), source };
         let seen = match point.surface {
             Surface::Nothing => return Stokes::default(),
             // A diffuser sees the whole disc: its solid angle over π.
-            Surface::Diffuse => Stokes::unpolarized((0.5 * disc_mm / distance).powi(2)),
+            Surface::Diffuse => Stokes::unpolarized((0.5 * source.diameter_mm / distance).powi(2) * self.power(source)),
             Surface::Mirror => self.order(&ray, point, 0),
             Surface::Grating { period_um, .. } => {
                 // Orders whose sine leaves the disc's reach are not even traced.
-                let reach = 0.5 * disc_mm / distance + 0.2;
+                let [x, y] = source.center_mm;
+                let reach = ((x - half).hypot(y) + 0.5 * source.diameter_mm) / distance + 0.2;
                 let highest = ((reach * f64::from(period_um) / self.band[0].um).floor() as i32).clamp(0, ORDERS);
                 (-highest..=highest).map(|m| self.order(&ray, point, m)).fold(Stokes::default(), |a, b| a + b)
             }
         };
         seen * f64::from(point.reflectance)
+    }
+
+    fn power(&self, source: &Source) -> f64 {
+        match source.lamp {
+            Lamp::Panel => 1.0,
+            Lamp::Flash => self.bench.flash.power,
+        }
     }
 
     /// Light that order `m` brings from the panel, over the band.
@@ -151,7 +197,7 @@ impl Scene {
             };
             let (sin, cos) = orientation.sin_cos();
             let Some(source) = lifted(mirror[0] + shift * cos, mirror[1] + shift * sin) else { continue };
-            let seen = self.panel(ray, source);
+            let seen = self.luminance(ray, source);
             if seen == 0.0 {
                 continue;
             }
@@ -165,23 +211,31 @@ impl Scene {
                 }
                 _ => (MIRROR_RATIO, 1.0),
             };
-            light = light + wave.reflect(&incidence, orientation, ratio, amplitude, m == 0) * (seen * wave.weight);
+            let reflected = match ray.source.lamp {
+                Lamp::Panel => wave.reflect(&incidence, orientation, ratio, amplitude, m == 0),
+                Lamp::Flash => wave.reflect_unpolarized(&incidence, orientation, ratio, amplitude, m == 0),
+            };
+            light = light + reflected * (seen * wave.weight);
         }
         light
     }
 
-    /// Luminance of the panel where a ray along `direction` meets it. The camera focuses on the sample,
-    /// so the panel is out of focus and the disc's edge as soft as the aperture is wide.
-    fn panel(&self, ray: &Ray, direction: [f64; 3]) -> f64 {
-        let (distance, half) = (self.bench.geometry.distance_mm, 0.5 * self.bench.geometry.baseline_mm);
-        let hit = |from: f64, along: f64| from + along * distance / direction[2];
-        let radius = (hit(ray.x, direction[0]) - half).hypot(hit(ray.y, direction[1]));
+    /// Luminance where a ray along `direction` meets the plane of the lights. The camera focuses on the sample,
+    /// so the light is out of focus and the disc's edge as soft as the aperture is wide.
+    fn luminance(&self, ray: &Ray, direction: [f64; 3]) -> f64 {
+        let hit = |from: f64, along: f64| from + along * self.bench.geometry.distance_mm / direction[2];
+        let [x, y] = ray.source.center_mm;
+        let radius = (hit(ray.x, direction[0]) - x).hypot(hit(ray.y, direction[1]) - y);
         let edge = self.bench.camera.aperture_mm.max(1e-6);
-        let inside = ((0.5 * ray.disc_mm - radius) / edge + 0.5).clamp(0.0, 1.0);
+        let inside = ((0.5 * ray.source.diameter_mm - radius) / edge + 0.5).clamp(0.0, 1.0);
         if inside == 0.0 {
             return 0.0;
         }
-        inside * inside * (3.0 - 2.0 * inside) * direction[2].powf(self.bench.panel.falloff)
+        let falloff = match ray.source.lamp {
+            Lamp::Panel => direction[2].powf(self.bench.panel.falloff),
+            Lamp::Flash => 1.0,
+        };
+        inside * inside * (3.0 - 2.0 * inside) * falloff * self.power(ray.source)
     }
 }
 
@@ -201,6 +255,12 @@ fn lifted(u: f64, v: f64) -> Option<[f64; 3]> {
 fn unit(v: [f64; 3]) -> [f64; 3] {
     let length = v.iter().map(|c| c * c).sum::<f64>().sqrt();
     v.map(|c| c / length)
+}
+
+/// S0 from elsewhere, and (orientation, period, purity) of a pixel.
+struct Surveyed {
+    ambient: f32,
+    truth: (f32, f32, f32),
 }
 
 /// Mean orientation (of a line, so of the doubled angle) and period of a pixel's rays, weighted by reflectance.

@@ -1,0 +1,141 @@
+//! The bench in a process of its own, so that it outlives a killed capture: requests and answers over a Unix socket,
+//! one JSON text a line; the codes of a frame follow its line, 16 bits little-endian.
+
+use crate::devices::Port;
+use crate::port::{Reply, Request, SharedBench, error};
+use nacre_drivers::{Class, DeviceError, DeviceResult, Pattern};
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Longest line of a request or answer.
+const MAX_LINE: u64 = 1 << 20;
+
+/// Most pixels of a frame.
+const MAX_PIXELS: usize = 16_384 * 16_384;
+
+/// An answer that takes longer than this is none: the longest exposures, twice.
+const PATIENCE: Duration = Duration::from_secs(180);
+
+/// Serves a bench on a socket, one thread per connection, until `stop` says so.
+///
+/// # Errors
+/// The socket cannot be made.
+pub fn serve(bench: &SharedBench, path: &Path, stop: impl Fn() -> bool) -> io::Result<()> {
+    // A socket that nobody listens to is left from a killed bench.
+    if UnixStream::connect(path).is_err() {
+        match std::fs::symlink_metadata(path) {
+            Ok(found) if std::os::unix::fs::FileTypeExt::is_socket(&found.file_type()) => std::fs::remove_file(path)?,
+            _ => {}
+        }
+    }
+    let listener = UnixListener::bind(path)?;
+    listener.set_nonblocking(true)?;
+    while !stop() {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                let bench = bench.clone();
+                std::thread::spawn(move || serve_one(&bench, stream));
+            }
+            // Also passing troubles, such as too many open files, go away by waiting.
+            Err(_) => std::thread::sleep(Duration::from_millis(2)),
+        }
+    }
+    std::fs::remove_file(path)
+}
+
+/// One connection. A panel whose connection closes goes black, as the page in a browser does without heartbeat; the flash
+/// stays as it is, as a relay does.
+fn serve_one(bench: &SharedBench, stream: UnixStream) {
+    let mut showed = false;
+    let served = stream.set_nonblocking(false).and_then(|()| stream.try_clone()).map(BufReader::new);
+    if let Ok(mut reader) = served {
+        let mut stream = stream;
+        while let Ok(Some(line)) = read_line(&mut reader) {
+            let answer = match serde_json::from_slice::<Request>(&line) {
+                Ok(request) => {
+                    showed |= matches!(request, Request::Show { .. });
+                    bench.answer(&request)
+                }
+                Err(e) => Err(DeviceError::new("simulated bench", "understand a request", "JSON", e.to_string())),
+            };
+            let lost = answer.as_ref().is_err_and(|e| e.class == Class::Lost);
+            if write_answer(&mut stream, &answer).is_err() || lost {
+                break;
+            }
+        }
+    }
+    if showed {
+        // An error is a fault of the panel, which has no link any more either way.
+        let _ = bench.answer(&Request::Show { pattern: Pattern::Black });
+    }
+}
+
+fn write_answer(stream: &mut UnixStream, answer: &DeviceResult<Reply>) -> io::Result<()> {
+    let mut bytes = serde_json::to_vec(answer)?;
+    bytes.push(b'\n');
+    if let Ok(Reply::Frame { codes, .. }) = answer {
+        bytes.extend(codes.iter().flat_map(|c| c.to_le_bytes()));
+    }
+    stream.write_all(&bytes)
+}
+
+fn read_line(reader: &mut impl BufRead) -> io::Result<Option<Vec<u8>>> {
+    let mut line = Vec::new();
+    reader.take(MAX_LINE).read_until(b'\n', &mut line)?;
+    match line.pop() {
+        Some(b'\n') => Ok(Some(line)),
+        None => Ok(None),
+        Some(_) => Err(io::ErrorKind::InvalidData.into()),
+    }
+}
+
+/// A bench in another process.
+pub struct RemoteBench {
+    reader: BufReader<UnixStream>,
+    path: PathBuf,
+}
+
+impl RemoteBench {
+    /// Connects to a bench's socket.
+    ///
+    /// # Errors
+    /// `Setup` when nobody listens there.
+    pub fn connect(path: &Path) -> DeviceResult<Self> {
+        let opened = UnixStream::connect(path).and_then(|s| s.set_read_timeout(Some(PATIENCE)).map(|()| s));
+        let stream = opened.map_err(|e| {
+            DeviceError::new("simulated bench", format!("connect to {}", path.display()), "a bench", e.to_string())
+                .remedy("start one with `nacre sim bench --socket PATH`")
+                .class(Class::Setup)
+        })?;
+        Ok(Self { reader: BufReader::new(stream), path: path.to_path_buf() })
+    }
+
+    fn exchange(&mut self, request: &Request) -> io::Result<DeviceResult<Reply>> {
+        let mut line = serde_json::to_vec(request)?;
+        line.push(b'\n');
+        self.reader.get_mut().write_all(&line)?;
+        let line = read_line(&mut self.reader)?.ok_or(io::ErrorKind::UnexpectedEof)?;
+        let mut answer: DeviceResult<Reply> = match serde_json::from_slice(&line) {
+            Ok(answer) => answer,
+            Err(e) => return Ok(Err(error(request, "an answer of its protocol", &format!("nonsense ({e})")))),
+        };
+        if let Ok(Reply::Frame { width, height, codes, .. }) = &mut answer {
+            let pixels = width.checked_mul(*height).filter(|n| *n <= MAX_PIXELS);
+            let mut bytes = vec![0; 2 * pixels.ok_or(io::ErrorKind::InvalidData)?];
+            self.reader.read_exact(&mut bytes)?;
+            *codes = bytes.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
+        }
+        Ok(answer)
+    }
+}
+
+impl Port for RemoteBench {
+    fn call(&mut self, request: &Request) -> DeviceResult<Reply> {
+        self.exchange(request).unwrap_or_else(|e| {
+            let got = format!("a lost link to {} ({e})", self.path.display());
+            Err(error(request, "an answer", &got).remedy("check that the bench still runs").class(Class::Lost))
+        })
+    }
+}
