@@ -284,6 +284,7 @@ mod tests {
     }
 
     #[test]
+    #[allow(clippy::await_holding_lock, reason = "the device's thread waits for it, as the test wants")]
     fn a_device_that_does_not_answer_is_an_error_after_the_limit() {
         let release = Arc::new(Mutex::new(()));
         run(async {
@@ -300,6 +301,6 @@ mod tests {
     #[test]
     fn a_device_that_cannot_be_opened_says_why() {
         let error = run(actor(|_| None, Arc::default(), 10)).err().unwrap();
-        assert_eq!(error.command, "open");
+        assert_eq!(&*error.command, "open");
     }
 }

@@ -10,15 +10,15 @@ pub type DeviceResult<T> = Result<T, DeviceError>;
 #[error("{device}: {command}: expected {expected}, got {got}; {remedy}")]
 pub struct DeviceError {
     /// Which device, as the user knows it.
-    pub device: String,
+    pub device: Box<str>,
     /// What it was asked to do.
-    pub command: String,
+    pub command: Box<str>,
     /// What should have come back.
-    pub expected: String,
+    pub expected: Box<str>,
     /// What came back.
-    pub got: String,
+    pub got: Box<str>,
     /// What the user can do.
-    pub remedy: String,
+    pub remedy: Box<str>,
     /// What the caller can do.
     pub class: Class,
 }
@@ -39,7 +39,12 @@ pub enum Class {
 
 impl DeviceError {
     /// An error of the class [`Class::Stop`] without remedy; the other methods complete it.
-    pub fn new(device: &str, command: impl Into<String>, expected: impl Into<String>, got: impl Into<String>) -> Self {
+    pub fn new(
+        device: &str,
+        command: impl Into<Box<str>>,
+        expected: impl Into<Box<str>>,
+        got: impl Into<Box<str>>,
+    ) -> Self {
         Self {
             device: device.into(),
             command: command.into(),
@@ -51,7 +56,7 @@ impl DeviceError {
     }
 
     /// Says what the user can do.
-    pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
+    pub fn remedy(mut self, remedy: impl Into<Box<str>>) -> Self {
         self.remedy = remedy.into();
         self
     }

@@ -33,7 +33,7 @@ impl HandStage {
         let command = format!("turn to {angle_deg}°");
         self.prompt
             .ask(&format!("turn the analyser to {angle_deg}° and press Enter"))
-            .map_err(|e| DeviceError::new(&self.describe().id, &command, "Enter", e.to_string()))?;
+            .map_err(|e| DeviceError::new(&self.describe().id, command.as_str(), "Enter", e.to_string()))?;
         let since = match &mut self.turned {
             Some(stage) => stage.move_to(angle_deg).await?.since,
             None => self.clock.now(),

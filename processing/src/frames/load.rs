@@ -1,6 +1,6 @@
 //! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
 
-use super::{FILE_NAME, FrameSet, Kind, Transfer};
+use super::{FILE_NAME, FrameSet, Kind, Spot, Transfer};
 use crate::image::{Info, info};
 use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
@@ -50,6 +50,16 @@ pub fn check(path: PathBuf, set: FrameSet) -> Result<LoadedFrames> {
     check_values(&path, &set)?;
     let info = check_files(&path, &folder, &set)?;
     Ok(LoadedFrames { path, folder, set, info })
+}
+
+/// A set whose photographs are still being taken into `folder`; `info` is what they will have in common.
+///
+/// # Errors
+/// `Input` for values that cannot be used; no file is looked at.
+pub fn planned(folder: &Path, set: FrameSet, info: Info) -> Result<LoadedFrames> {
+    let path = folder.join(FILE_NAME);
+    check_values(&path, &set)?;
+    Ok(LoadedFrames { path, folder: folder.to_path_buf(), set, info })
 }
 
 /// Text of a `frames.json`, one frame a line.
@@ -112,7 +122,7 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
             (Kind::Polarization, None) => {
                 return bad(&format!("frames[{i}].analyser_deg"), "is missing".into(), "give the analyser's angle");
             }
-            (Kind::DivisionOfFocalPlane | Kind::Exposures, Some(_)) => {
+            (Kind::DivisionOfFocalPlane, Some(_)) => {
                 return bad(
                     &format!("frames[{i}].analyser_deg"),
                     "does not belong to this kind".into(),
@@ -125,6 +135,7 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
             _ => {}
         }
     }
+    check_light(&bad, set)?;
     positive("wavelength_nm", set.wavelength_nm)?;
     positive("band_nm", set.band_nm)?;
     positive("noise.full_scale_e", set.noise.map(|n| n.full_scale_e))?;
@@ -137,19 +148,44 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
         (Kind::DivisionOfFocalPlane, None) => {
             bad("layout", "is missing".into(), "give the angles of the 2×2 block, [[90,45],[135,0]] for many sensors")
         }
-        (Kind::Polarization | Kind::Exposures, Some(_)) => {
+        (kind, Some(_)) if kind != Kind::DivisionOfFocalPlane => {
             bad("layout", "belongs to kind division_of_focal_plane only".into(), "remove it or change kind")
         }
         _ => Ok(()),
     }
 }
 
+/// What belongs to some kinds of set only, and numbers of spots.
+fn check_light(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) -> Result<()> {
+    let by_frame = matches!(set.kind, Kind::Exposures | Kind::Flash | Kind::Spots | Kind::Free);
+    for (i, frame) in set.frames.iter().enumerate() {
+        let key = |name: &str| format!("frames[{i}].{name}");
+        let present =
+            [("spot", frame.spot.is_some()), ("flash", frame.flash.is_some()), ("dark", frame.dark.is_some())];
+        if let Some((name, _)) = present.iter().find(|p| p.1 && !by_frame) {
+            return bad(&key(name), "does not belong to this kind".into(), "remove it or change kind");
+        }
+        match frame.spot {
+            None if set.kind == Kind::Spots => return bad(&key("spot"), "is missing".into(), "say where the spot was"),
+            Some(Spot { center_mm, diameter_mm })
+                if !(center_mm.iter().all(|c| c.abs() <= 1e5) && diameter_mm > 0.0 && diameter_mm <= 1e5) =>
+            {
+                return bad(&key("spot"), format!("{center_mm:?}, {diameter_mm} is no disc in mm"), "correct it");
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 fn check_files(path: &Path, folder: &Path, set: &FrameSet) -> Result<Info> {
     let extra = [("dark", &set.dark), ("flat", &set.flat)];
     let extra = extra.into_iter().filter_map(|(key, file)| Some((key.to_owned(), file.as_ref()?)));
-    let frames = set.frames.iter().enumerate().map(|(i, f)| (format!("frames[{i}].file"), &f.file));
+    let indexed = || set.frames.iter().enumerate();
+    let frames = indexed().map(|(i, f)| (format!("frames[{i}].file"), &f.file));
+    let darks = indexed().filter_map(|(i, f)| Some((format!("frames[{i}].dark"), f.dark.as_ref()?)));
     let mut common: Option<(PathBuf, Info)> = None;
-    for (key, name) in frames.chain(extra) {
+    for (key, name) in frames.chain(darks).chain(extra) {
         let file = inside(path, folder, &key, name)?;
         let found = info(&file)?;
         match &common {

@@ -5,7 +5,7 @@ mod linear;
 mod load;
 
 pub use linear::{LinearFrame, Linearizer};
-pub use load::{LoadedFrames, check, load, save};
+pub use load::{LoadedFrames, check, load, planned, save};
 
 use crate::polarimetry::NoiseModel;
 use schemars::JsonSchema;
@@ -70,6 +70,12 @@ pub enum Kind {
     DivisionOfFocalPlane,
     /// The exposure time.
     Exposures,
+    /// Nothing, or the analyser's angle, under the flash.
+    Flash,
+    /// Where the panel lights up.
+    Spots,
+    /// Whatever the frames say.
+    Free,
 }
 
 /// One photograph.
@@ -87,6 +93,25 @@ pub struct Frame {
     /// Gain relative to the camera's base (default 1).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gain: Option<f64>,
+    /// What the panel showed; nothing is a black panel, where the set's kind does not say otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spot: Option<Spot>,
+    /// Whether the flash was on (default: in sets of kind flash).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flash: Option<bool>,
+    /// Photograph with the light off at this frame's exposure, where the set has several exposures.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dark: Option<PathBuf>,
+}
+
+/// A white disc on the panel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Spot {
+    /// Its middle, from the panel's middle to the right and up, in mm.
+    pub center_mm: [f64; 2],
+    /// Its diameter in mm.
+    pub diameter_mm: f64,
 }
 
 /// How file values relate to light.

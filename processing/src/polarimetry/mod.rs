@@ -37,6 +37,6 @@ pub use fit::{Fit, StokesMaps};
 pub use jones::{Jones, JonesVector};
 pub use noise::{FrameNoise, NoiseModel, NoiseSource, estimate_noise};
 pub use orient::{MASK_SNR, OrientationMaps, angle_difference, orient};
-pub use reconstruct::{Model, Options, reconstruct};
+pub use reconstruct::{Model, Options, Running, reconstruct};
 pub use report::Report;
 pub use stokes::Stokes;

@@ -40,35 +40,138 @@ pub struct Options {
 /// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which
 /// nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
-    if !options.offset_deg.is_finite() {
-        return Err(Error::input("offset", format!("{} is no angle", options.offset_deg), "give finite degrees"));
-    }
-    let start = Instant::now();
-    let frames = load(input)?;
-    let views = views(&frames)?;
-    let design = Design::new(&views.iter().map(|v| v.angle).collect::<Vec<_>>())?;
+    options.check()?;
+    let mut running = Running::new(load(input)?)?;
     let folder = OutputFolder::begin(out, options.overwrite)?;
-    let linearizer = Linearizer::new(&frames)?;
-    let fit = fit_frames(&frames, &linearizer, &views, progress)?;
-    let fitted = start.elapsed().as_secs_f64();
+    running.add_all(progress)?;
+    running.finish(folder, options, progress)
+}
 
-    let mut maps = fit.solve(&design);
-    check_light(&frames, &maps, &linearizer)?;
-    let (noise, source) = noise_of(&frames, &linearizer, &views, &maps, &design);
-    let map = orient(&mut maps, &design, &noise, options.offset_deg.to_radians());
-    let circle = check_circle(&maps, &map);
-    divide_by_flat(&frames, &linearizer, &mut maps)?;
-    let pixels = Pixels::count(&maps, &map);
-    let solved = start.elapsed().as_secs_f64();
+impl Options {
+    fn check(&self) -> Result<()> {
+        if self.offset_deg.is_finite() {
+            return Ok(());
+        }
+        Err(Error::input("offset", format!("{} is no angle", self.offset_deg), "give finite degrees"))
+    }
+}
 
-    let mut report = Report::new(&frames, options, &design, (&noise, source), pixels, circle);
-    super::output::write_maps(&folder, &frames, &maps, &map, progress)?;
-    let written = start.elapsed().as_secs_f64();
-    report.seconds = Seconds { read_and_fit: fitted, solve: solved - fitted, write: written - solved, total: written };
-    folder.write("report.json", report.json().as_bytes())?;
-    progress.check()?;
-    folder.commit()?;
-    Ok(report)
+/// A reconstruction that takes its photographs one by one, in order, as they arrive: the result is the same to the
+/// byte as that of [`reconstruct`].
+pub struct Running {
+    frames: LoadedFrames,
+    linearizer: Linearizer,
+    views: Vec<View>,
+    design: Design,
+    fit: Fit,
+    /// Photographs taken in.
+    added: usize,
+    read_and_fit_s: f64,
+}
+
+impl Running {
+    /// Begins; the set's dark photograph must be there already.
+    ///
+    /// # Errors
+    /// `Input` when the set is of another kind or its angles cannot tell an orientation.
+    pub fn new(frames: LoadedFrames) -> Result<Self> {
+        let views = views(&frames)?;
+        let design = Design::new(&views.iter().map(|v| v.angle).collect::<Vec<_>>())?;
+        let linearizer = Linearizer::new(&frames)?;
+        let block = views.first().map_or(1, |v| v.block);
+        let fit = Fit::new(frames.info.width / block, frames.info.height / block);
+        Ok(Self { frames, linearizer, views, design, fit, added: 0, read_and_fit_s: 0.0 })
+    }
+
+    /// Photographs taken in so far; the next one to add is the set's with this number.
+    pub fn added(&self) -> usize {
+        self.added
+    }
+
+    /// Takes in the next photograph, which must be there.
+    ///
+    /// # Errors
+    /// `Input` when it cannot be read or there is none left.
+    pub fn add(&mut self) -> Result<()> {
+        let begun = Instant::now();
+        fold(&mut self.fit, &self.views, self.added, &read(&self.frames, &self.linearizer, self.added)?);
+        self.added += 1;
+        self.read_and_fit_s += begun.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Takes in the rest, two at a time: both are decoded at once, then added in order, so that the result does not
+    /// depend on timing.
+    fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
+        let (begun, all) = (Instant::now(), self.frames.set.frames.len());
+        progress.stage("reading and fitting", all as u64);
+        let Self { frames, linearizer, views, fit, added, .. } = self;
+        while *added < all {
+            progress.check()?;
+            let first = *added;
+            let second = || (first + 1 < all).then(|| read(frames, linearizer, first + 1));
+            let (a, b) = rayon::join(|| read(frames, linearizer, first), second);
+            for photograph in [Some(a), b].into_iter().flatten() {
+                fold(fit, views, *added, &photograph?);
+                *added += 1;
+                progress.step();
+            }
+        }
+        self.read_and_fit_s += begun.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Solves and writes maps, pictures and report into `folder`.
+    ///
+    /// # Errors
+    /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`. Nothing is left behind.
+    pub fn finish(self, folder: OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
+        options.check()?;
+        let Self { frames, linearizer, views, design, fit, added, read_and_fit_s } = self;
+        if added != frames.set.frames.len() {
+            let problem = format!("only {added} of its {} photographs were taken", frames.set.frames.len());
+            return Err(Error::file(&frames.path, problem, "take the rest first"));
+        }
+        let start = Instant::now();
+        let mut maps = fit.solve(&design);
+        check_light(&frames, &maps, &linearizer)?;
+        let (noise, source) = noise_of(&frames, &linearizer, &views, &maps, &design);
+        let map = orient(&mut maps, &design, &noise, options.offset_deg.to_radians());
+        let circle = check_circle(&maps, &map);
+        divide_by_flat(&frames, &linearizer, &mut maps)?;
+        let pixels = Pixels::count(&maps, &map);
+        let solved = start.elapsed().as_secs_f64();
+
+        let mut report = Report::new(&frames, options, &design, (&noise, source), pixels, circle);
+        super::output::write_maps(&folder, &frames, &maps, &map, progress)?;
+        let written = start.elapsed().as_secs_f64();
+        report.seconds = Seconds {
+            read_and_fit: read_and_fit_s,
+            solve: solved,
+            write: written - solved,
+            total: read_and_fit_s + written,
+        };
+        folder.write("report.json", report.json().as_bytes())?;
+        progress.check()?;
+        folder.commit()?;
+        Ok(report)
+    }
+}
+
+fn read<'a>(frames: &LoadedFrames, linearizer: &'a Linearizer, i: usize) -> Result<LinearFrame<'a>> {
+    let Some(frame) = frames.set.frames.get(i) else {
+        return Err(Error::file(&frames.path, "has no photograph left", "report this"));
+    };
+    linearizer.read(&frames.file(&frame.file), frame.scale())
+}
+
+/// Adds photograph `i`, which is one view, or four of a polarization sensor.
+fn fold(fit: &mut Fit, views: &[View], i: usize, frame: &LinearFrame) {
+    let per_frame = views.first().map_or(1, |v| v.block * v.block);
+    for view in &views[i * per_frame..(i + 1) * per_frame] {
+        let ([x, y], block) = (view.position, view.block);
+        fit.add(view.angle, |row, light, bad| frame.strided(row * block + y, x, block, light, bad));
+    }
 }
 
 /// One intensity image at one analyser angle: a whole photograph, or one position of its 2×2 blocks.
@@ -104,36 +207,6 @@ fn views(frames: &LoadedFrames) -> Result<Vec<View>> {
             return Err(Error::file(&frames.path, problem, "give the analyser angles, see `nacre schema frames`"));
         }
     })
-}
-
-/// Folds all frames in, two at a time: both are decoded at once, then added in order, so that the result does not
-/// depend on timing.
-fn fit_frames(frames: &LoadedFrames, linearizer: &Linearizer, views: &[View], progress: &dyn Progress) -> Result<Fit> {
-    let block = views.first().map_or(1, |v| v.block);
-    let mut fit = Fit::new(frames.info.width / block, frames.info.height / block);
-    let set = &frames.set.frames;
-    progress.stage("reading and fitting", set.len() as u64);
-    let read = |i: usize| linearizer.read(&frames.file(&set[i].file), set[i].scale());
-    let per_frame = block * block;
-    let mut add = |i: usize, frame: LinearFrame| {
-        for view in &views[i * per_frame..(i + 1) * per_frame] {
-            debug_assert_eq!(view.frame, i);
-            let [x, y] = view.position;
-            fit.add(view.angle, |row, light, bad| frame.strided(row * block + y, x, block, light, bad));
-        }
-        progress.step();
-    };
-    for first in (0..set.len()).step_by(2) {
-        progress.check()?;
-        if first + 1 < set.len() {
-            let (a, b) = rayon::join(|| read(first), || read(first + 1));
-            add(first, a?);
-            add(first + 1, b?);
-        } else {
-            add(first, read(first)?);
-        }
-    }
-    Ok(fit)
 }
 
 /// Refuses sets in which no pixel can be used at all.
