@@ -5,7 +5,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nacre_processing::progress::Progress;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Output of one command, and its wish to stop.
 pub struct Console {
     json: bool,
-    interrupted: Arc<AtomicBool>,
+    /// How often somebody asked for the end.
+    interrupted: Arc<AtomicU32>,
     stage: Mutex<Stage>,
 }
 
@@ -31,11 +32,18 @@ struct Stage {
 impl Console {
     /// Catches Ctrl-C and SIGTERM from now on, so that a command can clean up.
     pub fn new(json: bool) -> Self {
-        let interrupted = Arc::new(AtomicBool::new(false));
-        let flag = interrupted.clone();
+        let interrupted = Arc::new(AtomicU32::new(0));
+        let count = interrupted.clone();
         // Fails only when a handler is already set; then the system's default stays, which also ends the program.
-        let _ = ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed));
+        let _ = ctrlc::set_handler(move || {
+            count.fetch_add(1, Ordering::Relaxed);
+        });
         Self { json, interrupted, stage: Mutex::new(Stage::new("", 0)) }
+    }
+
+    /// How often Ctrl-C was pressed or SIGTERM came.
+    pub fn interrupted(&self) -> Arc<AtomicU32> {
+        self.interrupted.clone()
     }
 
     /// The command's result: `text` for a person, or `value` as JSON.
@@ -98,6 +106,6 @@ impl Progress for Console {
     }
 
     fn cancelled(&self) -> bool {
-        self.interrupted.load(Ordering::Relaxed)
+        self.interrupted.load(Ordering::Relaxed) > 0
     }
 }

@@ -1,9 +1,12 @@
 //! The program `nacre`: its command line, and what each command does.
 
+pub mod capture;
 pub mod commands;
 pub mod console;
 pub mod engine;
+pub mod guardian;
 pub mod plan;
+pub mod rig;
 pub mod session;
 
 use clap::{Parser, Subcommand};
@@ -41,6 +44,18 @@ enum Command {
     Demo(commands::demo::Args),
     /// Take a session's frames as a plan says.
     Capture(commands::capture::Args),
+    /// What devices there are, and who uses them.
+    Devices(commands::devices::Args),
+    /// Move the analyser by hand.
+    #[command(subcommand)]
+    Stage(commands::manual::Stage),
+    /// Take one picture.
+    Snap(commands::manual::Snap),
+    /// Switch the flash.
+    #[command(subcommand)]
+    Flash(commands::manual::FlashCommand),
+    /// Show a pattern on the panel until Ctrl-C.
+    Show(commands::manual::Show),
     /// Check plans and estimate what they need.
     #[command(subcommand)]
     Plan(commands::plan::PlanCommand),
@@ -56,21 +71,33 @@ enum Command {
     Sim(commands::sim::Sim),
     /// Print the JSON Schema of a file format.
     Schema(commands::schema::Args),
+    /// Hold a flash and see to it that it goes off; started by other commands.
+    #[command(hide = true)]
+    Guardian(commands::manual::Guardian),
 }
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
+    if let Command::Guardian(args) = &cli.command {
+        return commands::manual::guardian(args);
+    }
     let console = Console::new(cli.json);
     let result = match cli.command {
         Command::Demo(args) => commands::demo::run(&args, &console),
         Command::Capture(args) => commands::capture::run(&args, &console),
+        Command::Devices(args) => commands::devices::run(&args, &console),
+        Command::Stage(args) => commands::manual::stage(&args, &console),
+        Command::Snap(args) => commands::manual::snap(&args, &console),
+        Command::Flash(args) => commands::manual::flash(&args, &console),
+        Command::Show(args) => commands::manual::show(&args, &console),
         Command::Plan(args) => commands::plan::run(&args, &console),
         Command::Check(args) => commands::check::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),
         Command::Schema(args) => commands::schema::run(&args, &console),
+        Command::Guardian(_) => Ok(()),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -90,6 +117,14 @@ pub enum Failure {
     /// A device.
     #[error(transparent)]
     Device(Box<nacre_drivers::DeviceError>),
+    /// Something in a step of a capture.
+    #[error("{step}: {failure}")]
+    Step {
+        /// The step, by its file.
+        step: String,
+        /// What failed.
+        failure: Box<Failure>,
+    },
     /// Everything ran, but the result misses its stated bound.
     #[error("{0}")]
     Bound(String),
@@ -102,11 +137,20 @@ impl From<nacre_drivers::DeviceError> for Failure {
 }
 
 impl Failure {
+    /// Says in which step of a capture it happened; a wish to stop belongs to none.
+    pub fn at(self, step: &str) -> Self {
+        match self {
+            Self::Processing(Error::Cancelled) => self,
+            failure => Self::Step { step: step.into(), failure: Box::new(failure) },
+        }
+    }
+
     /// The exit code of the contract.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Processing(Error::Input { .. }) => 2,
             Self::Processing(Error::Cancelled) => 130,
+            Self::Step { failure, .. } => failure.exit_code(),
             Self::Processing(Error::Output { .. }) | Self::Device(_) | Self::Bound(_) => 1,
         }
     }

@@ -124,7 +124,6 @@ mod tests {
     fn spots_light_the_orientations_they_stand_for() {
         let mut config = small();
         config.sample.period_um = Some(1.0);
-        let mut bench = Bench::new(&config, &Silent).unwrap();
         let (distance, half) = (config.geometry.distance_mm, 0.5 * config.geometry.baseline_mm);
         // Grating equation for the middle of the field: the mirror direction's sines and λ/period along the grating vector.
         let spot = |angle: f64| {

@@ -1,17 +1,18 @@
 //! `nacre capture`.
 
-use super::sim::read_bench;
+use super::bench::{BenchArgs, runtime};
+use crate::Failure;
+use crate::capture::{Capture, Taken, cannot_resume, check_limits, steer};
 use crate::console::Console;
-use crate::engine::Bench;
-use crate::plan::{ModelPlan, Plan};
-use crate::session::{RealDisk, SESSION_FILE, Session, SessionFile};
-use crate::{Failure, session};
-use nacre_drivers::{Camera, Clock, Display, Stage};
+use crate::engine::Control;
+use crate::plan::{Plan, Role, Step};
+use crate::rig::{Place, Rig};
+use crate::session::{MortalDisk, SessionFile};
+use nacre_drivers::Pattern;
 use nacre_processing::Error;
-use nacre_processing::polarimetry::{self, Model, Options};
-use nacre_sim::{BenchConfig, SharedBench};
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::sync::Arc;
 
 /// Arguments of `nacre capture`.
 #[derive(clap::Args)]
@@ -19,24 +20,25 @@ use std::time::Duration;
 Examples:
   nacre capture plan.toml --sim --out session
   nacre capture plan.toml --sim --bench bench.toml --out session --dry-run
+  nacre capture plan.toml --sim --socket /tmp/bench --out session
   nacre capture --sim --resume session           goes on after a stop, a crash or a kill
 
-Only the simulated bench can be driven so far.")]
+Ctrl-C ends after the frames in progress, a second one at once; SIGUSR1 pauses, SIGUSR2 goes
+on. Light is off after any end. Only the simulated bench can be driven so far.")]
 pub struct Args {
-    /// The plan (TOML); `nacre schema plan` lists its keys.
+    /// The plan (TOML, or JSON by its name); `nacre schema plan` lists its keys.
     #[arg(required_unless_present = "resume")]
     plan: Option<PathBuf>,
-    /// Use the simulated bench.
-    #[arg(long, required = true)]
-    sim: bool,
-    /// Description of the simulated bench (TOML).
+    #[command(flatten)]
+    bench: BenchArgs,
+    /// The analyser is turned by hand: you are asked to.
     #[arg(long)]
-    bench: Option<PathBuf>,
+    hand: bool,
     /// New folder for the session.
-    #[arg(long, required_unless_present = "resume")]
+    #[arg(long, required_unless_present_any = ["resume", "dry_run"])]
     out: Option<PathBuf>,
-    /// Go on with a session that was stopped.
-    #[arg(long, value_name = "SESSION", conflicts_with_all = ["plan", "bench", "out"])]
+    /// Go on with a session that was stopped; on the bench that it was begun on, unless another is given.
+    #[arg(long, value_name = "SESSION", conflicts_with_all = ["plan", "out", "dry_run"])]
     resume: Option<PathBuf>,
     /// Check and list the steps; take nothing.
     #[arg(long)]
@@ -45,156 +47,106 @@ pub struct Args {
 
 /// Captures a session, or what is missing of one.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .build()
-        .map_err(|e| Error::input("tokio", format!("cannot start: {e}"), "free some memory"))?;
-    match (&args.resume, &args.plan, &args.out) {
-        (Some(folder), ..) => runtime.block_on(resume(folder, console)),
-        (None, Some(plan), Some(out)) => {
-            let loaded = Plan::read(plan)?;
-            let config = simulated_bench(args.bench.as_ref(), plan, &loaded)?;
-            if args.dry_run {
-                return dry_run(&loaded, console);
-            }
-            runtime.block_on(begin(loaded, &config, out, console))
+    let plan = args.plan.as_ref().map(|path| Plan::read(path).map(|plan| (plan, path))).transpose()?;
+    let place = match &args.resume {
+        Some(folder) => bench_of(args, folder)?,
+        None => args.bench.place()?,
+    };
+    if let Some((plan, path)) = &plan {
+        check_limits(plan, path, &place.limits()?)?;
+        if args.dry_run {
+            return dry_run(plan, console);
         }
+        if let Some(out) = args.out.as_ref().filter(|out| out.exists()) {
+            return Err(Error::file(out, "is already there", "choose another --out, or --resume it").into());
+        }
+    }
+    let (runtime, control) = (runtime()?, Arc::new(Control::default()));
+    let mut rig = Rig::open(&runtime, &place, args.hand, console)?;
+    steer(&runtime, &control, console, args.hand)
+        .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
+    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, progress: console };
+    let taken = match (plan, &args.out, &args.resume) {
+        (Some((plan, _)), Some(out), _) => capture.begin(plan, out, MortalDisk::default()),
+        (_, _, Some(folder)) => capture.resume(folder, MortalDisk::default()),
         // The command line asks for plan and out unless there is a session to resume.
         _ => Err(Error::input("capture", "has no plan", "give a plan and --out, or --resume").into()),
-    }
-}
-
-/// Configuration of the bench that a plan is to run on, with the plan's disc; refuses a plan that asks more than the
-/// devices can do.
-pub(super) fn simulated_bench(bench: Option<&PathBuf>, path: &Path, plan: &Plan) -> Result<BenchConfig, Failure> {
-    let mut config = read_bench(bench)?;
-    config.panel.disc_mm = Some(plan.display.diameter_mm);
-    check_bench(path, plan, &config)?;
-    Ok(config)
-}
-
-fn check_bench(path: &Path, plan: &Plan, config: &BenchConfig) -> Result<(), Failure> {
-    let (_, camera, display) = nacre_sim::describe(config);
-    let problems = plan.check_limits(&camera, &display);
-    if !problems.is_empty() {
-        return Err(Error::file(path, problems.join("; "), "change the plan or the bench").into());
-    }
-    config.validate().map_err(|problem| Error::input("bench", problem, "`nacre schema bench` lists all keys"))?;
+    };
+    report(&taken?, console);
     Ok(())
 }
 
-fn build(config: &BenchConfig, console: &Console) -> Result<SharedBench, Failure> {
-    Ok(SharedBench::new(nacre_sim::Bench::new(config, console)?))
+/// The bench to resume a session on: as given, or the one it was begun on.
+fn bench_of(args: &Args, folder: &Path) -> Result<Place, Failure> {
+    let description = SessionFile::read(folder).map_err(|e| cannot_resume(folder, &e))?;
+    let given = args.bench.place()?;
+    if args.bench.socket.is_some() || args.bench.bench.is_some() {
+        return Ok(given);
+    }
+    let Some(config) = description.bench else {
+        let remedy = "resume it on its own devices";
+        return Err(Error::file(folder, "was not captured on the simulated bench", remedy).into());
+    };
+    // The file may have been edited since, so it is checked like a new one, before anything is changed.
+    config.validate().map_err(|problem| Error::file(folder, problem, "`nacre schema bench` lists all keys"))?;
+    check_limits(&description.plan, folder, &Place::Here(Box::new(config.clone())).limits()?)?;
+    Ok(Place::Here(Box::new(config)))
 }
 
 fn dry_run(plan: &Plan, console: &Console) -> Result<(), Failure> {
     let steps = plan.steps();
-    let line = |s: &crate::plan::Step| format!("{:>9.3}°  {:?}  {}", s.analyser_deg, s.pattern, s.file);
     let text: Vec<String> = steps.iter().map(line).collect();
-    console.result(&text.join("\n"), &text);
+    console.result(&text.join("\n"), &steps);
     Ok(())
 }
 
-async fn begin(plan: Plan, config: &BenchConfig, out: &Path, console: &Console) -> Result<(), Failure> {
-    if out.exists() {
-        return Err(Error::file(out, "is already there", "choose another --out, or --resume it").into());
-    }
-    let shared = build(config, console)?;
-    let (mut stage, mut camera, mut display) = shared.devices();
-    let ids = vec![stage.describe().id, camera.describe().id, display.describe().id];
-    let mut bench = Bench { stage: &mut stage, camera: &mut camera, display: &mut display };
-    let exposure = match plan.camera.exposure_ms {
-        Some(ms) => Duration::from_secs_f64(ms / 1000.0),
-        None => bench.meter(&plan).await?,
+/// One step as a person reads it.
+fn line(step: &Step) -> String {
+    let state = &step.state;
+    let angle = state.analyser_deg.map_or_else(|| "as it is".to_owned(), |a| format!("{a:.3}°"));
+    let light = match (state.pattern, state.flash, state.covered) {
+        (_, _, true) => "shutter closed".to_owned(),
+        (Pattern::Black, false, _) => "no light".to_owned(),
+        (Pattern::Black, true, _) => "flash".to_owned(),
+        (Pattern::Disc { center_mm: [x, y], diameter_mm }, flash, _) => {
+            let with = if flash { " and flash" } else { "" };
+            format!("disc of {diameter_mm} mm at {x}, {y}{with}")
+        }
     };
-    let description = SessionFile {
-        software: concat!("nacre ", env!("CARGO_PKG_VERSION")).into(),
-        plan,
-        devices: ids,
-        exposure_s: exposure.as_secs_f64(),
-        bench: Some(config.clone()),
-    };
-    let mut session = Session::create(RealDisk, out, &description).map_err(|e| Error::output(out, e))?;
-    let _lock = lock(out)?;
-    take(&mut bench, &description, &mut session, &shared, console).await
+    let exposure = state.exposure_ms.map_or_else(String::new, |ms| format!("{ms} ms"));
+    let what = if step.role == Role::Series { "" } else { "  (besides)" };
+    format!("{:28}  analyser {angle:>9}  {light:32}  {exposure}{what}", step.file).trim_end().to_owned()
 }
 
-async fn resume(folder: &Path, console: &Console) -> Result<(), Failure> {
-    let bad = |e: std::io::Error| {
-        Error::file(folder, format!("cannot be resumed: {e}"), "give a folder that `nacre capture` made")
-    };
-    let _lock = lock(folder)?;
-    let description = SessionFile::read(folder).map_err(bad)?;
-    let Some(config) = &description.bench else {
-        return Err(
-            Error::file(folder, "was not captured on the simulated bench", "resume it on its own devices").into()
-        );
-    };
-    // The file may have been edited since, so it is checked like a new plan, before anything is changed.
-    check_bench(&folder.join(SESSION_FILE), &description.plan, config)?;
-    let mut session = Session::open(RealDisk, folder).map_err(bad)?;
-    let shared = build(config, console)?;
-    let (mut stage, mut camera, mut display) = shared.devices();
-    let mut bench = Bench { stage: &mut stage, camera: &mut camera, display: &mut display };
-    take(&mut bench, &description, &mut session, &shared, console).await
-}
-
-async fn take(
-    bench: &mut Bench<'_>,
-    description: &SessionFile,
-    session: &mut Session<RealDisk>,
-    shared: &SharedBench,
-    console: &Console,
-) -> Result<(), Failure> {
-    let (begun, wall) = (shared.lock().now(), std::time::Instant::now());
-    let exposure = Duration::from_secs_f64(description.exposure_s);
-    bench.run(&description.plan, exposure, session, console).await?;
-    let device_s = (shared.lock().now() - begun).as_secs_f64();
-    let condition = session::check(session.folder())?;
-    let results = reconstruct_as_planned(&description.plan, session.folder(), console)?;
-    let folder = session.folder().display();
-    let next = match &results {
-        Some(results) => format!("results   {}", results.display()),
-        None => format!("next      nacre reconstruct polarization {folder} --out result"),
-    };
-    let text = format!(
-        "{} frames of {:.1} ms; {device_s:.1} s of the devices' time, {:.2} s on the clock\nsession   {folder}\n{next}",
-        condition.intact,
-        1000.0 * description.exposure_s,
-        wall.elapsed().as_secs_f64(),
+fn report(taken: &Taken, console: &Console) {
+    let (folder, t) = (taken.session.display(), &taken.timing);
+    let mut text = format!(
+        "frames    {} ({:.1} ms unless the plan says otherwise); {} stale ones dropped\ntime      {:.1} s of the devices' time",
+        taken.frames,
+        1000.0 * taken.exposure_s,
+        taken.stale_frames_dropped,
+        t.device_s,
     );
-    let json = serde_json::json!({
-        "session": session.folder(), "frames": condition.intact, "exposure_s": description.exposure_s,
-        "device_seconds": device_s, "seconds": wall.elapsed().as_secs_f64(), "results": results,
-    });
-    console.result(&text, &json);
-    Ok(())
-}
-
-/// Runs the reconstruction that the plan asks for; results of an earlier run of the same session are replaced.
-fn reconstruct_as_planned(plan: &Plan, folder: &Path, console: &Console) -> Result<Option<PathBuf>, Failure> {
-    let Some(planned) = plan.reconstruct else { return Ok(None) };
-    let model = match planned.model {
-        ModelPlan::Auto => Model::Auto,
-        ModelPlan::Sinusoid => Model::Sinusoid,
-    };
-    let results = folder.join("results");
-    let options = Options { model, overwrite: true, ..Options::default() };
-    let report = polarimetry::reconstruct(folder, &results, &options, console)?;
-    for warning in &report.warnings {
+    if let Some(metering) = taken.metering {
+        let _ = write!(text, " ({:.1} s of it metering)", metering.device_s);
+    }
+    let _ = write!(
+        text,
+        ", {:.2} s of the engine's ({:.1} %)\nsession   {folder}\n",
+        t.engine_s,
+        100.0 * t.engine_s / t.device_s.max(1e-9)
+    );
+    match (&taken.results, taken.results_after_s) {
+        (Some(results), Some(after)) => {
+            let _ = write!(text, "results   {}, {after:.2} s after the last frame", results.display());
+        }
+        _ if taken.session.join("frames.json").exists() => {
+            let _ = write!(text, "next      nacre check {folder}");
+        }
+        _ => {}
+    }
+    for warning in taken.report.iter().flat_map(|r| &r.warnings) {
         console.note(&format!("warning: {warning}"));
     }
-    Ok(Some(results))
-}
-
-/// Keeps a second process from capturing into the same session; released when it is dropped.
-fn lock(folder: &Path) -> Result<std::fs::File, Failure> {
-    let path = folder.join(SESSION_FILE);
-    let taken =
-        std::fs::File::open(&path).and_then(|file| file.try_lock().map(|()| file).map_err(std::io::Error::from));
-    taken.map_err(|e| match e.kind() {
-        std::io::ErrorKind::WouldBlock => {
-            Error::file(folder, "is being captured by another process", "wait for it or stop it").into()
-        }
-        _ => Error::file(&path, format!("cannot be read: {e}"), "give a folder that `nacre capture` made").into(),
-    })
+    console.result(&text, taken);
 }

@@ -1,13 +1,13 @@
 //! `nacre demo`: the main job in simulation, judged against the truth.
 
 use super::reconstruct::summary;
-use super::sim::BenchOptions;
+use super::sim::{BenchOptions, simulate};
 use crate::Failure;
 use crate::console::Console;
 use nacre_processing::Error;
 use nacre_processing::image::{Canvas, OutputFolder, orientation_picture, read, read_exr, scalar_picture};
 use nacre_processing::polarimetry::{Comparison, Options, Report, compare, reconstruct};
-use nacre_sim::{Bench, BenchConfig, Truth, write_session};
+use nacre_sim::{BenchConfig, Truth};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -55,7 +55,6 @@ struct Outcome {
 
 #[derive(Serialize)]
 struct Seconds {
-    render: f64,
     capture: f64,
     reconstruct: f64,
     judge: f64,
@@ -69,16 +68,17 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let out = args.out.clone().unwrap_or_else(free_name);
     let (session, result) = (out.join("session"), out.join("result"));
     let folder = OutputFolder::begin(&session, false)?;
-    let mut bench = Bench::new(&config, console)?;
-    let rendered = start.elapsed().as_secs_f64();
-    let stale = write_session(&mut bench, &args.options.angles_deg, &folder, console)?;
+    let (taken, bench) = simulate(&config, &args.options.angles_deg, &folder, console)?;
     folder.commit()?;
     let captured = start.elapsed().as_secs_f64();
     let report = reconstruct(&session, &result, &Options::default(), console)?;
     let reconstructed = start.elapsed().as_secs_f64();
 
-    let judged = judge(&result, bench.truth())?;
-    overview(&session, &judged, bench.truth())?.save_png(&result.join("overview.png"))?;
+    let judged = bench.look(|bench| -> Result<Judged, Failure> {
+        let judged = judge(&result, bench.truth())?;
+        overview(&session, &judged, bench.truth())?.save_png(&result.join("overview.png"))?;
+        Ok(judged)
+    })?;
     let within_bound = judged.error.is_some_and(|e| e.mean_deg < BOUND_DEG);
     let total = start.elapsed().as_secs_f64();
     let outcome = Outcome {
@@ -89,10 +89,9 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         error: judged.error,
         error_pure: judged.error_pure,
         invented: judged.invented,
-        stale_frames_dropped: stale,
+        stale_frames_dropped: taken.stale_frames_dropped,
         seconds: Seconds {
-            render: rendered,
-            capture: captured - rendered,
+            capture: captured,
             reconstruct: reconstructed - captured,
             judge: total - reconstructed,
             total,
@@ -190,14 +189,13 @@ fn text(outcome: &Outcome) -> String {
     let s = &outcome.seconds;
     format!(
         "{}\n{}{}         against the sample's truth, with one offset removed; {} pixels without grating were given an \
-         orientation\ntotal     {:.1} s: rendering {:.1}, capturing {:.1}, reconstructing {:.1}, judging {:.1}\nbound     mean \
+         orientation\ntotal     {:.1} s: simulating and capturing {:.1}, reconstructing {:.1}, judging {:.1}\nbound     mean \
          error under {}°: {}\nfiles     {}: session/, result/ (look at result/overview.png and result/orientation.png)",
         summary(&outcome.report),
         line("error    ", &outcome.error),
         line("one dot  ", &outcome.error_pure),
         outcome.invented,
         s.total,
-        s.render,
         s.capture,
         s.reconstruct,
         s.judge,

@@ -143,6 +143,9 @@ fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {
             analyser_deg,
             exposure_s: exif.as_ref().and_then(|e| e.seconds),
             gain: exif.as_ref().and_then(|e| e.iso).map(|iso| iso / 100.0),
+            spot: None,
+            flash: None,
+            dark: None,
         }
     });
     let layout = match (args.kind, args.layout.as_slice()) {

@@ -1,9 +1,12 @@
 //! One file per command.
 
+pub mod bench;
 pub mod capture;
 pub mod check;
 pub mod demo;
+pub mod devices;
 pub mod import;
+pub mod manual;
 pub mod plan;
 pub mod reconstruct;
 pub mod schema;

@@ -1,19 +1,51 @@
 //! `nacre sim`.
 
+use super::bench::{read_bench, runtime};
 use crate::Failure;
+use crate::capture::{Capture, Taken, steer};
 use crate::console::Console;
+use crate::engine::Control;
+use crate::plan::{AnalyserPlan, CameraPlan, DisplayPlan, Plan, PlanKind};
+use crate::rig::{Place, Rig};
+use crate::session::RealDisk;
 use clap::Subcommand;
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
+use nacre_processing::progress::Progress;
 use nacre_sim::surface::SampleKind;
-use nacre_sim::{Bench, BenchConfig, write_session};
+use nacre_sim::{Bench, BenchConfig, SharedBench, socket, write_truth};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Commands of the simulated bench.
 #[derive(Subcommand)]
 pub enum Sim {
-    /// Render a polarization session's photographs and the truth into a folder.
+    /// Capture a polarization session on the simulated bench, with the truth beside it.
     Render(Render),
+    /// Run the simulated bench in a process of its own until Ctrl-C.
+    Bench(Serve),
+}
+
+/// Arguments of `nacre sim bench`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre sim bench --socket /tmp/bench &
+  nacre capture plan.toml --sim --socket /tmp/bench --out session
+  nacre sim bench --socket /tmp/bench --bench bench.toml --real-time
+
+The bench outlives a capture that is killed, as a real one does. Its time advances only as
+devices need it, unless it is to take as long as a real one.")]
+pub struct Serve {
+    /// Unix socket to listen on.
+    #[arg(long)]
+    socket: PathBuf,
+    /// Description of the bench (TOML); its defaults are used without it.
+    #[arg(long)]
+    bench: Option<PathBuf>,
+    /// Take as long as a real bench.
+    #[arg(long)]
+    real_time: bool,
 }
 
 /// Arguments of `nacre sim render`.
@@ -76,13 +108,26 @@ fn sample(name: &str) -> Result<SampleKind, String> {
 
 /// Runs a command of the simulated bench.
 pub fn run(command: &Sim, console: &Console) -> Result<(), Failure> {
-    let Sim::Render(args) = command;
+    match command {
+        Sim::Render(args) => render(args, console),
+        Sim::Bench(args) => serve(args, console),
+    }
+}
+
+fn serve(args: &Serve, console: &Console) -> Result<(), Failure> {
+    let bench = Bench::new(&read_bench(args.bench.as_ref())?, console)?;
+    let shared = if args.real_time { SharedBench::real_time(bench) } else { SharedBench::new(bench) };
+    console.note(&format!("the bench listens at {}; Ctrl-C ends it", args.socket.display()));
+    let served = socket::serve(&shared, &args.socket, || console.cancelled());
+    Ok(served.map_err(|e| Error::output(&args.socket, e))?)
+}
+
+fn render(args: &Render, console: &Console) -> Result<(), Failure> {
     let config = args.options.apply(read_bench(args.bench.as_ref())?)?;
     let folder = OutputFolder::begin(&args.out, args.force)?;
-    let mut bench = Bench::new(&config, console)?;
-    let stale = write_session(&mut bench, &args.options.angles_deg, &folder, console)?;
+    let (taken, _) = simulate(&config, &args.options.angles_deg, &folder, console)?;
     folder.commit()?;
-    let frames = args.options.angles_deg.len();
+    let (frames, stale) = (taken.frames, taken.stale_frames_dropped);
     let text = format!(
         "{frames} photographs of the sample {} ({stale} stale frames dropped)\nsession   {}\nnext      nacre reconstruct \
          polarization {} --out result",
@@ -94,17 +139,49 @@ pub fn run(command: &Sim, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-pub(super) fn read_bench(path: Option<&PathBuf>) -> Result<BenchConfig, Failure> {
-    const LIMIT: u64 = 1 << 20;
-    let Some(path) = path else { return Ok(BenchConfig::default()) };
-    let remedy = "give a bench.toml; `nacre schema bench` lists its keys";
-    let bad = |problem: String| Error::file(path, problem, remedy);
-    let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
-    if size > LIMIT {
-        return Err(bad(format!("has {size} bytes, at most {LIMIT} are read")).into());
-    }
-    let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-    Ok(BenchConfig::from_toml(&text).map_err(bad)?)
+/// Captures a polarization session on a new bench into `folder`, with the truth and the bench beside it.
+///
+/// # Errors
+/// As a capture's.
+pub fn simulate(
+    config: &BenchConfig,
+    angles_deg: &[f64],
+    folder: &OutputFolder,
+    console: &Console,
+) -> Result<(Taken, SharedBench), Failure> {
+    let plan = Plan {
+        kind: PlanKind::Polarization,
+        name: format!("simulated {}", config.sample.kind.name()),
+        sample: config.sample.kind.name().into(),
+        operator: String::new(),
+        notes: String::new(),
+        camera: CameraPlan {
+            exposure_ms: config.camera.exposure_ms,
+            gain: config.camera.gain,
+            ..CameraPlan::default()
+        },
+        display: DisplayPlan { diameter_mm: config.disc_mm(), ..DisplayPlan::default() },
+        analyser: Some(AnalyserPlan { angles_deg: angles_deg.to_vec() }),
+        exposures_ms: vec![],
+        spots: None,
+        steps: vec![],
+        extras: vec![],
+        reconstruct: None,
+    };
+    let (runtime, control) = (runtime()?, Arc::new(Control::default()));
+    let mut rig = Rig::open(&runtime, &Place::Here(Box::new(config.clone())), false, console)?;
+    steer(&runtime, &control, console, true)
+        .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
+    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, progress: console };
+    let taken = capture.begin(plan, &folder.path(""), RealDisk)?;
+    let Some(bench) = rig.bench.take() else {
+        return Err(Error::input("bench", "is not in this process", "report this").into());
+    };
+    bench.look(|bench| write_truth(bench, &folder.path("truth.exr")))?;
+    let text = toml::to_string(config)
+        .map_err(|e| Error::input("bench.toml", format!("cannot be written: {e}"), "report this"))?;
+    folder.write("bench.toml", text.as_bytes())?;
+    Ok((taken, bench))
 }
 
 impl BenchOptions {

@@ -55,3 +55,52 @@ impl Disk for RealDisk {
         file.sync_all()
     }
 }
+
+/// Kills this process, as nothing else can, just before the disk operation with the number in `NACRE_DIE_AT`: so that
+/// tests see what a kill at any step leaves behind. Not in release builds.
+pub struct MortalDisk {
+    left: std::cell::Cell<Option<u64>>,
+}
+
+impl Default for MortalDisk {
+    fn default() -> Self {
+        let text = if cfg!(debug_assertions) { std::env::var("NACRE_DIE_AT").ok() } else { None };
+        Self { left: text.and_then(|t| t.parse().ok()).into() }
+    }
+}
+
+impl MortalDisk {
+    fn one_more(&self) -> RealDisk {
+        if self.left.get() == Some(0) {
+            let _ = rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL);
+        }
+        self.left.set(self.left.get().map(|left| left - 1));
+        RealDisk
+    }
+}
+
+impl Disk for MortalDisk {
+    fn create_dir(&self, path: &Path) -> io::Result<()> {
+        self.one_more().create_dir(path)
+    }
+
+    fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        self.one_more().write(path, bytes)
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.one_more().rename(from, to)
+    }
+
+    fn sync_dir(&self, path: &Path) -> io::Result<()> {
+        self.one_more().sync_dir(path)
+    }
+
+    fn append(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
+        self.one_more().append(path, bytes)
+    }
+
+    fn truncate(&self, path: &Path, length: u64) -> io::Result<()> {
+        self.one_more().truncate(path, length)
+    }
+}

@@ -8,7 +8,7 @@ use std::path::Path;
 const MAX_BYTES: u64 = 256 << 20;
 
 /// What happened.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Entry {
     /// The session was made.
@@ -22,17 +22,35 @@ pub enum Entry {
     },
     /// A frame is stored for good.
     Committed(Commit),
+    /// A step went wrong in a way that may pass, and is done again.
+    Retried {
+        /// What went wrong.
+        reason: String,
+    },
+    /// The session waits, with the light off.
+    Paused,
     /// The session ended early.
     Stopped {
         /// Why.
         reason: String,
     },
     /// All frames and `frames.json` are there.
-    Finished,
+    Finished(Timing),
+}
+
+/// Where the time of a run went.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timing {
+    /// What the devices needed, on their own clock, metering included.
+    pub device_s: f64,
+    /// What the engine itself added: time on the clock on the wall in which no device was at work.
+    pub engine_s: f64,
+    /// Of all that happened, on the clock on the wall.
+    pub wall_s: f64,
 }
 
 /// A stored frame and the evidence that it is fresh. Times are nanoseconds on the bench's clock.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Commit {
     /// File in the session folder.
     pub file: String,
@@ -42,8 +60,17 @@ pub struct Commit {
     pub sequence: u64,
     /// End of its readout.
     pub timestamp_ns: u64,
-    /// Since when stage and display stood still.
+    /// Since when nothing changed on the bench.
     pub steady_since_ns: u64,
+    /// First sequence number that is sure to have the camera's controls.
+    pub first_sequence: u64,
+    /// Exposure time in force.
+    pub exposure_ns: u64,
+    /// Gain in force.
+    pub gain: f64,
+    /// Where the analyser stands, as the stage reports, in degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub analyser_deg: Option<f64>,
     /// Stale frames dropped before it.
     pub dropped: u32,
 }
@@ -123,7 +150,12 @@ impl Journal {
 
     /// Whether the session was finished.
     pub fn finished(&self) -> bool {
-        self.entries.contains(&Entry::Finished)
+        self.entries.iter().any(|e| matches!(e, Entry::Finished(_)))
+    }
+
+    /// All entries in order.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
     }
 }
 
@@ -150,7 +182,8 @@ mod tests {
     fn a_torn_tail_is_cut_wherever_it_is_torn_and_damage_inside_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal");
-        let entries = [Entry::Begun, Entry::Intent { file: "frames/0000.png".into() }, Entry::Finished];
+        let entries =
+            [Entry::Begun, Entry::Intent { file: "frames/0000.png".into() }, Entry::Finished(Timing::default())];
         let (whole, two) = (written(&entries), written(&entries[..2]).len());
         for cut in two..whole.len() {
             std::fs::write(&path, &whole[..cut]).unwrap();

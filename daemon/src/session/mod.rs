@@ -11,12 +11,14 @@ mod journal;
 mod power_loss;
 
 pub use check::{Condition, Trouble, check};
-pub use disk::{Disk, RealDisk};
-pub use journal::{Commit, Entry, Journal};
+pub use disk::{Disk, MortalDisk, RealDisk};
+pub use journal::{Commit, Entry, Journal, Timing};
 
-use crate::plan::Plan;
+use crate::plan::{Plan, PlanKind};
+use nacre_processing::frames::{Geometry, Kind};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -25,15 +27,33 @@ use std::path::{Path, PathBuf};
 pub struct SessionFile {
     /// Version of the program that captured.
     pub software: String,
+    /// When the session was begun, in Unix seconds.
+    pub created: u64,
     /// What was asked for.
     pub plan: Plan,
     /// Identities of the devices.
     pub devices: Vec<String>,
     /// Exposure time in seconds, metered or as planned.
     pub exposure_s: f64,
+    /// What the frames were taken with.
+    pub setup: Setup,
     /// The simulated bench, for simulated sessions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bench: Option<nacre_sim::BenchConfig>,
+}
+
+/// What the frames were taken with, as far as it is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Setup {
+    /// Middle of the filter's band in nm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wavelength_nm: Option<f64>,
+    /// Full width at half maximum of the filter's band in nm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub band_nm: Option<f64>,
+    /// Where sample, light and camera stand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<Geometry>,
 }
 
 impl SessionFile {
@@ -68,46 +88,60 @@ impl SessionFile {
 /// Name of the description inside a session folder.
 pub const SESSION_FILE: &str = "session.json";
 
-/// An open session folder.
+/// An open session folder, which no other process can open meanwhile.
 pub struct Session<D: Disk> {
     folder: PathBuf,
     disk: D,
     journal: Journal,
+    #[allow(dead_code, reason = "the open file is the lock")]
+    lock: File,
 }
 
 impl<D: Disk> Session<D> {
-    /// Makes a new session folder with its description; `folder` must not exist.
+    /// Makes a new session folder with its description; `folder` must not exist or be empty.
     ///
     /// # Errors
     /// As the system answers.
     pub fn create(disk: D, folder: &Path, description: &SessionFile) -> io::Result<Self> {
-        disk.create_dir(folder)?;
-        disk.create_dir(&folder.join("frames"))?;
-        let mut session = Self { folder: folder.to_path_buf(), disk, journal: Journal::default() };
-        let text = serde_json::to_vec_pretty(description).map_err(io::Error::other)?;
-        session.write_whole(SESSION_FILE, &text)?;
-        if let Some(parent) = folder.parent() {
-            session.disk.sync_dir(if parent.as_os_str().is_empty() { Path::new(".") } else { parent })?;
+        match std::fs::read_dir(folder).map(|mut entries| entries.next().is_none()) {
+            Ok(true) => {}
+            Ok(false) => return Err(io::ErrorKind::DirectoryNotEmpty.into()),
+            Err(_) => disk.create_dir(folder)?,
         }
-        session.append(Entry::Begun)?;
+        disk.create_dir(&folder.join("frames"))?;
+        let text = serde_json::to_vec_pretty(description).map_err(io::Error::other)?;
+        write_whole(&disk, folder, SESSION_FILE, &text)?;
+        if let Some(parent) = folder.parent() {
+            disk.sync_dir(if parent.as_os_str().is_empty() { Path::new(".") } else { parent })?;
+        }
+        let lock = lock(folder)?;
+        let mut session = Self { folder: folder.to_path_buf(), disk, journal: Journal::default(), lock };
+        session.record(Entry::Begun)?;
         Ok(session)
     }
 
     /// Opens a folder to go on with it: reads the journal and cuts a torn tail.
     ///
     /// # Errors
-    /// As the system answers; `InvalidData` for a journal that is damaged before its tail.
+    /// As the system answers; `WouldBlock` while another process has it open; `InvalidData` for a journal that is damaged
+    /// before its tail.
     pub fn open(disk: D, folder: &Path) -> io::Result<Self> {
+        let lock = lock(folder)?;
         let (journal, intact) = Journal::read(&folder.join(Journal::NAME))?;
-        let mut session = Self { folder: folder.to_path_buf(), disk, journal };
+        let mut session = Self { folder: folder.to_path_buf(), disk, journal, lock };
         session.disk.truncate(&session.folder.join(Journal::NAME), intact)?;
-        session.append(Entry::Resumed)?;
+        session.record(Entry::Resumed)?;
         Ok(session)
     }
 
     /// The folder.
     pub fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    /// What happened so far.
+    pub fn journal(&self) -> &Journal {
+        &self.journal
     }
 
     /// Whether a step's file is committed and still what the journal says.
@@ -121,29 +155,25 @@ impl<D: Disk> Session<D> {
     /// # Errors
     /// As the system answers; the file is then not committed and will be taken again.
     pub fn store(&mut self, file: &str, bytes: &[u8], evidence: Commit) -> io::Result<()> {
-        self.append(Entry::Intent { file: file.into() })?;
-        self.write_whole(file, bytes)?;
-        self.append(Entry::Committed(Commit { file: file.into(), sha256: sha256(bytes), ..evidence }))
+        self.record(Entry::Intent { file: file.into() })?;
+        write_whole(&self.disk, &self.folder, file, bytes)?;
+        self.record(Entry::Committed(Commit { file: file.into(), sha256: sha256(bytes), ..evidence }))
     }
 
     /// Writes `frames.json` and closes the session.
     ///
     /// # Errors
     /// As the system answers.
-    pub fn finish(&mut self, frames_json: &str) -> io::Result<()> {
-        self.write_whole(nacre_processing::frames::FILE_NAME, frames_json.as_bytes())?;
-        self.append(Entry::Finished)
+    pub fn finish(&mut self, frames_json: &str, timing: Timing) -> io::Result<()> {
+        write_whole(&self.disk, &self.folder, nacre_processing::frames::FILE_NAME, frames_json.as_bytes())?;
+        self.record(Entry::Finished(timing))
     }
 
-    /// Records why the session ended early.
+    /// Adds an entry to the journal.
     ///
     /// # Errors
     /// As the system answers.
-    pub fn stopped(&mut self, reason: &str) -> io::Result<()> {
-        self.append(Entry::Stopped { reason: reason.into() })
-    }
-
-    fn append(&mut self, entry: Entry) -> io::Result<()> {
+    pub fn record(&mut self, entry: Entry) -> io::Result<()> {
         let line = self.journal.line(entry)?;
         self.disk.append(&self.folder.join(Journal::NAME), line.as_bytes())?;
         if self.journal.len() == 1 {
@@ -151,13 +181,31 @@ impl<D: Disk> Session<D> {
         }
         Ok(())
     }
+}
 
-    fn write_whole(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
-        let target = self.folder.join(name);
-        let temporary = target.with_extension("partial");
-        self.disk.write(&temporary, bytes)?;
-        self.disk.rename(&temporary, &target)?;
-        self.disk.sync_dir(target.parent().unwrap_or(&self.folder))
+fn write_whole(disk: &impl Disk, folder: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
+    let target = folder.join(name);
+    let temporary = target.with_extension("partial");
+    disk.write(&temporary, bytes)?;
+    disk.rename(&temporary, &target)?;
+    disk.sync_dir(target.parent().unwrap_or(folder))
+}
+
+/// Keeps a second process from capturing into the same session; the system lets go when the process ends.
+fn lock(folder: &Path) -> io::Result<File> {
+    let file = File::open(folder.join(SESSION_FILE))?;
+    file.try_lock()?;
+    Ok(file)
+}
+
+/// The word of `frames.json` for what a plan varies.
+pub fn frames_kind(kind: PlanKind) -> Kind {
+    match kind {
+        PlanKind::Polarization => Kind::Polarization,
+        PlanKind::Exposures => Kind::Exposures,
+        PlanKind::Flash => Kind::Flash,
+        PlanKind::Spots => Kind::Spots,
+        PlanKind::Free => Kind::Free,
     }
 }
 

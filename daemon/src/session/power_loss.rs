@@ -1,6 +1,6 @@
 //! Power loss and full disks, tried at every disk operation; after power loss what was not synced is gone.
 
-use super::{Commit, Disk, RealDisk, Session, SessionFile, check};
+use super::{Commit, Disk, Entry, RealDisk, Session, SessionFile, Setup, Timing, check};
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -145,6 +145,8 @@ fn description() -> SessionFile {
     let plan = "kind = \"polarization\"\nanalyser = { angles_deg = [0, 60, 120] }";
     SessionFile {
         software: "test".into(),
+        created: 0,
+        setup: Setup::default(),
         plan: toml::from_str(plan).unwrap(),
         devices: vec![],
         exposure_s: 0.01,
@@ -163,7 +165,7 @@ fn complete<D: Disk>(session: &mut Session<D>) -> io::Result<()> {
             session.store(&step.file, &frame(&step.file), Commit::default())?;
         }
     }
-    session.finish("{}")
+    session.finish("{}", Timing::default())
 }
 
 #[test]
@@ -175,7 +177,7 @@ fn a_disk_that_fills_up_at_any_operation_is_an_error_that_can_be_resumed() {
         let outcome = Session::create(&disk, &folder, &description()).and_then(|mut session| {
             let result = complete(&mut session);
             // As the engine does, whether or not the disk takes it.
-            result.inspect_err(|e| _ = session.stopped(&e.to_string()))
+            result.inspect_err(|e| _ = session.record(Entry::Stopped { reason: e.to_string() }))
         });
         match outcome {
             Ok(()) => break,

@@ -1,0 +1,215 @@
+//! A capture session from plan to results: what the command line and the demo have in common.
+
+use crate::Failure;
+use crate::console::Console;
+use crate::engine::{Control, Engine, Input, State};
+use crate::plan::{ModelPlan, Plan, ReconstructPlan};
+use crate::rig::Rig;
+use crate::session::{Disk, Journal, Session, SessionFile, Timing};
+use nacre_processing::Error;
+use nacre_processing::image::OutputFolder;
+use nacre_processing::polarimetry::{self, Model, Options, Report, Running};
+use nacre_processing::progress::Progress;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant, SystemTime};
+use tokio::runtime::Runtime;
+
+/// What a run of a session led to.
+#[derive(Serialize)]
+pub struct Taken {
+    /// The session's folder.
+    pub session: PathBuf,
+    /// Frames in it.
+    pub frames: usize,
+    /// Exposure of frames that the plan gives none.
+    pub exposure_s: f64,
+    /// Stale frames dropped in all.
+    pub stale_frames_dropped: u64,
+    /// Where the time of this run went.
+    pub timing: Timing,
+    /// Of which metering.
+    pub metering: Option<Timing>,
+    /// Folder of the results, if the plan asks for any.
+    pub results: Option<PathBuf>,
+    /// From the last frame to the finished results.
+    pub results_after_s: Option<f64>,
+    /// Report of the results.
+    pub report: Option<Report>,
+}
+
+/// A bench with somebody who steers.
+pub struct Capture<'a> {
+    /// Runs the device calls.
+    pub runtime: &'a Runtime,
+    /// The bench.
+    pub rig: &'a mut Rig,
+    /// State of the run.
+    pub control: Arc<Control>,
+    /// Told of every frame.
+    pub progress: &'a dyn Progress,
+}
+
+impl Capture<'_> {
+    /// Meters if need be, makes the session folder `out`, and takes all frames.
+    ///
+    /// # Errors
+    /// As [`Engine::run`]; `Input` when the plan asks too much or `out` is there already.
+    pub fn begin<D: Disk + Send>(&mut self, plan: Plan, out: &Path, disk: D) -> Result<Taken, Failure> {
+        check_limits(&plan, out, &self.rig.devices.limits())?;
+        if out.read_dir().is_ok_and(|mut entries| entries.next().is_some()) || out.is_file() {
+            return Err(Error::file(out, "is already there", "choose another --out, or --resume it").into());
+        }
+        let metering = if plan.is_metered() { Some(self.engine().meter(&plan)?) } else { None };
+        let exposure = match (&metering, plan.camera.exposure_ms) {
+            (Some((exposure, _)), _) => *exposure,
+            (None, ms) => Duration::from_secs_f64(ms.or(plan.exposures_ms.first().copied()).unwrap_or(10.0) / 1000.0),
+        };
+        let description = SessionFile {
+            software: concat!("nacre ", env!("CARGO_PKG_VERSION")).into(),
+            created: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs()),
+            plan,
+            devices: self.rig.ids.clone(),
+            exposure_s: exposure.as_secs_f64(),
+            setup: self.rig.setup,
+            bench: Some(self.rig.config.clone()),
+        };
+        let session = Session::create(disk, out, &description).map_err(|e| Error::output(out, e))?;
+        self.take(session, &description, metering.map(|m| m.1))
+    }
+
+    /// Takes what a session lacks.
+    ///
+    /// # Errors
+    /// As [`Engine::run`]; `Input` when the folder is no session or belongs to other devices.
+    pub fn resume<D: Disk + Send>(&mut self, folder: &Path, disk: D) -> Result<Taken, Failure> {
+        let bad = |e: std::io::Error| cannot_resume(folder, &e);
+        let description = SessionFile::read(folder).map_err(bad)?;
+        check_limits(&description.plan, folder, &self.rig.devices.limits())?;
+        if description.devices != self.rig.ids {
+            let problem =
+                format!("was begun with {}, but here are {}", description.devices.join(", "), self.rig.ids.join(", "));
+            return Err(Error::file(folder, problem, "resume it with its own devices, or begin a new session").into());
+        }
+        let same = |bench: &nacre_sim::BenchConfig| {
+            nacre_sim::BenchConfig { faults: vec![], ..bench.clone() }
+                == nacre_sim::BenchConfig { faults: vec![], ..self.rig.config.clone() }
+        };
+        if !description.bench.as_ref().is_some_and(same) {
+            let problem = "was begun on another simulated bench";
+            return Err(Error::file(folder, problem, "give its own bench; only the faults may differ").into());
+        }
+        let session = Session::open(disk, folder).map_err(bad)?;
+        self.take(session, &description, None)
+    }
+
+    fn engine(&mut self) -> Engine<'_> {
+        Engine {
+            runtime: self.runtime,
+            devices: &mut self.rig.devices,
+            watch: &self.rig.watch,
+            control: &self.control,
+            progress: self.progress,
+        }
+    }
+
+    fn take<D: Disk + Send>(
+        &mut self,
+        session: Session<D>,
+        description: &SessionFile,
+        metering: Option<Timing>,
+    ) -> Result<Taken, Failure> {
+        let folder = session.folder().to_path_buf();
+        let outcome = self.engine().run(session, description, metering.unwrap_or_default())?;
+        let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Error::output(&folder, e))?;
+        let begun = Instant::now();
+        let results = match description.plan.reconstruct {
+            Some(planned) => Some(results(planned, outcome.running, &folder, self.progress)?),
+            None => None,
+        };
+        let (results, report) = results.unzip();
+        Ok(Taken {
+            session: folder,
+            frames: description.plan.steps().len(),
+            exposure_s: description.exposure_s,
+            stale_frames_dropped: journal.commits().map(|c| u64::from(c.dropped)).sum(),
+            timing: outcome.timing,
+            metering,
+            results_after_s: results.is_some().then(|| begun.elapsed().as_secs_f64()),
+            results,
+            report,
+        })
+    }
+}
+
+/// Why a folder cannot be resumed.
+pub fn cannot_resume(folder: &Path, error: &std::io::Error) -> Failure {
+    if error.kind() == std::io::ErrorKind::WouldBlock {
+        return Error::file(folder, "is being captured by another process", "wait for it or stop it").into();
+    }
+    Error::file(folder, format!("cannot be resumed: {error}"), "give a folder that `nacre capture` made").into()
+}
+
+/// Refuses a plan that asks more than the devices can do. `place` is where the plan came from.
+pub fn check_limits(plan: &Plan, place: &Path, limits: &crate::plan::Limits) -> Result<(), Failure> {
+    let problems = plan.check_limits(limits);
+    if problems.is_empty() {
+        return Ok(());
+    }
+    Err(Error::file(place, problems.join("; "), "change the plan or the bench").into())
+}
+
+/// Finishes the reconstruction that followed the frames, or makes it from the whole session; earlier results of the same
+/// session are replaced.
+fn results(
+    planned: ReconstructPlan,
+    running: Option<Running>,
+    folder: &Path,
+    progress: &dyn Progress,
+) -> Result<(PathBuf, Report), Failure> {
+    let model = match planned.model {
+        ModelPlan::Auto => Model::Auto,
+        ModelPlan::Sinusoid => Model::Sinusoid,
+    };
+    let results = folder.join("results");
+    let options = Options { model, overwrite: true, ..Options::default() };
+    let report = match running {
+        Some(running) => running.finish(OutputFolder::begin(&results, true)?, &options, progress)?,
+        None => polarimetry::reconstruct(folder, &results, &options, progress)?,
+    };
+    Ok((results, report))
+}
+
+/// Lets signals steer a run: SIGINT and SIGTERM stop it after the frames in progress and abort it the second time,
+/// SIGUSR1 pauses, SIGUSR2 goes on. Where a person turns the analyser, the first one aborts.
+///
+/// # Errors
+/// The system refuses handlers.
+pub fn steer(runtime: &Runtime, control: &Arc<Control>, console: &Console, by_hand: bool) -> std::io::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let _inside = runtime.enter();
+    for (kind, input) in [(SignalKind::user_defined1(), Input::Pause), (SignalKind::user_defined2(), Input::Resume)] {
+        let (mut signals, control) = (signal(kind)?, control.clone());
+        runtime.spawn(async move {
+            while signals.recv().await.is_some() {
+                // A wish that does not fit the state is no wish.
+                let _ = control.send(input);
+            }
+        });
+    }
+    let (interrupted, control) = (console.interrupted(), control.clone());
+    runtime.spawn(async move {
+        let mut seen = 0;
+        loop {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+            let count = interrupted.load(std::sync::atomic::Ordering::Relaxed);
+            if count > seen {
+                let stopping = by_hand || count > 1 || control.state() == State::Stopping;
+                let _ = control.send(if stopping { Input::Abort } else { Input::Stop });
+                seen = count;
+            }
+        }
+    });
+    Ok(())
+}

@@ -1,0 +1,176 @@
+//! The capture engine: takes a plan's frames one by one, each fresh, each stored for good before it counts.
+//!
+//! Whatever stops it, going on later gives the same data set: settings are sent again, the stage is homed and every angle
+//! approached from below, and frames that are committed are not taken twice. Light is off after any end.
+//!
+//! Three things go on at once: the bench moves ([`take`]), stored frames accumulate ([`store`]), and the
+//! reconstruction follows them ([`live`]).
+
+mod hands;
+mod live;
+mod meter;
+mod state;
+mod store;
+mod take;
+mod watch;
+
+pub use hands::{Devices, Hands};
+pub use state::{Control, Input, State, TABLE};
+pub use take::guarded;
+pub use watch::Watch;
+
+use crate::Failure;
+use crate::plan::{Plan, Step, groups};
+use crate::session::{Disk, Entry, Session, SessionFile, Timing};
+use live::Live;
+use nacre_processing::Error;
+use nacre_processing::polarimetry::Running;
+use nacre_processing::progress::Progress;
+use std::time::{Duration, Instant};
+use store::{Message, Store};
+use take::Taker;
+use tokio::runtime::Runtime;
+use tokio::sync::{mpsc, oneshot};
+
+/// Frames on their way to the disk; more would only need memory.
+const QUEUE: usize = 2;
+
+/// What a run needs besides the session.
+pub struct Engine<'a> {
+    /// Runs the device calls.
+    pub runtime: &'a Runtime,
+    /// The bench.
+    pub devices: &'a mut Devices,
+    /// What must hold meanwhile.
+    pub watch: &'a Watch,
+    /// State of the run, and who steers it.
+    pub control: &'a Control,
+    /// Told of every frame.
+    pub progress: &'a dyn Progress,
+}
+
+/// What a run led to.
+pub struct Outcome {
+    /// Where the time went.
+    pub timing: Timing,
+    /// The reconstruction that followed the frames, complete but for its solution.
+    pub running: Option<Running>,
+}
+
+impl Engine<'_> {
+    /// Finds the exposure for a plan's steps that name none. The light is off afterwards, come what may.
+    ///
+    /// # Errors
+    /// A device's or interlock's; `Cancelled`.
+    pub fn meter(&mut self, plan: &Plan) -> Result<(Duration, Timing), Failure> {
+        let begun = Instant::now();
+        let mut hands = Hands::new(self.devices);
+        let _ = self.control.send(Input::Start);
+        let (watch, control, progress) = (self.watch, self.control, self.progress);
+        self.runtime.block_on(async {
+            let result = guarded(watch, control, meter::meter(&mut hands, plan, progress)).await;
+            let dark = hands.dark().await;
+            let exposure = match result {
+                Ok(exposure) => dark.map(|()| exposure)?,
+                Err(failure) => {
+                    let cancelled = matches!(failure, Failure::Processing(Error::Cancelled));
+                    let _ = control.send(if cancelled { Input::Settled } else { Input::Fault });
+                    return Err(failure.at("metering"));
+                }
+            };
+            Ok((exposure, timing(&hands, begun.elapsed())))
+        })
+    }
+
+    /// Takes all frames that the session does not have yet; `before` is the time that metering took.
+    ///
+    /// # Errors
+    /// A device's or interlock's, a full disk, `Cancelled`; in each case the session can be resumed.
+    pub fn run<D: Disk + Send>(
+        &mut self,
+        session: Session<D>,
+        description: &SessionFile,
+        before: Timing,
+    ) -> Result<Outcome, Failure> {
+        let _ = self.control.send(Input::Start);
+        let plan = &description.plan;
+        let steps = plan.steps();
+        // A group lacks all of its frames or none, since it is taken in one go.
+        let lacks = |group: &[Step]| vec![group.iter().any(|s| !session.has(&s.file)); group.len()];
+        let missing: Vec<bool> = groups(&steps).flat_map(lacks).collect();
+        self.progress.stage("capturing", steps.len() as u64);
+        let folder = session.folder().to_path_buf();
+        let camera = self.devices.camera.describe();
+        let live = Live { folder: &folder, description, steps: &steps, camera: camera.clone() };
+        let (out, queue) = mpsc::channel(QUEUE);
+        let (arrivals, arrived) = std::sync::mpsc::channel();
+        let store = Store { session, description, steps: &steps, camera, progress: self.progress, arrivals };
+        let taker = Taker {
+            hands: Hands::new(self.devices),
+            watch: self.watch,
+            control: self.control,
+            plan,
+            exposure: Duration::from_secs_f64(description.exposure_s),
+            out,
+            paused: Duration::ZERO,
+            prepared: false,
+        };
+        let (runtime, control) = (self.runtime, self.control);
+        std::thread::scope(|scope| {
+            let following = scope.spawn(move || live.follow(arrived));
+            store.announce_stored(&missing);
+            let storing = scope.spawn(|| store.run(queue));
+            let taken = runtime.block_on(take_and_finish(taker, &steps, &missing, before));
+            let stored = storing.join().unwrap_or_else(|_| Err(died("storing")));
+            let running = following.join().unwrap_or(None);
+            // What the disk says explains why the frames were not wanted any more.
+            let result = stored.and(taken);
+            let _ = control.send(match &result {
+                Ok(_) => Input::Done,
+                Err(Failure::Processing(Error::Cancelled)) => Input::Settled,
+                Err(_) => Input::Fault,
+            });
+            result.map(|timing| Outcome { timing, running })
+        })
+    }
+}
+
+/// Takes the frames, waits until they are stored, and closes the session or says why it ended.
+async fn take_and_finish(
+    mut taker: Taker<'_>,
+    steps: &[Step],
+    missing: &[bool],
+    before: Timing,
+) -> Result<Timing, Failure> {
+    let begun = Instant::now();
+    let result = taker.take_all(steps, missing).await;
+    let (flushed, flush) = oneshot::channel();
+    // Whoever stores may have given up, and says why itself.
+    let _ = taker.out.send(Message::Flush(flushed)).await;
+    let _ = flush.await;
+    let now = timing(&taker.hands, begun.elapsed() - taker.paused);
+    let timing = Timing {
+        device_s: before.device_s + now.device_s,
+        engine_s: before.engine_s + now.engine_s,
+        wall_s: before.wall_s + now.wall_s,
+    };
+    let last = match &result {
+        Ok(()) => Message::Finish(timing),
+        Err(failure) => Message::Note(Entry::Stopped { reason: failure.to_string() }),
+    };
+    let _ = taker.out.send(last).await;
+    result.map(|()| timing)
+}
+
+fn timing(hands: &Hands, wall: Duration) -> Timing {
+    let stopwatch = &hands.stopwatch;
+    Timing {
+        device_s: stopwatch.device_time().as_secs_f64(),
+        engine_s: wall.saturating_sub(stopwatch.waited).as_secs_f64(),
+        wall_s: wall.as_secs_f64(),
+    }
+}
+
+fn died(what: &str) -> Failure {
+    Error::input(what, "ended unexpectedly", "report this, with what was printed before").into()
+}

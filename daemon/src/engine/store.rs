@@ -1,0 +1,203 @@
+//! The storing end of a run, on its own thread: while the bench moves on, frames are averaged, encoded and stored.
+
+use crate::plan::{Plan, Role, Step};
+use crate::session::{Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
+use crate::{Failure, session};
+use nacre_drivers::CameraInfo;
+use nacre_processing::Error;
+use nacre_processing::frames::{self, FrameSet, Kind, Spot, Transfer};
+use nacre_processing::image::encode_png16_gray;
+use nacre_processing::polarimetry::NoiseModel;
+use nacre_processing::progress::Progress;
+use std::path::PathBuf;
+use std::time::Duration;
+use tokio::sync::{mpsc, oneshot};
+
+/// What the engine sends to be stored.
+pub enum Message {
+    /// A frame.
+    Shot(Shot),
+    /// Something for the journal.
+    Note(Entry),
+    /// Answers when everything before is stored.
+    Flush(oneshot::Sender<()>),
+    /// All frames are taken.
+    Finish(Timing),
+}
+
+/// A frame as it comes from the camera: sums of one or more exposures.
+pub struct Shot {
+    /// Which step.
+    pub index: usize,
+    /// Pixels per row.
+    pub width: usize,
+    /// Sums of codes.
+    pub sum: Vec<u32>,
+    /// Its file, and why it is fresh.
+    pub evidence: Commit,
+}
+
+/// A frame of the series that is stored for good, for those who work with it at once.
+pub struct Arrival {
+    /// Its number in the series.
+    pub index: usize,
+    /// Its exposure in seconds and its gain, as the camera set them.
+    pub controls: (f64, f64),
+}
+
+/// Everything that the storing end needs to know.
+pub struct Store<'a, D: Disk> {
+    /// Where it all goes.
+    pub session: Session<D>,
+    /// What the session is.
+    pub description: &'a SessionFile,
+    /// Its steps.
+    pub steps: &'a [Step],
+    /// What the camera is.
+    pub camera: CameraInfo,
+    /// Told of every stored frame.
+    pub progress: &'a dyn Progress,
+    /// Told of every stored frame of the series.
+    pub arrivals: std::sync::mpsc::Sender<Arrival>,
+}
+
+impl<D: Disk> Store<'_, D> {
+    /// Stores what comes until nothing more does.
+    ///
+    /// # Errors
+    /// `Output` when the disk refuses; what came before is stored, and the session can be resumed.
+    pub fn run(mut self, mut queue: mpsc::Receiver<Message>) -> Result<(), Failure> {
+        while let Some(message) = queue.blocking_recv() {
+            let result = match message {
+                Message::Shot(shot) => self.shot(shot),
+                Message::Note(entry) => self.session.record(entry).map_err(|e| self.refused(Journal::NAME, e)),
+                Message::Finish(timing) => self.finish(timing),
+                Message::Flush(done) => {
+                    let _ = done.send(());
+                    Ok(())
+                }
+            };
+            if let Err(failure) = result {
+                // A disk that refused may refuse this too; the failure itself is what counts.
+                let _ = self.session.record(Entry::Stopped { reason: failure.to_string() });
+                return Err(failure);
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells of frames that are there already.
+    pub fn announce_stored(&self, missing: &[bool]) {
+        for (i, _) in missing.iter().enumerate().filter(|(_, missing)| !**missing) {
+            self.progress.step();
+            if let Some(commit) = self.session.journal().commit(&self.steps[i].file) {
+                self.announce(i, commit);
+            }
+        }
+    }
+
+    fn announce(&self, index: usize, commit: &Commit) {
+        if self.steps[index].role == Role::Series {
+            let extras = self.steps.iter().take_while(|s| s.role != Role::Series).count();
+            // Nobody may be listening.
+            let _ = self.arrivals.send(Arrival { index: index - extras, controls: commit.controls() });
+        }
+    }
+
+    fn shot(&mut self, shot: Shot) -> Result<(), Failure> {
+        let plan = &self.description.plan;
+        let (width, height, codes) = averaged(&shot, plan, &self.camera);
+        let file = shot.evidence.file.clone();
+        let png = encode_png16_gray(width, height, &codes).map_err(|e| self.refused(&file, e))?;
+        self.session.store(&file, &png, shot.evidence.clone()).map_err(|e| self.refused(&file, e))?;
+        self.announce(shot.index, &shot.evidence);
+        self.progress.step();
+        Ok(())
+    }
+
+    fn finish(&mut self, timing: Timing) -> Result<(), Failure> {
+        let controls = |file: &str| self.session.journal().commit(file).map_or((1.0, 1.0), Commit::controls);
+        let set = frame_set(self.description, self.steps, &self.camera, &controls);
+        self.session.finish(&frames::save(&set), timing).map_err(|e| self.refused(frames::FILE_NAME, e))
+    }
+
+    fn refused(&self, file: &str, error: std::io::Error) -> Failure {
+        Error::output(&self.session.folder().join(file), error).into()
+    }
+}
+
+/// Mean codes of the region of interest.
+fn averaged(shot: &Shot, plan: &Plan, camera: &CameraInfo) -> (usize, usize, Vec<u16>) {
+    let count = plan.camera.average;
+    let factor = stored_factor(camera, count);
+    let mean = |s: u32| ((s * factor + count / 2) / count) as u16;
+    let all = [0, 0, shot.width, shot.sum.len() / shot.width.max(1)];
+    let [left, top, width, height] = plan.camera.roi.map_or(all, |roi| roi.map(|v| v as usize));
+    let rows = shot.sum.chunks(shot.width.max(1)).skip(top).take(height);
+    (width, height, rows.flat_map(|row| row[left..left + width].iter().map(|&s| mean(s))).collect())
+}
+
+/// Means are stored with as many extra levels as 16 bits hold.
+fn stored_factor(camera: &CameraInfo, average: u32) -> u32 {
+    if average == 1 { 1 } else { (u32::from(u16::MAX) / u32::from(camera.white).max(1)).max(1) }
+}
+
+/// The session's `frames.json`. `controls` tells exposure (s) and gain of a file.
+pub fn frame_set(
+    description: &SessionFile,
+    steps: &[Step],
+    camera: &CameraInfo,
+    controls: &dyn Fn(&str) -> (f64, f64),
+) -> FrameSet {
+    let (plan, setup) = (&description.plan, &description.setup);
+    let count = plan.camera.average;
+    let factor = f64::from(stored_factor(camera, count));
+    let kind = session::frames_kind(plan.kind);
+    let one_exposure = kind == Kind::Polarization;
+    let series = steps.iter().filter(|s| s.role == Role::Series);
+    let frames = series.map(|s| {
+        let (exposure, gain) = controls(&s.file);
+        let free = kind == Kind::Free;
+        let spot = match s.state.pattern {
+            nacre_drivers::Pattern::Disc { center_mm, diameter_mm } if free || kind == Kind::Spots => {
+                Some(Spot { center_mm, diameter_mm })
+            }
+            _ => None,
+        };
+        let dark = plan.subtracted(steps, s.state.exposure_ms).filter(|_| !one_exposure);
+        frames::Frame {
+            file: PathBuf::from(&s.file),
+            analyser_deg: s.state.analyser_deg,
+            exposure_s: Some(exposure),
+            gain: Some(gain),
+            spot,
+            flash: free.then_some(s.state.flash),
+            dark: dark.map(PathBuf::from),
+        }
+    });
+    // A mean of n frames has n times the electrons and √n times the read noise of one.
+    let n = f64::from(count);
+    let noise = camera.full_scale_e.zip(camera.read_noise_e);
+    FrameSet {
+        kind,
+        frames: frames.collect(),
+        transfer: Transfer::Linear,
+        black: Some(f64::from(camera.black) * factor),
+        white: Some(f64::from(camera.white) * factor),
+        channel: None,
+        layout: None,
+        noise: noise.map(|(full, read)| NoiseModel { full_scale_e: full * n, read_noise_e: read * n.sqrt() }),
+        dark: plan.subtracted(steps, None).filter(|_| one_exposure).map(PathBuf::from),
+        flat: None,
+        wavelength_nm: setup.wavelength_nm,
+        band_nm: setup.band_nm,
+        geometry: setup.geometry,
+    }
+}
+
+impl Commit {
+    /// Exposure in seconds and gain.
+    pub fn controls(&self) -> (f64, f64) {
+        (Duration::from_nanos(self.exposure_ns).as_secs_f64(), self.gain)
+    }
+}

@@ -1,0 +1,210 @@
+//! Takes a plan's frames: brings the bench into each state, takes what is fresh, hands it on.
+
+use super::hands::Hands;
+use super::state::{Control, Input, State};
+use super::store::{Message, Shot};
+use super::watch::Watch;
+use crate::Failure;
+use crate::plan::{Plan, Step, groups};
+use crate::session::{Commit, Entry};
+use nacre_drivers::Class;
+use nacre_processing::Error;
+use std::time::{Duration, Instant};
+use tokio::sync::mpsc::Sender;
+
+/// A step that goes wrong in a way that may pass is tried this often in all.
+const ATTEMPTS: u32 = 3;
+
+/// One run through a plan.
+pub struct Taker<'a> {
+    /// The devices.
+    pub hands: Hands<'a>,
+    /// What must hold meanwhile.
+    pub watch: &'a Watch,
+    /// Who steers.
+    pub control: &'a Control,
+    /// What is to be done.
+    pub plan: &'a Plan,
+    /// Exposure of steps that name none.
+    pub exposure: Duration,
+    /// Where frames and notes go.
+    pub out: Sender<Message>,
+    /// Time spent in pauses, on the clock on the wall.
+    pub paused: Duration,
+    /// The devices are in a known state.
+    pub prepared: bool,
+}
+
+/// Runs `work` until it ends, an interlock opens or somebody aborts, whichever comes first.
+pub async fn guarded<T>(
+    watch: &Watch,
+    control: &Control,
+    work: impl Future<Output = Result<T, Failure>>,
+) -> Result<T, Failure> {
+    // Nothing moves before the interlocks are known to hold.
+    watch.check().await?;
+    tokio::select! {
+        biased;
+        _ = control.until(|s| s == State::Aborting) => Err(Error::Cancelled.into()),
+        error = watch.broken() => Err(error.into()),
+        result = work => result,
+    }
+}
+
+impl Taker<'_> {
+    /// Takes all groups of which a frame is missing. The light is off afterwards, come what may.
+    ///
+    /// # Errors
+    /// A device's or interlock's, with the step it belongs to; `Cancelled` when somebody stopped the run; `Cancelled` also
+    /// when frames cannot be stored any more, which the other end knows more about.
+    pub async fn take_all(&mut self, steps: &[Step], missing: &[bool]) -> Result<(), Failure> {
+        let mut result = Ok(());
+        let mut first = 0;
+        for group in groups(steps) {
+            if missing[first] {
+                result = self.go_on().await;
+                if result.is_ok() {
+                    result = self.patiently(group, first).await;
+                }
+            }
+            if result.is_err() {
+                break;
+            }
+            first += group.len();
+        }
+        let dark = self.hands.dark().await;
+        result.and(dark.map_err(Failure::from))
+    }
+
+    /// Waits while the run is paused; `Cancelled` when it is to stop.
+    async fn go_on(&mut self) -> Result<(), Failure> {
+        loop {
+            match self.control.state() {
+                State::Running => return Ok(()),
+                State::Pausing => {
+                    let begun = Instant::now();
+                    self.hands.dark().await?;
+                    self.hands.stopwatch.pause();
+                    self.prepared = false;
+                    self.note(Entry::Paused).await?;
+                    // A wish that came meanwhile is seen in the next turn of the loop.
+                    let _ = self.control.send(Input::Settled);
+                    self.control.until(|s| s != State::Paused).await;
+                    self.watch.begin_again().await;
+                    self.paused += begun.elapsed();
+                }
+                State::Resuming => {
+                    guarded(self.watch, self.control, prepare(&mut self.hands, self.plan)).await?;
+                    self.prepared = true;
+                    let _ = self.control.send(Input::Settled);
+                }
+                _ => return Err(Error::Cancelled.into()),
+            }
+        }
+    }
+
+    /// Takes one group, again if what went wrong may pass.
+    async fn patiently(&mut self, group: &[Step], first: usize) -> Result<(), Failure> {
+        for attempt in 1.. {
+            let work = async {
+                if !self.prepared {
+                    prepare(&mut self.hands, self.plan).await?;
+                }
+                take(&mut self.hands, self.watch, self.plan, self.exposure, &self.out, group, first).await
+            };
+            let result = guarded(self.watch, self.control, work).await;
+            self.prepared = true;
+            let Err(failure) = result else { return Ok(()) };
+            let passing = matches!(&failure, Failure::Device(e) if matches!(e.class, Class::Retry | Class::Lost));
+            if !passing || attempt == ATTEMPTS {
+                return Err(failure.at(&group[0].file));
+            }
+            self.prepared = false;
+            // The preparation of the next attempt switches the light off too, and says so if it cannot.
+            let _ = self.hands.dark().await;
+            self.note(Entry::Retried { reason: failure.at(&group[0].file).to_string() }).await?;
+        }
+        Ok(())
+    }
+
+    async fn note(&self, entry: Entry) -> Result<(), Failure> {
+        self.out.send(Message::Note(entry)).await.map_err(|_| Error::Cancelled.into())
+    }
+}
+
+async fn prepare(hands: &mut Hands<'_>, plan: &Plan) -> Result<(), Failure> {
+    let turns = plan.analyser.is_some() || plan.steps.iter().any(|s| s.analyser_deg.is_some());
+    Ok(hands.prepare(turns).await?)
+}
+
+/// Brings the bench into the group's state and takes its frames, one after the other.
+async fn take(
+    hands: &mut Hands<'_>,
+    watch: &Watch,
+    plan: &Plan,
+    exposure: Duration,
+    out: &Sender<Message>,
+    group: &[Step],
+    first: usize,
+) -> Result<(), Failure> {
+    let state = &group[0].state;
+    hands.expose(state.exposure(exposure), plan.camera.gain).await?;
+    hands.cover(state.covered).await?;
+    hands.show(state.pattern).await?;
+    if let Some(angle) = state.analyser_deg {
+        hands.turn(angle).await?;
+    }
+    if state.flash {
+        hands.switch(true).await?;
+    }
+    let mut waiting = vec![];
+    for (i, step) in group.iter().enumerate() {
+        let shot = shoot(hands, plan, step, first + i).await?;
+        watch.check().await?;
+        waiting.push(shot);
+        // Under the flash nothing waits for a slow disk.
+        if !state.flash {
+            send(out, &mut waiting).await?;
+        }
+    }
+    if state.flash {
+        hands.switch(false).await?;
+        send(out, &mut waiting).await?;
+    }
+    Ok(())
+}
+
+async fn send(out: &Sender<Message>, shots: &mut Vec<Shot>) -> Result<(), Failure> {
+    for shot in shots.drain(..) {
+        out.send(Message::Shot(shot)).await.map_err(|_| Error::Cancelled)?;
+    }
+    Ok(())
+}
+
+/// A step's frame, the sum of several when the plan averages, with the evidence that it is fresh.
+async fn shoot(hands: &mut Hands<'_>, plan: &Plan, step: &Step, index: usize) -> Result<Shot, Failure> {
+    let (mut frame, dropped) = hands.fresh().await?;
+    let mut sum: Vec<u32> = frame.codes.iter().map(|&c| c.into()).collect();
+    for _ in 1..plan.camera.average {
+        frame = hands.next_frame().await?;
+        sum.iter_mut().zip(&frame.codes).for_each(|(s, &c)| *s += u32::from(c));
+    }
+    let analyser_deg = match step.state.analyser_deg {
+        Some(_) => Some(hands.position().await?),
+        None => None,
+    };
+    let (freshness, controls) = (hands.freshness(), hands.controls());
+    let evidence = Commit {
+        file: step.file.clone(),
+        sequence: frame.stamp.sequence,
+        timestamp_ns: frame.stamp.timestamp.as_nanos() as u64,
+        steady_since_ns: freshness.steady_since.as_nanos() as u64,
+        first_sequence: freshness.first_sequence,
+        exposure_ns: controls.map_or(0, |c| c.exposure.as_nanos() as u64),
+        gain: controls.map_or(0.0, |c| c.gain),
+        analyser_deg,
+        dropped,
+        ..Commit::default()
+    };
+    Ok(Shot { index, width: frame.width, sum, evidence })
+}

@@ -1,0 +1,237 @@
+//! Whether a plan makes sense, in itself and on a bench.
+
+use super::estimate::{Limits, light_on_s};
+use super::steps::groups;
+use super::{DisplayPlan, Plan, PlanKind, Step};
+use nacre_processing::Error;
+use std::path::Path;
+use std::time::Duration;
+
+/// Longest series.
+const MAX_STEPS: usize = 100_000;
+
+impl Plan {
+    /// Reads and checks a plan file (TOML, or JSON by its name), apart from device limits.
+    ///
+    /// # Errors
+    /// `Input`, naming the file and key.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        const LIMIT: u64 = 16 << 20;
+        let bad = |problem: String| Error::file(path, problem, "correct the plan; `nacre schema plan` lists its keys");
+        let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
+        if size > LIMIT {
+            return Err(bad(format!("has {size} bytes, at most {LIMIT} are read")));
+        }
+        let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
+        let plan: Self = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+            serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?
+        } else {
+            toml::from_str(&text).map_err(|e| bad(e.to_string().trim_end().to_owned()))?
+        };
+        plan.check_values().map_err(bad)?;
+        Ok(plan)
+    }
+
+    /// Checks every number, apart from device limits.
+    ///
+    /// # Errors
+    /// A sentence that names the key, what was found and what is allowed.
+    pub fn check_values(&self) -> Result<(), String> {
+        self.check_sections()?;
+        if let Some(analyser) = &self.analyser {
+            count("analyser.angles_deg", "angles", analyser.angles_deg.len())?;
+            analyser.angles_deg.iter().try_for_each(|a| finite("analyser.angles_deg", *a, 36_000.0))?;
+        }
+        positive("camera.gain", self.camera.gain)?;
+        positive("camera.exposure_ms", self.camera.exposure_ms.unwrap_or(1.0))?;
+        self.exposures_ms.iter().try_for_each(|ms| positive("exposures_ms", *ms))?;
+        check_disc("display", &self.display)?;
+        if let Some(spots) = &self.spots {
+            count("spots.centers_mm", "spots", spots.centers_mm.len())?;
+            spots.centers_mm.iter().flatten().try_for_each(|c| finite("spots.centers_mm", *c, 1e5))?;
+            positive("spots.diameter_mm", spots.diameter_mm)?;
+        }
+        for (i, step) in self.steps.iter().enumerate() {
+            let key = |name: &str| format!("steps[{i}].{name}");
+            check_disc(&key("display"), &step.display.unwrap_or_default())?;
+            finite(&key("analyser_deg"), step.analyser_deg.unwrap_or_default(), 36_000.0)?;
+            positive(&key("exposure_ms"), step.exposure_ms.unwrap_or(1.0))?;
+        }
+        if self.camera.exposure_ms.is_some() && self.camera.exposure.is_some() {
+            return Err("camera.exposure and camera.exposure_ms are both given; keep one".into());
+        }
+        if let Some(twice) = self.extras.iter().enumerate().find(|(i, e)| self.extras[..*i].contains(e)) {
+            return Err(format!("extras names {:?} twice; name it once", twice.1));
+        }
+        match self.camera.average {
+            1..=16 => Ok(()),
+            n => Err(format!("camera.average is {n}; give 1 to 16")),
+        }
+    }
+
+    /// Which sections belong to the plan's kind.
+    fn check_sections(&self) -> Result<(), String> {
+        let kind = super::word(self.kind);
+        for (key, given, belongs) in [
+            ("exposures_ms", !self.exposures_ms.is_empty(), self.kind == PlanKind::Exposures),
+            ("spots", self.spots.is_some(), self.kind == PlanKind::Spots),
+            ("steps", !self.steps.is_empty(), self.kind == PlanKind::Free),
+        ] {
+            match (given, belongs) {
+                (true, false) => {
+                    return Err(format!("{key} does not belong to the kind {kind}; remove it or change kind"));
+                }
+                (false, true) => return Err(format!("{key} is missing, which the kind {kind} needs")),
+                _ => {}
+            }
+        }
+        if self.kind == PlanKind::Polarization && self.analyser.is_none() {
+            return Err("analyser is missing, which the kind polarization needs; give analyser.angles_deg".into());
+        }
+        if self.kind == PlanKind::Free && self.analyser.is_some() {
+            return Err("analyser does not belong to the kind free; give analyser_deg in each step".into());
+        }
+        if self.kind == PlanKind::Exposures && (self.camera.exposure_ms.is_some() || self.camera.exposure.is_some()) {
+            return Err("camera.exposure_ms does not belong to the kind exposures, which has exposures_ms".into());
+        }
+        if self.reconstruct.is_some() && self.kind != PlanKind::Polarization {
+            return Err(format!("reconstruct.method is polarization, but the plan's kind is {kind}; remove it"));
+        }
+        let per_angle = self.exposures_ms.len().max(self.spots.as_ref().map_or(1, |s| s.centers_mm.len())).max(1);
+        let angles = self.analyser.as_ref().map_or(1, |a| a.angles_deg.len());
+        count("steps", "frames", per_angle.saturating_mul(angles).max(self.steps.len()))
+    }
+
+    /// Checks the plan against the devices' limits.
+    ///
+    /// # Errors
+    /// One sentence for each thing that it asks too much of.
+    pub fn check_limits(&self, limits: &Limits) -> Vec<String> {
+        let mut problems = vec![];
+        let (camera, stage) = (&limits.camera, &limits.stage);
+        let within = |key: &str, value: f64, [low, high]: [f64; 2], device: &str| {
+            let problem = || format!("{key} is {value}, but the {device} takes {low} to {high}");
+            if (low..=high).contains(&value) { None } else { Some(problem()) }
+        };
+        problems.extend(within("camera.gain", self.camera.gain, camera.gain, &camera.id));
+        let exposures = camera.exposure_s.map(|s| 1000.0 * s);
+        let steps = self.steps();
+        if let Some(ms) = self.camera.exposure_ms {
+            problems.extend(within("camera.exposure_ms", ms, exposures, &camera.id));
+        }
+        for Step { state, file, .. } in &steps {
+            if let Some(ms) = state.exposure_ms {
+                problems.extend(within(&format!("the exposure of {file} in ms"), ms, exposures, &camera.id));
+            }
+            if let Some(angle) = state.analyser_deg {
+                problems.extend(within(&format!("the analyser angle of {file}"), angle, stage.limits_deg, &stage.id));
+            }
+            for (reach, size) in state.pattern.reach_mm().into_iter().zip(limits.display.size_mm) {
+                if reach > 0.5 * size {
+                    let [w, h] = limits.display.size_mm;
+                    let id = &limits.display.id;
+                    problems.push(format!(
+                        "the pattern of {file} (display.diameter_mm, center_mm or spots) reaches {reach} mm from the middle \
+                         of the {id}, which is {w} × {h} mm"
+                    ));
+                }
+            }
+        }
+        if !camera.shutter && self.extras.contains(&super::Extra::Dark) {
+            problems.push(format!(
+                "extras asks for a dark frame, but the {} has no shutter; cap the lens and take one by hand",
+                camera.id
+            ));
+        }
+        self.check_flash(limits, &steps, &mut problems);
+        if let Some([left, top, width, height]) = self.camera.roi {
+            let fits = |start: u32, size: u32, all: usize| size > 0 && u64::from(start) + u64::from(size) <= all as u64;
+            if !fits(left, width, camera.width) || !fits(top, height, camera.height) {
+                problems.push(format!(
+                    "camera.roi is [{left}, {top}, {width}, {height}], but the {} has {} × {} pixels",
+                    camera.id, camera.width, camera.height
+                ));
+            }
+        }
+        // A series repeats its mistake in every frame; the first few are enough.
+        problems.dedup();
+        let more = problems.len().saturating_sub(4);
+        problems.truncate(4);
+        if more > 0 {
+            problems.push(format!("{more} more of this kind"));
+        }
+        problems
+    }
+
+    /// The flash must be there, and off again before its limit.
+    fn check_flash(&self, limits: &Limits, steps: &[Step], problems: &mut Vec<String>) {
+        let Some(first) = steps.iter().find(|s| s.state.flash) else { return };
+        let Some(flash) = &limits.flash else {
+            return problems.push(format!("{} needs a flash, and there is none", first.file));
+        };
+        let session = Duration::from_secs_f64(self.camera.exposure_ms.unwrap_or(0.0) / 1000.0);
+        for group in groups(steps).filter(|g| g[0].state.flash) {
+            let on = light_on_s(group[0].state.exposure(session), group.len() * self.camera.average as usize, limits);
+            if on > flash.max_on_s {
+                return problems.push(format!(
+                    "{} would keep the {} on for {on:.1} s, but it must not be on for more than {} s at a time; expose shorter, \
+                     average less, or put other steps in between",
+                    group[0].file, flash.id, flash.max_on_s
+                ));
+            }
+        }
+    }
+}
+
+fn count(key: &str, of: &str, n: usize) -> Result<(), String> {
+    match n {
+        1..=MAX_STEPS => Ok(()),
+        n => Err(format!("{key} holds {n} {of}; give 1 to {MAX_STEPS}")),
+    }
+}
+
+fn finite(key: &str, value: f64, most: f64) -> Result<(), String> {
+    if value.is_finite() && value.abs() <= most {
+        Ok(())
+    } else {
+        Err(format!("{key} holds {value}; give a finite number"))
+    }
+}
+
+fn positive(key: &str, value: f64) -> Result<(), String> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { Err(format!("{key} is {value}; give a number above 0")) }
+}
+
+fn check_disc(key: &str, display: &DisplayPlan) -> Result<(), String> {
+    positive(&format!("{key}.diameter_mm"), display.diameter_mm)?;
+    display.center_mm.iter().try_for_each(|c| finite(&format!("{key}.center_mm"), *c, 1e5))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::steps::tests::DOCUMENTED;
+
+    #[test]
+    fn wrong_plans_are_refused_by_key() {
+        for (from, to, word) in [
+            ("average = 1", "average = 0", "camera.average"),
+            ("gain = 1.0", "gain = -1", "camera.gain"),
+            ("[0, 15,", "[nan, 15,", "angles_deg"),
+            ("gain = 1.0", "exposure = \"meter\"", "camera.exposure"),
+            ("diameter_mm = 180", "diameter_mm = inf", "display.diameter_mm"),
+            ("diameter_mm = 180", "center_mm = [nan, 0]", "display.center_mm"),
+            ("\"dark\"", "\"display_black\"", "extras"),
+            ("kind = \"polarization\"", "kind = \"flash\"", "reconstruct"),
+            ("kind = \"polarization\"", "kind = \"spots\"", "spots"),
+            ("kind = \"polarization\"", "kind = \"exposures\"", "exposures_ms"),
+            ("kind = \"polarization\"", "kind = \"free\"", "steps"),
+            ("kind = \"polarization\"", "kind = \"polarization\"\nexposures_ms = [1]", "exposures_ms"),
+        ] {
+            let plan: Plan = toml::from_str(&DOCUMENTED.replacen(from, to, 1)).unwrap();
+            let problem = plan.check_values().unwrap_err();
+            assert!(problem.contains(word), "{to}: {problem}");
+        }
+        assert!(toml::from_str::<Plan>(&DOCUMENTED.replace("extras", "extra")).is_err());
+    }
+}

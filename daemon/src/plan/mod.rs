@@ -1,0 +1,223 @@
+//! Capture plans: data that says what to show, rotate, expose and flash, checked and estimated before anything moves.
+
+mod check;
+mod estimate;
+mod steps;
+
+pub use estimate::{Estimate, Limits, approach, light_on_s};
+pub use steps::{Role, State, Step, groups};
+
+use nacre_drivers::Pattern;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A capture plan (`plan.toml`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// What is varied.
+    pub kind: PlanKind,
+    /// Name of the session.
+    #[serde(default)]
+    pub name: String,
+    /// What lies on the table.
+    #[serde(default)]
+    pub sample: String,
+    /// Who measures.
+    #[serde(default)]
+    pub operator: String,
+    /// Anything else.
+    #[serde(default)]
+    pub notes: String,
+    /// Camera settings.
+    #[serde(default)]
+    pub camera: CameraPlan,
+    /// What the panel shows.
+    #[serde(default)]
+    pub display: DisplayPlan,
+    /// Angles of the analyser. Kinds other than polarization do without; the analyser is then not touched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub analyser: Option<AnalyserPlan>,
+    /// Exposure times in ms, for kind exposures.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exposures_ms: Vec<f64>,
+    /// Where the panel lights up, for kind spots.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spots: Option<SpotsPlan>,
+    /// The frames one by one, for kind free.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub steps: Vec<FreeStep>,
+    /// Frames taken besides.
+    #[serde(default)]
+    pub extras: Vec<Extra>,
+    /// What to make of the frames at once, in the session's `results/`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reconstruct: Option<ReconstructPlan>,
+}
+
+/// A reconstruction that follows the capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReconstructPlan {
+    /// Which reconstruction.
+    pub method: Method,
+    /// Which model.
+    #[serde(default)]
+    pub model: ModelPlan,
+}
+
+/// Reconstructions that can follow a capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Orientations from the analyser's turn.
+    Polarization,
+}
+
+/// Models of a polarization reconstruction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelPlan {
+    /// The simplest that explains the data.
+    #[default]
+    Auto,
+    /// The phase is the orientation.
+    Sinusoid,
+}
+
+/// What a plan varies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PlanKind {
+    /// The angle of the analyser.
+    Polarization,
+    /// The exposure time, at each angle of the analyser if any are given.
+    Exposures,
+    /// Nothing, or the angle of the analyser, under the flash.
+    Flash,
+    /// Where the panel lights up, at each angle of the analyser if any are given.
+    Spots,
+    /// Anything, frame by frame.
+    Free,
+}
+
+/// Camera settings of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CameraPlan {
+    /// Exposure time in ms; metered, over the whole turn of the analyser, when it is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exposure_ms: Option<f64>,
+    /// `"meter"` says so in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<ExposureMode>,
+    /// Gain.
+    pub gain: f64,
+    /// Exposures averaged into each frame, 1 to 16.
+    pub average: u32,
+    /// Region of interest: left, top, width, height in pixels; the whole frame when it is not given.
+    pub roi: Option<[u32; 4]>,
+}
+
+/// How the exposure is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ExposureMode {
+    /// From trial frames over the whole turn of the analyser.
+    Meter,
+}
+
+/// What the panel shows.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DisplayPlan {
+    /// The pattern.
+    pub pattern: PatternKind,
+    /// Middle of the disc, from the panel's middle to the right and up, in mm.
+    pub center_mm: [f64; 2],
+    /// Diameter of the disc in mm.
+    pub diameter_mm: f64,
+}
+
+/// Patterns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PatternKind {
+    /// A white disc.
+    Disc,
+    /// Nothing.
+    Black,
+}
+
+/// A series of white discs on the panel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpotsPlan {
+    /// Their middles, from the panel's middle to the right and up, in mm, in the order they are taken.
+    pub centers_mm: Vec<[f64; 2]>,
+    /// Their diameter in mm.
+    pub diameter_mm: f64,
+}
+
+/// One frame of a free plan.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FreeStep {
+    /// What the panel shows; as the plan's `display` when it is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub display: Option<DisplayPlan>,
+    /// Analyser angle in degrees; the analyser stays where it is when it is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub analyser_deg: Option<f64>,
+    /// Whether the flash is on.
+    pub flash: bool,
+    /// Exposure time in ms; as the plan's `camera` says when it is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exposure_ms: Option<f64>,
+}
+
+/// Angles of the analyser.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AnalyserPlan {
+    /// Degrees, in the order they are taken.
+    pub angles_deg: Vec<f64>,
+}
+
+/// Frames besides the series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Extra {
+    /// With the camera's shutter closed: dark current and offset.
+    Dark,
+    /// With panel and flash dark: ambient light and dark current. It is what reconstructions subtract; without it they
+    /// subtract the dark frame.
+    DisplayBlack,
+}
+
+impl DisplayPlan {
+    /// As the panel understands it.
+    pub fn pattern(&self) -> Pattern {
+        match self.pattern {
+            PatternKind::Black => Pattern::Black,
+            PatternKind::Disc => Pattern::Disc { center_mm: self.center_mm, diameter_mm: self.diameter_mm },
+        }
+    }
+}
+
+impl Default for CameraPlan {
+    fn default() -> Self {
+        Self { exposure_ms: None, exposure: None, gain: 1.0, average: 1, roi: None }
+    }
+}
+
+impl Default for DisplayPlan {
+    fn default() -> Self {
+        Self { pattern: PatternKind::Disc, center_mm: [0.0, 0.0], diameter_mm: 180.0 }
+    }
+}
+
+/// The word that files use for a value.
+pub(crate) fn word(value: impl Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
+}
