@@ -17,20 +17,24 @@ pub struct Stamp {
 }
 
 /// Which frames show the bench as it is now.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Freshness {
     /// When stage, light and display were done changing, settling included.
     pub steady_since: Duration,
     /// First frame that has the camera's controls.
     pub first_sequence: u64,
+    /// Exposure and readout with these controls: from a frame's start to its timestamp.
+    pub duration: Duration,
 }
 
 impl Freshness {
-    /// Whether a frame with this stamp shows the bench after the last change. `exposure` and `readout` are those of the
-    /// controls in force.
-    pub fn accepts(&self, stamp: Stamp, exposure: Duration, readout: Duration) -> bool {
+    /// Accepts no frame.
+    pub const NEVER: Self = Self { steady_since: Duration::MAX, first_sequence: u64::MAX, duration: Duration::ZERO };
+
+    /// Whether a frame with this stamp shows the bench after the last change.
+    pub fn accepts(&self, stamp: Stamp) -> bool {
         let adopted = stamp.sequence >= self.first_sequence;
-        adopted && stamp.timestamp.saturating_sub(exposure + readout) >= self.steady_since
+        adopted && stamp.timestamp.saturating_sub(self.duration) >= self.steady_since
     }
 
     /// First frame that is sure to have controls that were set at `set_at`, seen from `frame`, the first that ended
@@ -48,8 +52,8 @@ mod tests {
 
     #[test]
     fn the_whole_exposure_must_follow_the_change() {
-        let f = Freshness { steady_since: MS * 1000, first_sequence: 0 };
-        let accepts = |ms: u32| f.accepts(Stamp { sequence: 5, timestamp: MS * ms }, MS * 40, MS * 10);
+        let f = Freshness { steady_since: MS * 1000, first_sequence: 0, duration: MS * 50 };
+        let accepts = |ms: u32| f.accepts(Stamp { sequence: 5, timestamp: MS * ms });
         assert!(!accepts(1049) && accepts(1050));
     }
 
@@ -58,7 +62,7 @@ mod tests {
         let stamp = |sequence, ms| Stamp { sequence, timestamp: MS * ms };
         assert_eq!(Freshness::first_with_controls(stamp(3, 990), MS * 1000, 2), None);
         assert_eq!(Freshness::first_with_controls(stamp(4, 1040), MS * 1000, 2), Some(7));
-        let f = Freshness { steady_since: Duration::ZERO, first_sequence: 7 };
-        assert!(!f.accepts(stamp(6, 9000), MS, MS) && f.accepts(stamp(7, 9000), MS, MS));
+        let f = Freshness { first_sequence: 7, ..Freshness::default() };
+        assert!(!f.accepts(stamp(6, 9000)) && f.accepts(stamp(7, 9000)));
     }
 }

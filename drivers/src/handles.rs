@@ -4,8 +4,8 @@
 
 use crate::actor::{Actor, Connect, Patience};
 use crate::{
-    Arrived, Camera, CameraInfo, Controls, DeviceResult, Display, DisplayInfo, Flash, FlashInfo, Frame, Interlock,
-    InterlockInfo, Level, Pattern, Shown, Stage, StageInfo, Switched,
+    Arrived, Camera, CameraInfo, Controls, DeviceResult, Display, DisplayInfo, Flash, FlashInfo, Frame, Freshness,
+    Interlock, InterlockInfo, Level, Pattern, Shown, Stage, StageInfo, Switched,
 };
 use async_trait::async_trait;
 use std::time::Duration;
@@ -104,8 +104,8 @@ impl Camera for CameraHandle {
         self.actor.call(command, MARGIN, move |d| d.cover(closed)).await
     }
 
-    async fn next_frame(&mut self) -> DeviceResult<Frame> {
-        self.actor.call("take a frame", self.limit(), |d| d.next_frame()).await
+    async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame> {
+        self.actor.call("take a frame", self.limit(), move |d| d.next_frame(fresh)).await
     }
 }
 

@@ -3,7 +3,7 @@
 //! Every call ends: with what the device reports of itself afterwards, or with an error. A device that reports something
 //! else than it was asked for is not believed; the engine compares. Angles are degrees, times are on the bench's clock.
 
-use crate::{DeviceResult, Stamp};
+use crate::{DeviceResult, Freshness, Stamp};
 use async_trait::async_trait;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -30,8 +30,9 @@ pub trait Camera: Send {
     async fn configure(&mut self, exposure: Duration, gain: f64) -> DeviceResult<Controls>;
     /// Closes or opens the shutter; returns when that was done.
     async fn cover(&mut self, closed: bool) -> DeviceResult<Duration>;
-    /// The next frame in the camera's queue, however old; waits for one if there is none.
-    async fn next_frame(&mut self) -> DeviceResult<Frame>;
+    /// The next frame in the camera's queue, however old; waits for one if there is none. A frame that is not fresh
+    /// may come without its codes, which spares decoding what is dropped.
+    async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame>;
 }
 
 /// The LCD panel.
@@ -136,7 +137,7 @@ pub struct Frame {
     pub height: usize,
     /// The driver says that the frame is damaged.
     pub damaged: bool,
-    /// Codes.
+    /// Codes; none if the frame is not fresh.
     pub codes: Vec<u16>,
 }
 

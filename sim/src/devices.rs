@@ -5,7 +5,7 @@ use crate::port::{Devices, Reply, Request, SharedBench, error};
 use async_trait::async_trait;
 use nacre_drivers::{
     Arrived, Camera, CameraInfo, Controls, DeviceError, DeviceResult, Display, DisplayInfo, Flash, FlashInfo, Frame,
-    Interlock, InterlockInfo, Level, Pattern, Shown, Stage, StageInfo, Switched,
+    Freshness, Interlock, InterlockInfo, Level, Pattern, Shown, Stage, StageInfo, Switched,
 };
 use std::time::Duration;
 
@@ -105,8 +105,8 @@ impl Camera for SimDevice {
         call!(self, Request::Cover { closed }, Reply::At(t) => t)
     }
 
-    async fn next_frame(&mut self) -> DeviceResult<Frame> {
-        call!(self, Request::NextFrame, Reply::Frame { stamp, width, height, damaged, codes } =>
+    async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame> {
+        call!(self, Request::NextFrame { fresh }, Reply::Frame { stamp, width, height, damaged, codes } =>
             Frame { stamp, width, height, damaged, codes })
     }
 }

@@ -4,8 +4,8 @@
 use crate::bench::{Bench, Shining};
 use crate::config::{BenchConfig, FaultKind, FaultyDevice};
 use nacre_drivers::{
-    Arrived, CameraInfo, Class, Clock, Controls, DeviceError, DeviceResult, DisplayInfo, FlashInfo, InterlockInfo,
-    Level, Pattern, Shown, StageInfo, Stamp, Switched,
+    Arrived, CameraInfo, Class, Clock, Controls, DeviceError, DeviceResult, DisplayInfo, FlashInfo, Freshness,
+    InterlockInfo, Level, Pattern, Shown, StageInfo, Stamp, Switched,
 };
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -30,7 +30,9 @@ pub enum Request {
     Cover {
         closed: bool,
     },
-    NextFrame,
+    NextFrame {
+        fresh: Freshness,
+    },
     Show {
         pattern: Pattern,
     },
@@ -53,7 +55,7 @@ pub enum Reply {
     Angle(f64),
     Controls(Controls),
     At(Duration),
-    /// The codes follow the text on a socket.
+    /// The codes follow the text on a socket, unless the frame is not fresh.
     Frame {
         stamp: Stamp,
         width: usize,
@@ -176,7 +178,7 @@ impl SharedBench {
         match request {
             Request::Home => self.turn(0.0, fault),
             Request::MoveTo { angle_deg } => self.turn(*angle_deg, fault),
-            Request::NextFrame => Ok(self.frame(fault)),
+            Request::NextFrame { fresh } => Ok(self.frame(*fresh, fault)),
             Request::Switch { on } => {
                 let since = self.lock().switch(*on);
                 self.wait_until(since);
@@ -207,7 +209,7 @@ impl SharedBench {
         Ok(Reply::Arrived(Arrived { since, angle_deg }))
     }
 
-    fn frame(&self, fault: Option<FaultKind>) -> Reply {
+    fn frame(&self, fresh: Freshness, fault: Option<FaultKind>) -> Reply {
         let (mut state, exposed) = loop {
             let mut state = self.lock();
             if let Some(exposed) = state.bench.take_frame() {
@@ -219,13 +221,13 @@ impl SharedBench {
         };
         let camera = &state.bench.config().camera;
         let (mut width, height) = (camera.width as usize, camera.height as usize);
-        let mut codes = state.bench.codes(&exposed);
+        let Stamp { sequence, timestamp } = exposed.stamp();
+        let stamp = Stamp { sequence, timestamp: state.reported(timestamp) };
+        let mut codes = if fresh.accepts(stamp) { state.bench.codes(&exposed) } else { vec![] };
         if fault == Some(FaultKind::WrongSize) {
             codes = codes.chunks(width).flat_map(|row| row[1..].to_vec()).collect();
             width -= 1;
         }
-        let Stamp { sequence, timestamp } = exposed.stamp();
-        let stamp = Stamp { sequence, timestamp: state.reported(timestamp) };
         Reply::Frame { stamp, width, height, damaged: fault == Some(FaultKind::Damaged), codes }
     }
 }
@@ -290,7 +292,7 @@ impl State {
             Request::Level => Reply::Level(Level { holds: !self.door_open, changes: self.door_changes }),
             Request::Light => Reply::Light { panel: shining.pattern != Pattern::Black, flash: shining.flash },
             // Answered before.
-            Request::Home | Request::MoveTo { .. } | Request::NextFrame | Request::Switch { .. } => {
+            Request::Home | Request::MoveTo { .. } | Request::NextFrame { .. } | Request::Switch { .. } => {
                 return Err(error(request, "a known request", "another"));
             }
         })
@@ -311,7 +313,7 @@ impl Clock for SharedBench {
 fn device(request: &Request) -> Option<FaultyDevice> {
     match request {
         Request::Home | Request::MoveTo { .. } | Request::Position => Some(FaultyDevice::Stage),
-        Request::Configure { .. } | Request::Cover { .. } | Request::NextFrame => Some(FaultyDevice::Camera),
+        Request::Configure { .. } | Request::Cover { .. } | Request::NextFrame { .. } => Some(FaultyDevice::Camera),
         Request::Show { .. } => Some(FaultyDevice::Display),
         Request::Switch { .. } | Request::IsOn => Some(FaultyDevice::Flash),
         Request::Level => Some(FaultyDevice::Interlock),
@@ -343,7 +345,7 @@ pub(crate) fn error(request: &Request, expected: &str, got: &str) -> DeviceError
         }
         Request::Cover { closed: true } => "close the shutter".into(),
         Request::Cover { closed: false } => "open the shutter".into(),
-        Request::NextFrame => "take a frame".into(),
+        Request::NextFrame { .. } => "take a frame".into(),
         Request::Show { .. } => "show a pattern".into(),
         Request::Switch { on } => format!("switch {}", if *on { "on" } else { "off" }),
         Request::IsOn => "report its state".into(),

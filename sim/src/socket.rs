@@ -121,9 +121,10 @@ impl RemoteBench {
             Ok(answer) => answer,
             Err(e) => return Ok(Err(error(request, "an answer of its protocol", &format!("nonsense ({e})")))),
         };
-        if let Ok(Reply::Frame { width, height, codes, .. }) = &mut answer {
-            let pixels = width.checked_mul(*height).filter(|n| *n <= MAX_PIXELS);
-            let mut bytes = vec![0; 2 * pixels.ok_or(io::ErrorKind::InvalidData)?];
+        if let Ok(Reply::Frame { stamp, width, height, codes, .. }) = &mut answer {
+            let pixels = width.checked_mul(*height).filter(|n| *n <= MAX_PIXELS).ok_or(io::ErrorKind::InvalidData)?;
+            let follows = matches!(request, Request::NextFrame { fresh } if fresh.accepts(*stamp));
+            let mut bytes = vec![0; if follows { 2 * pixels } else { 0 }];
             self.reader.read_exact(&mut bytes)?;
             *codes = bytes.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
         }

@@ -64,10 +64,10 @@ mod tests {
         for angle in angles_deg {
             let steady_since = bench.turn_analyser(*angle);
             bench.advance_to(steady_since);
-            let freshness = Freshness { steady_since, first_sequence: 0 };
+            let freshness = Freshness { steady_since, first_sequence: 0, duration: exposure + bench.readout() };
             loop {
                 let frame = next(bench);
-                if freshness.accepts(frame.stamp(), exposure, bench.readout()) {
+                if freshness.accepts(frame.stamp()) {
                     frames.push(bench.codes(&frame));
                     break;
                 }
@@ -199,11 +199,12 @@ mod tests {
                     bench.advance_to(freshness.steady_since.max(bench.now()) + idle);
                 }
                 let stale = |f: &Exposed| f.start < freshness.steady_since || f.settings.exposure_s != exposure;
+                freshness.duration = Duration::from_secs_f64(exposure) + bench.readout();
                 let mut first = true;
                 loop {
                     let frame = next(&mut bench);
                     stale_without += u32::from(std::mem::take(&mut first) && stale(&frame));
-                    if freshness.accepts(frame.stamp(), Duration::from_secs_f64(exposure), bench.readout()) {
+                    if freshness.accepts(frame.stamp()) {
                         stale_with += u32::from(stale(&frame));
                         frames += 1;
                         break;

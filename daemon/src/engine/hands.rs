@@ -148,11 +148,12 @@ impl<'a> Hands<'a> {
         let lag = self.limits.camera.control_lag_frames;
         let mut first = None;
         for _ in 0..MAX_STALE {
-            let stamp = self.next_frame().await?.stamp;
+            let stamp = self.next_frame(Freshness::NEVER).await?.stamp;
             first = first.or_else(|| Freshness::first_with_controls(stamp, controls.set_at, lag));
             // From here on changes of the bench come after this one.
             if let Some(first) = first.filter(|f| stamp.sequence + 1 >= *f) {
                 self.freshness.first_sequence = first;
+                self.freshness.duration = controls.exposure + Duration::from_secs_f64(self.limits.camera.readout_s);
                 (self.asked, self.controls) = (Some((exposure, gain)), Some(controls));
                 return Ok(());
             }
@@ -276,11 +277,9 @@ impl<'a> Hands<'a> {
     /// # Errors
     /// As the camera answers; `Stop` when it delivers only stale frames.
     pub async fn fresh(&mut self) -> DeviceResult<(Frame, u32)> {
-        let readout = Duration::from_secs_f64(self.limits.camera.readout_s);
-        let exposure = self.controls.map_or(Duration::ZERO, |c| c.exposure);
         for dropped in 0..MAX_STALE {
-            let frame = self.next_frame().await?;
-            if self.freshness.accepts(frame.stamp, exposure, readout) {
+            let frame = self.next_frame(self.freshness).await?;
+            if self.freshness.accepts(frame.stamp) {
                 return Ok((frame, dropped));
             }
         }
@@ -292,15 +291,16 @@ impl<'a> Hands<'a> {
         self.freshness
     }
 
-    /// The next frame, whole and of the size that the camera promised.
+    /// The next frame, whole and of the size that the camera promised; without its codes if it is not fresh.
     ///
     /// # Errors
     /// As the camera answers; `Stop` for another size and for a clock that runs backwards, `Retry` for a damaged frame.
-    pub async fn next_frame(&mut self) -> DeviceResult<Frame> {
-        let frame = timed(&mut self.stopwatch, self.devices.camera.next_frame()).await?;
+    pub async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame> {
+        let frame = timed(&mut self.stopwatch, self.devices.camera.next_frame(fresh)).await?;
         let info = &self.limits.camera;
         let error = |expected: String, got: String| DeviceError::new(&info.id, "take a frame", expected, got);
-        if (frame.width, frame.height, frame.codes.len()) != (info.width, info.height, info.width * info.height) {
+        let pixels = if fresh.accepts(frame.stamp) { info.width * info.height } else { frame.codes.len() };
+        if (frame.width, frame.height, frame.codes.len()) != (info.width, info.height, pixels) {
             let got = format!("{} × {} with {} values", frame.width, frame.height, frame.codes.len());
             let remedy = "set the camera's format back, then resume the session";
             return Err(error(format!("{} × {} pixels", info.width, info.height), got).remedy(remedy));

@@ -186,7 +186,7 @@ async fn shoot(hands: &mut Hands<'_>, plan: &Plan, step: &Step, index: usize) ->
     let (mut frame, dropped) = hands.fresh().await?;
     let mut sum: Vec<u32> = frame.codes.iter().map(|&c| c.into()).collect();
     for _ in 1..plan.camera.average {
-        frame = hands.next_frame().await?;
+        frame = hands.next_frame(hands.freshness()).await?;
         sum.iter_mut().zip(&frame.codes).for_each(|(s, &c)| *s += u32::from(c));
     }
     let analyser_deg = match step.state.analyser_deg {
