@@ -1,5 +1,6 @@
 //! The program `nacre`: its command line, and what each command does.
 
+pub mod catalogue;
 pub mod commands;
 pub mod console;
 pub mod engine;
@@ -46,6 +47,8 @@ enum Command {
     Plan(commands::plan::PlanCommand),
     /// Verify a session folder.
     Check(commands::check::Args),
+    /// Find and list session folders.
+    Catalogue(commands::catalogue::Args),
     /// Turn photographs into maps.
     #[command(subcommand)]
     Reconstruct(commands::reconstruct::Reconstruct),
@@ -67,6 +70,7 @@ pub fn main() -> ExitCode {
         Command::Capture(args) => commands::capture::run(&args, &console),
         Command::Plan(args) => commands::plan::run(&args, &console),
         Command::Check(args) => commands::check::run(&args, &console),
+        Command::Catalogue(args) => commands::catalogue::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),

@@ -1,6 +1,7 @@
 //! One file per command.
 
 pub mod capture;
+pub mod catalogue;
 pub mod check;
 pub mod demo;
 pub mod import;

@@ -125,6 +125,11 @@ impl Journal {
     pub fn finished(&self) -> bool {
         self.entries.contains(&Entry::Finished)
     }
+
+    /// Whether the last thing that happened is an early end.
+    pub fn stopped(&self) -> bool {
+        matches!(self.entries.last(), Some(Entry::Stopped { .. }))
+    }
 }
 
 fn checksum(entry: &Entry) -> io::Result<u32> {
