@@ -1,6 +1,7 @@
 //! The program `nacre`: its command line, and what each command does.
 
 pub mod capture;
+pub mod catalogue;
 pub mod commands;
 pub mod console;
 pub mod engine;
@@ -61,6 +62,8 @@ enum Command {
     Plan(commands::plan::PlanCommand),
     /// Verify a session folder.
     Check(commands::check::Args),
+    /// Find and list session folders.
+    Catalogue(commands::catalogue::Args),
     /// Turn photographs into maps.
     #[command(subcommand)]
     Reconstruct(commands::reconstruct::Reconstruct),
@@ -93,6 +96,7 @@ pub fn main() -> ExitCode {
         Command::Show(args) => commands::manual::show(&args, &console),
         Command::Plan(args) => commands::plan::run(&args, &console),
         Command::Check(args) => commands::check::run(&args, &console),
+        Command::Catalogue(args) => commands::catalogue::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),

@@ -3,11 +3,12 @@
 use super::bench::{BenchArgs, runtime};
 use crate::Failure;
 use crate::capture::{Capture, Taken, cannot_resume, check_limits, steer};
+use crate::catalogue::note_session;
 use crate::console::Console;
 use crate::engine::Control;
 use crate::plan::{Plan, Role, Step};
 use crate::rig::{Place, Rig};
-use crate::session::{MortalDisk, SessionFile};
+use crate::session::{MortalDisk, SESSION_FILE, SessionFile};
 use nacre_drivers::Pattern;
 use nacre_processing::Error;
 use std::fmt::Write;
@@ -72,6 +73,10 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         // The command line asks for plan and out unless there is a session to resume.
         _ => Err(Error::input("capture", "has no plan", "give a plan and --out, or --resume").into()),
     };
+    if let Some(folder) = args.out.as_ref().or(args.resume.as_ref()).filter(|f| f.join(SESSION_FILE).exists()) {
+        // The catalogue can be rebuilt; a session that is taken is worth more.
+        note_session(folder).unwrap_or_else(|e| console.note(&format!("warning: not catalogued: {e}")));
+    }
     report(&taken?, console);
     Ok(())
 }

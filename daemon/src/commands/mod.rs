@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod capture;
+pub mod catalogue;
 pub mod check;
 pub mod demo;
 pub mod devices;

@@ -157,6 +157,11 @@ impl Journal {
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
+
+    /// Whether the last thing that happened is an early end.
+    pub fn stopped(&self) -> bool {
+        matches!(self.entries.last(), Some(Entry::Stopped { .. }))
+    }
 }
 
 fn checksum(entry: &Entry) -> io::Result<u32> {
