@@ -2,8 +2,11 @@
 
 #![allow(clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 /// The binary under test: `NACRE_BIN` (as `tests/run` sets it), or the one beside this test's build.
 ///
@@ -25,7 +28,88 @@ pub fn binary() -> PathBuf {
 /// # Panics
 /// When it cannot be started.
 pub fn nacre<S: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item = S>) -> Run {
-    Run(Command::new(binary()).args(args).output().expect("nacre starts"))
+    let (mut command, mark) = command();
+    let run = Run(command.args(args).output().expect("nacre starts"));
+    assert_gone(&mark);
+    run
+}
+
+/// The program, to be given arguments: with a catalogue of its own, told to check itself for what it leaves behind, and
+/// with a mark in its environment by which [`assert_gone`] finds it and its children.
+pub fn command() -> (Command, String) {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let mark = format!("NACRE_MARK={}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+    let catalogue = std::env::temp_dir().join(format!("nacre-tests-{}/catalogue.db", std::process::id()));
+    let mut command = Command::new(binary());
+    command.env("NACRE_LEAKS", "1").env("NACRE_CATALOGUE", catalogue).env("NACRE_MARK", &mark["NACRE_MARK=".len()..]);
+    (command, mark)
+}
+
+/// Checks that no process with this mark is left; one may take a second to end.
+///
+/// # Panics
+/// When one is.
+pub fn assert_gone(mark: &str) {
+    let begun = Instant::now();
+    loop {
+        let left = marked(mark);
+        if left.is_empty() {
+            return;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(2), "left behind: {left:?}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Command lines of the processes with a mark.
+fn marked(mark: &str) -> Vec<String> {
+    let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    let with_mark = processes.filter(|p| {
+        let environment = std::fs::read(p.path().join("environ")).unwrap_or_default();
+        environment.split(|b| *b == 0).any(|line| line == mark.as_bytes())
+    });
+    with_mark
+        .map(|p| {
+            String::from_utf8_lossy(&std::fs::read(p.path().join("cmdline")).unwrap_or_default()).replace('\0', " ")
+        })
+        .collect()
+}
+
+/// A simulated bench in a process of its own, ended when dropped.
+pub struct BenchProcess {
+    child: Child,
+    /// Its socket.
+    pub socket: PathBuf,
+    mark: String,
+}
+
+impl BenchProcess {
+    /// Starts one at a socket with this bench.toml, and waits until it listens.
+    ///
+    /// # Panics
+    /// When it does not.
+    pub fn start(socket: &Path, bench: &Path, more: &[&str]) -> Self {
+        let (mut command, mark) = command();
+        command.args(["sim", "bench", "--socket"]).arg(socket).arg("--bench").arg(bench).args(more);
+        let child = command.spawn().expect("bench starts");
+        let begun = Instant::now();
+        while UnixStream::connect(socket).is_err() {
+            assert!(begun.elapsed() < Duration::from_secs(20), "no bench at {}", socket.display());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        Self { child, socket: socket.to_path_buf(), mark }
+    }
+}
+
+impl Drop for BenchProcess {
+    fn drop(&mut self) {
+        let _ = Command::new("kill").arg(self.child.id().to_string()).status();
+        let status = self.child.wait();
+        if !std::thread::panicking() {
+            assert!(status.as_ref().is_ok_and(|s| s.success()), "the bench ended badly: {status:?}");
+            assert_gone(&self.mark);
+        }
+    }
 }
 
 /// A finished run.
@@ -87,4 +171,89 @@ pub fn listing(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
     names.sort();
     names
+}
+
+/// A folder with a small bench and a plan.
+pub struct Place {
+    folder: tempfile::TempDir,
+}
+
+#[allow(clippy::unwrap_used, clippy::missing_panics_doc)]
+impl Place {
+    /// With a bench of 64 × 48 pixels.
+    pub fn new(plan: &str) -> Self {
+        Self::with_bench(plan, "camera = { width = 64, height = 48 }")
+    }
+
+    /// With this bench.
+    pub fn with_bench(plan: &str, bench: &str) -> Self {
+        let place = Self { folder: tempfile::tempdir().unwrap() };
+        std::fs::write(place.path("bench.toml"), bench).unwrap();
+        std::fs::write(place.path("plan.toml"), plan).unwrap();
+        place
+    }
+
+    /// A path inside.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// A path inside, as text.
+    pub fn text(&self, name: &str) -> String {
+        self.path(name).to_string_lossy().into_owned()
+    }
+
+    /// Arguments of a new capture into `session`.
+    pub fn capture(&self, session: &str) -> Vec<String> {
+        let fixed =
+            ["--json", "capture", &self.text("plan.toml"), "--sim", "--bench", &self.text("bench.toml"), "--out"];
+        fixed.iter().map(|s| (*s).to_owned()).chain([self.text(session)]).collect()
+    }
+
+    /// Arguments that go on with `session`.
+    pub fn resume(&self, session: &str) -> Vec<String> {
+        ["capture", "--sim", "--resume"].iter().map(|s| (*s).to_owned()).chain([self.text(session)]).collect()
+    }
+
+    /// The same, on a bench process.
+    pub fn on(args: Vec<String>, bench: &BenchProcess) -> Vec<String> {
+        let socket = bench.socket.to_string_lossy().into_owned();
+        let mut kept = vec![];
+        let mut args = args.into_iter();
+        while let Some(arg) = args.next() {
+            if arg == "--bench" {
+                args.next();
+            } else {
+                kept.push(arg);
+            }
+        }
+        kept.extend(["--socket".into(), socket]);
+        kept
+    }
+}
+
+/// All files of a session but journal and description, by name.
+///
+/// # Panics
+/// When one is missing.
+pub fn data(session: &Path) -> Vec<(String, Vec<u8>)> {
+    let folder = std::fs::read_dir(session.join("frames")).expect("frames are there");
+    let mut files: Vec<_> = folder.flatten().map(|e| e.path()).collect();
+    files.push(session.join("frames.json"));
+    files.sort();
+    let read = |p: PathBuf| {
+        let bytes = std::fs::read(&p).unwrap_or_else(|e| panic!("{}: {e}", p.display()));
+        (p.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()), bytes)
+    };
+    files.into_iter().map(read).collect()
+}
+
+/// Whether panel and flash of a bench process shine.
+///
+/// # Panics
+/// When it does not answer.
+pub fn light(bench: &BenchProcess) -> [bool; 2] {
+    let port = nacre_sim::socket::RemoteBench::connect(&bench.socket).expect("the bench listens");
+    let mut bystander = nacre_sim::SimDevice::new(Box::new(port)).expect("the bench answers");
+    bystander.light().expect("the bench answers")
 }

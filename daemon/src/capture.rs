@@ -5,7 +5,7 @@ use crate::console::Console;
 use crate::engine::{Control, Engine, Input, State};
 use crate::plan::{ModelPlan, Plan, ReconstructPlan};
 use crate::rig::Rig;
-use crate::session::{Disk, Journal, Session, SessionFile, Timing};
+use crate::session::{Disk, Journal, Session, SessionFile, Timing, is_vacant};
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::polarimetry::{self, Model, Options, Report, Running};
@@ -58,7 +58,7 @@ impl Capture<'_> {
     /// As [`Engine::run`]; `Input` when the plan asks too much or `out` is there already.
     pub fn begin<D: Disk + Send>(&mut self, plan: Plan, out: &Path, disk: D) -> Result<Taken, Failure> {
         check_limits(&plan, out, &self.rig.devices.limits())?;
-        if out.read_dir().is_ok_and(|mut entries| entries.next().is_some()) || out.is_file() {
+        if !is_vacant(out) {
             return Err(Error::file(out, "is already there", "choose another --out, or --resume it").into());
         }
         let metering = if plan.is_metered() { Some(self.engine().meter(&plan)?) } else { None };

@@ -22,8 +22,11 @@ const BEAT: Duration = Duration::from_millis(100);
 /// Without one for this long, light goes off.
 const SILENCE: Duration = Duration::from_millis(400);
 
-/// A flash that does not go off is told again after this.
+/// A flash that does not go off is told again after this,
 const AGAIN: Duration = Duration::from_millis(50);
+
+/// and for this long.
+const LAST_TRY: Duration = Duration::from_secs(10);
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -123,7 +126,7 @@ impl<O: Fn() -> DeviceResult<Box<dyn Flash>>> Guard<O> {
         ends.saturating_duration_since(Instant::now())
     }
 
-    /// Switches off, over a new link if the old one is lost, for as long as a person may need to plug it in again.
+    /// Switches off, over a new link if the old one is lost.
     fn off_for_sure(&mut self) -> DeviceResult<()> {
         let begun = Instant::now();
         loop {
@@ -132,8 +135,8 @@ impl<O: Fn() -> DeviceResult<Box<dyn Flash>>> Guard<O> {
                     self.lit = None;
                     return Ok(());
                 }
-                Ok(_) if begun.elapsed() > Duration::from_secs(60) => return Err(stays_on()),
-                Err(error) if begun.elapsed() > Duration::from_secs(60) => return Err(error),
+                Ok(_) if begun.elapsed() > LAST_TRY => return Err(stays_on()),
+                Err(error) if begun.elapsed() > LAST_TRY => return Err(error),
                 _ => {}
             }
             std::thread::sleep(AGAIN);

@@ -6,6 +6,7 @@ pub mod commands;
 pub mod console;
 pub mod engine;
 pub mod guardian;
+mod leaks;
 pub mod plan;
 pub mod rig;
 pub mod session;
@@ -86,6 +87,7 @@ pub fn main() -> ExitCode {
         return commands::manual::guardian(args);
     }
     let console = Console::new(cli.json);
+    let leaks = leaks::Leaks::watch();
     let result = match cli.command {
         Command::Demo(args) => commands::demo::run(&args, &console),
         Command::Capture(args) => commands::capture::run(&args, &console),
@@ -103,6 +105,10 @@ pub fn main() -> ExitCode {
         Command::Schema(args) => commands::schema::run(&args, &console),
         Command::Guardian(_) => Ok(()),
     };
+    if let Some(found) = leaks.found() {
+        console.note(&format!("nacre: left behind: {found}"));
+        return ExitCode::from(70);
+    }
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -87,7 +87,7 @@ impl Rig {
             Place::Socket(path) => {
                 let owned = path.clone();
                 let port = move || -> DeviceResult<Box<dyn Port>> { Ok(Box::new(RemoteBench::connect(&owned)?)) };
-                Ok(runtime.block_on(open(port, Arc::new(SystemClock::default()), hand, console, Some(path)))?)
+                Ok(runtime.block_on(open(port, Arc::new(SystemClock), hand, console, Some(path)))?)
             }
         }
     }

@@ -232,7 +232,7 @@ mod tests {
     }
 
     fn patience(ms: u64) -> Patience {
-        Patience { total: Duration::from_millis(ms), clock: Arc::new(SystemClock::default()) }
+        Patience { total: Duration::from_millis(ms), clock: Arc::new(SystemClock) }
     }
 
     /// The n-th connection (from 0) succeeds where `works(n)` names the device.

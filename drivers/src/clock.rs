@@ -1,6 +1,6 @@
 //! Time as devices see it, so that a simulated bench can run faster than the clock on the wall.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Monotonic time since an arbitrary start.
 pub trait Clock: Send + Sync {
@@ -10,18 +10,14 @@ pub trait Clock: Send + Sync {
     fn wait(&self, duration: Duration);
 }
 
-/// The machine's monotonic clock.
-pub struct SystemClock(Instant);
-
-impl Default for SystemClock {
-    fn default() -> Self {
-        Self(Instant::now())
-    }
-}
+/// The machine's monotonic clock, which is also that of the kernel's camera timestamps.
+#[derive(Default)]
+pub struct SystemClock;
 
 impl Clock for SystemClock {
     fn now(&self) -> Duration {
-        self.0.elapsed()
+        let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+        Duration::new(now.tv_sec.unsigned_abs(), now.tv_nsec as u32)
     }
 
     fn wait(&self, duration: Duration) {
@@ -35,7 +31,7 @@ mod tests {
 
     #[test]
     fn system_clock_waits_at_least_as_long_as_asked() {
-        let clock = SystemClock::default();
+        let clock = SystemClock;
         let before = clock.now();
         clock.wait(Duration::from_millis(5));
         assert!(clock.now() - before >= Duration::from_millis(5));

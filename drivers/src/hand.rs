@@ -58,7 +58,11 @@ impl Stage for HandStage {
 
     /// A hand needs no zero: angles are read from the scale.
     async fn home(&mut self) -> DeviceResult<Arrived> {
-        Ok(Arrived { since: self.clock.now(), angle_deg: self.angle_deg.unwrap_or(0.0) })
+        let since = match &mut self.turned {
+            Some(stage) => stage.home().await?.since,
+            None => self.clock.now(),
+        };
+        Ok(Arrived { since, angle_deg: self.angle_deg.unwrap_or(0.0) })
     }
 
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {

@@ -247,6 +247,8 @@ impl Bench {
         let period = Duration::from_secs_f64(frame.settings.exposure_s) + self.camera.readout();
         let reached = self.steady_since.max(frame.adopted);
         let since = frame.start.saturating_sub(reached).as_nanos() / period.as_nanos().max(1);
+        // Behind a closed shutter the analyser makes no difference.
+        let [cos2, sin2] = if open > 0.0 { [cos2, sin2] } else { [0.0; 2] };
         let mut state = vec![cos2, sin2, open, frame.settings.exposure_s, frame.settings.gain];
         for Lit { share, source, .. } in lit {
             let lamp = if source.lamp == Lamp::Flash { 1.0 } else { 0.0 };

@@ -163,6 +163,8 @@ pub struct FilmConfig {
 pub struct PanelConfig {
     /// Diameter of the white disc in mm; by default it just fills every pixel's mirror direction, at least 180 mm.
     pub disc_mm: Option<f64>,
+    /// Width and height of the panel in mm.
+    pub size_mm: [f64; 2],
     /// Direction of the panel's linear polarization, in degrees.
     pub polarization_deg: f64,
     /// Direction of the retarder's axis, in degrees.
@@ -267,6 +269,8 @@ impl Default for PanelConfig {
     fn default() -> Self {
         Self {
             disc_mm: None,
+            // A common 27-inch panel.
+            size_mm: [597.0, 336.0],
             polarization_deg: 0.0,
             retarder_deg: 45.0,
             retardance_deg: 90.0,
@@ -366,6 +370,8 @@ impl BenchConfig {
             ("film.front_phase_deg", f.front_phase_deg, -360.0, 360.0),
             ("film.index", f.index, 1.0, 3.0),
             ("panel.disc_mm", p.disc_mm.unwrap_or(180.0), 0.1, 5000.0),
+            ("panel.size_mm[0]", p.size_mm[0], 1.0, 1e5),
+            ("panel.size_mm[1]", p.size_mm[1], 1.0, 1e5),
             ("panel.polarization_deg", p.polarization_deg, -360.0, 360.0),
             ("panel.retarder_deg", p.retarder_deg, -360.0, 360.0),
             ("panel.retardance_deg", p.retardance_deg, -360.0, 360.0),

@@ -102,9 +102,6 @@ const EPOCH: Duration = Duration::from_secs(100_000);
 /// How far a fault sets it back.
 const SET_BACK: Duration = Duration::from_secs(3600);
 
-/// Width and height of the simulated panel in mm, a common 24-inch one.
-const PANEL_MM: [f64; 2] = [518.0, 324.0];
-
 /// A bench that several devices share, on virtual time or at the pace of the clock on the wall.
 #[derive(Clone)]
 pub struct SharedBench {
@@ -153,6 +150,13 @@ impl SharedBench {
             std::thread::sleep(time.saturating_sub(begun.elapsed()));
         }
         self.lock().bench.advance_to(time);
+    }
+
+    /// The panel's link is gone: whatever is wrong with it, it goes black by itself.
+    pub(crate) fn close_panel(&self) {
+        let mut state = self.lock();
+        let shining = state.bench.shining();
+        state.bench.shine(Shining { pattern: Pattern::Black, ..shining }, Duration::ZERO);
     }
 
     /// Carries a request out.
@@ -301,11 +305,11 @@ impl State {
 
 impl Clock for SharedBench {
     fn now(&self) -> Duration {
-        self.lock().bench.now()
+        EPOCH + self.lock().bench.now()
     }
 
     fn wait(&self, duration: Duration) {
-        let until = self.now() + duration;
+        let until = self.lock().bench.now() + duration;
         self.wait_until(until);
     }
 }
@@ -382,7 +386,7 @@ pub fn describe(bench: &BenchConfig) -> Devices {
             full_scale_e: Some(camera.well_e),
             read_noise_e: Some(camera.read_noise_e),
         },
-        display: DisplayInfo { id: id(FaultyDevice::Display), size_mm: PANEL_MM },
+        display: DisplayInfo { id: id(FaultyDevice::Display), size_mm: bench.panel.size_mm },
         flash: FlashInfo {
             id: id(FaultyDevice::Flash),
             settling_s: bench.flash.settle_ms / 1000.0,

@@ -3,7 +3,7 @@
 
 use crate::devices::Port;
 use crate::port::{Reply, Request, SharedBench, error};
-use nacre_drivers::{Class, DeviceError, DeviceResult, Pattern};
+use nacre_drivers::{Class, DeviceError, DeviceResult};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
@@ -42,7 +42,11 @@ pub fn serve(bench: &SharedBench, path: &Path, stop: impl Fn() -> bool) -> io::R
             Err(_) => std::thread::sleep(Duration::from_millis(2)),
         }
     }
-    std::fs::remove_file(path)
+    match std::fs::remove_file(path) {
+        // Somebody tidied up.
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
 }
 
 /// One connection. A panel whose connection closes goes black, as the page in a browser does without heartbeat; the flash
@@ -67,8 +71,7 @@ fn serve_one(bench: &SharedBench, stream: UnixStream) {
         }
     }
     if showed {
-        // An error is a fault of the panel, which has no link any more either way.
-        let _ = bench.answer(&Request::Show { pattern: Pattern::Black });
+        bench.close_panel();
     }
 }
 

@@ -8,7 +8,7 @@ use crate::console::Console;
 use crate::engine::Control;
 use crate::plan::{Plan, Role, Step};
 use crate::rig::{Place, Rig};
-use crate::session::{MortalDisk, SESSION_FILE, SessionFile};
+use crate::session::{MortalDisk, SESSION_FILE, SessionFile, is_vacant};
 use nacre_drivers::Pattern;
 use nacre_processing::Error;
 use std::fmt::Write;
@@ -58,7 +58,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         if args.dry_run {
             return dry_run(plan, console);
         }
-        if let Some(out) = args.out.as_ref().filter(|out| out.exists()) {
+        if let Some(out) = args.out.as_ref().filter(|out| !is_vacant(out)) {
             return Err(Error::file(out, "is already there", "choose another --out, or --resume it").into());
         }
     }

@@ -139,9 +139,9 @@ fn with_hands<T>(
     let _ = control.send(Input::Start);
     runtime.block_on(async {
         let interrupted = async {
-            while !console.cancelled() {
-                tokio::time::sleep(Duration::from_millis(20)).await;
-            }
+            hold(console, f64::INFINITY).await;
+            // What ends by itself ends in order; what hangs is left.
+            tokio::time::sleep(Duration::from_secs(1)).await;
             Err(Error::Cancelled.into())
         };
         let result = tokio::select! {

@@ -64,7 +64,8 @@ pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
 /// What metering will find depends on the sample, so it has to be looked at.
 fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Console) -> Result<Estimate, Failure> {
     if !plan.is_metered() {
-        return Ok(plan.estimate(Duration::from_secs_f64(plan.camera.exposure_ms.unwrap_or(10.0) / 1000.0), &limits));
+        let exposure = Duration::from_secs_f64(plan.camera.exposure_ms.unwrap_or(10.0) / 1000.0);
+        return Ok(plan.estimate(exposure, &limits, 0.0));
     }
     let (runtime, control) = (runtime()?, Control::default());
     let mut rig = Rig::open(&runtime, &bench.described()?, false, console)?;
@@ -77,7 +78,8 @@ fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Consol
     };
     let (exposure, timing) = engine.meter(plan)?;
     limits.camera.exposure_now_s = exposure.as_secs_f64();
-    let estimate = plan.estimate(exposure, &limits);
+    let stands_deg = runtime.block_on(rig.devices.stage.position())?;
+    let estimate = plan.estimate(exposure, &limits, stands_deg);
     let seconds = estimate.seconds + timing.device_s;
     Ok(Estimate { seconds, metering_seconds: Some(timing.device_s), ..estimate })
 }

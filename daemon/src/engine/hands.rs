@@ -198,7 +198,7 @@ impl<'a> Hands<'a> {
     /// # Errors
     /// As the stage answers; `Stop` when it reports to stand elsewhere.
     pub async fn turn(&mut self, to: f64) -> DeviceResult<()> {
-        for stop in approach(self.angle, to, self.limits.stage.limits_deg) {
+        for stop in approach(self.angle, to, &self.limits.stage) {
             let arrived = timed(&mut self.stopwatch, self.devices.stage.move_to(stop)).await?;
             // Not so for an angle that is no number, either.
             let there = (arrived.angle_deg - stop).abs() <= self.limits.stage.tolerance_deg;

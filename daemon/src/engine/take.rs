@@ -105,6 +105,7 @@ impl Taker<'_> {
 
     /// Takes one group, again if what went wrong may pass.
     async fn patiently(&mut self, group: &[Step], first: usize) -> Result<(), Failure> {
+        let mut first_failure = None;
         for attempt in 1.. {
             let work = async {
                 if !self.prepared {
@@ -116,13 +117,19 @@ impl Taker<'_> {
             self.prepared = true;
             let Err(failure) = result else { return Ok(()) };
             let passing = matches!(&failure, Failure::Device(e) if matches!(e.class, Class::Retry | Class::Lost));
-            if !passing || attempt == ATTEMPTS {
-                return Err(failure.at(&group[0].file));
+            let step = &group[0].file;
+            if !passing {
+                return Err(failure.at(step));
+            }
+            if attempt == ATTEMPTS {
+                // What went wrong first says more than what followed from it.
+                return Err(first_failure.unwrap_or(failure).at(&format!("{step} (tried {ATTEMPTS} times)")));
             }
             self.prepared = false;
             // The preparation of the next attempt switches the light off too, and says so if it cannot.
             let _ = self.hands.dark().await;
-            self.note(Entry::Retried { reason: failure.at(&group[0].file).to_string() }).await?;
+            self.note(Entry::Retried { reason: format!("{step}: {failure}") }).await?;
+            first_failure.get_or_insert(failure);
         }
         Ok(())
     }

@@ -99,87 +99,88 @@ impl Plan {
         }
         let per_angle = self.exposures_ms.len().max(self.spots.as_ref().map_or(1, |s| s.centers_mm.len())).max(1);
         let angles = self.analyser.as_ref().map_or(1, |a| a.angles_deg.len());
-        count("steps", "frames", per_angle.saturating_mul(angles).max(self.steps.len()))
+        match per_angle.saturating_mul(angles).max(self.steps.len()) {
+            0..=MAX_STEPS => Ok(()),
+            n => Err(format!("the plan has {n} frames; at most {MAX_STEPS} are taken")),
+        }
     }
 
     /// Checks the plan against the devices' limits.
     ///
     /// # Errors
-    /// One sentence for each thing that it asks too much of.
+    /// One sentence for each kind of thing that it asks too much of, with the first frame that does.
     pub fn check_limits(&self, limits: &Limits) -> Vec<String> {
-        let mut problems = vec![];
-        let (camera, stage) = (&limits.camera, &limits.stage);
+        let (camera, stage, display) = (&limits.camera, &limits.stage, &limits.display);
         let within = |key: &str, value: f64, [low, high]: [f64; 2], device: &str| {
             let problem = || format!("{key} is {value}, but the {device} takes {low} to {high}");
             if (low..=high).contains(&value) { None } else { Some(problem()) }
         };
-        problems.extend(within("camera.gain", self.camera.gain, camera.gain, &camera.id));
-        let exposures = camera.exposure_s.map(|s| 1000.0 * s);
         let steps = self.steps();
-        if let Some(ms) = self.camera.exposure_ms {
-            problems.extend(within("camera.exposure_ms", ms, exposures, &camera.id));
+        let exposures = camera.exposure_s.map(|s| 1000.0 * s);
+        let of_steps = |problem: &dyn Fn(&Step) -> Option<String>| steps.iter().find_map(problem);
+        let shutter = format!("extras has a dark frame, but the {} has no shutter; leave it out", camera.id);
+        [
+            within("camera.gain", self.camera.gain, camera.gain, &camera.id),
+            self.camera.exposure_ms.and_then(|ms| within("camera.exposure_ms", ms, exposures, &camera.id)),
+            of_steps(&|s| {
+                let key = format!("the exposure of {} in ms", s.file);
+                s.state.exposure_ms.and_then(|ms| within(&key, ms, exposures, &camera.id))
+            }),
+            of_steps(&|s| {
+                let key = format!("the analyser angle of {}", s.file);
+                s.state.analyser_deg.and_then(|a| within(&key, a, stage.limits_deg, &stage.id))
+            }),
+            of_steps(&|s| {
+                let (reach, [w, h]) = (s.state.pattern.reach_mm(), display.size_mm);
+                let fits = reach[0] <= 0.5 * w && reach[1] <= 0.5 * h;
+                let problem = || {
+                    format!(
+                        "the pattern of {} (display.diameter_mm, center_mm or spots) reaches {:.1} × {:.1} mm from the middle \
+                         of the {}, which is {w} × {h} mm",
+                        s.file, reach[0], reach[1], display.id
+                    )
+                };
+                if fits { None } else { Some(problem()) }
+            }),
+            Some(shutter).filter(|_| self.extras.contains(&super::Extra::Dark) && !camera.shutter),
+            self.check_roi(limits),
+            self.check_flash(limits, &steps),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    fn check_roi(&self, limits: &Limits) -> Option<String> {
+        let ([left, top, width, height], camera) = (self.camera.roi?, &limits.camera);
+        let fits = |start: u32, size: u32, all: usize| size > 0 && u64::from(start) + u64::from(size) <= all as u64;
+        if fits(left, width, camera.width) && fits(top, height, camera.height) {
+            return None;
         }
-        for Step { state, file, .. } in &steps {
-            if let Some(ms) = state.exposure_ms {
-                problems.extend(within(&format!("the exposure of {file} in ms"), ms, exposures, &camera.id));
-            }
-            if let Some(angle) = state.analyser_deg {
-                problems.extend(within(&format!("the analyser angle of {file}"), angle, stage.limits_deg, &stage.id));
-            }
-            for (reach, size) in state.pattern.reach_mm().into_iter().zip(limits.display.size_mm) {
-                if reach > 0.5 * size {
-                    let [w, h] = limits.display.size_mm;
-                    let id = &limits.display.id;
-                    problems.push(format!(
-                        "the pattern of {file} (display.diameter_mm, center_mm or spots) reaches {reach} mm from the middle \
-                         of the {id}, which is {w} × {h} mm"
-                    ));
-                }
-            }
-        }
-        if !camera.shutter && self.extras.contains(&super::Extra::Dark) {
-            problems.push(format!(
-                "extras asks for a dark frame, but the {} has no shutter; cap the lens and take one by hand",
-                camera.id
-            ));
-        }
-        self.check_flash(limits, &steps, &mut problems);
-        if let Some([left, top, width, height]) = self.camera.roi {
-            let fits = |start: u32, size: u32, all: usize| size > 0 && u64::from(start) + u64::from(size) <= all as u64;
-            if !fits(left, width, camera.width) || !fits(top, height, camera.height) {
-                problems.push(format!(
-                    "camera.roi is [{left}, {top}, {width}, {height}], but the {} has {} × {} pixels",
-                    camera.id, camera.width, camera.height
-                ));
-            }
-        }
-        // A series repeats its mistake in every frame; the first few are enough.
-        problems.dedup();
-        let more = problems.len().saturating_sub(4);
-        problems.truncate(4);
-        if more > 0 {
-            problems.push(format!("{more} more of this kind"));
-        }
-        problems
+        Some(format!(
+            "camera.roi is [{left}, {top}, {width}, {height}], but the {} has {} × {} pixels",
+            camera.id, camera.width, camera.height
+        ))
     }
 
     /// The flash must be there, and off again before its limit.
-    fn check_flash(&self, limits: &Limits, steps: &[Step], problems: &mut Vec<String>) {
-        let Some(first) = steps.iter().find(|s| s.state.flash) else { return };
+    fn check_flash(&self, limits: &Limits, steps: &[Step]) -> Option<String> {
+        let first = steps.iter().find(|s| s.state.flash)?;
         let Some(flash) = &limits.flash else {
-            return problems.push(format!("{} needs a flash, and there is none", first.file));
+            return Some(format!("{} needs a flash, and there is none", first.file));
         };
         let session = Duration::from_secs_f64(self.camera.exposure_ms.unwrap_or(0.0) / 1000.0);
-        for group in groups(steps).filter(|g| g[0].state.flash) {
+        groups(steps).filter(|g| g[0].state.flash).find_map(|group| {
             let on = light_on_s(group[0].state.exposure(session), group.len() * self.camera.average as usize, limits);
-            if on > flash.max_on_s {
-                return problems.push(format!(
-                    "{} would keep the {} on for {on:.1} s, but it must not be on for more than {} s at a time; expose shorter, \
-                     average less, or put other steps in between",
+            let problem = || {
+                format!(
+                    "{} would keep the {} on for {on:.1} s, but it must not be on for more than {} s at a time; expose \
+                     shorter, average less, or put other steps in between",
                     group[0].file, flash.id, flash.max_on_s
-                ));
-            }
-        }
+                )
+            };
+            if on > flash.max_on_s { Some(problem()) } else { None }
+        })
     }
 }
 

@@ -37,10 +37,11 @@ pub struct Estimate {
     pub bytes: u64,
 }
 
-/// Stops on the way to `to` from `from`: two when the angle does not lie above, one otherwise.
-pub fn approach(from: f64, to: f64, limits_deg: [f64; 2]) -> Vec<f64> {
-    let below = (to - APPROACH_DEG).max(limits_deg[0]);
-    if to <= from && below < to { vec![below, to] } else { vec![to] }
+/// Stops on the way to `to` from `from`: two when the angle does not lie above, one otherwise. A person turns to the
+/// angle as they see fit.
+pub fn approach(from: f64, to: f64, stage: &StageInfo) -> Vec<f64> {
+    let below = (to - APPROACH_DEG).max(stage.limits_deg[0]);
+    if to <= from && below < to && !stage.by_hand { vec![below, to] } else { vec![to] }
 }
 
 /// Longest time that the flash is on for a group of `exposures` exposures: it may come on just after one began.
@@ -50,12 +51,12 @@ pub fn light_on_s(exposure: Duration, exposures: usize, limits: &Limits) -> f64 
 }
 
 impl Plan {
-    /// Time and disk for a session with this exposure time, without metering.
-    pub fn estimate(&self, exposure: Duration, limits: &Limits) -> Estimate {
+    /// Time and disk for a session with this exposure time, without metering. `stands_deg` is where the stage stands.
+    pub fn estimate(&self, exposure: Duration, limits: &Limits, stands_deg: f64) -> Estimate {
         let steps = self.steps();
         let mut time = Timeline::new(limits);
         if steps.iter().any(|s| s.state.analyser_deg.is_some()) {
-            time.now += limits.stage.settling_s;
+            time.now += stands_deg.abs() / limits.stage.speed_deg_s + limits.stage.settling_s;
         }
         for group in groups(&steps) {
             time.take(&group[0].state, exposure, group.len() * self.camera.average as usize);
@@ -113,7 +114,7 @@ impl<'a> Timeline<'a> {
         self.expose(state.exposure(session));
         if let Some(to) = state.analyser_deg {
             let stage = &self.limits.stage;
-            for stop in approach(self.angle, to, stage.limits_deg) {
+            for stop in approach(self.angle, to, stage) {
                 self.now += (stop - self.angle).abs() / stage.speed_deg_s + stage.settling_s;
                 self.angle = stop;
             }
@@ -129,10 +130,12 @@ mod tests {
 
     #[test]
     fn angles_are_approached_from_below_within_the_limits() {
-        let limits = [-10.0, 370.0];
-        assert_eq!(approach(0.0, 45.0, limits), [45.0]);
-        assert_eq!(approach(45.0, 45.0, limits), [40.0, 45.0]);
-        assert_eq!(approach(90.0, -8.0, limits), [-10.0, -8.0]);
-        assert_eq!(approach(90.0, -10.0, limits), [-10.0]);
+        let mut stage = nacre_sim::describe(&nacre_sim::BenchConfig::default()).stage;
+        stage.limits_deg = [-10.0, 370.0];
+        assert_eq!(approach(0.0, 45.0, &stage), [45.0]);
+        assert_eq!(approach(45.0, 45.0, &stage), [40.0, 45.0]);
+        assert_eq!(approach(90.0, -8.0, &stage), [-10.0, -8.0]);
+        assert_eq!(approach(90.0, -10.0, &stage), [-10.0]);
+        assert_eq!(approach(90.0, 0.0, &StageInfo { by_hand: true, ..stage }), [0.0]);
     }
 }

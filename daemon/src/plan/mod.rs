@@ -166,7 +166,8 @@ pub struct FreeStep {
     /// What the panel shows; as the plan's `display` when it is not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub display: Option<DisplayPlan>,
-    /// Analyser angle in degrees; the analyser stays where it is when it is not given.
+    /// Analyser angle in degrees. Where it is not given, that of the step before, and before the first one given, that
+    /// one; if none is given at all, the analyser is not touched.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub analyser_deg: Option<f64>,
     /// Whether the flash is on.

@@ -1,6 +1,6 @@
 //! A plan as the list of frames it asks for.
 
-use super::{Extra, Plan, PlanKind};
+use super::{Extra, FreeStep, Plan, PlanKind};
 use nacre_drivers::Pattern;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -118,11 +118,19 @@ impl Plan {
                 let at = |a: &Option<f64>| discs.iter().map(|d| State { pattern: *d, ..state(*a) }).collect::<Vec<_>>();
                 angles.iter().flat_map(at).collect()
             }
-            PlanKind::Free => self.steps.iter().map(|s| self.free(s)).collect(),
+            PlanKind::Free => {
+                // Explicit, so that a resumed session does not depend on where the analyser happens to stand.
+                let mut angle = self.steps.iter().find_map(|s| s.analyser_deg);
+                let mut place = |step: &FreeStep| {
+                    angle = step.analyser_deg.or(angle);
+                    angle
+                };
+                self.steps.iter().map(|s| State { analyser_deg: place(s), ..self.free(s) }).collect()
+            }
         }
     }
 
-    fn free(&self, step: &super::FreeStep) -> State {
+    fn free(&self, step: &FreeStep) -> State {
         State {
             pattern: step.display.unwrap_or(self.display).pattern(),
             analyser_deg: step.analyser_deg,
@@ -201,6 +209,7 @@ pub(super) mod tests {
         );
         let steps = free.steps();
         assert_eq!(groups(&steps).map(<[Step]>::len).collect::<Vec<_>>(), [1, 2]);
+        assert_eq!(steps[0].state.analyser_deg, Some(30.0));
         assert!(free.is_metered() && steps[0].state.flash && steps[1].state.pattern != Pattern::Black);
     }
 }

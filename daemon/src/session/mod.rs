@@ -98,17 +98,16 @@ pub struct Session<D: Disk> {
 }
 
 impl<D: Disk> Session<D> {
-    /// Makes a new session folder with its description; `folder` must not exist or be empty.
+    /// Makes a new session folder with its description; `folder` must be vacant ([`is_vacant`]).
     ///
     /// # Errors
     /// As the system answers.
     pub fn create(disk: D, folder: &Path, description: &SessionFile) -> io::Result<Self> {
-        match std::fs::read_dir(folder).map(|mut entries| entries.next().is_none()) {
-            Ok(true) => {}
-            Ok(false) => return Err(io::ErrorKind::DirectoryNotEmpty.into()),
-            Err(_) => disk.create_dir(folder)?,
+        if !folder.is_dir() {
+            disk.create_dir(folder)?;
+        } else if !is_vacant(folder) {
+            return Err(io::ErrorKind::DirectoryNotEmpty.into());
         }
-        disk.create_dir(&folder.join("frames"))?;
         let text = serde_json::to_vec_pretty(description).map_err(io::Error::other)?;
         write_whole(&disk, folder, SESSION_FILE, &text)?;
         if let Some(parent) = folder.parent() {
@@ -116,6 +115,7 @@ impl<D: Disk> Session<D> {
         }
         let lock = lock(folder)?;
         let mut session = Self { folder: folder.to_path_buf(), disk, journal: Journal::default(), lock };
+        session.make_frames_folder()?;
         session.record(Entry::Begun)?;
         Ok(session)
     }
@@ -130,8 +130,18 @@ impl<D: Disk> Session<D> {
         let (journal, intact) = Journal::read(&folder.join(Journal::NAME))?;
         let mut session = Self { folder: folder.to_path_buf(), disk, journal, lock };
         session.disk.truncate(&session.folder.join(Journal::NAME), intact)?;
+        session.make_frames_folder()?;
         session.record(Entry::Resumed)?;
         Ok(session)
+    }
+
+    fn make_frames_folder(&self) -> io::Result<()> {
+        let frames = self.folder.join("frames");
+        if !frames.is_dir() {
+            self.disk.create_dir(&frames)?;
+            self.disk.sync_dir(&self.folder)?;
+        }
+        Ok(())
     }
 
     /// The folder.
@@ -180,6 +190,15 @@ impl<D: Disk> Session<D> {
             self.disk.sync_dir(&self.folder)?;
         }
         Ok(())
+    }
+}
+
+/// Whether a new session can be made here: there is nothing, or what is left of an attempt that came to nothing.
+pub fn is_vacant(folder: &Path) -> bool {
+    let leftover = Path::new(SESSION_FILE).with_extension("partial");
+    match std::fs::read_dir(folder) {
+        Ok(entries) => entries.flatten().all(|e| Path::new(&e.file_name()) == leftover),
+        Err(e) => e.kind() == io::ErrorKind::NotFound,
     }
 }
 

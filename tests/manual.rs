@@ -1,0 +1,115 @@
+//! Devices by hand, and an analyser that a person turns.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_tests::{BenchProcess, Place, assert_gone, command, data, light, nacre};
+use std::fs;
+use std::io::Write;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+const BENCH: &str = "camera = { width = 64, height = 48 }";
+
+/// Arguments on a bench process.
+fn on<'a>(bench: &'a BenchProcess, args: &[&'a str]) -> Vec<&'a str> {
+    [args, &["--sim", "--socket", bench.socket.to_str().unwrap()]].concat()
+}
+
+#[test]
+fn each_device_does_what_it_is_told() {
+    let place = Place::with_bench("", BENCH);
+    let bench = BenchProcess::start(&place.path("socket"), &place.path("bench.toml"), &[]);
+    let angle = |args: &[&str]| {
+        let json = nacre([&["--json"], &on(&bench, args)[..]].concat()).expect(0).json();
+        json["analyser_deg"].as_f64().unwrap()
+    };
+    assert!((angle(&["stage", "move", "45"]) - 45.0).abs() < 0.1);
+    assert!((angle(&["stage", "where"]) - 45.0).abs() < 0.1, "the bench remembers");
+    assert!((angle(&["stage", "move", "-20"]) + 20.0).abs() < 0.1);
+    assert!(angle(&["stage", "home"]).abs() < 0.2);
+    assert!(nacre(on(&bench, &["stage", "move", "1000"])).expect(1).stderr().contains("720"));
+
+    nacre(on(&bench, &["flash", "test"])).expect(0);
+    nacre(on(&bench, &["flash", "off"])).expect(0);
+    nacre(on(&bench, &["flash", "on", "--seconds", "0.05"])).expect(0);
+    assert!(nacre(on(&bench, &["flash", "on", "--seconds", "100"])).expect(2).stderr().contains("30"));
+    nacre(on(&bench, &["show", "disc:50@20,-10", "--seconds", "0.05"])).expect(0);
+    assert!(nacre(on(&bench, &["show", "disc:5000"])).expect(2).stderr().contains("597"));
+    assert!(nacre(on(&bench, &["show", "square"])).expect(2).stderr().contains("disc:DIAMETER"));
+    assert_eq!(light(&bench), [false, false]);
+
+    let snap = |name: &str, more: &[&str]| {
+        let path = place.text(name);
+        let args = [&["snap", "--out", &path, "--exposure-ms", "5"], more].concat();
+        nacre([&["--json"], &on(&bench, &args)[..]].concat()).expect(0).json()
+    };
+    let (dark, bright) = (snap("dark.png", &["--show", "black"]), snap("bright.png", &["--show", "disc:300"]));
+    assert!(bright["highest"].as_u64() > dark["highest"].as_u64(), "{bright} {dark}");
+    assert!(nacre(on(&bench, &["snap", "--out", &place.text("dark.png")])).expect(2).stderr().contains("--force"));
+
+    let devices = nacre(on(&bench, &["devices"])).expect(0).stdout();
+    for kind in ["stage", "camera", "display", "flash"] {
+        assert!(devices.contains(kind), "{devices}");
+    }
+    assert!(nacre(["devices", "--sim", "--socket", "/nowhere"]).expect(1).stderr().contains("sim bench"));
+    assert!(nacre(["stage", "home"]).expect(2).stderr().contains("--sim"));
+}
+
+/// Light that a person switched on goes off with them, however they go.
+#[test]
+fn light_by_hand_goes_off_with_the_command() {
+    let place = Place::with_bench("", BENCH);
+    let bench = BenchProcess::start(&place.path("socket"), &place.path("bench.toml"), &["--real-time"]);
+    for (args, lit) in [(&["flash", "on"][..], [false, true]), (&["show", "disc:50"], [true, false])] {
+        for kill in [false, true] {
+            let (mut command, mark) = command();
+            let mut child = command.args(on(&bench, args)).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+            let begun = Instant::now();
+            while light(&bench) != lit {
+                assert!(begun.elapsed() < Duration::from_secs(5), "{args:?}: no light");
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            let pid = child.id().to_string();
+            std::process::Command::new("kill").args([if kill { "-KILL" } else { "-INT" }, &pid]).status().unwrap();
+            let begun = Instant::now();
+            while light(&bench) != [false, false] {
+                assert!(begun.elapsed() < Duration::from_secs(1), "{args:?}: light is still on");
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            assert_eq!(child.wait().unwrap().success(), !kill);
+            assert_gone(&mark);
+        }
+    }
+}
+
+#[test]
+fn a_person_turns_the_analyser() {
+    let plan = "kind = \"polarization\"\ncamera = { exposure_ms = 5 }\nanalyser = { angles_deg = [0, 45, 90] }";
+    let place = Place::new(plan);
+    let run = |name: &str, input: &str| {
+        let (mut command, mark) = command();
+        command
+            .args(place.capture(name))
+            .arg("--hand")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+        let output = child.wait_with_output().unwrap();
+        assert_gone(&mark);
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (code, stderr) = run("s", "\n\n\n");
+    assert_eq!(code, Some(0), "{stderr}");
+    for angle in [0, 45, 90] {
+        assert!(stderr.contains(&format!("turn the analyser to {angle}° and press Enter")), "{stderr}");
+    }
+    assert_eq!(data(&place.path("s")).len(), 4);
+    // Somebody who goes away leaves a session that can be resumed by others like them, but not on a motor.
+    let (code, stderr) = run("left", "\n");
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(stderr.contains("hand-turned analyser") && stderr.contains("turn to 45°"), "{stderr}");
+    assert!(nacre(place.resume("left")).expect(2).stderr().contains("hand-turned analyser"));
+    assert!(fs::read_to_string(place.path("left/journal")).unwrap().contains("committed"));
+}
