@@ -2,7 +2,7 @@
 //! goes away, hangs or forgets, so that not even SIGKILL of the capture leaves it on.
 //!
 //! It talks JSON lines over its standard streams. Light goes off when the pipe closes, when no heartbeat came for
-//! [`SILENCE`], after the flash's longest on-time, on SIGTERM, and when the guardian starts.
+//! 0.4 s, after the flash's longest on-time, on SIGTERM, and when the guardian starts.
 
 use nacre_drivers::{Class, DeviceError, DeviceResult, Flash, FlashInfo, Switched};
 use serde::{Deserialize, Serialize};

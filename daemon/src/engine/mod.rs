@@ -3,8 +3,8 @@
 //! Whatever stops it, going on later gives the same data set: settings are sent again, the stage is homed and every angle
 //! approached from below, and frames that are committed are not taken twice. Light is off after any end.
 //!
-//! Three things go on at once: the bench moves ([`take`]), stored frames accumulate ([`store`]), and the
-//! reconstruction follows them ([`live`]).
+//! Three things go on at once: the bench moves (`take`), stored frames accumulate (`store`), and the reconstruction
+//! follows them (`live`).
 
 mod hands;
 mod live;
