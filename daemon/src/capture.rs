@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::console::Console;
-use crate::engine::{Control, Engine, Input, State};
+use crate::engine::{Control, Engine, Input, Observer, State};
 use crate::plan::{ModelPlan, Plan, ReconstructPlan};
 use crate::rig::Rig;
 use crate::session::{Disk, Journal, Session, SessionFile, Timing, is_vacant};
@@ -47,8 +47,8 @@ pub struct Capture<'a> {
     pub rig: &'a mut Rig,
     /// State of the run.
     pub control: Arc<Control>,
-    /// Told of every frame.
-    pub progress: &'a dyn Progress,
+    /// Told of everything that happens.
+    pub observer: &'a dyn Observer,
 }
 
 impl Capture<'_> {
@@ -110,7 +110,7 @@ impl Capture<'_> {
             devices: &mut self.rig.devices,
             watch: &self.rig.watch,
             control: &self.control,
-            progress: self.progress,
+            observer: self.observer,
         }
     }
 
@@ -125,7 +125,7 @@ impl Capture<'_> {
         let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Error::output(&folder, e))?;
         let begun = Instant::now();
         let results = match description.plan.reconstruct {
-            Some(planned) => Some(results(planned, outcome.running, &folder, self.progress)?),
+            Some(planned) => Some(results(planned, outcome.running, &folder, self.observer)?),
             None => None,
         };
         let (results, report) = results.unzip();

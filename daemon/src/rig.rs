@@ -1,7 +1,6 @@
 //! Opens the devices of a bench, each on its own thread, locked against other processes.
 
 use crate::Failure;
-use crate::console::Console;
 use crate::engine::{Devices, Watch};
 use crate::guardian::GuardedFlash;
 use crate::plan::Limits;
@@ -23,11 +22,19 @@ use tokio::runtime::Runtime;
 /// A lost link may take this long to come back.
 const PATIENCE: Duration = Duration::from_secs(2);
 
+/// How often somebody asked for the end.
+pub type Stop = Arc<AtomicU32>;
+
 /// Where the simulated bench is.
 #[derive(Clone, Debug)]
 pub enum Place {
     /// In this process, on its own time.
-    Here(Box<BenchConfig>),
+    Here {
+        /// How it is configured.
+        config: Box<BenchConfig>,
+        /// It takes as long as a real one.
+        real_time: bool,
+    },
     /// In a process of its own, behind this socket.
     Socket(PathBuf),
 }
@@ -51,13 +58,18 @@ pub struct Rig {
 }
 
 impl Place {
+    /// A bench in this process whose time is virtual.
+    pub fn here(config: BenchConfig) -> Self {
+        Self::Here { config: Box::new(config), real_time: false }
+    }
+
     /// What the devices can do, without opening them.
     ///
     /// # Errors
     /// Nobody listens at the socket.
     pub fn limits(&self) -> DeviceResult<Limits> {
         let devices = match self {
-            Self::Here(config) => describe(config),
+            Self::Here { config, .. } => describe(config),
             Self::Socket(path) => SimDevice::new(Box::new(RemoteBench::connect(path)?))?.devices().clone(),
         };
         Ok(Limits {
@@ -70,24 +82,31 @@ impl Place {
 }
 
 impl Rig {
-    /// Opens all devices; with `hand` the analyser is turned by hand.
+    /// Opens all devices; with `hand` the analyser is turned by hand, and the person is asked until `stop` counts.
     ///
     /// # Errors
     /// A device cannot be opened or belongs to another process; `Cancelled` while a bench is built.
-    pub fn open(runtime: &Runtime, place: &Place, hand: bool, console: &Console) -> Result<Self, Failure> {
+    pub fn open(
+        runtime: &Runtime,
+        place: &Place,
+        hand: bool,
+        progress: &dyn Progress,
+        stop: &Stop,
+    ) -> Result<Self, Failure> {
         match place {
-            Place::Here(config) => {
-                let bench = SharedBench::new(Bench::new(config, console as &dyn Progress)?);
+            Place::Here { config, real_time } => {
+                let bench = Bench::new(config, progress)?;
+                let bench = if *real_time { SharedBench::real_time(bench) } else { SharedBench::new(bench) };
                 let shared = bench.clone();
                 let port = move || -> DeviceResult<Box<dyn Port>> { Ok(Box::new(shared.clone())) };
-                let mut rig = runtime.block_on(open(port, Arc::new(bench.clone()), hand, console, None))?;
+                let mut rig = runtime.block_on(open(port, Arc::new(bench.clone()), hand, stop, None))?;
                 rig.bench = Some(bench);
                 Ok(rig)
             }
             Place::Socket(path) => {
                 let owned = path.clone();
                 let port = move || -> DeviceResult<Box<dyn Port>> { Ok(Box::new(RemoteBench::connect(&owned)?)) };
-                Ok(runtime.block_on(open(port, Arc::new(SystemClock), hand, console, Some(path)))?)
+                Ok(runtime.block_on(open(port, Arc::new(SystemClock), hand, stop, Some(path)))?)
             }
         }
     }
@@ -98,7 +117,7 @@ async fn open(
     port: impl Fn() -> DeviceResult<Box<dyn Port>> + Clone + Send + 'static,
     clock: Arc<dyn Clock>,
     hand: bool,
-    console: &Console,
+    stop: &Stop,
     socket: Option<&Path>,
 ) -> DeviceResult<Rig> {
     let all = SimDevice::new(port()?)?.devices().clone();
@@ -120,7 +139,7 @@ async fn open(
         Some(path) => Box::new(move || Ok(Box::new(GuardedFlash::start(&path)?) as Box<dyn Flash>)),
         None => Box::new(move || Ok(Box::new(device()?) as Box<dyn Flash>)),
     };
-    let stop = console.interrupted();
+    let stop = stop.clone();
     let stage: nacre_drivers::Connect<dyn Stage> = if hand {
         Box::new(move || {
             let prompt = Box::new(Terminal { stop: stop.clone() });
@@ -159,7 +178,7 @@ async fn open(
 
 /// Asks the person at the terminal; gives up when the program is to stop.
 struct Terminal {
-    stop: Arc<AtomicU32>,
+    stop: Stop,
 }
 
 impl Prompt for Terminal {

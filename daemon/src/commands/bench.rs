@@ -34,7 +34,7 @@ impl BenchArgs {
     pub fn described(&self) -> Result<Place, Failure> {
         Ok(match &self.socket {
             Some(path) => Place::Socket(path.clone()),
-            None => Place::Here(Box::new(read_bench(self.bench.as_ref())?)),
+            None => Place::here(read_bench(self.bench.as_ref())?),
         })
     }
 }

@@ -63,10 +63,10 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         }
     }
     let (runtime, control) = (runtime()?, Arc::new(Control::default()));
-    let mut rig = Rig::open(&runtime, &place, args.hand, console)?;
+    let mut rig = Rig::open(&runtime, &place, args.hand, console, &console.interrupted())?;
     steer(&runtime, &control, console, args.hand)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
-    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, progress: console };
+    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console };
     let taken = match (plan, &args.out, &args.resume) {
         (Some((plan, _)), Some(out), _) => capture.begin(plan, out, MortalDisk::default()),
         (_, _, Some(folder)) => capture.resume(folder, MortalDisk::default()),
@@ -94,8 +94,8 @@ fn bench_of(args: &Args, folder: &Path) -> Result<Place, Failure> {
     };
     // The file may have been edited since, so it is checked like a new one, before anything is changed.
     config.validate().map_err(|problem| Error::file(folder, problem, "`nacre schema bench` lists all keys"))?;
-    check_limits(&description.plan, folder, &Place::Here(Box::new(config.clone())).limits()?)?;
-    Ok(Place::Here(Box::new(config)))
+    check_limits(&description.plan, folder, &Place::here(config.clone()).limits()?)?;
+    Ok(Place::here(config))
 }
 
 fn dry_run(plan: &Plan, console: &Console) -> Result<(), Failure> {

@@ -134,7 +134,7 @@ fn with_hands<T>(
     work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
     let (runtime, control) = (runtime()?, Control::default());
-    let mut rig = Rig::open(&runtime, &bench.place()?, false, console)?;
+    let mut rig = Rig::open(&runtime, &bench.place()?, false, console, &console.interrupted())?;
     let mut hands = Hands::new(&mut rig.devices);
     let _ = control.send(Input::Start);
     runtime.block_on(async {

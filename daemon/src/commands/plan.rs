@@ -68,13 +68,13 @@ fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Consol
         return Ok(plan.estimate(exposure, &limits, 0.0));
     }
     let (runtime, control) = (runtime()?, Control::default());
-    let mut rig = Rig::open(&runtime, &bench.described()?, false, console)?;
+    let mut rig = Rig::open(&runtime, &bench.described()?, false, console, &console.interrupted())?;
     let mut engine = Engine {
         runtime: &runtime,
         devices: &mut rig.devices,
         watch: &rig.watch,
         control: &control,
-        progress: console,
+        observer: console,
     };
     let (exposure, timing) = engine.meter(plan)?;
     limits.camera.exposure_now_s = exposure.as_secs_f64();

@@ -169,10 +169,10 @@ pub fn simulate(
         reconstruct: None,
     };
     let (runtime, control) = (runtime()?, Arc::new(Control::default()));
-    let mut rig = Rig::open(&runtime, &Place::Here(Box::new(config.clone())), false, console)?;
+    let mut rig = Rig::open(&runtime, &Place::here(config.clone()), false, console, &console.interrupted())?;
     steer(&runtime, &control, console, true)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
-    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, progress: console };
+    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console };
     let taken = capture.begin(plan, &folder.path(""), RealDisk)?;
     let Some(bench) = rig.bench.take() else {
         return Err(Error::input("bench", "is not in this process", "report this").into());

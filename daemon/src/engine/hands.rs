@@ -31,14 +31,21 @@ pub struct Devices {
 pub struct Hands<'a> {
     devices: &'a mut Devices,
     limits: Limits,
+    /// What is known of the devices.
+    pub memory: Memory,
+    /// Time that the devices took.
+    pub stopwatch: Stopwatch,
+}
+
+/// What is known of the devices, from one piece of work to the next.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Memory {
     angle: f64,
     asked: Option<(Duration, f64)>,
     controls: Option<Controls>,
     freshness: Freshness,
     flash_since: Option<Duration>,
     last_frame: Option<Stamp>,
-    /// Time that the devices took.
-    pub stopwatch: Stopwatch,
 }
 
 /// Time at work: on the devices' own clock, and on the clock on the wall while waiting for them.
@@ -78,18 +85,13 @@ impl Devices {
 impl<'a> Hands<'a> {
     /// Takes the devices in hand; nothing is known of them.
     pub fn new(devices: &'a mut Devices) -> Self {
+        Self::with(devices, Memory::default())
+    }
+
+    /// Takes the devices in hand again.
+    pub fn with(devices: &'a mut Devices, memory: Memory) -> Self {
         let limits = devices.limits();
-        Self {
-            devices,
-            limits,
-            angle: 0.0,
-            asked: None,
-            controls: None,
-            freshness: Freshness::default(),
-            flash_since: None,
-            last_frame: None,
-            stopwatch: Stopwatch::default(),
-        }
+        Self { devices, limits, memory, stopwatch: Stopwatch::default() }
     }
 
     /// What the devices can do.
@@ -103,12 +105,12 @@ impl<'a> Hands<'a> {
     /// # Errors
     /// As the devices answer.
     pub async fn prepare(&mut self, turn: bool) -> DeviceResult<()> {
-        (self.asked, self.controls, self.last_frame) = (None, None, None);
-        self.freshness = Freshness::default();
+        // A flash that was on is still to be timed.
+        self.memory = Memory { flash_since: self.memory.flash_since, ..Memory::default() };
         self.dark().await?;
         if turn {
             let arrived = timed(&mut self.stopwatch, self.devices.stage.home()).await?;
-            self.angle = 0.0;
+            self.memory.angle = 0.0;
             self.steady(arrived.since, "home")?;
         }
         Ok(())
@@ -132,7 +134,7 @@ impl<'a> Hands<'a> {
     /// # Errors
     /// As the camera answers; `Setup` when it sets something else.
     pub async fn expose(&mut self, exposure: Duration, gain: f64) -> DeviceResult<()> {
-        if self.asked == Some((exposure, gain)) {
+        if self.memory.asked == Some((exposure, gain)) {
             return Ok(());
         }
         let controls = timed(&mut self.stopwatch, self.devices.camera.configure(exposure, gain)).await?;
@@ -152,9 +154,10 @@ impl<'a> Hands<'a> {
             first = first.or_else(|| Freshness::first_with_controls(stamp, controls.set_at, lag));
             // From here on changes of the bench come after this one.
             if let Some(first) = first.filter(|f| stamp.sequence + 1 >= *f) {
-                self.freshness.first_sequence = first;
-                self.freshness.duration = controls.exposure + Duration::from_secs_f64(self.limits.camera.readout_s);
-                (self.asked, self.controls) = (Some((exposure, gain)), Some(controls));
+                self.memory.freshness.first_sequence = first;
+                self.memory.freshness.duration =
+                    controls.exposure + Duration::from_secs_f64(self.limits.camera.readout_s);
+                (self.memory.asked, self.memory.controls) = (Some((exposure, gain)), Some(controls));
                 return Ok(());
             }
         }
@@ -163,7 +166,7 @@ impl<'a> Hands<'a> {
 
     /// Exposure and gain in force.
     pub fn controls(&self) -> Option<Controls> {
-        self.controls
+        self.memory.controls
     }
 
     /// Closes or opens the shutter, where there is one.
@@ -198,7 +201,7 @@ impl<'a> Hands<'a> {
     /// # Errors
     /// As the stage answers; `Stop` when it reports to stand elsewhere.
     pub async fn turn(&mut self, to: f64) -> DeviceResult<()> {
-        for stop in approach(self.angle, to, &self.limits.stage) {
+        for stop in approach(self.memory.angle, to, &self.limits.stage) {
             let arrived = timed(&mut self.stopwatch, self.devices.stage.move_to(stop)).await?;
             // Not so for an angle that is no number, either.
             let there = (arrived.angle_deg - stop).abs() <= self.limits.stage.tolerance_deg;
@@ -208,7 +211,7 @@ impl<'a> Hands<'a> {
                 let remedy = "check that it turns freely and is plugged in firmly, then resume the session";
                 return Err(DeviceError::new(&self.limits.stage.id, command, expected, got).remedy(remedy));
             }
-            self.angle = stop;
+            self.memory.angle = stop;
             self.steady(arrived.since, "move")?;
         }
         Ok(())
@@ -224,7 +227,7 @@ impl<'a> Hands<'a> {
             return Err(DeviceError::new(&self.limits.stage.id, "report its position", "an angle", format!("{angle}"))
                 .class(Class::Retry));
         }
-        self.angle = angle;
+        self.memory.angle = angle;
         Ok(())
     }
 
@@ -251,13 +254,13 @@ impl<'a> Hands<'a> {
             let remedy = "switch it off by hand and check its wiring, then resume the session";
             return Err(DeviceError::new(&info.id, command, word(on), word(switched.on)).remedy(remedy));
         }
-        let lit = self.flash_since.take().map(|since| switched.since.saturating_sub(since).as_secs_f64());
+        let lit = self.memory.flash_since.take().map(|since| switched.since.saturating_sub(since).as_secs_f64());
         if let Some(seconds) = lit.filter(|s| *s > info.max_on_s) {
             let (expected, got) = (format!("at most {} s of light", info.max_on_s), format!("{seconds:.1} s"));
             let remedy = "expose shorter or average less";
             return Err(DeviceError::new(&info.id, command, expected, got).remedy(remedy));
         }
-        self.flash_since = on.then_some(switched.since);
+        self.memory.flash_since = on.then_some(switched.since);
         self.steady(switched.since, command)
     }
 
@@ -278,8 +281,8 @@ impl<'a> Hands<'a> {
     /// As the camera answers; `Stop` when it delivers only stale frames.
     pub async fn fresh(&mut self) -> DeviceResult<(Frame, u32)> {
         for dropped in 0..MAX_STALE {
-            let frame = self.next_frame(self.freshness).await?;
-            if self.freshness.accepts(frame.stamp) {
+            let frame = self.next_frame(self.memory.freshness).await?;
+            if self.memory.freshness.accepts(frame.stamp) {
                 return Ok((frame, dropped));
             }
         }
@@ -288,7 +291,7 @@ impl<'a> Hands<'a> {
 
     /// The rule that frames are accepted by now.
     pub fn freshness(&self) -> Freshness {
-        self.freshness
+        self.memory.freshness
     }
 
     /// The next frame, whole and of the size that the camera promised; without its codes if it is not fresh.
@@ -307,7 +310,7 @@ impl<'a> Hands<'a> {
         }
         let Stamp { sequence, timestamp } = frame.stamp;
         let late = |last: &Stamp| sequence <= last.sequence || timestamp <= last.timestamp;
-        if let Some(last) = self.last_frame.filter(late) {
+        if let Some(last) = self.memory.last_frame.filter(late) {
             let expected = format!("a frame after number {} at {:.3} s", last.sequence, last.timestamp.as_secs_f64());
             let got = format!("number {sequence} at {:.3} s", timestamp.as_secs_f64());
             let remedy = "the clock was set back: let it run evenly, then resume the session";
@@ -319,7 +322,7 @@ impl<'a> Hands<'a> {
                 .remedy(remedy)
                 .class(Class::Retry));
         }
-        self.last_frame = Some(frame.stamp);
+        self.memory.last_frame = Some(frame.stamp);
         let (_, last) = self.stopwatch.span.get_or_insert((timestamp, timestamp));
         *last = timestamp.max(*last);
         Ok(frame)
@@ -327,14 +330,14 @@ impl<'a> Hands<'a> {
 
     /// Something changed and is steady since then.
     fn steady(&mut self, since: Duration, command: &str) -> DeviceResult<()> {
-        let before = self.freshness.steady_since;
+        let before = self.memory.freshness.steady_since;
         if since + CLOCK_TOLERANCE < before {
             let expected = format!("a time after {:.3} s", before.as_secs_f64());
             let got = format!("{:.3} s", since.as_secs_f64());
             let remedy = "the clock was set back: let it run evenly, then resume the session";
             return Err(DeviceError::new("the devices' clock", command, expected, got).remedy(remedy));
         }
-        self.freshness.steady_since = since.max(before);
+        self.memory.freshness.steady_since = since.max(before);
         let (_, last) = self.stopwatch.span.get_or_insert((since, since));
         *last = since.max(*last);
         Ok(())

@@ -1,7 +1,8 @@
 //! The reconstruction that runs while frames arrive, so that the map is complete a moment after the last of them.
 
+use super::Observer;
 use super::store::{Arrival, frame_set};
-use crate::plan::{Method, Plan, Step};
+use crate::plan::{Method, Plan, PlanKind, Step};
 use crate::session::SessionFile;
 use nacre_drivers::CameraInfo;
 use nacre_processing::Result;
@@ -22,14 +23,18 @@ pub struct Live<'a> {
     pub steps: &'a [Step],
     /// What the camera is.
     pub camera: CameraInfo,
+    /// Told of the map so far.
+    pub observer: &'a dyn Observer,
 }
 
 impl Live<'_> {
     /// Takes in stored frames in the order of the series until no more come. None when the plan asks for no
     /// reconstruction, or when it cannot go along: then the finished session is reconstructed as a whole, which says why.
     pub fn follow(&self, arrivals: Receiver<Arrival>) -> Option<Running> {
-        let wanted = self.description.plan.reconstruct.is_some_and(|r| r.method == Method::Polarization);
-        if !wanted {
+        let plan = &self.description.plan;
+        let wanted = plan.reconstruct.is_some_and(|r| r.method == Method::Polarization);
+        let looked_at = plan.kind == PlanKind::Polarization && self.observer.wants_map();
+        if !wanted && !looked_at {
             arrivals.iter().for_each(drop);
             return None;
         }
@@ -43,13 +48,17 @@ impl Live<'_> {
                     Some(running) => running,
                     None => self.begin(arrival.controls)?,
                 };
+                let before = running.added();
                 while there.contains(&running.added()) {
                     running.add()?;
+                }
+                if looked_at && running.added() > before {
+                    self.observer.map(&running);
                 }
                 Ok(Some(running))
             });
         }
-        running.ok().flatten()
+        running.ok().flatten().filter(|_| wanted)
     }
 
     fn begin(&self, controls: (f64, f64)) -> Result<Running> {

@@ -14,14 +14,15 @@ mod store;
 mod take;
 mod watch;
 
-pub use hands::{Devices, Hands};
+pub use hands::{Devices, Hands, Memory};
 pub use state::{Control, Input, State, TABLE};
 pub use take::guarded;
 pub use watch::Watch;
 
 use crate::Failure;
+use crate::console::Console;
 use crate::plan::{Plan, Step, groups};
-use crate::session::{Disk, Entry, Session, SessionFile, Timing};
+use crate::session::{Commit, Disk, Entry, Session, SessionFile, Timing};
 use live::Live;
 use nacre_processing::Error;
 use nacre_processing::polarimetry::Running;
@@ -35,6 +36,22 @@ use tokio::sync::{mpsc, oneshot};
 /// Frames on their way to the disk; more would only need memory.
 const QUEUE: usize = 2;
 
+/// Follows a run from other threads.
+pub trait Observer: Progress {
+    /// A step's frame is stored for good.
+    fn stored(&self, _step: &Step, _evidence: &Commit) {}
+    /// Something else went into the journal.
+    fn noted(&self, _entry: &Entry) {}
+    /// Whether the map is to be looked at while frames arrive.
+    fn wants_map(&self) -> bool {
+        false
+    }
+    /// The map so far.
+    fn map(&self, _running: &Running) {}
+}
+
+impl Observer for Console {}
+
 /// What a run needs besides the session.
 pub struct Engine<'a> {
     /// Runs the device calls.
@@ -45,8 +62,8 @@ pub struct Engine<'a> {
     pub watch: &'a Watch,
     /// State of the run, and who steers it.
     pub control: &'a Control,
-    /// Told of every frame.
-    pub progress: &'a dyn Progress,
+    /// Told of everything that happens.
+    pub observer: &'a dyn Observer,
 }
 
 /// What a run led to.
@@ -66,9 +83,9 @@ impl Engine<'_> {
         let begun = Instant::now();
         let mut hands = Hands::new(self.devices);
         let _ = self.control.send(Input::Start);
-        let (watch, control, progress) = (self.watch, self.control, self.progress);
+        let (watch, control, observer) = (self.watch, self.control, self.observer);
         self.runtime.block_on(async {
-            let result = guarded(watch, control, meter::meter(&mut hands, plan, progress)).await;
+            let result = guarded(watch, control, meter::meter(&mut hands, plan, observer)).await;
             let dark = hands.dark().await;
             let exposure = match result {
                 Ok(exposure) => dark.map(|()| exposure)?,
@@ -98,13 +115,14 @@ impl Engine<'_> {
         // A group lacks all of its frames or none, since it is taken in one go.
         let lacks = |group: &[Step]| vec![group.iter().any(|s| !session.has(&s.file)); group.len()];
         let missing: Vec<bool> = groups(&steps).flat_map(lacks).collect();
-        self.progress.stage("capturing", steps.len() as u64);
+        self.observer.stage("capturing", steps.len() as u64);
         let folder = session.folder().to_path_buf();
         let camera = self.devices.camera.describe();
-        let live = Live { folder: &folder, description, steps: &steps, camera: camera.clone() };
+        let observer = self.observer;
+        let live = Live { folder: &folder, description, steps: &steps, camera: camera.clone(), observer };
         let (out, queue) = mpsc::channel(QUEUE);
         let (arrivals, arrived) = std::sync::mpsc::channel();
-        let store = Store { session, description, steps: &steps, camera, progress: self.progress, arrivals };
+        let store = Store { session, description, steps: &steps, camera, observer, arrivals };
         let taker = Taker {
             hands: Hands::new(self.devices),
             watch: self.watch,

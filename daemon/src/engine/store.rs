@@ -1,5 +1,6 @@
 //! The storing end of a run, on its own thread: while the bench moves on, frames are averaged, encoded and stored.
 
+use super::Observer;
 use crate::plan::{Plan, Role, Step};
 use crate::session::{Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
 use crate::{Failure, session};
@@ -8,7 +9,6 @@ use nacre_processing::Error;
 use nacre_processing::frames::{self, FrameSet, Kind, Spot, Transfer};
 use nacre_processing::image::encode_png16_gray;
 use nacre_processing::polarimetry::NoiseModel;
-use nacre_processing::progress::Progress;
 use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
@@ -55,8 +55,8 @@ pub struct Store<'a, D: Disk> {
     pub steps: &'a [Step],
     /// What the camera is.
     pub camera: CameraInfo,
-    /// Told of every stored frame.
-    pub progress: &'a dyn Progress,
+    /// Told of everything that is stored.
+    pub observer: &'a dyn Observer,
     /// Told of every stored frame of the series.
     pub arrivals: std::sync::mpsc::Sender<Arrival>,
 }
@@ -70,7 +70,10 @@ impl<D: Disk> Store<'_, D> {
         while let Some(message) = queue.blocking_recv() {
             let result = match message {
                 Message::Shot(shot) => self.shot(shot),
-                Message::Note(entry) => self.session.record(entry).map_err(|e| self.refused(Journal::NAME, e)),
+                Message::Note(entry) => {
+                    self.observer.noted(&entry);
+                    self.session.record(entry).map_err(|e| self.refused(Journal::NAME, e))
+                }
                 Message::Finish(timing) => self.finish(timing),
                 Message::Flush(done) => {
                     let _ = done.send(());
@@ -89,7 +92,7 @@ impl<D: Disk> Store<'_, D> {
     /// Tells of frames that are there already.
     pub fn announce_stored(&self, missing: &[bool]) {
         for (i, _) in missing.iter().enumerate().filter(|(_, missing)| !**missing) {
-            self.progress.step();
+            self.observer.step();
             if let Some(commit) = self.session.journal().commit(&self.steps[i].file) {
                 self.announce(i, commit);
             }
@@ -111,7 +114,10 @@ impl<D: Disk> Store<'_, D> {
         let png = encode_png16_gray(width, height, &codes).map_err(|e| self.refused(&file, e))?;
         self.session.store(&file, &png, shot.evidence.clone()).map_err(|e| self.refused(&file, e))?;
         self.announce(shot.index, &shot.evidence);
-        self.progress.step();
+        if let Some(commit) = self.session.journal().commit(&file) {
+            self.observer.stored(&self.steps[shot.index], commit);
+        }
+        self.observer.step();
         Ok(())
     }
 

@@ -18,6 +18,6 @@ pub use canvas::{Canvas, Rgb, text_width};
 pub use exif::{Exposure, exposure};
 pub use folder::OutputFolder;
 pub use openexr::{ExrMap, read_exr};
-pub use picture::{hsv, orientation_picture, scalar_picture, wheel};
+pub use picture::{MASKED, hsv, orientation_color, orientation_picture, scalar_picture, viridis, wheel};
 pub use read::{Depth, EXTENSIONS, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, info, read};
-pub use write::{Attribute, encode_png16_gray, write_exr, write_png8, write_png16_gray};
+pub use write::{Attribute, encode_png8, encode_png16_gray, write_exr, write_png8, write_png16_gray};

@@ -8,8 +8,8 @@ use super::canvas::{Canvas, Rgb, text_width};
 
 const PAPER: Rgb = [250, 250, 250];
 const INK: Rgb = [25, 25, 25];
-/// Masked pixels: a grey that neither the hues nor the scalar colours contain.
-const MASKED: Rgb = [64, 64, 64];
+/// Colour of masked pixels: a grey that neither the hues nor the scalar colours contain.
+pub const MASKED: Rgb = [64, 64, 64];
 /// Colours of the table for orientations: enough that none of the 1530 saturated hues is missed.
 const HUES: usize = 6120;
 
@@ -24,12 +24,12 @@ pub fn hsv(h: f32, s: f32, v: f32) -> Rgb {
 }
 
 /// Colour of an orientation in radians; θ and θ + π have the same.
-fn orientation_color(theta: f32) -> Rgb {
+pub fn orientation_color(theta: f32) -> Rgb {
     hsv(theta / PI, 1.0, 1.0)
 }
 
 /// Perceptually uniform dark to light colours for 0 to 1: the sixth-order fit of viridis by M. Zucker (CC0).
-fn viridis(t: f32) -> Rgb {
+pub fn viridis(t: f32) -> Rgb {
     const C: [[f32; 3]; 7] = [
         [0.277_727_33, 0.005_407_344_5, 0.334_099_8],
         [0.105_093_04, 1.404_613_5, 1.384_590_1],

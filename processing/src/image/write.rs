@@ -171,6 +171,15 @@ pub fn encode_png16_gray(width: usize, height: usize, samples: &[u16]) -> io::Re
     encode_png([width, height], &bytes, ExtendedColorType::L16)
 }
 
+/// An 8-bit PNG of 1 (grey) or 3 (RGB) interleaved channels, in memory.
+///
+/// # Errors
+/// `InvalidInput` when the samples do not fit the size.
+pub fn encode_png8(width: usize, height: usize, channels: usize, samples: &[u8]) -> io::Result<Vec<u8>> {
+    let color = if channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
+    encode_png([width, height], samples, color)
+}
+
 /// Encodes in memory first, so that a failing write keeps the system's own error (the encoder turns it into text).
 fn write_png(path: &Path, size: [usize; 2], bytes: &[u8], color: ExtendedColorType) -> Result<()> {
     let encoded = encode_png(size, bytes, color).map_err(|error| Error::output(path, error))?;

@@ -52,6 +52,29 @@ impl Fit {
         }
     }
 
+    /// Pixels per row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// The fit of every `step`-th pixel of every `step`-th row.
+    pub fn thinned(&self, step: usize) -> Self {
+        fn thin<T: Copy>(plane: &[T], width: usize, step: usize) -> Vec<T> {
+            plane.chunks(width.max(1)).step_by(step).flat_map(|row| row.iter().step_by(step).copied()).collect()
+        }
+        let plane = |plane: &[f32]| thin(plane, self.width, step);
+        Self {
+            width: self.width.div_ceil(step),
+            frames: self.frames,
+            pivot: plane(&self.pivot),
+            sum: plane(&self.sum),
+            cos: plane(&self.cos),
+            sin: plane(&self.sin),
+            square: plane(&self.square),
+            bad: thin(&self.bad, self.width, step),
+        }
+    }
+
     /// Number of frames added.
     pub fn frames(&self) -> usize {
         self.frames

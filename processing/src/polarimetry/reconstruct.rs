@@ -59,11 +59,11 @@ impl Options {
 /// A reconstruction that takes its photographs one by one, in order, as they arrive: the result is the same to the
 /// byte as that of [`reconstruct`].
 pub struct Running {
-    frames: LoadedFrames,
-    linearizer: Linearizer,
-    views: Vec<View>,
+    pub(super) frames: LoadedFrames,
+    pub(super) linearizer: Linearizer,
+    pub(super) views: Vec<View>,
     design: Design,
-    fit: Fit,
+    pub(super) fit: Fit,
     /// Photographs taken in.
     added: usize,
     read_and_fit_s: f64,
@@ -175,15 +175,15 @@ fn fold(fit: &mut Fit, views: &[View], i: usize, frame: &LinearFrame) {
 }
 
 /// One intensity image at one analyser angle: a whole photograph, or one position of its 2×2 blocks.
-struct View {
-    frame: usize,
+pub(super) struct View {
+    pub(super) frame: usize,
     /// `(x, y)` inside the block and the block's size.
-    position: [usize; 2],
-    block: usize,
-    angle: f64,
+    pub(super) position: [usize; 2],
+    pub(super) block: usize,
+    pub(super) angle: f64,
 }
 
-fn views(frames: &LoadedFrames) -> Result<Vec<View>> {
+pub(super) fn views(frames: &LoadedFrames) -> Result<Vec<View>> {
     let set = &frames.set;
     let indexed = set.frames.iter().enumerate();
     Ok(match (set.kind, set.layout) {
@@ -232,7 +232,7 @@ fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: &Linearizer
 }
 
 /// Noise of every view: as given, or from the residuals, or assumed.
-fn noise_of(
+pub(super) fn noise_of(
     frames: &LoadedFrames,
     linearizer: &Linearizer,
     views: &[View],
