@@ -235,7 +235,7 @@ async fn shutdown_puts_the_running_job_back() {
 #[test]
 fn a_job_whose_thread_lives_on_is_not_done_twice_at_once() {
     let folder = tempfile::tempdir().unwrap();
-    let runtime = || tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_time().build().unwrap();
+    let runtime = || tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
     let end = Arc::new(std::sync::atomic::AtomicBool::new(false));
     let ended = end.clone();
     let work: Work = Arc::new(move |_, progress| {
@@ -250,7 +250,6 @@ fn a_job_whose_thread_lives_on_is_not_done_twice_at_once() {
         let jobs = Jobs::open(folder.path(), work).await.unwrap();
         let id = jobs.submit(spec("")).await.unwrap().id;
         until(&jobs, &id, |job| job.stage == "deaf").await;
-        std::mem::forget(jobs.stop.clone());
         id
     });
     first.shutdown_background();

@@ -34,8 +34,8 @@ pub(super) struct Shared {
     /// Held while a job is being worked on, so that it is one at a time even when the worker had to be started anew.
     turn: tokio::sync::Mutex<()>,
     stopping: AtomicBool,
-    /// Held as long as anything works on the folder, also by the thread of a job.
-    _lock: File,
+    /// Held as long as anything works on the folder; the thread of a job has a share in it.
+    lock: File,
 }
 
 impl Shared {
@@ -48,7 +48,7 @@ impl Shared {
             current: Mutex::default(),
             turn: tokio::sync::Mutex::default(),
             stopping: AtomicBool::new(false),
-            _lock: lock,
+            lock,
         }
     }
 
@@ -142,6 +142,8 @@ pub(super) async fn supervise(shared: Arc<Shared>, mut stopped: watch::Receiver<
     // The running job is put back first.
     let _turn = shared.turn.lock().await;
     shared.store.close().await;
+    // Otherwise the last owner lets go of it.
+    let _ = shared.lock.unlock();
 }
 
 /// Starts a worker, and another one when it fails: the disk may be full only for a while.
