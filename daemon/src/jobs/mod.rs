@@ -143,7 +143,8 @@ pub enum Refusal {
     Queue(#[from] Error),
 }
 
-/// The job queue of one folder, and its worker. Dropping it stops the worker without waiting for it.
+/// The job queue of one folder, and its worker. Dropping it stops the worker without waiting for it. After a shutdown,
+/// everything answers `Cancelled`.
 pub struct Jobs {
     shared: Arc<Shared>,
     stop: watch::Sender<bool>,

@@ -88,7 +88,7 @@ impl Record {
                 self.turn(JobState::Cancelled, "cancelled");
             }
             Err(Failed::Cancelled) if end.stopping => {
-                self.job.attempts -= 1;
+                self.job.attempts = self.job.attempts.saturating_sub(1);
                 self.start_over();
                 self.turn(
                     JobState::Queued,

@@ -248,6 +248,7 @@ impl Store {
             (Some(ERROR | CORRUPT | NOT_A_DATABASE), _) | (_, sqlx::Error::ColumnDecode { .. }) => {
                 Error::file(&self.path, format!("is no intact job queue: {error}"), AWAY)
             }
+            (_, sqlx::Error::PoolClosed) => Error::Cancelled,
             (Some(FULL), _) => self.unusable(io::ErrorKind::StorageFull.into(), "free some space"),
             _ => self.unusable(io::Error::other(error), "check the disk, or give another folder"),
         }

@@ -2,6 +2,7 @@
 
 use super::*;
 use std::fs;
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -214,7 +215,7 @@ async fn shutdown_puts_the_running_job_back() {
     assert!(matches!(Jobs::open(folder.path(), Arc::new(act)).await, Err(Error::Input { .. })));
     jobs.shutdown().await;
     jobs.shutdown().await;
-    assert!(jobs.get(&first).await.is_err());
+    assert!(matches!(jobs.get(&first).await, Err(Error::Cancelled)));
 
     let ended: Work = Arc::new(|_, _| Ok(()));
     let jobs = Jobs::open(folder.path(), ended).await.unwrap();
@@ -269,42 +270,63 @@ fn a_job_whose_thread_lives_on_is_not_done_twice_at_once() {
     });
 }
 
-/// Not a test: the process that `kills_count_as_attempts` kills.
+/// Not a test: a process that works on a folder and is killed by the tests below.
 #[test]
-#[ignore = "started by another test"]
+#[ignore = "started by other tests"]
 fn victim() {
     let Some(folder) = std::env::var_os("NACRE_JOBS_VICTIM").map(PathBuf::from) else { return };
+    let busy = std::env::var_os("NACRE_JOBS_BUSY").is_some();
     let mark = folder.join("begun");
     let work: Work = Arc::new(move |_, _| {
         fs::write(&mark, "").unwrap();
-        loop {
-            std::thread::sleep(PATIENCE);
-        }
+        std::thread::sleep(if busy { Duration::from_millis(1) } else { PATIENCE });
+        Ok(())
     });
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
     runtime.block_on(async {
-        let _jobs = Jobs::open(&folder, work).await.unwrap();
+        let jobs = Jobs::open(&folder, work).await.unwrap();
+        let mut known = fs::File::options().create(true).append(true).open(folder.join("known")).unwrap();
+        while busy {
+            let id = jobs.submit(spec("well")).await.unwrap().id;
+            writeln!(known, "{id}").unwrap();
+        }
         sleep(PATIENCE).await;
     });
 }
 
-/// Starts a process that works on the folder, and kills it in the middle of the job.
-fn kill_in_the_middle(folder: &Path) {
+/// Starts a process that works on the folder, and kills it some time after it has begun a job.
+fn kill_in_the_middle(folder: &Path, busy: bool, after: Duration) {
     let mark = folder.join("begun");
     let _ = fs::remove_file(&mark);
-    let mut process = Command::new(std::env::current_exe().unwrap())
-        .args(["--ignored", "--exact", "jobs::tests::victim"])
-        .env("NACRE_JOBS_VICTIM", folder)
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--ignored", "--exact", "jobs::tests::victim"]).env("NACRE_JOBS_VICTIM", folder);
+    if busy {
+        command.env("NACRE_JOBS_BUSY", "1");
+    }
+    let mut process = command.stdout(Stdio::null()).spawn().unwrap();
     let end = Instant::now() + PATIENCE;
     while !mark.exists() && Instant::now() < end {
         std::thread::sleep(Duration::from_millis(5));
     }
+    std::thread::sleep(after);
     process.kill().unwrap();
     process.wait().unwrap();
     assert!(mark.exists());
+}
+
+#[tokio::test]
+async fn no_job_is_lost_in_kills_at_any_time() {
+    let folder = tempfile::tempdir().unwrap();
+    for milliseconds in [0, 7, 13, 29, 41, 63] {
+        kill_in_the_middle(folder.path(), true, Duration::from_millis(milliseconds));
+    }
+    let jobs = open(folder.path()).await;
+    let known = fs::read_to_string(folder.path().join("known")).unwrap();
+    assert!(known.lines().count() > 6, "{known}");
+    for id in known.lines() {
+        until(&jobs, id, |job| matches!(job.state, JobState::Done | JobState::SetAside)).await;
+    }
+    jobs.shutdown().await;
 }
 
 #[tokio::test]
@@ -315,7 +337,7 @@ async fn kills_count_as_attempts() {
     let id = store.insert(spec("well")).await.unwrap().id;
     store.close().await;
 
-    kill_in_the_middle(folder.path());
+    kill_in_the_middle(folder.path(), false, Duration::ZERO);
     let begun = Instant::now();
     let jobs = open(folder.path()).await;
     assert_eq!(reach(&jobs, &id, JobState::Done).await.attempts, 2);
@@ -326,7 +348,7 @@ async fn kills_count_as_attempts() {
     jobs.shutdown().await;
 
     for _ in 0..MAX_ATTEMPTS {
-        kill_in_the_middle(folder.path());
+        kill_in_the_middle(folder.path(), false, Duration::ZERO);
     }
     let jobs = open(folder.path()).await;
     let job = jobs.get(&id).await.unwrap().unwrap();
@@ -392,10 +414,18 @@ async fn a_worker_that_fails_is_replaced() {
     let jobs = open(folder.path()).await;
     let id = jobs.submit(spec("well")).await.unwrap().id;
     reach(&jobs, &id, JobState::Done).await;
+    let pool = jobs.shared.store.pool();
+    let workers = async || sqlx::query_scalar::<_, String>("SELECT id FROM Workers").fetch_all(pool).await.unwrap();
+    let first = workers().await;
     // Its heartbeat finds it gone.
-    sqlx::raw_sql("DELETE FROM Jobs; DELETE FROM Workers").execute(jobs.shared.store.pool()).await.unwrap();
+    sqlx::raw_sql("DELETE FROM Jobs; DELETE FROM Workers").execute(pool).await.unwrap();
     let id = jobs.submit(spec("wait")).await.unwrap().id;
-    sleep(Duration::from_millis(3500)).await;
+    let end = Instant::now() + PATIENCE;
+    while workers().await.is_empty() {
+        assert!(Instant::now() < end);
+        sleep(Duration::from_millis(10)).await;
+    }
+    assert_ne!(workers().await, first);
     jobs.cancel(&id).await.unwrap();
     assert_eq!(reach(&jobs, &id, JobState::Cancelled).await.attempts, 1);
     let id = jobs.submit(spec("well")).await.unwrap().id;

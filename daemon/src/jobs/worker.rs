@@ -62,7 +62,7 @@ impl Shared {
         let _ = self.changes.send(id.into());
     }
 
-    /// A job waits for the worker.
+    /// A job changed, and may wait for the worker.
     pub fn queued(&self, id: &str) {
         self.changed(id);
         self.bell.ring();
@@ -196,11 +196,11 @@ async fn run(shared: Arc<Shared>, id: String) -> Result<(), Error> {
             finish(&shared, &live, result).await;
             Ok(())
         }
+        // It was cancelled meanwhile, or this delivery has been overtaken by another one.
         Ok(_) => Ok(()),
         Err(error) => Err(error),
     };
     *shared.current() = None;
-    shared.changed(&id);
     result
 }
 
@@ -231,5 +231,5 @@ async fn finish(shared: &Shared, live: &Live, result: Result<(), Failed>) {
         }
         tokio::time::sleep(PAUSE).await;
     }
-    shared.bell.ring();
+    shared.queued(&live.id);
 }
