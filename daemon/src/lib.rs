@@ -6,6 +6,7 @@ pub mod commands;
 pub mod console;
 pub mod engine;
 pub mod guardian;
+pub mod jobs;
 mod leaks;
 pub mod plan;
 pub mod rig;

@@ -179,13 +179,13 @@ impl Catalogue {
 }
 
 /// SQLite's primary result codes.
-const ERROR: i32 = 1;
+pub(crate) const ERROR: i32 = 1;
 const BUSY: i32 = 5;
-const CORRUPT: i32 = 11;
-const FULL: i32 = 13;
-const NOT_A_DATABASE: i32 = 26;
+pub(crate) const CORRUPT: i32 = 11;
+pub(crate) const FULL: i32 = 13;
+pub(crate) const NOT_A_DATABASE: i32 = 26;
 
-fn primary_code(error: &sqlx::Error) -> Option<i32> {
+pub(crate) fn primary_code(error: &sqlx::Error) -> Option<i32> {
     let extended: i32 = error.as_database_error()?.code()?.parse().ok()?;
     Some(extended & 0xff)
 }
@@ -199,7 +199,7 @@ fn unusable(path: &Path, source: io::Error) -> Error {
 }
 
 /// Whether a database holds nothing yet.
-async fn is_new(connection: &mut SqliteConnection) -> sqlx::Result<bool> {
+pub(crate) async fn is_new(connection: &mut SqliteConnection) -> sqlx::Result<bool> {
     let empty = "SELECT user_version = 0 AND NOT EXISTS (SELECT 1 FROM sqlite_schema) FROM pragma_user_version";
     sqlx::query_scalar(empty).fetch_one(connection).await
 }
