@@ -10,6 +10,7 @@ pub mod jobs;
 mod leaks;
 pub mod plan;
 pub mod rig;
+pub mod service;
 pub mod session;
 
 use clap::{Parser, Subcommand};
@@ -47,6 +48,12 @@ enum Command {
     Demo(commands::demo::Args),
     /// Take a session's frames as a plan says.
     Capture(commands::capture::Args),
+    /// Run the service: REST, events and the page.
+    Serve(commands::serve::Args),
+    /// Find the devices and write a configuration of the service.
+    Init(commands::serve::Init),
+    /// Make a token for the service.
+    Token(commands::serve::Token),
     /// What devices there are, and who uses them.
     Devices(commands::devices::Args),
     /// Move the analyser by hand.
@@ -92,6 +99,9 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Demo(args) => commands::demo::run(&args, &console),
         Command::Capture(args) => commands::capture::run(&args, &console),
+        Command::Serve(args) => commands::serve::run(&args, &console),
+        Command::Init(args) => commands::serve::init(&args, &console),
+        Command::Token(args) => commands::serve::token(&args, &console),
         Command::Devices(args) => commands::devices::run(&args, &console),
         Command::Stage(args) => commands::manual::stage(&args, &console),
         Command::Snap(args) => commands::manual::snap(&args, &console),

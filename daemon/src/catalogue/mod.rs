@@ -160,6 +160,15 @@ impl Catalogue {
         transaction.commit().await
     }
 
+    /// Forgets a session.
+    ///
+    /// # Errors
+    /// `Input` when the catalogue is damaged, `Output` when it cannot be written.
+    pub async fn remove(&self, id: &str) -> Result<(), Error> {
+        let removed = sqlx::query("DELETE FROM session WHERE id = ?1").bind(id).execute(&self.pool).await;
+        removed.map(drop).map_err(|e| self.fault(e))
+    }
+
     /// Waits until everything is stored and closes the file.
     pub async fn close(self) {
         self.pool.close().await;

@@ -106,6 +106,27 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The `frames.json` of a folder of photographs whose names hold the analyser's angles.
+///
+/// # Errors
+/// `Input`, naming the photograph that cannot be used.
+pub fn from_names(folder: &Path, green: bool) -> Result<String, Error> {
+    let args = Args {
+        folder: folder.to_path_buf(),
+        kind: KindName::Polarization,
+        angles_deg: None,
+        layout: vec![],
+        transfer: None,
+        channel: green.then_some(ChannelName::G),
+        black: None,
+        white: None,
+        out: None,
+        force: false,
+    };
+    let set = describe(&args, &photographs(folder)?)?;
+    Ok(save(&check(folder.join(FILE_NAME), set)?.set))
+}
+
 /// Names of the photographs in a folder, sorted.
 fn photographs(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     const LIMIT: usize = 100_000;

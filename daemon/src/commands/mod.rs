@@ -11,4 +11,5 @@ pub mod manual;
 pub mod plan;
 pub mod reconstruct;
 pub mod schema;
+pub mod serve;
 pub mod sim;

@@ -22,6 +22,10 @@ enum Name {
     Plan,
     /// bench.toml: the simulated bench.
     Bench,
+    /// nacre.toml: the service.
+    Config,
+    /// The REST interface of the service, as an OpenAPI document.
+    Openapi,
 }
 
 /// Prints the schema; it is JSON with and without `--json`.
@@ -30,6 +34,12 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         Name::Frames => schemars::schema_for!(FrameSet),
         Name::Plan => schemars::schema_for!(crate::plan::Plan),
         Name::Bench => schemars::schema_for!(BenchConfig),
+        Name::Config => schemars::schema_for!(crate::service::config::Config),
+        Name::Openapi => {
+            let document = crate::service::openapi();
+            console.result(&serde_json::to_string_pretty(&document).unwrap_or_default(), &document);
+            return Ok(());
+        }
     };
     let text = serde_json::to_string_pretty(&schema).unwrap_or_default();
     console.result(&text, &schema);

@@ -108,12 +108,17 @@ impl<'a> Hands<'a> {
         // A flash that was on is still to be timed.
         self.memory = Memory { flash_since: self.memory.flash_since, ..Memory::default() };
         self.dark().await?;
-        if turn {
-            let arrived = timed(&mut self.stopwatch, self.devices.stage.home()).await?;
-            self.memory.angle = 0.0;
-            self.steady(arrived.since, "home")?;
-        }
-        Ok(())
+        if turn { self.home().await } else { Ok(()) }
+    }
+
+    /// Homes the stage.
+    ///
+    /// # Errors
+    /// As the stage answers.
+    pub async fn home(&mut self) -> DeviceResult<()> {
+        let arrived = timed(&mut self.stopwatch, self.devices.stage.home()).await?;
+        self.memory.angle = 0.0;
+        self.steady(arrived.since, "home")
     }
 
     /// Switches all light off. Every lamp is tried, whatever the others say.

@@ -52,6 +52,16 @@ impl Watch {
         self.interlocks.lock().await.iter_mut().for_each(|watched| watched.changes = None);
     }
 
+    /// Identities, and whether each holds now; none for one that does not answer.
+    pub async fn levels(&self) -> Vec<(String, Option<bool>)> {
+        let mut levels = vec![];
+        for watched in self.interlocks.lock().await.iter_mut() {
+            let holds = watched.interlock.level().await.ok().map(|l| l.holds);
+            levels.push((watched.interlock.describe().id, holds));
+        }
+        levels
+    }
+
     /// Identities.
     pub async fn ids(&self) -> Vec<String> {
         self.interlocks.lock().await.iter().map(|w| w.interlock.describe().id).collect()

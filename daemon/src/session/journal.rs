@@ -158,6 +158,19 @@ impl Journal {
         &self.entries
     }
 
+    /// Why it ended early, if that is the last thing that happened.
+    pub fn why_stopped(&self) -> Option<String> {
+        match self.entries.last() {
+            Some(Entry::Stopped { reason }) => Some(reason.clone()),
+            _ => None,
+        }
+    }
+
+    /// Where the time went, of a finished session.
+    pub fn timing(&self) -> Option<Timing> {
+        self.entries.iter().rev().find_map(|e| if let Entry::Finished(t) = e { Some(*t) } else { None })
+    }
+
     /// Whether the last thing that happened is an early end.
     pub fn stopped(&self) -> bool {
         matches!(self.entries.last(), Some(Entry::Stopped { .. }))

@@ -1,0 +1,359 @@
+//! The bench in the service: one thread owns the devices and does one thing at a time.
+
+use super::problem::{Kind, Problem};
+use crate::Failure;
+use crate::engine::{Control, Hands, Input, Memory, Watch, guarded};
+use crate::rig::{Place, Rig, Stop};
+use nacre_drivers::{Freshness, Pattern};
+use nacre_processing::progress::Silent;
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use tokio::runtime::Runtime;
+use tokio::sync::oneshot;
+
+/// A picture of the preview is taken again after this.
+const PREVIEW_AGE: Duration = Duration::from_millis(200);
+
+/// A frame that was waited for longer than this was not in the camera's queue.
+const QUEUED: Duration = Duration::from_millis(3);
+
+/// Longest queue that is emptied for a preview.
+const QUEUE: u32 = 8;
+
+type Job = Box<dyn FnOnce(&mut Owner) + Send>;
+
+/// The way to the bench's thread.
+pub struct Bench {
+    jobs: Mutex<Option<Sender<Job>>>,
+    shared: Arc<Common>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+/// What others may see while the thread works.
+#[derive(Default)]
+struct Common {
+    /// Session that has the devices.
+    session: Mutex<Option<String>>,
+    /// What runs now, to be aborted.
+    control: Mutex<Option<Arc<Control>>>,
+    stop: Stop,
+}
+
+/// The devices, on their thread.
+pub struct Owner {
+    /// Runs the device calls.
+    pub runtime: Runtime,
+    /// The devices.
+    pub rig: Rig,
+    /// What the panel shows.
+    pub pattern: Pattern,
+    /// Exposure and gain of the preview.
+    pub settings: (Duration, f64),
+    /// Where the analyser was last seen.
+    pub analyser_deg: Option<f64>,
+    /// When the flash is to go off.
+    flash_until: Option<Instant>,
+    memory: Memory,
+    newest: Option<Arc<Picture>>,
+    shared: Arc<Common>,
+}
+
+/// A frame of the preview.
+pub struct Picture {
+    /// Number of the frame.
+    pub sequence: u64,
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Codes.
+    pub codes: Vec<u16>,
+    /// Codes of no and of full light.
+    pub range: [u16; 2],
+    taken: Instant,
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Bench {
+    /// Opens the devices on a new thread.
+    ///
+    /// # Errors
+    /// As the rig answers.
+    pub async fn open(place: Place) -> Result<Self, Failure> {
+        let shared = Arc::new(Common::default());
+        let (jobs, queue) = mpsc::channel::<Job>();
+        let (tell, told) = oneshot::channel();
+        let common = shared.clone();
+        let serve = move || {
+            let opened = Owner::open(&place, common);
+            match opened {
+                Ok(mut owner) => {
+                    let _ = tell.send(Ok(()));
+                    owner.serve(&queue);
+                }
+                Err(failure) => drop(tell.send(Err(failure))),
+            }
+        };
+        let thread = std::thread::Builder::new().name("bench".into()).spawn(serve);
+        let thread = thread.map_err(|e| nacre_processing::Error::input("bench", e, "free some memory"))?;
+        told.await.unwrap_or_else(|_| Err(died()))?;
+        Ok(Self { jobs: Mutex::new(Some(jobs)), shared, thread: Mutex::new(Some(thread)) })
+    }
+
+    /// Does something on the bench's thread when it is free.
+    ///
+    /// # Errors
+    /// `busy` while a session has the devices; otherwise as the work answers.
+    pub async fn work<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut Owner) -> Result<T, Failure> + Send + 'static,
+    ) -> Result<T, Problem> {
+        if let Some(id) = self.session() {
+            let detail = format!("the session {id} has the devices");
+            return Err(Problem::new(Kind::Busy, detail).remedy("wait until it is done, or stop it"));
+        }
+        let (tell, told) = oneshot::channel();
+        self.send(Box::new(move |owner| drop(tell.send(work(owner)))))?;
+        Ok(told.await.unwrap_or_else(|_| Err(died()))?)
+    }
+
+    /// Gives the devices to a session until `work` returns.
+    ///
+    /// # Errors
+    /// `busy` while another one has them.
+    pub fn begin(
+        &self,
+        id: &str,
+        control: Arc<Control>,
+        work: impl FnOnce(&mut Owner) + Send + 'static,
+    ) -> Result<(), Problem> {
+        {
+            let mut session = locked(&self.shared.session);
+            if let Some(other) = session.as_ref() {
+                let detail = format!("the session {other} has the devices");
+                return Err(Problem::new(Kind::Busy, detail).remedy("wait until it is done, or stop it"));
+            }
+            *session = Some(id.to_owned());
+        }
+        let sent = self.send(Box::new(move |owner| {
+            *locked(&owner.shared.control) = Some(control);
+            work(owner);
+            owner.forget();
+            *locked(&owner.shared.control) = None;
+            *locked(&owner.shared.session) = None;
+        }));
+        if sent.is_err() {
+            *locked(&self.shared.session) = None;
+        }
+        sent
+    }
+
+    /// The session that has the devices.
+    pub fn session(&self) -> Option<String> {
+        locked(&self.shared.session).clone()
+    }
+
+    /// Aborts whatever runs and switches all light off; returns when that is done.
+    pub async fn stop(&self) -> Result<(), Problem> {
+        if let Some(control) = locked(&self.shared.control).as_ref() {
+            // A run that has ended needs no abort.
+            let _ = control.send(Input::Abort);
+        }
+        let (tell, told) = oneshot::channel();
+        self.send(Box::new(move |owner| drop(tell.send(owner.dark()))))?;
+        Ok(told.await.unwrap_or_else(|_| Err(died()))?)
+    }
+
+    /// Ends the thread, with the light off.
+    pub fn close(&self) {
+        self.shared.stop.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        if let Some(control) = locked(&self.shared.control).as_ref() {
+            let _ = control.send(Input::Abort);
+        }
+        locked(&self.jobs).take();
+        if let Some(thread) = locked(&self.thread).take() {
+            let _ = thread.join();
+        }
+    }
+
+    fn send(&self, job: Job) -> Result<(), Problem> {
+        let sent = locked(&self.jobs).as_ref().is_some_and(|jobs| jobs.send(job).is_ok());
+        if sent { Ok(()) } else { Err(Problem::new(Kind::Conflict, "the bench is closed")) }
+    }
+}
+
+fn died() -> Failure {
+    nacre_processing::Error::input("bench", "ended unexpectedly", "restart the service, and report this").into()
+}
+
+impl Owner {
+    fn open(place: &Place, shared: Arc<Common>) -> Result<Self, Failure> {
+        let runtime = crate::commands::bench::runtime()?;
+        let rig = Rig::open(&runtime, place, false, &Silent, &shared.stop)?;
+        let camera = rig.devices.camera.describe();
+        let exposure = Duration::from_secs_f64(camera.exposure_now_s.clamp(camera.exposure_s[0], camera.exposure_s[1]));
+        let mut owner = Self {
+            runtime,
+            rig,
+            pattern: Pattern::Black,
+            settings: (exposure, camera.gain[0].max(1.0)),
+            analyser_deg: None,
+            flash_until: None,
+            memory: Memory::default(),
+            newest: None,
+            shared,
+        };
+        owner.dark()?;
+        owner.analyser_deg = owner.runtime.block_on(owner.rig.devices.stage.position()).ok();
+        Ok(owner)
+    }
+
+    fn serve(&mut self, queue: &mpsc::Receiver<Job>) {
+        loop {
+            let patience =
+                self.flash_until.map_or(Duration::from_secs(3600), |t| t.saturating_duration_since(Instant::now()));
+            match queue.recv_timeout(patience) {
+                Ok(job) => job(self),
+                Err(RecvTimeoutError::Timeout) => {
+                    // A flash that does not go off says so to whoever asks for it next.
+                    let _ = self.flash(false, 0.0);
+                }
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+        }
+        let _ = self.dark();
+    }
+
+    /// Moves or switches something by hand, while the interlocks hold; the light goes off when it fails.
+    ///
+    /// # Errors
+    /// As devices and interlocks answer; `Cancelled` when somebody stops it.
+    pub fn manual<T>(&mut self, work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>) -> Result<T, Failure> {
+        let control = Arc::new(Control::default());
+        let _ = control.send(Input::Start);
+        *locked(&self.shared.control) = Some(control.clone());
+        let mut hands = Hands::with(&mut self.rig.devices, self.memory);
+        let watch = &self.rig.watch;
+        let result = self.runtime.block_on(async {
+            watch.begin_again().await;
+            guarded(watch, &control, work(&mut hands)).await
+        });
+        self.memory = hands.memory;
+        *locked(&self.shared.control) = None;
+        self.newest = None;
+        if result.is_err() {
+            let _ = self.dark();
+        }
+        result
+    }
+
+    /// Turns the analyser.
+    ///
+    /// # Errors
+    /// As [`Owner::manual`].
+    pub fn turn(&mut self, to: Option<f64>) -> Result<(), Failure> {
+        let angle = self.manual(async |hands| {
+            match to {
+                Some(to) => {
+                    hands.find().await?;
+                    hands.turn(to).await?;
+                }
+                None => hands.home().await?,
+            }
+            Ok(hands.position().await?)
+        })?;
+        self.analyser_deg = Some(angle);
+        Ok(())
+    }
+
+    /// Shows a pattern until told otherwise.
+    ///
+    /// # Errors
+    /// As [`Owner::manual`].
+    pub fn show(&mut self, pattern: Pattern) -> Result<(), Failure> {
+        self.manual(async |hands| Ok(hands.show(pattern).await?))?;
+        self.pattern = pattern;
+        Ok(())
+    }
+
+    /// Switches the flash, on for so many seconds.
+    ///
+    /// # Errors
+    /// As [`Owner::manual`].
+    pub fn flash(&mut self, on: bool, seconds: f64) -> Result<(), Failure> {
+        self.flash_until = None;
+        self.manual(async |hands| Ok(hands.switch(on).await?))?;
+        self.flash_until = on.then(|| Instant::now() + Duration::from_secs_f64(seconds));
+        Ok(())
+    }
+
+    /// Whether the flash is on.
+    pub fn flash_is_on(&self) -> bool {
+        self.flash_until.is_some()
+    }
+
+    /// Switches all light off.
+    ///
+    /// # Errors
+    /// As the lamps answer.
+    pub fn dark(&mut self) -> Result<(), Failure> {
+        (self.flash_until, self.pattern) = (None, Pattern::Black);
+        let mut hands = Hands::with(&mut self.rig.devices, self.memory);
+        let result = self.runtime.block_on(hands.dark());
+        self.memory = hands.memory;
+        Ok(result?)
+    }
+
+    /// After a session nothing is known any more, but that the light is off.
+    fn forget(&mut self) {
+        (self.memory, self.newest, self.flash_until, self.pattern) = (Memory::default(), None, None, Pattern::Black);
+        self.analyser_deg = self.runtime.block_on(self.rig.devices.stage.position()).ok();
+    }
+
+    /// The newest frame; the camera only, so that no interlock is asked.
+    ///
+    /// # Errors
+    /// As the camera answers; `Cancelled` when somebody stops it.
+    pub fn preview(&mut self) -> Result<Arc<Picture>, Failure> {
+        if let Some(picture) = self.newest.as_ref().filter(|p| p.taken.elapsed() < PREVIEW_AGE) {
+            return Ok(picture.clone());
+        }
+        let control = Arc::new(Control::default());
+        let _ = control.send(Input::Start);
+        *locked(&self.shared.control) = Some(control.clone());
+        let camera = self.rig.devices.camera.describe();
+        let (exposure, gain) = self.settings;
+        let mut hands = Hands::with(&mut self.rig.devices, self.memory);
+        let work = async {
+            hands.expose(exposure, gain).await?;
+            // What waits in the queue is old.
+            for _ in 0..QUEUE {
+                let asked = Instant::now();
+                hands.next_frame(Freshness::NEVER).await?;
+                if asked.elapsed() > QUEUED {
+                    break;
+                }
+            }
+            Ok(hands.fresh().await?.0)
+        };
+        let result = self.runtime.block_on(guarded(&Watch::default(), &control, work));
+        self.memory = hands.memory;
+        *locked(&self.shared.control) = None;
+        let frame = result?;
+        let picture = Arc::new(Picture {
+            sequence: frame.stamp.sequence,
+            width: frame.width,
+            height: frame.height,
+            codes: frame.codes,
+            range: [camera.black, camera.white],
+            taken: Instant::now(),
+        });
+        self.newest = Some(picture.clone());
+        Ok(picture)
+    }
+}

@@ -1,0 +1,113 @@
+//! Events with numbers: whoever lost the connection goes on where it broke. Memory is bounded whatever subscribers do.
+
+use super::App;
+use super::problem::{Answer, Kind, Problem};
+use axum::http::HeaderMap;
+use axum::response::sse::{Event, KeepAlive, Sse};
+use futures::Stream;
+use serde::Serialize;
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::sync::watch;
+
+/// Events that are kept for those who come back.
+const KEPT: usize = 1000;
+
+/// A comment is sent this often, so that a dead connection is noticed.
+const ALIVE: Duration = Duration::from_secs(10);
+
+/// A row of numbered events.
+pub struct EventLog {
+    entries: Mutex<VecDeque<Entry>>,
+    newest: watch::Sender<u64>,
+    closed: watch::Sender<bool>,
+}
+
+#[derive(Clone)]
+struct Entry {
+    id: u64,
+    name: &'static str,
+    data: Arc<str>,
+}
+
+impl Default for EventLog {
+    fn default() -> Self {
+        Self { entries: Mutex::default(), newest: watch::Sender::new(0), closed: watch::Sender::new(false) }
+    }
+}
+
+impl EventLog {
+    /// Adds an event.
+    pub fn push(&self, name: &'static str, data: &impl Serialize) {
+        let data: Arc<str> = serde_json::to_string(data).unwrap_or_default().into();
+        let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        let id = *self.newest.borrow() + 1;
+        entries.push_back(Entry { id, name, data });
+        if entries.len() > KEPT {
+            entries.pop_front();
+        }
+        drop(entries);
+        self.newest.send_replace(id);
+    }
+
+    /// No more events come: streams end once they have told all.
+    pub fn close(&self) {
+        self.closed.send_replace(true);
+    }
+
+    /// The event after number `last`.
+    fn after(&self, last: u64) -> Option<Entry> {
+        let entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        let at = entries.partition_point(|e| e.id <= last);
+        entries.get(at).cloned()
+    }
+
+    /// Waits for the event after number `last`; none when no more come.
+    async fn next(&self, last: u64) -> Option<Entry> {
+        let (mut newest, mut closed) = (self.newest.subscribe(), self.closed.subscribe());
+        loop {
+            if let Some(entry) = self.after(last) {
+                return Some(entry);
+            }
+            if *closed.borrow_and_update() {
+                return None;
+            }
+            // The senders live as long as `self`.
+            tokio::select! {
+                _ = newest.wait_for(|n| *n > last) => {}
+                _ = closed.changed() => {}
+            }
+        }
+    }
+}
+
+/// The log as a stream of server-sent events, from the `Last-Event-ID` of the request on.
+///
+/// # Errors
+/// `too-many` when all places for subscribers are taken.
+pub fn stream(
+    app: &Arc<App>,
+    headers: &HeaderMap,
+    log: Arc<EventLog>,
+) -> Answer<Sse<impl Stream<Item = Result<Event, Infallible>> + use<>>> {
+    let Ok(place) = app.subscribers.clone().try_acquire_owned() else {
+        let most = app.config.limits.subscribers;
+        return Err(Problem::new(Kind::TooMany, format!("{most} event streams are open already")).remedy("close some"));
+    };
+    let last = headers.get("last-event-id").and_then(|v| v.to_str().ok()).and_then(|v| v.parse().ok()).unwrap_or(0);
+    let stop = app.stopping.subscribe();
+    let stream = futures::stream::unfold((last, log, place), move |(last, log, place)| {
+        let mut stop = stop.clone();
+        async move {
+            let entry = tokio::select! {
+                entry = log.next(last) => entry?,
+                _ = stop.wait_for(|stopping| *stopping) => return None,
+            };
+            let event = Event::default().id(entry.id.to_string()).event(entry.name).data(&*entry.data);
+            Some((Ok(event), (entry.id, log, place)))
+        }
+    });
+    Ok(Sse::new(stream).keep_alive(KeepAlive::new().interval(ALIVE)))
+}

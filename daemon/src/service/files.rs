@@ -1,0 +1,96 @@
+//! Files of sessions and results: only what lies inside, streamed.
+
+use super::problem::{Answer, Problem};
+use axum::body::Body;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use std::path::{Component, Path, PathBuf};
+use tokio_util::io::ReaderStream;
+
+/// Deepest folder that is listed.
+const MAX_DEPTH: usize = 8;
+
+/// Path of a file that is really inside a folder: no `..`, no absolute path, no link that leads out.
+///
+/// # Errors
+/// `not-found` for anything else.
+pub fn inside(folder: &Path, name: &str) -> Answer<PathBuf> {
+    let missing = || Problem::not_found("such file");
+    let path = Path::new(name);
+    let plain =
+        !name.is_empty() && !name.contains('\0') && path.components().all(|c| matches!(c, Component::Normal(_)));
+    if !plain {
+        return Err(missing());
+    }
+    let (real, base) = (folder.join(path).canonicalize(), folder.canonicalize());
+    match (real, base) {
+        (Ok(real), Ok(base)) if real.starts_with(&base) && real.is_file() => Ok(real),
+        _ => Err(missing()),
+    }
+}
+
+/// All files below a folder, by relative path, with their sizes; links are not followed.
+pub fn list(folder: &Path) -> Vec<(String, u64)> {
+    let mut files = vec![];
+    walk(folder, folder, 0, &mut files);
+    files.sort();
+    files
+}
+
+fn walk(root: &Path, folder: &Path, depth: usize, files: &mut Vec<(String, u64)>) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let Ok(metadata) = entry.metadata() else { continue };
+        if metadata.is_dir() && depth < MAX_DEPTH {
+            walk(root, &entry.path(), depth + 1, files);
+        } else if metadata.is_file()
+            && let Ok(path) = entry.path().strip_prefix(root)
+        {
+            files.push((path.to_string_lossy().into_owned(), metadata.len()));
+        }
+    }
+}
+
+/// Streams a file as a download.
+///
+/// # Errors
+/// `not-found` when it cannot be opened.
+pub async fn send(path: &Path) -> Answer<Response> {
+    let file = tokio::fs::File::open(path).await.map_err(|_| Problem::not_found("such file"))?;
+    let length = file.metadata().await.map(|m| m.len()).unwrap_or_default();
+    let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || "._-".contains(*c)).collect();
+    let kind = match path.extension().and_then(|e| e.to_str()) {
+        Some("png") => "image/png",
+        Some("json") => "application/json",
+        Some("toml") | None => "text/plain; charset=utf-8",
+        _ => "application/octet-stream",
+    };
+    let headers = [
+        (header::CONTENT_TYPE, kind.to_owned()),
+        (header::CONTENT_LENGTH, length.to_string()),
+        (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{plain}\"")),
+    ];
+    Ok((headers, Body::from_stream(ReaderStream::new(file))).into_response())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_files_inside_are_found() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("session");
+        std::fs::create_dir_all(folder.join("frames")).unwrap();
+        std::fs::write(folder.join("frames/0.png"), "x").unwrap();
+        std::fs::write(place.path().join("secret"), "x").unwrap();
+        std::os::unix::fs::symlink(place.path().join("secret"), folder.join("link")).unwrap();
+        assert!(inside(&folder, "frames/0.png").is_ok());
+        for name in
+            ["../secret", "link", "frames", "", "/etc/passwd", "frames/../../secret", "a\0b", "./frames/0.png/.."]
+        {
+            assert!(inside(&folder, name).is_err(), "{name:?}");
+        }
+        assert_eq!(list(&folder), [("frames/0.png".to_owned(), 1)]);
+    }
+}

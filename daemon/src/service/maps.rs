@@ -1,0 +1,170 @@
+//! Maps as pictures, tables and NumPy arrays.
+
+use super::problem::{Answer, Problem};
+use nacre_processing::image::{MASKED, Rgb, Samples, encode_png8, orientation_color, read, read_exr, viridis};
+use std::io;
+use std::path::Path;
+
+/// Widest picture that is made.
+const MAX_WIDTH: usize = 16_384;
+
+/// Which part of a map is drawn, and how wide.
+pub struct View {
+    /// Pixels per row of the picture, at most.
+    pub width: usize,
+    /// Left, top, width and height in the map; all of it when it is not given.
+    pub region: Option<[usize; 4]>,
+}
+
+/// A map by name: its file and channel.
+pub fn source(name: &str) -> Option<(&'static str, &'static str)> {
+    Some(match name {
+        "orientation" => ("orientation.exr", "orientation"),
+        "sigma" => ("orientation.exr", "sigma"),
+        "mask" => ("orientation.exr", "mask"),
+        "aolp" => ("aolp.exr", "aolp"),
+        "dolp" => ("aolp.exr", "dolp"),
+        "s0" => ("stokes.exr", "S0"),
+        _ => return None,
+    })
+}
+
+/// One plane of a result folder, with its width.
+///
+/// # Errors
+/// `not-found` when there is no such map.
+pub fn plane(folder: &Path, name: &str) -> Answer<(Vec<f32>, usize)> {
+    let missing =
+        || Problem::not_found(format!("map {name:?}")).remedy("there are orientation, sigma, dolp, mask, aolp and s0");
+    let (file, channel) = source(name).ok_or_else(missing)?;
+    let mut map = read_exr(&folder.join(file)).map_err(|_| missing())?;
+    let plane = map.channels.remove(channel).ok_or_else(missing)?;
+    Ok((plane, map.width))
+}
+
+type Encode = dyn Fn(usize, usize, usize, &[u8]) -> io::Result<Vec<u8>>;
+
+/// A picture of a plane: orientations in hues, the others from dark to light over their range.
+///
+/// # Errors
+/// A sentence when the view is empty.
+pub fn picture(name: &str, plane: &[f32], width: usize, view: &View, encode: &Encode) -> Result<Vec<u8>, String> {
+    let height = plane.len() / width.max(1);
+    let [left, top, w, h] = view.region.unwrap_or([0, 0, width, height]);
+    let (left, top) = (left.min(width), top.min(height));
+    let (w, h) = (w.min(width - left), h.min(height - top));
+    if w == 0 || h == 0 {
+        return Err(format!("the region holds no pixel of the map, which is {width} × {height}"));
+    }
+    let color = colors(name, plane);
+    let step = w.div_ceil(view.width.clamp(1, MAX_WIDTH)).max(1);
+    let (columns, rows) = (w.div_ceil(step), h.div_ceil(step));
+    let mut bytes = Vec::with_capacity(3 * columns * rows);
+    for y in (top..top + h).step_by(step) {
+        bytes.extend((left..left + w).step_by(step).flat_map(|x| color(plane[y * width + x])));
+    }
+    encode(columns, rows, 3, &bytes).map_err(|e| e.to_string())
+}
+
+fn colors(name: &str, plane: &[f32]) -> Box<dyn Fn(f32) -> Rgb> {
+    match name {
+        "orientation" | "aolp" => Box::new(|v| if v.is_finite() { orientation_color(v) } else { MASKED }),
+        "mask" => Box::new(|v| if v > 0.5 { [240, 240, 240] } else { MASKED }),
+        _ => {
+            let mut sorted: Vec<f32> = plane.iter().copied().filter(|v| v.is_finite()).step_by(17).collect();
+            sorted.sort_unstable_by(f32::total_cmp);
+            let at = |q: f64| sorted.get(((sorted.len().max(1) - 1) as f64 * q) as usize).copied().unwrap_or(0.0);
+            // σ and DoLP from 0, so that pictures can be compared.
+            let (low, high) = (if name == "s0" { at(0.01) } else { 0.0 }, at(0.99));
+            let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
+            Box::new(move |v| if v.is_finite() { viridis((v - low) * scale) } else { MASKED })
+        }
+    }
+}
+
+/// A grey picture with a display's gamma of `level(i)`, 0 to 1, of at most `most` pixels per row.
+///
+/// # Errors
+/// As the encoder answers.
+pub fn grey(
+    width: usize,
+    height: usize,
+    most: usize,
+    level: &dyn Fn(usize) -> f32,
+    encode: &Encode,
+) -> io::Result<Vec<u8>> {
+    let step = width.div_ceil(most.clamp(1, MAX_WIDTH)).max(1);
+    let (columns, rows) = (width.div_ceil(step), height.div_ceil(step));
+    let mut bytes = Vec::with_capacity(columns * rows);
+    for y in (0..height).step_by(step) {
+        bytes.extend((0..width).step_by(step).map(|x| (255.0 * level(y * width + x).powf(1.0 / 2.2)) as u8));
+    }
+    encode(columns, rows, 1, &bytes)
+}
+
+/// A smaller picture of a stored frame, stretched to its brightest pixel.
+///
+/// # Errors
+/// `not-found` when it is no frame.
+pub fn thumbnail(path: &Path, width: usize) -> Answer<Vec<u8>> {
+    let raster = read(path).map_err(|_| Problem::not_found("such frame"))?;
+    let Samples::U16(codes) = &raster.samples else { return Err(Problem::not_found("such frame")) };
+    let top = f32::from(codes.iter().copied().max().unwrap_or(1).max(1));
+    let level = |i: usize| f32::from(codes[i]) / top;
+    grey(raster.width, raster.height, width, &level, &encode_png8).map_err(|e| Problem::bad(e.to_string()))
+}
+
+/// A plane as text: a line `x,y,value` per pixel, empty where masked.
+pub fn csv(name: &str, plane: &[f32], width: usize) -> Vec<u8> {
+    let mut text = format!("x,y,{name}\n");
+    for (i, v) in plane.iter().enumerate() {
+        let (x, y) = (i % width, i / width);
+        text += &if v.is_finite() { format!("{x},{y},{v}\n") } else { format!("{x},{y},\n") };
+    }
+    text.into_bytes()
+}
+
+/// A plane as a NumPy array of 32-bit floats, rows first (format 1.0).
+pub fn npy(plane: &[f32], width: usize) -> Vec<u8> {
+    let height = plane.len() / width.max(1);
+    let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
+    // The data begins at a multiple of 64 bytes.
+    while (10 + header.len() + 1) % 64 != 0 {
+        header.push(' ');
+    }
+    header.push('\n');
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.bytes());
+    bytes.extend(plane.iter().flat_map(|v| v.to_le_bytes()));
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_and_arrays_have_their_formats() {
+        let plane = [1.0, f32::NAN, 3.0, 4.5, 5.0, 6.0];
+        assert_eq!(csv("sigma", &plane, 3), b"x,y,sigma\n0,0,1\n1,0,\n2,0,3\n0,1,4.5\n1,1,5\n2,1,6\n");
+        let npy = npy(&plane, 3);
+        assert_eq!((npy.len() - 24) % 64, 0);
+        assert!(npy.windows(6).any(|w| w == b"(2, 3)"));
+        assert_eq!(npy[npy.len() - 4..], 6.0_f32.to_le_bytes());
+    }
+
+    #[test]
+    fn regions_are_cut_to_the_map() {
+        let plane = vec![0.5_f32; 20 * 10];
+        let size = |region, width| {
+            let encode = |w: usize, h: usize, _: usize, _: &[u8]| Ok(vec![w as u8, h as u8]);
+            picture("sigma", &plane, 20, &View { width, region }, &encode)
+        };
+        assert_eq!(size(None, 100).unwrap(), [20, 10]);
+        assert_eq!(size(None, 5).unwrap(), [5, 3]);
+        assert_eq!(size(Some([15, 5, 100, 100]), 100).unwrap(), [5, 5]);
+        assert!(size(Some([20, 0, 5, 5]), 100).is_err());
+        assert!(size(Some([usize::MAX, 0, usize::MAX, 5]), 100).is_err());
+    }
+}

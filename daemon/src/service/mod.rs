@@ -1,0 +1,332 @@
+//! The service: REST, events, jobs and the page.
+
+// utoipa's macros write the names of parameter types in full.
+#![allow(unused_qualifications)]
+
+pub mod access;
+pub mod bench;
+pub mod config;
+pub mod devices;
+pub mod display;
+pub mod events;
+pub mod files;
+pub mod maps;
+mod metrics;
+pub mod plans;
+pub mod problem;
+pub mod reconstructions;
+mod router;
+pub mod runs;
+pub mod sessions;
+pub mod uploads;
+
+use crate::Failure;
+use crate::catalogue::{Catalogue, SessionRow};
+use crate::jobs::{Jobs, Spec, Work};
+use crate::plan::Limits;
+use crate::rig::Place;
+use crate::session::{SESSION_FILE, sha256};
+use axum::Json;
+use axum::extract::{FromRequest, FromRequestParts, Path as AxumPath, Query, Request};
+use axum::http::header;
+use axum::http::request::Parts;
+use axum::response::IntoResponse;
+use bench::{Bench, Owner};
+use config::Config;
+use metrics::Metrics;
+use nacre_processing::Error;
+use nacre_processing::polarimetry::{self, Model, Options};
+use nacre_processing::progress::Progress;
+use problem::{Answer, Kind, Problem};
+use runs::Run;
+use serde::de::DeserializeOwned;
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use tokio::sync::{Semaphore, watch};
+
+pub use router::openapi;
+
+/// Runs that are remembered after their end.
+const KEPT_RUNS: usize = 64;
+
+/// Idempotency keys that are remembered.
+const KEPT_KEYS: usize = 1024;
+
+/// Everything that handlers share.
+pub struct App {
+    /// How the service is configured.
+    pub config: Config,
+    /// What the devices can do.
+    pub limits: Limits,
+    /// Identities of the interlocks.
+    pub interlocks: Vec<String>,
+    /// The bench.
+    pub bench: Bench,
+    /// Index of sessions.
+    pub catalogue: Catalogue,
+    /// Reconstructions.
+    pub jobs: Jobs,
+    /// Runs of sessions.
+    pub runs: Runs,
+    /// The pattern page.
+    pub link: display::Link,
+    /// Places for event streams.
+    pub subscribers: Arc<Semaphore>,
+    /// Places for requests.
+    pub requests: Arc<Semaphore>,
+    /// The service ends.
+    pub stopping: watch::Sender<bool>,
+    /// What is counted.
+    pub metrics: Metrics,
+    keys: Mutex<VecDeque<(String, String)>>,
+    /// Makes deletion tokens that nobody can guess, new with each start.
+    secret: String,
+}
+
+/// The runs of sessions in this process.
+#[derive(Default)]
+pub struct Runs(Mutex<VecDeque<Arc<Run>>>);
+
+impl Runs {
+    fn locked(&self) -> std::sync::MutexGuard<'_, VecDeque<Arc<Run>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds a run; returns the one that it takes the place of.
+    pub fn insert(&self, run: Arc<Run>) -> Option<Arc<Run>> {
+        let mut runs = self.locked();
+        let before = runs.iter().position(|r| r.id == run.id).and_then(|at| runs.remove(at));
+        runs.push_back(run);
+        if runs.len() > KEPT_RUNS {
+            runs.pop_front();
+        }
+        before
+    }
+
+    /// Puts back what a run that never began took the place of.
+    pub fn restore(&self, id: &str, before: Option<Arc<Run>>) {
+        self.remove(id);
+        if let Some(before) = before {
+            self.insert(before);
+        }
+    }
+
+    /// Forgets a run.
+    pub fn remove(&self, id: &str) {
+        self.locked().retain(|r| r.id != id);
+    }
+}
+
+impl App {
+    async fn open(config: Config, place: Place) -> Result<Arc<Self>, Failure> {
+        for folder in ["sessions", "reconstructions", "uploads"] {
+            let path = config.data.join(folder);
+            std::fs::create_dir_all(&path).map_err(|e| Error::output(&path, e))?;
+        }
+        let limits = place.limits()?;
+        let catalogue = Catalogue::open(&config.data.join("catalogue.db")).await?;
+        let rebuilt = catalogue.rebuild(&[config.data.join("sessions")], &nacre_processing::progress::Silent).await?;
+        tracing::info!(sessions = rebuilt.sessions, "catalogue rebuilt");
+        let jobs = Jobs::open(&config.data, work(config.data.clone())).await?;
+        let bench = Bench::open(place).await?;
+        let interlocks = bench.work(|owner| Ok(owner.runtime.block_on(owner.rig.watch.ids()))).await;
+        let interlocks = interlocks.map_err(|p| Error::input("bench", p.detail(), "restart the service"))?;
+        Ok(Arc::new(Self {
+            limits,
+            interlocks,
+            bench,
+            catalogue,
+            jobs,
+            runs: Runs::default(),
+            link: display::Link::default(),
+            subscribers: Arc::new(Semaphore::new(config.limits.subscribers)),
+            requests: Arc::new(Semaphore::new(config.limits.requests)),
+            stopping: watch::Sender::new(false),
+            metrics: Metrics::default(),
+            keys: Mutex::default(),
+            secret: new_id() + &new_id(),
+            config,
+        }))
+    }
+
+    /// Folder of a session, whether it exists or not.
+    ///
+    /// # Errors
+    /// `not-found` for what is no id.
+    pub fn session_folder(&self, id: &str) -> Answer<PathBuf> {
+        check_id(id)?;
+        Ok(self.config.data.join("sessions").join(id))
+    }
+
+    /// Folder of a session.
+    ///
+    /// # Errors
+    /// `not-found` when there is none.
+    pub fn existing_session(&self, id: &str) -> Answer<PathBuf> {
+        let folder = self.session_folder(id)?;
+        if folder.join(SESSION_FILE).exists() { Ok(folder) } else { Err(Problem::not_found(format!("session {id}"))) }
+    }
+
+    /// The run of a session in this process.
+    pub fn run(&self, id: &str) -> Option<Arc<Run>> {
+        self.runs.locked().iter().find(|r| r.id == id).cloned()
+    }
+
+    /// Brings the catalogue up to date with a session.
+    pub async fn note(&self, folder: &Path) {
+        let owned = folder.to_path_buf();
+        let read = blocking(move || Ok(SessionRow::read(&owned)?)).await;
+        match read {
+            Ok(row) => {
+                if let Err(e) = self.catalogue.put(&row).await {
+                    tracing::warn!("not catalogued: {e}");
+                }
+            }
+            Err(e) => tracing::debug!("nothing to catalogue: {}", e.detail()),
+        }
+    }
+
+    /// What a request with this idempotency key made.
+    pub fn remembered(&self, key: &str) -> Option<String> {
+        let keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
+        keys.iter().find(|k| k.0 == key).map(|k| k.1.clone())
+    }
+
+    /// Remembers what a request with this idempotency key made.
+    pub fn remember(&self, key: String, id: &str) {
+        let mut keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
+        keys.push_back((key, id.to_owned()));
+        if keys.len() > KEPT_KEYS {
+            keys.pop_front();
+        }
+    }
+
+    /// What confirms the deletion of a session.
+    pub fn deletion_token(&self, id: &str) -> String {
+        sha256(format!("{}{id}", self.secret).as_bytes()).chars().take(24).collect()
+    }
+}
+
+/// Serves until `stop`; the light is off and everything is stored afterwards.
+///
+/// # Errors
+/// The bench, the data folder or the address cannot be used.
+pub async fn serve(
+    config: Config,
+    place: Place,
+    ready: impl FnOnce(std::net::SocketAddr),
+    stop: impl Future<Output = ()> + Send + 'static,
+) -> Result<(), Failure> {
+    let listen = config.listen;
+    let app = App::open(config, place).await?;
+    let bound = tokio::net::TcpListener::bind(listen).await;
+    let bind = |e: std::io::Error| Error::input(listen, format!("cannot be listened on: {e}"), "give another --listen");
+    let listener = bound.map_err(bind)?;
+    ready(listener.local_addr().map_err(bind)?);
+    let stopping = app.clone();
+    let graceful = async move {
+        stop.await;
+        stopping.stopping.send_replace(true);
+    };
+    let served = axum::serve(listener, router::router(&app)).with_graceful_shutdown(graceful).await;
+    let closing = app.clone();
+    // A session in progress is aborted, which it survives.
+    let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;
+    app.jobs.shutdown().await;
+    Ok(served.map_err(|e| Error::input(listen, format!("cannot be served: {e}"), "report this"))?)
+}
+
+/// What the job queue does.
+fn work(data: PathBuf) -> Work {
+    Arc::new(move |spec: &Spec, progress: &dyn Progress| {
+        let input = match (&spec.session, &spec.upload) {
+            (Some(id), _) => data.join("sessions").join(id),
+            (None, Some(id)) => data.join("uploads").join(id),
+            _ => return Err(Error::input("reconstruction", "names no photographs", "ask again").into()),
+        };
+        let model = if spec.model == "sinusoid" { Model::Sinusoid } else { Model::Auto };
+        let options = Options { model, offset_deg: spec.offset_deg, overwrite: true };
+        polarimetry::reconstruct(&input, &data.join("reconstructions").join(&spec.id), &options, progress)?;
+        Ok(())
+    })
+}
+
+/// Ids are ULIDs, so that no other path is ever made of them.
+///
+/// # Errors
+/// `not-found` for anything else.
+pub fn check_id(id: &str) -> Answer<()> {
+    let plain = id.len() == 26 && id.bytes().all(|b| b.is_ascii_digit() || b.is_ascii_uppercase());
+    if plain { Ok(()) } else { Err(Problem::not_found("such thing")) }
+}
+
+/// A new id; later ones sort after earlier ones.
+pub fn new_id() -> String {
+    ulid::Ulid::generate().to_string()
+}
+
+/// Runs what computes or reads files apart from the requests.
+///
+/// # Errors
+/// As the work answers.
+pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> Answer<T> + Send + 'static) -> Answer<T> {
+    let done = tokio::task::spawn_blocking(work).await;
+    done.unwrap_or_else(|_| Err(Problem::new(Kind::Internal, "the work ended unexpectedly")))
+}
+
+/// Does something on the bench's thread.
+///
+/// # Errors
+/// As the work answers; `busy` while a session has the devices.
+pub async fn with_bench<T: Send + 'static>(
+    app: &App,
+    work: impl FnOnce(&mut Owner) -> Result<T, Failure> + Send + 'static,
+) -> Answer<T> {
+    app.bench.work(work).await
+}
+
+/// A PNG as an answer.
+///
+/// # Errors
+/// `bad-request` when it cannot be made of these numbers.
+pub fn png(encoded: std::io::Result<Vec<u8>>) -> Answer<impl IntoResponse> {
+    let bytes = encoded.map_err(|e| Problem::bad(e.to_string()))?;
+    Ok(([(header::CONTENT_TYPE, "image/png")], bytes))
+}
+
+/// A JSON body; what is wrong with it is a problem.
+pub struct Body<T>(pub T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
+        Ok(Self(Json::<T>::from_request(request, state).await?.0))
+    }
+}
+
+/// Query parameters.
+pub struct Params<T>(pub T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Params<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        Ok(Self(Query::<T>::from_request_parts(parts, state).await?.0))
+    }
+}
+
+/// Path parameters; what is no such path is not there.
+pub struct At<T>(pub T);
+
+impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for At<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        match AxumPath::<T>::from_request_parts(parts, state).await {
+            Ok(path) => Ok(Self(path.0)),
+            Err(_) => Err(Problem::not_found("such thing")),
+        }
+    }
+}

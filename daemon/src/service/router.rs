@@ -1,0 +1,184 @@
+//! All paths, in one place.
+
+use super::problem::{Kind, Problem};
+use super::{App, access, devices, display, plans, reconstructions, sessions, uploads};
+use axum::Json;
+use axum::Router;
+use axum::extract::{DefaultBodyLimit, Path, Request, State};
+use axum::http::{StatusCode, header};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use serde::Serialize;
+use std::sync::Arc;
+use std::time::Duration;
+use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
+use utoipa::{Modify, OpenApi, ToSchema};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+#[derive(OpenApi)]
+#[openapi(
+    info(title = "Nacre", description = "Measures how surfaces diffract light.", license(name = "MIT OR Apache-2.0")),
+    modifiers(&Token)
+)]
+struct Document;
+
+struct Token;
+
+impl Modify for Token {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let scheme = SecurityScheme::Http(HttpBuilder::new().scheme(HttpAuthScheme::Bearer).build());
+        document.components.get_or_insert_default().add_security_scheme("token", scheme);
+    }
+}
+
+/// Which program this is.
+#[derive(Serialize, ToSchema)]
+struct About {
+    version: &'static str,
+    /// Nothing of the bench is real.
+    simulated: bool,
+}
+
+/// The program.
+#[utoipa::path(get, path = "/api/v1/about", tag = "service", operation_id = "about",
+    responses((status = 200, body = About)))]
+async fn about() -> Json<About> {
+    Json(About { version: env!("CARGO_PKG_VERSION"), simulated: true })
+}
+
+fn api() -> OpenApiRouter<Arc<App>> {
+    OpenApiRouter::with_openapi(Document::openapi())
+        .routes(routes!(about))
+        .routes(routes!(devices::state))
+        .routes(routes!(devices::move_stage))
+        .routes(routes!(devices::home_stage))
+        .routes(routes!(devices::show))
+        .routes(routes!(devices::set_camera))
+        .routes(routes!(devices::switch_flash))
+        .routes(routes!(devices::preview))
+        .routes(routes!(devices::preview_picture))
+        .routes(routes!(devices::stop))
+        .routes(routes!(plans::schema))
+        .routes(routes!(plans::check))
+        .routes(routes!(plans::estimate))
+        .routes(routes!(sessions::begin, sessions::list))
+        .routes(routes!(sessions::get, sessions::delete))
+        .routes(routes!(sessions::pause))
+        .routes(routes!(sessions::resume))
+        .routes(routes!(sessions::stop))
+        .routes(routes!(sessions::abort))
+        .routes(routes!(sessions::session_events))
+        .routes(routes!(sessions::frames))
+        .routes(routes!(sessions::frame))
+        .routes(routes!(sessions::live))
+        .routes(routes!(sessions::deletion))
+        .routes(routes!(sessions::files))
+        .routes(routes!(reconstructions::begin, reconstructions::list))
+        .routes(routes!(reconstructions::get))
+        .routes(routes!(reconstructions::cancel))
+        .routes(routes!(reconstructions::retry))
+        .routes(routes!(reconstructions::log))
+        .routes(routes!(reconstructions::job_events))
+        .routes(routes!(reconstructions::map))
+        .routes(routes!(reconstructions::pixel))
+        .routes(routes!(display::state))
+        .routes(routes!(display::show))
+        .routes(routes!(display::link))
+        .routes(routes!(display::acknowledge))
+        .routes(routes!(display::beat))
+}
+
+/// Uploads take as long as they take, and are as large as the configuration says.
+fn slow() -> OpenApiRouter<Arc<App>> {
+    OpenApiRouter::new().routes(routes!(uploads::upload)).layer(DefaultBodyLimit::disable())
+}
+
+/// The OpenAPI document of the service.
+pub fn openapi() -> utoipa::openapi::OpenApi {
+    let mut document = api().merge(slow()).to_openapi();
+    // A path in axum's words for the rest of the path is one parameter in OpenAPI's.
+    let path = "/api/v1/sessions/{id}/files/{path}";
+    let file = OpenApiRouter::<Arc<App>>::new().routes(routes!(sessions::file)).to_openapi();
+    if let Some(item) = file.paths.paths.get(path) {
+        document.paths.paths.insert(path.into(), item.clone());
+    }
+    document
+}
+
+/// The service as a router.
+pub fn router(app: &Arc<App>) -> Router {
+    let limits = &app.config.limits;
+    let (quick, _) = api().split_for_parts();
+    let (slow, _) = slow().split_for_parts();
+    let document = serde_json::to_string(&openapi()).unwrap_or_default();
+    let json = move || async move { ([(header::CONTENT_TYPE, "application/json")], document) };
+    quick
+        .route("/api/v1/sessions/{id}/files/{*path}", get(sessions::file))
+        .route("/api/v1/openapi.json", get(json))
+        .route("/healthz", get(|| async { "ok" }))
+        .route("/readyz", get(|| async { "ok" }))
+        .route("/metrics", get(numbers))
+        .route("/", get(|| page("/".into())))
+        .route("/display", get(|| page("/display".into())))
+        .route("/assets/{*path}", get(|Path(path): Path<String>| page(format!("/assets/{path}"))))
+        .layer(DefaultBodyLimit::max(limits.body_kib << 10))
+        .layer(middleware::from_fn_with_state(app.clone(), in_time))
+        .merge(slow)
+        .fallback(|| async { Problem::not_found("such path") })
+        .method_not_allowed_fallback(|| async { Problem::new(Kind::Method, "this path takes another method") })
+        .layer(middleware::from_fn_with_state(app.clone(), bounded))
+        .layer(middleware::from_fn_with_state(app.clone(), access::check))
+        .layer(middleware::from_fn_with_state(app.clone(), count))
+        .with_state(app.clone())
+}
+
+async fn numbers(State(app): State<Arc<App>>) -> Response {
+    let open = app.config.limits.subscribers - app.subscribers.available_permits();
+    ([(header::CONTENT_TYPE, "application/openmetrics-text; version=1.0.0; charset=utf-8")], app.metrics.text(open))
+        .into_response()
+}
+
+/// An asset of the page.
+async fn page(path: String) -> Response {
+    match nacre_web::asset(&path) {
+        Some(asset) => ([(header::CONTENT_TYPE, asset.content_type)], asset.bytes).into_response(),
+        None => Problem::not_found("such page").into_response(),
+    }
+}
+
+/// Ends what takes too long.
+async fn in_time(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+    let longest = Duration::from_secs(app.config.limits.request_s);
+    match tokio::time::timeout(longest, next.run(request)).await {
+        Ok(response) => response,
+        Err(_) => Problem::new(Kind::Conflict, "the request took too long").into_response(),
+    }
+}
+
+/// Refuses more requests at once than the configuration allows; STOP is never refused.
+async fn bounded(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+    if request.uri().path() == "/api/v1/stop" {
+        return next.run(request).await;
+    }
+    match app.requests.clone().try_acquire_owned() {
+        Ok(_place) => next.run(request).await,
+        Err(_) => {
+            let most = app.config.limits.requests;
+            Problem::new(Kind::TooMany, format!("{most} requests are being answered"))
+                .remedy("try again")
+                .into_response()
+        }
+    }
+}
+
+/// Counts answers.
+async fn count(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+    let response = next.run(request).await;
+    app.metrics.answered(response.status().as_u16());
+    if response.status() == StatusCode::INTERNAL_SERVER_ERROR {
+        tracing::error!("a request was answered with 500");
+    }
+    response
+}

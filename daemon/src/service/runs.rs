@@ -1,0 +1,153 @@
+//! Runs of sessions in the service: what they tell while they run.
+
+use super::events::EventLog;
+use crate::engine::{Control, Observer, State};
+use crate::plan::{Plan, Step};
+use crate::session::{Commit, Entry};
+use nacre_processing::polarimetry::{Glance, Running};
+use nacre_processing::progress::Progress;
+use serde_json::json;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Instant, SystemTime};
+
+/// Width of the map that is looked at while frames arrive.
+const MAP_WIDTH: usize = 512;
+
+/// Stage of a run that has given the devices back.
+const OVER: &str = "over";
+
+/// One run of a session.
+pub struct Run {
+    /// The session.
+    pub id: String,
+    /// Its folder.
+    pub folder: PathBuf,
+    /// What it is to take.
+    pub plan: Plan,
+    /// When it was asked for, in Unix seconds.
+    pub created: u64,
+    /// State, and who steers.
+    pub control: Arc<Control>,
+    /// What happened.
+    pub events: Arc<EventLog>,
+    inner: Mutex<Inner>,
+}
+
+struct Inner {
+    stage: String,
+    steps: u64,
+    done: u64,
+    begun: Instant,
+    error: Option<String>,
+    map: Option<Arc<Glance>>,
+}
+
+impl Run {
+    /// A run that has not begun.
+    pub fn new(id: String, folder: PathBuf, plan: Plan) -> Self {
+        let inner = Inner { stage: "waiting".into(), steps: 0, done: 0, begun: Instant::now(), error: None, map: None };
+        let created = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
+        Self { id, folder, plan, created, control: Arc::default(), events: Arc::default(), inner: Mutex::new(inner) }
+    }
+
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What it does, how many steps that has and how many are done.
+    pub fn stage(&self) -> (String, u64, u64) {
+        let inner = self.inner();
+        (inner.stage.clone(), inner.steps, inner.done)
+    }
+
+    /// Frames stored by now; none before frames are taken.
+    pub fn committed(&self) -> Option<u64> {
+        let inner = self.inner();
+        (inner.stage == "capturing").then_some(inner.done)
+    }
+
+    /// Seconds until the stage is done, at the pace so far.
+    pub fn eta_s(&self) -> Option<f64> {
+        let inner = self.inner();
+        let going = matches!(self.control.state(), State::Running | State::Stopping) && inner.done > 0;
+        let left = inner.steps.saturating_sub(inner.done) as f64;
+        going.then(|| inner.begun.elapsed().as_secs_f64() * left / inner.done as f64)
+    }
+
+    /// Why it failed.
+    pub fn error(&self) -> Option<String> {
+        self.inner().error.clone()
+    }
+
+    /// Says why it failed.
+    pub fn fail(&self, error: String) {
+        self.inner().error = Some(error);
+    }
+
+    /// The map so far.
+    pub fn map_so_far(&self) -> Option<Arc<Glance>> {
+        self.inner().map.clone()
+    }
+
+    /// Whether it has given the devices back.
+    pub fn is_over(&self) -> bool {
+        self.inner().stage == OVER
+    }
+
+    /// It has given the devices back.
+    pub fn end(&self) {
+        self.inner().stage = OVER.into();
+    }
+}
+
+impl Progress for Run {
+    fn stage(&self, name: &str, steps: u64) {
+        let mut inner = self.inner();
+        (inner.stage, inner.steps, inner.done, inner.begun) = (name.to_owned(), steps, 0, Instant::now());
+        drop(inner);
+        self.events.push("stage", &json!({ "stage": name, "steps": steps }));
+    }
+
+    fn step(&self) {
+        self.inner().done += 1;
+    }
+
+    /// The results of a run that was aborted in time are not made; a run itself is steered by its control.
+    fn cancelled(&self) -> bool {
+        self.control.state() == State::Aborting
+    }
+}
+
+impl Observer for Run {
+    fn stored(&self, step: &Step, evidence: &Commit) {
+        let (exposure_s, gain) = evidence.controls();
+        let data = json!({
+            "file": step.file, "analyser_deg": step.state.analyser_deg, "exposure_s": exposure_s, "gain": gain,
+            "dropped": evidence.dropped, "sequence": evidence.sequence, "index": self.inner().done,
+        });
+        self.events.push("frame", &data);
+    }
+
+    fn noted(&self, entry: &Entry) {
+        let text = match entry {
+            Entry::Retried { reason } => format!("again after: {reason}"),
+            Entry::Paused => "paused, with the light off".into(),
+            Entry::Stopped { reason } => format!("stopped: {reason}"),
+            _ => return,
+        };
+        self.events.push("note", &json!({ "text": text }));
+    }
+
+    fn wants_map(&self) -> bool {
+        true
+    }
+
+    fn map(&self, running: &Running) {
+        if let Some(glance) = running.glance(MAP_WIDTH) {
+            let frames = glance.frames;
+            self.inner().map = Some(Arc::new(glance));
+            self.events.push("map", &json!({ "frames": frames }));
+        }
+    }
+}

@@ -1,0 +1,556 @@
+//! `/api/v1/sessions`.
+
+use super::devices::Width;
+use super::plans::PlanBody;
+use super::problem::{Answer, Kind, Problem};
+use super::runs::Run;
+use super::{App, At, Body, Params, blocking, events, maps, png};
+use crate::capture::Capture;
+use crate::catalogue::{Cursor, Query, SessionRow};
+use crate::engine::{Input, State as RunState};
+use crate::plan::{Plan, PlanKind, Role};
+use crate::session::{Journal, MortalDisk, SESSION_FILE, Session, SessionFile, Timing, sha256};
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use nacre_processing::image::encode_png8;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use utoipa::{IntoParams, ToSchema};
+
+/// A session.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct SessionDoc {
+    id: String,
+    name: String,
+    sample: String,
+    operator: String,
+    notes: String,
+    kind: String,
+    /// When it was begun, in Unix seconds.
+    created: i64,
+    /// Size of all its files.
+    bytes: u64,
+    /// `idle`, `running`, `pausing`, `paused`, `resuming`, `stopping`, `aborting`, `finished` or `failed`.
+    #[schema(value_type = String)]
+    state: RunState,
+    frames_planned: usize,
+    frames_committed: usize,
+    /// What it does now.
+    stage: Option<String>,
+    /// Seconds until that is done.
+    eta_s: Option<f64>,
+    /// Why it failed or was stopped.
+    error: Option<String>,
+    /// There are results of a reconstruction in the session.
+    has_results: bool,
+    /// Where the time went.
+    #[schema(value_type = Option<Object>)]
+    timing: Option<Timing>,
+    /// The plan; left out in lists and events.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    plan: Option<Plan>,
+}
+
+/// One page of sessions.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct SessionPage {
+    items: Vec<SessionDoc>,
+    /// Where the next page begins.
+    next: Option<String>,
+}
+
+/// What to look for.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Search {
+    /// Words that all occur in name, sample, operator, notes or folder.
+    text: Option<String>,
+    /// Only this kind of plan.
+    #[param(value_type = Option<String>)]
+    kind: Option<PlanKind>,
+    /// Only this state: `finished`, `stopped` or `unfinished`.
+    #[param(value_type = Option<String>)]
+    state: Option<crate::catalogue::State>,
+    /// Most sessions in the page.
+    #[param(minimum = 1, maximum = 1000)]
+    limit: Option<u32>,
+    /// The `next` of the page before.
+    cursor: Option<String>,
+}
+
+/// Which map, and how wide.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct LiveMap {
+    /// `orientation`, `sigma` or `dolp`.
+    map: Option<String>,
+    /// Pixels per row, at most.
+    #[param(minimum = 1, maximum = 16384)]
+    width: Option<usize>,
+}
+
+/// A frame with the evidence that it is fresh.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct FrameDoc {
+    file: String,
+    /// `series`, `dark` or `display_black`.
+    role: String,
+    analyser_deg: Option<f64>,
+    exposure_s: f64,
+    gain: f64,
+    sequence: u64,
+    timestamp_ns: u64,
+    steady_since_ns: u64,
+    dropped: u32,
+    sha256: String,
+}
+
+/// The frames of a session.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct FrameList {
+    items: Vec<FrameDoc>,
+}
+
+/// A file of a session.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct FileDoc {
+    path: String,
+    bytes: u64,
+}
+
+/// The files of a session.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct FileList {
+    items: Vec<FileDoc>,
+}
+
+/// What a deletion removes, and the token that confirms it.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Deletion {
+    token: String,
+    bytes: u64,
+    files: usize,
+}
+
+/// Confirms a deletion.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Confirmation {
+    /// The token that `deletion` gave.
+    token: String,
+}
+
+impl SessionDoc {
+    /// Of a run, or of a folder that nobody works on.
+    pub fn read(app: &App, id: &str, with_plan: bool) -> Answer<Self> {
+        let folder = app.session_folder(id)?;
+        let run = app.run(id);
+        if !folder.join(SESSION_FILE).exists() {
+            let run = run.ok_or_else(|| Problem::not_found(format!("session {id}")))?;
+            return Ok(Self::without_folder(&run, with_plan));
+        }
+        let row = SessionRow::read(&folder)?;
+        let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Problem::bad(e.to_string()))?;
+        let plan = SessionFile::read(&folder).map_err(|e| Problem::bad(e.to_string()))?.plan;
+        let mut doc = Self {
+            id: id.to_owned(),
+            name: row.name,
+            sample: row.sample,
+            operator: row.operator,
+            notes: row.notes,
+            kind: row.kind,
+            created: row.created,
+            bytes: row.bytes,
+            state: if journal.finished() { RunState::Finished } else { RunState::Idle },
+            frames_planned: row.frames_planned as usize,
+            frames_committed: row.frames_committed as usize,
+            stage: None,
+            eta_s: None,
+            error: journal.why_stopped(),
+            has_results: folder.join("results/report.json").exists(),
+            timing: journal.timing(),
+            plan: with_plan.then_some(plan),
+        };
+        if let Some(run) = run.filter(|r| !r.is_over() || r.error().is_some()) {
+            doc.live(&run);
+        }
+        Ok(doc)
+    }
+
+    fn live(&mut self, run: &Run) {
+        self.state = run.control.state();
+        (self.stage, self.eta_s, self.error) = (Some(run.stage().0), run.eta_s(), run.error());
+        self.frames_committed = run.committed().map_or(self.frames_committed, |n| n as usize);
+    }
+
+    /// Of a run that meters, and has no folder yet.
+    fn without_folder(run: &Run, with_plan: bool) -> Self {
+        let plan = &run.plan;
+        let mut doc = Self {
+            id: run.id.clone(),
+            name: plan.name.clone(),
+            sample: plan.sample.clone(),
+            operator: plan.operator.clone(),
+            notes: plan.notes.clone(),
+            kind: crate::plan::word(plan.kind),
+            created: run.created as i64,
+            bytes: 0,
+            state: RunState::Idle,
+            frames_planned: plan.steps().len(),
+            frames_committed: 0,
+            stage: None,
+            eta_s: None,
+            error: None,
+            has_results: false,
+            timing: None,
+            plan: with_plan.then(|| plan.clone()),
+        };
+        doc.live(run);
+        doc
+    }
+}
+
+/// Begins a session.
+#[utoipa::path(post, path = "/api/v1/sessions", tag = "sessions", operation_id = "begin_session",
+    request_body = PlanBody, params(("Idempotency-Key" = Option<String>, Header, description = "Begin it once only")),
+    responses((status = 202, body = SessionDoc, headers(("Location" = String, description = "The session"))),
+        (status = 400, body = Problem), (status = 409, body = Problem)))]
+pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): Body<PlanBody>) -> Answer<Response> {
+    let plan = body.plan()?;
+    let problems = plan.check_limits(&app.limits);
+    if !problems.is_empty() {
+        return Err(Problem::bad(problems.join("; ")).remedy("change the plan"));
+    }
+    let key = headers.get("idempotency-key").map(|k| sha256(k.as_bytes()));
+    if let Some(id) = key.as_ref().and_then(|k| app.remembered(k)) {
+        return accepted(&app, &id);
+    }
+    let id = super::new_id();
+    let run = Arc::new(Run::new(id.clone(), app.session_folder(&id)?, plan));
+    start(&app, &run, true)?;
+    if let Some(key) = key {
+        app.remember(key, &id);
+    }
+    accepted(&app, &id)
+}
+
+fn accepted(app: &App, id: &str) -> Answer<Response> {
+    let doc = SessionDoc::read(app, id, true)?;
+    Ok((StatusCode::ACCEPTED, [(header::LOCATION, format!("/api/v1/sessions/{id}"))], Json(doc)).into_response())
+}
+
+/// Gives the devices to a run.
+fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
+    let (worker, follower) = ((app.clone(), run.clone()), (app.clone(), run.clone()));
+    // The map of runs first, so that its state can be asked for as soon as the devices are given.
+    let before = app.runs.insert(run.clone());
+    let begun = app.bench.begin(&run.id, run.control.clone(), move |owner| {
+        let (app, run) = worker;
+        let mut capture =
+            Capture { runtime: &owner.runtime, rig: &mut owner.rig, control: run.control.clone(), observer: &*run };
+        let taken = if new {
+            capture.begin(run.plan.clone(), &run.folder, MortalDisk::default())
+        } else {
+            capture.resume(&run.folder, MortalDisk::default())
+        };
+        match taken {
+            Ok(taken) if taken.results.is_some() => run.events.push("results", &json!({})),
+            Ok(_) => {}
+            Err(failure) => {
+                // Also what failed before the engine began, so that nobody waits for it.
+                let _ = run.control.send(Input::Start);
+                let _ = run.control.send(Input::Fault);
+                run.fail(failure.to_string());
+            }
+        }
+        run.end();
+        app.metrics.session_ended(run.control.state());
+    });
+    if let Err(problem) = begun {
+        app.runs.restore(&run.id, before);
+        return Err(problem);
+    }
+    tokio::spawn(async move {
+        let (app, run) = follower;
+        tell_states(&app, &run).await;
+    });
+    Ok(())
+}
+
+/// Tells every change of a run's state until it is over.
+async fn tell_states(app: &Arc<App>, run: &Arc<Run>) {
+    let mut states = run.control.subscribe();
+    let mut last = None;
+    loop {
+        let state = *states.borrow_and_update();
+        let over = run.is_over();
+        if last != Some((state, over)) {
+            let (reader, id) = (app.clone(), run.id.clone());
+            if let Ok(doc) = blocking(move || SessionDoc::read(&reader, &id, false)).await {
+                run.events.push("state", &doc);
+            }
+            app.note(&run.folder).await;
+            last = Some((state, over));
+        }
+        if over {
+            break;
+        }
+        // What is over without a change of state is seen a moment later.
+        let _ = tokio::time::timeout(std::time::Duration::from_millis(100), states.changed()).await;
+    }
+    run.events.close();
+}
+
+/// Sessions, newest first.
+#[utoipa::path(get, path = "/api/v1/sessions", tag = "sessions", operation_id = "sessions", params(Search),
+    responses((status = 200, body = SessionPage), (status = 400, body = Problem)))]
+pub async fn list(State(app): State<Arc<App>>, Params(search): Params<Search>) -> Answer<Json<SessionPage>> {
+    let after: Option<Cursor> = match search.cursor.as_deref().map(str::parse) {
+        Some(Ok(cursor)) => Some(cursor),
+        Some(Err(_)) => return Err(Problem::bad("cursor is no cursor").remedy("give the next of the page before")),
+        None => None,
+    };
+    let limit = search.limit.unwrap_or(50);
+    if !(1..=1000).contains(&limit) {
+        return Err(Problem::bad(format!("limit is {limit}; give 1 to 1000")));
+    }
+    let query = Query { text: search.text.unwrap_or_default(), kind: search.kind, state: search.state, limit, after };
+    let page = app.catalogue.search(&query).await?;
+    let next = page.next.map(|c| c.to_string());
+    let items = blocking(move || {
+        let id = |row: &SessionRow| Some(Path::new(&row.folder).file_name()?.to_string_lossy().into_owned());
+        // One that was deleted meanwhile is left out.
+        Answer::Ok(
+            page.sessions.iter().filter_map(id).filter_map(|id| SessionDoc::read(&app, &id, false).ok()).collect(),
+        )
+    });
+    Ok(Json(SessionPage { items: items.await?, next }))
+}
+
+/// A session.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}", tag = "sessions", operation_id = "session", params(("id" = String, Path)),
+    responses((status = 200, body = SessionDoc), (status = 404, body = Problem)))]
+pub async fn get(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<SessionDoc>> {
+    Ok(Json(blocking(move || SessionDoc::read(&app, &id, true)).await?))
+}
+
+/// Waits after the frames in progress, with the light off.
+#[utoipa::path(post, path = "/api/v1/sessions/{id}/pause", tag = "sessions", operation_id = "pause_session",
+    params(("id" = String, Path)),
+    responses((status = 202, body = SessionDoc), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn pause(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Response> {
+    steer(&app, &id, Input::Pause)
+}
+
+/// Goes on after a pause, or takes what a session lacks.
+#[utoipa::path(post, path = "/api/v1/sessions/{id}/resume", tag = "sessions", operation_id = "resume_session",
+    params(("id" = String, Path)),
+    responses((status = 202, body = SessionDoc), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn resume(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Response> {
+    if app.run(&id).is_some_and(|r| !r.is_over()) {
+        return steer(&app, &id, Input::Resume);
+    }
+    let folder = app.session_folder(&id)?;
+    let file = SessionFile::read(&folder).map_err(|_| Problem::not_found(format!("session {id}")))?;
+    let run = Arc::new(Run::new(id.clone(), folder, file.plan));
+    start(&app, &run, false)?;
+    accepted(&app, &id)
+}
+
+/// Ends after the frames in progress; what is missing can be taken later.
+#[utoipa::path(post, path = "/api/v1/sessions/{id}/stop", tag = "sessions", operation_id = "stop_session",
+    params(("id" = String, Path)),
+    responses((status = 202, body = SessionDoc), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn stop(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Response> {
+    steer(&app, &id, Input::Stop)
+}
+
+/// Ends at once.
+#[utoipa::path(post, path = "/api/v1/sessions/{id}/abort", tag = "sessions", operation_id = "abort_session",
+    params(("id" = String, Path)),
+    responses((status = 202, body = SessionDoc), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn abort(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Response> {
+    steer(&app, &id, Input::Abort)
+}
+
+fn steer(app: &Arc<App>, id: &str, input: Input) -> Answer<Response> {
+    let doc = SessionDoc::read(app, id, false)?;
+    let state = match app.run(id) {
+        Some(run) => run.control.send(input).err(),
+        None => Some(doc.state),
+    };
+    match state {
+        None => accepted(app, id),
+        Some(state) => {
+            let state = crate::plan::word(state);
+            Err(Problem::new(Kind::Conflict, format!("the session is {state}, where this is not possible")))
+        }
+    }
+}
+
+/// What happens in a session, as server-sent events: `state`, `stage`, `frame`, `map`, `note`, `results`.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/events", tag = "sessions", operation_id = "session_events",
+    params(("id" = String, Path), ("Last-Event-ID" = Option<String>, Header, description = "Go on after this event")),
+    responses((status = 200, content_type = "text/event-stream", body = String), (status = 404, body = Problem),
+        (status = 429, body = Problem)))]
+pub async fn session_events(State(app): State<Arc<App>>, At(id): At<String>, headers: HeaderMap) -> Answer<Response> {
+    let log = match app.run(&id) {
+        Some(run) => run.events.clone(),
+        None => {
+            let doc = SessionDoc::read(&app, &id, false)?;
+            let log = Arc::new(events::EventLog::default());
+            log.push("state", &doc);
+            log.close();
+            log
+        }
+    };
+    Ok(events::stream(&app, &headers, log)?.into_response())
+}
+
+/// The frames with the evidence that they are fresh.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/frames", tag = "sessions", operation_id = "session_frames",
+    params(("id" = String, Path)), responses((status = 200, body = FrameList), (status = 404, body = Problem)))]
+pub async fn frames(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<FrameList>> {
+    let folder = app.existing_session(&id)?;
+    let read = move || {
+        let file = SessionFile::read(&folder).map_err(|e| Problem::bad(e.to_string()))?;
+        let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Problem::bad(e.to_string()))?;
+        let latest: std::collections::HashMap<&str, _> = journal.commits().map(|c| (c.file.as_str(), c)).collect();
+        let steps = file.plan.steps();
+        let doc = |step: &crate::plan::Step| {
+            let commit = latest.get(step.file.as_str())?;
+            let (exposure_s, gain) = commit.controls();
+            Some(FrameDoc {
+                file: step.file.clone(),
+                role: match step.role {
+                    Role::Series => "series".into(),
+                    Role::Extra(extra) => crate::plan::word(extra),
+                },
+                analyser_deg: step.state.analyser_deg,
+                exposure_s,
+                gain,
+                sequence: commit.sequence,
+                timestamp_ns: commit.timestamp_ns,
+                steady_since_ns: commit.steady_since_ns,
+                dropped: commit.dropped,
+                sha256: commit.sha256.clone(),
+            })
+        };
+        Answer::Ok(FrameList { items: steps.iter().filter_map(doc).collect() })
+    };
+    Ok(Json(blocking(read).await?))
+}
+
+/// A frame: the stored 16-bit PNG, or with `width` a smaller picture with a display's gamma.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/frames/{name}", tag = "sessions", operation_id = "session_frame",
+    params(("id" = String, Path), ("name" = String, Path, description = "For instance 0000.png"), Width),
+    responses((status = 200, content_type = "image/png", body = [u8]), (status = 400, body = Problem),
+        (status = 404, body = Problem)))]
+pub async fn frame(
+    State(app): State<Arc<App>>,
+    At((id, name)): At<(String, String)>,
+    Params(query): Params<Width>,
+) -> Answer<Response> {
+    let folder = app.existing_session(&id)?.join("frames");
+    let path = super::files::inside(&folder, &name)?;
+    match query.width {
+        None => super::files::send(&path).await,
+        Some(width) => {
+            let body = blocking(move || maps::thumbnail(&path, width)).await?;
+            Ok(png(Ok(body))?.into_response())
+        }
+    }
+}
+
+/// The map so far, while frames arrive.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/live.png", tag = "sessions", operation_id = "live_map",
+    params(("id" = String, Path), LiveMap),
+    responses((status = 200, content_type = "image/png", body = [u8]), (status = 400, body = Problem),
+        (status = 404, body = Problem)))]
+pub async fn live(State(app): State<Arc<App>>, At(id): At<String>, Params(query): Params<LiveMap>) -> Answer<Response> {
+    app.session_folder(&id)?;
+    let Some(glance) = app.run(&id).and_then(|r| r.map_so_far()) else {
+        return Err(Problem::not_found("map yet").remedy("wait for frames at three angles"));
+    };
+    let name = query.map.unwrap_or_else(|| "orientation".into());
+    let plane = match name.as_str() {
+        "orientation" => &glance.orientation,
+        "sigma" => &glance.sigma,
+        "dolp" => &glance.dolp,
+        _ => return Err(Problem::bad(format!("map is {name:?}; give orientation, sigma or dolp"))),
+    };
+    let view = maps::View { width: query.width.unwrap_or(512), region: None };
+    let body = png(maps::picture(&name, plane, glance.width, &view, &encode_png8).map_err(std::io::Error::other))?;
+    Ok(body.into_response())
+}
+
+/// What a deletion removes, and the token that confirms it.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/deletion", tag = "sessions", operation_id = "session_deletion",
+    params(("id" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
+pub async fn deletion(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Deletion>> {
+    let folder = app.existing_session(&id)?;
+    let token = app.deletion_token(&id);
+    let files = blocking(move || Answer::Ok(super::files::list(&folder))).await?;
+    Ok(Json(Deletion { token, bytes: files.iter().map(|f| f.1).sum(), files: files.len() }))
+}
+
+/// Deletes a session with all its files.
+#[utoipa::path(delete, path = "/api/v1/sessions/{id}", tag = "sessions", operation_id = "delete_session",
+    params(("id" = String, Path), Confirmation),
+    responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn delete(
+    State(app): State<Arc<App>>,
+    At(id): At<String>,
+    Params(query): Params<Confirmation>,
+) -> Answer<StatusCode> {
+    let folder = app.existing_session(&id)?;
+    if query.token != app.deletion_token(&id) {
+        return Err(Problem::new(Kind::Conflict, "the token does not confirm this deletion")
+            .remedy("ask /deletion for the token"));
+    }
+    if app.run(&id).is_some_and(|r| !r.is_over()) {
+        return Err(Problem::new(Kind::Busy, "the session is running").remedy("abort it first"));
+    }
+    let row = SessionRow::read(&folder).ok();
+    blocking(move || {
+        // Nobody else works on it: the session's own lock says so.
+        let session = Session::open(crate::session::RealDisk, &folder);
+        if session.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::WouldBlock) {
+            return Err(Problem::new(Kind::Busy, "another process works on the session"));
+        }
+        std::fs::remove_dir_all(&folder).map_err(|e| Problem::new(Kind::Internal, format!("cannot be deleted: {e}")))
+    })
+    .await?;
+    app.runs.remove(&id);
+    if let Some(row) = row {
+        app.catalogue.remove(&row.id).await?;
+    }
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// The files of a session.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/files", tag = "sessions", operation_id = "session_files",
+    params(("id" = String, Path)), responses((status = 200, body = FileList), (status = 404, body = Problem)))]
+pub async fn files(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<FileList>> {
+    let folder = app.existing_session(&id)?;
+    let files = blocking(move || Answer::Ok(super::files::list(&folder))).await?;
+    Ok(Json(FileList { items: files.into_iter().map(|(path, bytes)| FileDoc { path, bytes }).collect() }))
+}
+
+/// A file of a session.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/files/{path}", tag = "sessions", operation_id = "session_file",
+    params(("id" = String, Path), ("path" = String, Path, description = "For instance results/orientation.exr")),
+    responses((status = 200, content_type = "application/octet-stream", body = [u8]), (status = 400, body = Problem),
+        (status = 404, body = Problem)))]
+pub async fn file(State(app): State<Arc<App>>, At((id, path)): At<(String, PathBuf)>) -> Answer<Response> {
+    let folder = app.existing_session(&id)?;
+    super::files::send(&super::files::inside(&folder, &path.to_string_lossy())?).await
+}

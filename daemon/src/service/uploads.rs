@@ -1,0 +1,167 @@
+//! `/api/v1/uploads`: photographs taken elsewhere, streamed to the disk.
+
+use super::App;
+use super::problem::{Answer, Kind, Problem};
+use axum::Json;
+use axum::extract::multipart::{Field, MultipartRejection};
+use axum::extract::{Multipart, State};
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use nacre_processing::frames::{FILE_NAME, load};
+use nacre_processing::image::EXTENSIONS;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::io::AsyncWriteExt;
+use utoipa::ToSchema;
+
+/// Most photographs of one upload.
+const MAX_FILES: usize = 4096;
+
+/// A part of an upload has to come within this.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// What was uploaded.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Uploaded {
+    id: String,
+    files: usize,
+    bytes: u64,
+}
+
+/// Photographs as form parts `file` with their names, and their description as the part `frames` (a frames.json);
+/// without it the analyser's angles are read from the names, as `045.png`, and colour files' green is used.
+#[derive(ToSchema)]
+#[allow(dead_code, reason = "describes the form")]
+pub struct Form {
+    /// A frames.json.
+    frames: Option<String>,
+    #[schema(value_type = Vec<String>, format = Binary)]
+    file: Vec<Vec<u8>>,
+}
+
+impl App {
+    /// Folder of an upload.
+    ///
+    /// # Errors
+    /// `not-found` for what is no id.
+    pub fn upload_folder(&self, id: &str) -> Answer<PathBuf> {
+        super::check_id(id)?;
+        Ok(self.config.data.join("uploads").join(id))
+    }
+}
+
+/// Uploads photographs; `POST /api/v1/reconstructions` then makes maps of them.
+#[utoipa::path(post, path = "/api/v1/uploads", tag = "reconstructions", operation_id = "upload",
+    request_body(content = Form, content_type = "multipart/form-data"),
+    responses((status = 201, body = Uploaded), (status = 400, body = Problem), (status = 413, body = Problem)))]
+pub async fn upload(State(app): State<Arc<App>>, form: Result<Multipart, MultipartRejection>) -> Answer<Response> {
+    let form = form.map_err(|e| Problem::bad(e.body_text()))?;
+    let id = super::new_id();
+    let folder = app.upload_folder(&id)?;
+    let refused = |e: std::io::Error| Problem::new(Kind::Internal, format!("the upload cannot be stored: {e}"));
+    tokio::fs::create_dir_all(&folder).await.map_err(refused)?;
+    match receive(&app, form, &folder).await {
+        Ok((files, bytes)) => {
+            let location = format!("/api/v1/uploads/{id}");
+            Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(Uploaded { id, files, bytes }))
+                .into_response())
+        }
+        Err(problem) => {
+            // Half an upload is none.
+            let _ = tokio::fs::remove_dir_all(&folder).await;
+            Err(problem)
+        }
+    }
+}
+
+async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
+    let most = app.config.limits.upload_mib << 20;
+    let (mut files, mut bytes) = (0, 0);
+    loop {
+        let next = tokio::time::timeout(PATIENCE, form.next_field()).await;
+        let next = next.map_err(|_| Problem::bad("the upload stopped half-way"))?;
+        let Some(field) = next.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? else {
+            break;
+        };
+        let name = file_name(&field)?;
+        files += usize::from(name != FILE_NAME);
+        if files > MAX_FILES {
+            return Err(Problem::new(Kind::TooLarge, format!("more than {MAX_FILES} photographs")));
+        }
+        bytes += store(field, &folder.join(&name), most.saturating_sub(bytes)).await?;
+    }
+    if files == 0 {
+        return Err(Problem::bad("the form holds no photograph").remedy("send parts named file with file names"));
+    }
+    let folder = folder.to_path_buf();
+    super::blocking(move || describe(&folder)).await?;
+    Ok((files, bytes))
+}
+
+/// Plain names of photographs only, so that nothing is written elsewhere.
+fn file_name(field: &Field<'_>) -> Answer<String> {
+    match field.name() {
+        Some("frames") => return Ok(FILE_NAME.into()),
+        Some("file") => {}
+        _ => return Err(Problem::bad("a part is neither file nor frames")),
+    }
+    let name = field.file_name().unwrap_or_default();
+    let extension = Path::new(name).extension().map(|e| e.to_string_lossy().to_lowercase());
+    let known = extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str()));
+    let plain = name.chars().all(|c| c.is_alphanumeric() || "._- +()".contains(c)) && !name.starts_with('.');
+    if known && plain && name.len() <= 200 {
+        return Ok(name.to_owned());
+    }
+    let allowed = EXTENSIONS.join(", ");
+    Err(Problem::bad(format!("{:?} is no name of a photograph ({allowed})", name.chars().take(80).collect::<String>())))
+}
+
+async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
+    let refused = |e: std::io::Error| Problem::new(Kind::Internal, format!("the upload cannot be stored: {e}"));
+    let new = tokio::fs::OpenOptions::new().write(true).create_new(true).open(path).await;
+    let mut file = new.map_err(|e| match e.kind() {
+        std::io::ErrorKind::AlreadyExists => Problem::bad("two photographs have one name"),
+        _ => refused(e),
+    })?;
+    let mut bytes = 0;
+    loop {
+        let chunk = tokio::time::timeout(PATIENCE, field.chunk()).await;
+        let chunk = chunk.map_err(|_| Problem::bad("the upload stopped half-way"))?;
+        let Some(chunk) = chunk.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? else {
+            break;
+        };
+        bytes += chunk.len() as u64;
+        if bytes > most {
+            return Err(Problem::new(Kind::TooLarge, "the upload is larger than limits.upload_mib allows"));
+        }
+        file.write_all(&chunk).await.map_err(refused)?;
+    }
+    file.flush().await.map_err(refused)?;
+    Ok(bytes)
+}
+
+/// Makes the description if there is none, and checks the whole as a reconstruction does.
+fn describe(folder: &Path) -> Answer<()> {
+    let path = folder.join(FILE_NAME);
+    if !path.exists() {
+        let text = crate::commands::import::from_names(folder, false)
+            .or_else(|_| crate::commands::import::from_names(folder, true))
+            .map_err(plain)?;
+        std::fs::write(&path, text).map_err(|e| Problem::new(Kind::Internal, format!("cannot be stored: {e}")))?;
+    }
+    load(folder).map_err(plain)?;
+    Ok(())
+}
+
+/// Folders of the machine are nobody's business.
+fn plain(error: nacre_processing::Error) -> Problem {
+    match error {
+        nacre_processing::Error::Input { subject, problem, remedy } => {
+            let name = Path::new(&subject).file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+            Problem::bad(format!("{name}: {problem}")).remedy(remedy)
+        }
+        other => other.into(),
+    }
+}

@@ -1,0 +1,178 @@
+//! A service process, and plain HTTP to it: every byte of a request is the test's.
+
+use crate::{Place, assert_gone, command};
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// `nacre serve --sim` in a process of its own, ended in order when dropped.
+pub struct Service {
+    child: Child,
+    /// Where it listens.
+    pub address: SocketAddr,
+    mark: String,
+}
+
+/// An answer.
+pub struct Answer {
+    /// Status.
+    pub status: u16,
+    /// Header lines.
+    pub head: String,
+    /// Body.
+    pub body: Vec<u8>,
+}
+
+#[allow(clippy::unwrap_used, clippy::missing_panics_doc, missing_docs)]
+impl Service {
+    /// On a small simulated bench, with its data in `place`.
+    pub fn start(place: &Place, more: &[&str]) -> Self {
+        let (mut command, mark) = command();
+        command.args(["serve", "--sim", "--listen", "127.0.0.1:0", "--bench", &place.text("bench.toml")]);
+        command.args(["--data", &place.text("data")]).args(more).current_dir(place.path(""));
+        let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the service starts");
+        let mut line = String::new();
+        let mut stderr = BufReader::new(child.stderr.take().unwrap());
+        stderr.read_line(&mut line).unwrap();
+        let address = line.split("http://").nth(1).and_then(|rest| rest.split('/').next()?.parse().ok());
+        let address = address.unwrap_or_else(|| panic!("the service says: {line}"));
+        std::thread::spawn(move || stderr.lines().map_while(Result::ok).for_each(|line| println!("service: {line}")));
+        Self { child, address, mark }
+    }
+
+    /// Process id.
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Kills it as nothing else can.
+    pub fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+        assert_gone(&self.mark);
+    }
+
+    /// Sends bytes; reads until the other end closes, or for as long as `patience`.
+    pub fn raw(&self, bytes: &[u8], patience: Duration) -> Vec<u8> {
+        let mut stream = TcpStream::connect(self.address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
+        // A service that refuses a large body may close before it has it all.
+        let _ = stream.write_all(bytes);
+        let (begun, mut answer, mut buffer) = (Instant::now(), vec![], [0; 65536]);
+        while begun.elapsed() < patience {
+            match stream.read(&mut buffer) {
+                Ok(0) => break,
+                Ok(n) => answer.extend_from_slice(&buffer[..n]),
+                Err(e) if e.kind() == std::io::ErrorKind::WouldBlock => {}
+                Err(_) => break,
+            }
+        }
+        answer
+    }
+
+    /// A request with these header lines.
+    pub fn send(&self, method: &str, path: &str, headers: &[&str], body: &[u8]) -> Answer {
+        let host = if headers.iter().any(|h| h.to_lowercase().starts_with("host:")) {
+            String::new()
+        } else {
+            format!("Host: {}\r\n", self.address)
+        };
+        let lines: String = headers.iter().map(|h| format!("{h}\r\n")).collect();
+        let head = format!(
+            "{method} {path} HTTP/1.1\r\n{host}{lines}Content-Length: {}\r\nConnection: close\r\n\r\n",
+            body.len()
+        );
+        Answer::parse(&self.raw(&[head.as_bytes(), body].concat(), Duration::from_secs(30)))
+    }
+
+    pub fn get(&self, path: &str) -> Answer {
+        self.send("GET", path, &[], b"")
+    }
+
+    pub fn post(&self, path: &str, body: &Value) -> Answer {
+        self.send("POST", path, &["Content-Type: application/json"], body.to_string().as_bytes())
+    }
+
+    /// Waits until a document at a path is as wanted; returns it.
+    pub fn until(&self, path: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+        let begun = Instant::now();
+        loop {
+            let answer = self.get(path);
+            if answer.status == 200 && wanted(&answer.json()) {
+                return answer.json();
+            }
+            assert!(begun.elapsed() < Duration::from_secs(60), "{path}: {}", answer.text());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Resident memory in KiB.
+    pub fn memory(&self) -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        let line = status.lines().find_map(|l| l.strip_prefix("VmRSS:")).unwrap();
+        line.trim().trim_end_matches(" kB").parse().unwrap()
+    }
+}
+
+#[allow(clippy::unwrap_used, clippy::missing_panics_doc, missing_docs)]
+impl Answer {
+    fn parse(bytes: &[u8]) -> Self {
+        let Some(at) = bytes.windows(4).position(|w| w == b"\r\n\r\n") else {
+            return Self { status: 0, head: String::from_utf8_lossy(bytes).into_owned(), body: vec![] };
+        };
+        let head = String::from_utf8_lossy(&bytes[..at]).into_owned();
+        let status = head.split(' ').nth(1).and_then(|s| s.parse().ok()).unwrap_or(0);
+        let rest = &bytes[at + 4..];
+        let chunked = head.to_lowercase().contains("transfer-encoding: chunked");
+        Self { status, body: if chunked { dechunked(rest) } else { rest.to_vec() }, head }
+    }
+
+    pub fn text(&self) -> String {
+        String::from_utf8_lossy(&self.body).into_owned()
+    }
+
+    pub fn json(&self) -> Value {
+        serde_json::from_slice(&self.body).unwrap_or_else(|e| panic!("{e}: {} {}", self.head, self.text()))
+    }
+
+    /// Checks the status, showing the answer when it is another.
+    pub fn expect(self, status: u16) -> Self {
+        assert_eq!(self.status, status, "{}\n{}", self.head, self.text());
+        self
+    }
+
+    pub fn header(&self, name: &str) -> Option<String> {
+        let wanted = format!("{}:", name.to_lowercase());
+        self.head.lines().find(|l| l.to_lowercase().starts_with(&wanted)).map(|l| l[wanted.len()..].trim().to_owned())
+    }
+}
+
+fn dechunked(mut bytes: &[u8]) -> Vec<u8> {
+    let mut all = vec![];
+    while let Some(at) = bytes.windows(2).position(|w| w == b"\r\n") {
+        let size = std::str::from_utf8(&bytes[..at]).ok().and_then(|s| usize::from_str_radix(s, 16).ok()).unwrap_or(0);
+        let end = (at + 2 + size).min(bytes.len());
+        all.extend_from_slice(&bytes[at + 2..end]);
+        bytes = &bytes[(end + 2).min(bytes.len())..];
+        if size == 0 {
+            break;
+        }
+    }
+    all
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        let _ = Command::new("kill").arg(self.child.id().to_string()).status();
+        let status = self.child.wait();
+        if !std::thread::panicking() {
+            assert!(
+                status.as_ref().is_ok_and(|s| s.success() || s.code().is_none()),
+                "the service ended badly: {status:?}"
+            );
+            assert_gone(&self.mark);
+        }
+    }
+}

@@ -1,0 +1,152 @@
+// Start of the page: header, routes, stop, theme.
+
+import { get, post } from "./api.js";
+import { h, say } from "./dom.js";
+import { alarm, complain, problemMessage, tell } from "./feedback.js";
+import { onReturn, refresh, service, start, watch } from "./service.js";
+import { benchPage } from "./bench.js";
+import { newPage } from "./new.js";
+import { resultPage } from "./result.js";
+import { sessionPage } from "./session.js";
+import { sessionsPage } from "./sessions.js";
+import { uploadPage } from "./upload.js";
+
+const ROUTES = {
+  bench: ["Bench", benchPage],
+  new: ["New session", newPage],
+  session: ["Session", sessionPage],
+  sessions: ["Sessions", sessionsPage],
+  result: ["Result", resultPage],
+  upload: ["Upload", uploadPage],
+};
+const main = document.getElementById("main");
+let leaving = new AbortController();
+let failed = false;
+
+async function route() {
+  const [name, id] = location.hash.replace(/^#\/?/, "").split("/");
+  if (location.hash === "#main") return main.focus();
+  if (!ROUTES[name]) return location.replace("#/bench");
+  leaving.abort();
+  leaving = new AbortController();
+  const { signal } = leaving;
+  const [title, page] = ROUTES[name];
+  document.title = `${title} · Nacre`;
+  for (const link of document.querySelectorAll(".nav a")) {
+    const here = link.hash === `#/${name}` || (link.hash === "#/sessions" && (name === "session" || name === "result"));
+    if (here) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  main.replaceChildren();
+  failed = false;
+  try {
+    await page(main, { id: decodeURIComponent(id ?? ""), signal });
+  } catch (problem) {
+    if (signal.aborted) return;
+    failed = true;
+    if (problem.slug === undefined) console.error(problem);
+    main.replaceChildren(h("div", { class: "head" }, h("h1", {}, title)), problemMessage(problem));
+  }
+}
+
+// A page that could not be loaded is tried again as soon as there is hope; the others go on by themselves.
+onReturn(() => failed && route());
+addEventListener("hashchange", route);
+
+const ACTIVITY = { idle: ["good", "Idle"], manual: ["busy", "Manual control"], session: ["busy", "Session running"] };
+const state = document.getElementById("service");
+const lost = document.getElementById("lost");
+
+watch(({ devices, reachable, problem, since }) => {
+  lost.hidden = reachable !== false;
+  if (reachable === false) {
+    const time = new Date(since).toTimeString().slice(0, 8);
+    say(lost, `No connection to the service since ${time}. Trying again every second; what is shown may be out of date.`);
+    return paint("bad", "Not connected");
+  }
+  if (problem) {
+    state.title = `${problem.message} ${problem.remedy}`;
+    return paint("bad", "Devices do not answer");
+  }
+  state.title = "";
+  if (!devices) return;
+  const open = devices.interlocks.filter((i) => !i.holds);
+  if (open.length) return paint("warn", `Interlock open: ${open.map((i) => i.id).join(", ")}`, devices);
+  paint(...(ACTIVITY[devices.activity] ?? ["quiet", devices.activity]), devices);
+});
+
+function paint(tone, text, devices) {
+  state.dataset.tone = tone;
+  const key = [text, devices?.session, devices?.simulated].join();
+  if (state.dataset.key === key) return;
+  state.dataset.key = key;
+  const link = devices?.session ? h("a", { href: `#/session/${devices.session}` }, text) : text;
+  state.replaceChildren(h("span", {}, link), ...(devices?.simulated ? [h("span", { class: "badge", title: "No real device is moved" }, "simulated")] : []));
+}
+
+const stop = document.getElementById("stop");
+
+async function stopAll() {
+  stop.textContent = "STOPPING";
+  try {
+    await post("/stop", {}, { keepalive: true });
+    tell("Stopped. All light is off.");
+    refresh();
+  } catch (problem) {
+    alarm("STOP did not reach the service", problem.message, "Switch off light and motion at the bench itself. " + (problem.remedy ?? ""));
+  } finally {
+    stop.textContent = "STOP";
+  }
+}
+stop.addEventListener("click", stopAll);
+
+// Escape twice works while typing in a field too, which a letter could not.
+let lastEscape = -Infinity;
+addEventListener("keydown", (event) => {
+  if (event.key !== "Escape" || event.repeat) return;
+  const twice = event.timeStamp - lastEscape < 700;
+  lastEscape = twice ? -Infinity : event.timeStamp;
+  if (twice) stopAll();
+}, { capture: true });
+
+const theme = document.getElementById("theme");
+const systemDark = matchMedia("(prefers-color-scheme: dark)");
+const isDark = () => (document.documentElement.dataset.theme ?? (systemDark.matches ? "dark" : "light")) === "dark";
+
+function labelTheme() {
+  const next = isDark() ? "light" : "dark";
+  theme.textContent = isDark() ? "☀" : "☾";
+  theme.title = `Use the ${next} theme`;
+  theme.setAttribute("aria-label", theme.title);
+}
+theme.addEventListener("click", () => {
+  const next = isDark() ? "light" : "dark";
+  document.documentElement.dataset.theme = next;
+  try {
+    localStorage.setItem("nacre-theme", next);
+  } catch {
+    // Storage can be forbidden; the choice then lasts until the page is closed.
+  }
+  labelTheme();
+  dispatchEvent(new Event("themechange"));
+});
+systemDark.addEventListener("change", labelTheme);
+labelTheme();
+
+let aboutShown = false;
+async function about() {
+  if (aboutShown || !service.reachable) return;
+  aboutShown = true;
+  try {
+    const { version, data } = await get("/about");
+    document.getElementById("about").replaceChildren(
+      h("span", {}, `Nacre ${version}`), h("span", {}, `Data in ${data}`),
+      h("a", { href: "/display", target: "_blank", rel: "noopener" }, "Page for the panel"), h("a", { href: "/api/v1/openapi.json" }, "OpenAPI"));
+  } catch (problem) {
+    aboutShown = false;
+    complain(problem);
+  }
+}
+watch(about);
+start();
+route();

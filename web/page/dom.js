@@ -1,0 +1,123 @@
+// Building and changing elements. Text is always set as text, never parsed as HTML.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function fill(element, attributes, children) {
+  for (const [name, value] of Object.entries(attributes ?? {})) {
+    if (value === null || value === undefined || value === false) continue;
+    if (typeof value === "function") element.addEventListener(name.slice(2), value);
+    else if (name === "value" || name === "checked" || name === "disabled") element[name] = value;
+    else element.setAttribute(name, value === true ? "" : String(value));
+  }
+  element.append(...children.flat(Infinity).filter((c) => c !== null && c !== undefined && c !== false));
+  return element;
+}
+
+/** An HTML element: attributes by name, listeners as `onclick` and so on, then children. */
+export function h(tag, attributes, ...children) {
+  return fill(document.createElement(tag), attributes, children);
+}
+
+/** An SVG element. */
+export function svg(tag, attributes, ...children) {
+  return fill(document.createElementNS(SVG, tag), attributes, children);
+}
+
+/** Sets text only where it changed, so that live regions do not repeat themselves. */
+export function say(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+/** A panel with a heading and, to its right, whatever belongs to it as a whole. */
+export function panel(title, aside, ...children) {
+  return h("section", { class: "panel", "aria-label": title }, h("header", {}, h("h2", {}, title), aside), ...children);
+}
+
+let fields = 0;
+
+/** A labelled input. `control` gets an id if it has none; `hint` says what is expected. */
+export function field(label, control, { hint, wide } = {}) {
+  control.id ||= `field-${++fields}`;
+  const note = hint && h("small", { id: `${control.id}-hint` }, hint);
+  if (note) control.setAttribute("aria-describedby", note.id);
+  return h("div", { class: wide ? "field wide" : "field" }, h("label", { for: control.id }, label), control, note);
+}
+
+/** A number input that takes any decimal. */
+export function number(attributes) {
+  return h("input", { type: "number", step: "any", inputmode: "decimal", ...attributes });
+}
+
+/** A check box with its label. */
+export function check(label, attributes) {
+  return h("label", { class: "check" }, h("input", { type: "checkbox", ...attributes }), h("span", {}, label));
+}
+
+/** A drop-down list; options are [value, label]. */
+export function select(options, value, attributes) {
+  const list = h("select", attributes, options.map(([v, label]) => h("option", { value: v }, label)));
+  list.value = value;
+  return list;
+}
+
+/** A choice of one among few, as a row of buttons; arrow keys move within it as radio buttons do. */
+export function segments(label, options, value, onchange) {
+  const buttons = options.map(([key, text]) =>
+    h("button", { type: "button", role: "radio", "data-key": key, onclick: () => choose(key) }, text));
+  const group = h("div", { class: "segments", role: "radiogroup", "aria-label": label, onkeydown: move }, buttons);
+  function mark(key) {
+    for (const button of buttons) {
+      const on = button.dataset.key === key;
+      button.setAttribute("aria-checked", String(on));
+      button.tabIndex = on ? 0 : -1;
+    }
+  }
+  function choose(key) {
+    mark(key);
+    onchange(key);
+  }
+  function move(event) {
+    const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    const next = buttons[(buttons.indexOf(document.activeElement) + step + buttons.length) % buttons.length];
+    next.focus();
+    choose(next.dataset.key);
+  }
+  mark(value);
+  group.mark = mark;
+  return group;
+}
+
+/** A list of facts; pairs without a value are left out. */
+export function facts(pairs) {
+  const given = pairs.filter(([, value]) => value !== null && value !== undefined && value !== "");
+  return h("dl", { class: "facts" }, given.map(([name, value]) => [h("dt", {}, name), h("dd", {}, value)]));
+}
+
+/** Numbers that matter most, large. Values are elements or text. */
+export function figures(pairs) {
+  return h("div", { class: "figures" }, pairs.map(([name, value]) => h("div", {}, h("strong", {}, value), h("span", {}, name))));
+}
+
+/** Resolves after so many milliseconds, or at once when the signal fires. */
+export function pause(ms, signal) {
+  return new Promise((resolve) => {
+    const timer = setTimeout(resolve, ms);
+    signal?.addEventListener("abort", () => (clearTimeout(timer), resolve()), { once: true });
+  });
+}
+
+/** Calls once things have been quiet for a while. */
+export function settle(ms, call) {
+  let timer;
+  return (...values) => {
+    clearTimeout(timer);
+    timer = setTimeout(() => call(...values), ms);
+  };
+}
+
+/** A random word; `crypto.randomUUID` is missing on plain-HTTP addresses other than loopback. */
+export function randomId() {
+  return Array.from(crypto.getRandomValues(new Uint8Array(16)), (b) => b.toString(16).padStart(2, "0")).join("");
+}

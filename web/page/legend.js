@@ -1,0 +1,88 @@
+// Legends of maps: the wheel of orientations, the bar of numbers. The same colours as the service's pictures.
+
+import { fixed } from "./format.js";
+import { h } from "./dom.js";
+
+// Sixth-order fit of viridis by M. Zucker (CC0).
+const VIRIDIS = [
+  [0.27772733, 0.0054073445, 0.3340998], [0.10509304, 1.4046135, 1.3845901], [-0.33086183, 0.21484756, 0.095095160],
+  [-4.6342305, -5.799101, -19.332441], [6.22827, 14.179933, 56.69055], [4.776385, -13.745145, -65.353033],
+  [-5.435456, 4.6458526, 26.312435],
+];
+
+const byte = (value) => Math.round(255 * Math.min(1, Math.max(0, value)));
+
+/** Colour of 0 to 1, dark to light. */
+export function viridis(t) {
+  const rgb = [0, 1, 2].map((i) => byte(VIRIDIS.reduceRight((sum, c) => sum * t + c[i], 0)));
+  return `rgb(${rgb.join(" ")})`;
+}
+
+/** Colour of an orientation in degrees; the wheel of hues runs once through 180°. */
+export const orientationColor = (deg) => `hsl(${2 * deg} 100% 50%)`;
+
+/** The wheel. An orientation is a line, so each colour is at both its ends; `mark(deg)` draws that line. */
+export function wheel(size = 132) {
+  const canvas = h("canvas", { class: "wheel", width: 2 * size, height: 2 * size, role: "img",
+    "aria-label": "Colour wheel: red is 0°, along the picture's rows; yellow-green 45°, cyan 90°, violet 135°, anticlockwise" });
+  canvas.style.width = canvas.style.height = `${size}px`;
+  const draw = (marked) => {
+    const context = canvas.getContext("2d");
+    const ink = getComputedStyle(canvas).color;
+    const radius = 0.66 * size;
+    context.resetTransform();
+    context.clearRect(0, 0, 2 * size, 2 * size);
+    context.translate(size, size);
+    // Sectors overlap a little: seams between them would show.
+    for (let i = 0; i < 360; i++) {
+      context.fillStyle = orientationColor(i + 0.5);
+      context.beginPath();
+      context.arc(0, 0, radius, (-(i + 1.3) * Math.PI) / 180, (-i * Math.PI) / 180);
+      context.arc(0, 0, 0.5 * radius, (-i * Math.PI) / 180, (-(i + 1.3) * Math.PI) / 180, true);
+      context.fill();
+    }
+    context.fillStyle = ink;
+    context.font = `${0.19 * size}px system-ui, sans-serif`;
+    context.textBaseline = "middle";
+    context.textAlign = "center";
+    for (const deg of [0, 45, 90, 135]) {
+      const angle = (deg * Math.PI) / 180;
+      context.fillText(`${deg}°`, (radius + 0.17 * size) * Math.cos(angle), -(radius + 0.14 * size) * Math.sin(angle));
+    }
+    if (typeof marked !== "number") return;
+    context.rotate((-marked * Math.PI) / 180);
+    context.strokeStyle = ink;
+    context.lineWidth = 4;
+    context.lineCap = "round";
+    context.beginPath();
+    context.moveTo(-radius, 0);
+    context.lineTo(radius, 0);
+    context.stroke();
+  };
+  let last = null;
+  canvas.mark = (deg) => {
+    last = deg;
+    draw(deg);
+  };
+  // The ink is known once the canvas is in the page, and changes with the theme.
+  canvas.refresh = () => draw(last);
+  requestAnimationFrame(canvas.refresh);
+  return canvas;
+}
+
+/** The bar from `low` to `high`; without a range it says which end is which. */
+export function bar(range, unit, grey) {
+  const canvas = h("canvas", { width: 256, height: 1, "aria-hidden": "true" });
+  const context = canvas.getContext("2d");
+  for (let i = 0; i < 256; i++) {
+    context.fillStyle = grey ? `rgb(${i} ${i} ${i})` : viridis(i / 255);
+    context.fillRect(i, 0, 1, 1);
+  }
+  const [low, high] = range ?? [];
+  const digits = range && high - low < 10 ? 2 : 0;
+  const label = (value, word) => h("span", {}, range ? `${fixed(value, digits)}${unit}` : word);
+  return h("div", { class: "bar" }, canvas, h("div", { class: "row between" }, label(low, "low"), range && label((low + high) / 2), label(high, "high")));
+}
+
+/** What masked pixels look like. */
+export const maskedKey = () => h("p", { class: "row soft" }, h("span", { class: "swatch masked" }), "masked");

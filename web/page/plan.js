@@ -1,0 +1,155 @@
+// Between the fields of the form and a plan as the service takes it. No elements here.
+
+/** What the form holds when nothing was filled in; everything is as typed. */
+export const BLANK = {
+  kind: "polarization", name: "", sample: "", operator: "", notes: "",
+  angles: "range", start: "0", stop: "150", step: "30", list: "0, 30, 60, 90, 120, 150",
+  metered: true, exposure_ms: "40", exposures_ms: "5, 10, 20, 40, 80", gain: "1", average: "1",
+  roi: "", pattern: "disc", diameter_mm: "180", center_mm: "0, 0",
+  spots: "-40, 0\n0, 0\n40, 0", spot_diameter_mm: "10",
+  steps: [{ display: "", analyser_deg: "0", flash: false, exposure_ms: "" }],
+  dark: true, display_black: true, reconstruct: true, model: "auto",
+};
+
+/** The five kinds, and what each varies. */
+export const KINDS = [
+  ["polarization", "Polarization", "Turns the analyser."],
+  ["exposures", "Exposures", "Varies the exposure time, at each angle of the analyser if any."],
+  ["flash", "Flash", "Under the flash, at each angle of the analyser if any."],
+  ["spots", "Spots", "Moves a disc over the panel, at each angle of the analyser if any."],
+  ["free", "Free", "Frame by frame, as listed."],
+];
+
+const MAX_ANGLES = 100_000;
+
+/** Raised by the readers below; `key` names the field. */
+class Wrong extends Error {
+  constructor(key, text) {
+    super(text);
+    this.key = key;
+  }
+}
+
+function one(form, key, text = form[key]) {
+  const value = Number(String(text).trim().replace(/^−/, "-"));
+  if (String(text).trim() === "" || !Number.isFinite(value)) throw new Wrong(key, "a number is needed");
+  return value;
+}
+
+function many(key, text, { length, none = "at least one number is needed" } = {}) {
+  const parts = text.trim().split(/[\s,;]+/).filter(Boolean);
+  const values = parts.map((p) => Number(p.replace(/^−/, "-")));
+  const bad = values.findIndex((v) => !Number.isFinite(v));
+  if (bad >= 0) throw new Wrong(key, `“${parts[bad]}” is no number`);
+  if (length && values.length !== length) throw new Wrong(key, `${length} numbers are needed, not ${values.length}`);
+  if (!values.length) throw new Wrong(key, none);
+  return values;
+}
+
+/** All angles from start to stop, both included where the step meets them. */
+function range(form) {
+  const [start, stop, step] = ["start", "stop", "step"].map((key) => one(form, key));
+  if (step === 0) throw new Wrong("step", "must not be 0");
+  const steps = Math.floor((stop - start) / step + 1e-9);
+  if (steps < 0) throw new Wrong("step", "leads away from the end");
+  if (steps >= MAX_ANGLES) throw new Wrong("step", `more than ${MAX_ANGLES} angles`);
+  // Rounded, since 3 · 0.1 is not 0.3.
+  return Array.from({ length: steps + 1 }, (_, i) => Math.round((start + i * step) * 1e9) / 1e9);
+}
+
+function disc(form) {
+  return { pattern: "disc", center_mm: many("center_mm", form.center_mm, { length: 2 }), diameter_mm: one(form, "diameter_mm") };
+}
+
+function freeStep(step, i) {
+  const key = `steps.${i}`;
+  const made = { flash: step.flash };
+  if (step.display === "black") made.display = { pattern: "black" };
+  else if (step.display !== "") made.display = { pattern: "disc", diameter_mm: one(step, key, step.display) };
+  if (step.center_mm && made.display?.pattern === "disc") made.display.center_mm = step.center_mm;
+  if (step.analyser_deg !== "") made.analyser_deg = one(step, key, step.analyser_deg);
+  if (step.exposure_ms !== "") made.exposure_ms = one(step, key, step.exposure_ms);
+  return made;
+}
+
+/** The plan that the form describes, and what is wrong in which field. */
+export function toPlan(form) {
+  const problems = {};
+  const read = (reader) => {
+    try {
+      return reader();
+    } catch (wrong) {
+      if (!(wrong instanceof Wrong)) throw wrong;
+      problems[wrong.key] = wrong.message;
+      return undefined;
+    }
+  };
+  const { kind } = form;
+  const plan = { kind };
+  for (const key of ["name", "sample", "operator", "notes"]) if (form[key].trim()) plan[key] = form[key].trim();
+  plan.camera = { gain: read(() => one(form, "gain")), average: read(() => one(form, "average")) };
+  if (kind !== "exposures") {
+    if (form.metered) plan.camera.exposure = "meter";
+    else plan.camera.exposure_ms = read(() => one(form, "exposure_ms"));
+  }
+  if (form.roi.trim()) plan.camera.roi = read(() => many("roi", form.roi, { length: 4 }));
+  if (kind !== "spots") plan.display = form.pattern === "black" ? { pattern: "black" } : read(() => disc(form));
+  if (kind !== "free" && (kind === "polarization" || form.angles !== "none")) {
+    const angles = read(() => (form.angles === "list" ? many("list", form.list) : range(form)));
+    plan.analyser = { angles_deg: angles };
+  }
+  if (kind === "exposures") plan.exposures_ms = read(() => many("exposures_ms", form.exposures_ms));
+  if (kind === "spots") {
+    const lines = form.spots.trim().split("\n").filter((line) => line.trim());
+    plan.spots = {
+      centers_mm: read(() => {
+        if (!lines.length) throw new Wrong("spots", "at least one spot is needed");
+        return lines.map((line) => many("spots", line, { length: 2 }));
+      }),
+      diameter_mm: read(() => one(form, "spot_diameter_mm")),
+    };
+  }
+  if (kind === "free") plan.steps = form.steps.map((step, i) => read(() => freeStep(step, i)));
+  plan.extras = ["dark", "display_black"].filter((extra) => form[extra]);
+  if (kind === "polarization" && form.reconstruct) plan.reconstruct = { method: "polarization", model: form.model };
+  return { plan, problems };
+}
+
+const pair = (values) => values.join(", ");
+
+/** The form that shows a plan. */
+export function fromPlan(plan) {
+  const form = structuredClone(BLANK);
+  const { camera = {}, display = {}, analyser, spots, extras = [], reconstruct } = plan;
+  form.kind = plan.kind ?? "polarization";
+  for (const key of ["name", "sample", "operator", "notes"]) form[key] = plan[key] ?? "";
+  form.angles = analyser || form.kind === "polarization" ? "list" : "none";
+  if (analyser) form.list = pair(analyser.angles_deg);
+  form.metered = camera.exposure_ms === undefined || camera.exposure_ms === null;
+  if (!form.metered) form.exposure_ms = String(camera.exposure_ms);
+  form.gain = String(camera.gain ?? 1);
+  form.average = String(camera.average ?? 1);
+  form.roi = camera.roi ? pair(camera.roi) : "";
+  form.pattern = display.pattern ?? "disc";
+  form.diameter_mm = String(display.diameter_mm ?? 180);
+  form.center_mm = pair(display.center_mm ?? [0, 0]);
+  if (plan.exposures_ms?.length) form.exposures_ms = pair(plan.exposures_ms);
+  if (spots) {
+    form.spots = spots.centers_mm.map(pair).join("\n");
+    form.spot_diameter_mm = String(spots.diameter_mm);
+  }
+  if (plan.steps?.length) {
+    form.steps = plan.steps.map((step) => ({
+      display: !step.display ? "" : step.display.pattern === "black" ? "black" : String(step.display.diameter_mm ?? 180),
+      center_mm: step.display?.center_mm,
+      analyser_deg: String(step.analyser_deg ?? ""),
+      flash: Boolean(step.flash),
+      exposure_ms: String(step.exposure_ms ?? ""),
+    }));
+  }
+  form.dark = extras.includes("dark");
+  form.display_black = extras.includes("display_black");
+  form.reconstruct = Boolean(reconstruct);
+  form.model = reconstruct?.model ?? "auto";
+  return form;
+}

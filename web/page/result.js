@@ -1,0 +1,175 @@
+// #/result/ID: the maps of a reconstruction, one pixel in detail, downloads, the report; before that, its progress.
+
+import { get, listen, makeDownload, picture, post } from "./api.js";
+import { h, panel, say, segments } from "./dom.js";
+import { complain, problemMessage, tell } from "./feedback.js";
+import { degrees, fixed, percent, significant } from "./format.js";
+import { bar, maskedKey, wheel } from "./legend.js";
+import { MapView } from "./mapview.js";
+import { pixelChart } from "./pixelchart.js";
+import { reportView } from "./report.js";
+
+const MAPS = [["orientation", "Orientation"], ["sigma", "σ"], ["dolp", "DoLP"], ["mask", "Mask"], ["s0", "S0"], ["aolp", "AoLP"]];
+const MEANING = {
+  orientation: "Direction of the grating vector, across the grooves, anticlockwise from image right, up to one offset that all pixels share.",
+  sigma: "Standard deviation of the orientation, from camera noise.",
+  dolp: "Degree of linear polarization.",
+  mask: "White where there is an orientation: not saturated, and σ at most 7.2°.",
+  s0: "Intensity without the analyser.",
+  aolp: "Angle of linear polarization, before the model.",
+};
+const FORMATS = [["exr", "EXR"], ["png", "PNG"], ["csv", "CSV"], ["npy", "NumPy"]];
+
+/** Shows a reconstruction until the signal fires. */
+export async function resultPage(main, { id, signal }) {
+  const job = await get(`/reconstructions/${id}`, { signal });
+  if (signal.aborted) return;
+  if (job.state === "done" && job.report) return showMaps(main, job, signal);
+  await showProgress(main, job, signal);
+}
+
+async function showProgress(main, job, signal) {
+  const state = h("p", { role: "status", "aria-live": "polite" });
+  const progress = h("progress", { id: "progress", max: 1, "aria-label": "Progress" });
+  const error = h("div");
+  const act = async (verb) => {
+    try {
+      await post(`/reconstructions/${job.id}/${verb}`);
+    } catch (problem) {
+      complain(problem);
+    }
+  };
+  const cancel = h("button", { type: "button", onclick: () => act("cancel") }, "Cancel");
+  const retry = h("button", { type: "button", onclick: async () => { await act("retry"); dispatchEvent(new HashChangeEvent("hashchange")); } }, "Try again");
+  const log = h("pre", { class: "scroll code", hidden: true, tabindex: 0 });
+  const readLog = h("button", { type: "button", onclick: async () => {
+    try {
+      const { blob } = await picture(`/reconstructions/${job.id}/log`, { signal });
+      log.textContent = await blob.text();
+      log.hidden = false;
+    } catch (problem) {
+      complain(problem);
+    }
+  } }, "Log");
+  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Reconstruction")),
+    panel("Progress", h("div", { class: "row" }, cancel, retry, readLog), h("div", { class: "stack" }, state, progress, error, log)));
+  const paint = (now) => {
+    const open = now.state === "queued" || now.state === "running";
+    const ended = { done: "Done.", failed: "Failed.", cancelled: "Cancelled.", set_aside: `Set aside after ${now.attempts} attempts.` }[now.state];
+    say(state, ended ?? `${now.state === "queued" ? "Waiting for its turn" : "Running"}${now.stage ? `: ${now.stage}` : ""} (${percent(now.progress, 0)})`);
+    progress.value = now.progress;
+    cancel.disabled = !open;
+    retry.disabled = open || now.state === "done";
+    error.replaceChildren(...(now.error ? [h("p", { class: "message", role: "alert" }, now.error)] : []));
+    // The page starts over with the maps.
+    if (now.state === "done") dispatchEvent(new HashChangeEvent("hashchange"));
+  };
+  paint(job);
+  if (job.state !== "queued" && job.state !== "running") return;
+  listen(`/reconstructions/${job.id}/events`, { event: (name, now) => name === "state" && !signal.aborted && paint(now) }, { signal });
+}
+
+function showMaps(main, job, signal) {
+  const { report } = job;
+  const base = `/reconstructions/${job.id}`;
+  let shown = "orientation";
+  const canvas = h("canvas", { id: "result-map", class: "map", tabindex: 0, role: "application", "aria-roledescription": "map" });
+  const where = h("output", { class: "where" });
+  const legend = h("div", { class: "legend" });
+  const meaning = h("p", { class: "soft" });
+  const rose = wheel();
+  const links = FORMATS.map(([ending, label]) => h("a", { class: "button", "data-download": ending }, label));
+  const choice = segments("Map", MAPS, shown, (key) => { shown = key; change(); });
+  const zoom = (label, text, call) => h("button", { type: "button", class: "icon", "aria-label": label, title: label, onclick: call }, text);
+
+  let asked = 0;
+  const load = async (region, width, stop) => {
+    const part = region ? `&x=${region[0]}&y=${region[1]}&w=${region[2]}&h=${region[3]}` : "";
+    const map = shown;
+    const { blob, range } = await picture(`${base}/maps/${map}.png?width=${width}${part}`, { signal: stop });
+    if (map === shown && !region) paintLegend(range);
+    return createImageBitmap(blob);
+  };
+  const view = new MapView(canvas, { width: report.width, height: report.height, load, pick, complain, signal });
+  canvas.addEventListener("pointermove", (event) => {
+    const box = canvas.getBoundingClientRect();
+    const [x, y] = view.toMap([event.clientX - box.left, event.clientY - box.top]).map(Math.floor);
+    say(where, x >= 0 && y >= 0 && x < report.width && y < report.height ? `x ${x}  y ${y}` : "");
+  }, { signal });
+
+  function paintLegend(range) {
+    if (shown === "orientation" || shown === "aolp") legend.replaceChildren(rose, maskedKey());
+    else if (shown === "mask") legend.replaceChildren(h("p", { class: "row" }, h("span", { class: "swatch white" }), "valid"), h("p", { class: "row" }, h("span", { class: "swatch black" }), "masked"));
+    else legend.replaceChildren(bar(range, shown === "sigma" ? "°" : "", shown === "s0"), ...(shown === "s0" ? [] : [maskedKey()]));
+    rose.refresh();
+  }
+  function change() {
+    say(meaning, MEANING[shown]);
+    canvas.setAttribute("aria-label", `${MAPS.find(([key]) => key === shown)[1]} map. Arrows move it, plus and minus zoom, 0 shows all, Enter picks the middle, Shift with arrows goes from pixel to pixel.`);
+    paintLegend(null);
+    for (const link of links) makeDownload(link, `${base}/maps/${shown}.${link.dataset.download}`, `${job.id}-${shown}.${link.dataset.download}`, complain);
+    view.reload();
+  }
+
+  const detail = h("div", { class: "stack", "aria-live": "polite" }, h("p", { class: "soft" }, "Click the map to see how a pixel was measured."));
+  async function pick(x, y) {
+    const mine = ++asked;
+    view.mark(x, y, null);
+    try {
+      const pixel = await get(`${base}/pixel?x=${x}&y=${y}`, { signal });
+      if (mine !== asked) return;
+      view.mark(x, y, pixel.orientation_deg);
+      rose.mark(pixel.orientation_deg);
+      detail.replaceChildren(h("p", { class: "verdict" }, verdict(pixel)), pixelChart(pixel),
+        h("p", { class: "soft" }, `x ${x}, y ${y} · S0 ${significant(pixel.s0)} · S1 ${significant(pixel.s1)} · S2 ${significant(pixel.s2)} · DoLP ${fixed(pixel.dolp, 3)} · residual ${significant(pixel.residual_rms, 2)} rms`));
+    } catch (problem) {
+      if (mine === asked && problem.name !== "AbortError") detail.replaceChildren(problemMessage(problem));
+    }
+  }
+
+  addEventListener("themechange", () => rose.refresh(), { signal });
+  const again = h("button", { type: "button", onclick: async () => {
+    try {
+      const next = await post("/reconstructions", { session: job.session, upload: job.upload, method: "polarization", model: "auto", offset_deg: offset.valueAsNumber || 0 });
+      tell("Reconstructing with the new offset.");
+      location.hash = `#/result/${next.id}`;
+    } catch (problem) {
+      complain(problem);
+    }
+  } }, "Reconstruct again");
+  const offset = h("input", { id: "offset", type: "number", step: "any", value: report.offset_deg ?? 0 });
+
+  const title = h("h1", { class: "grow" }, "Result");
+  nameOf(job, signal).then((name) => name && say(title, name));
+  main.append(
+    h("div", { class: "head" }, title,
+      job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
+    h("div", { class: "columns result" },
+      h("section", { class: "panel mappanel", "aria-label": "Map" },
+        h("header", {}, choice, h("div", { class: "row" }, zoom("Zoom in", "+", () => view.scale(1.4)), zoom("Zoom out", "−", () => view.scale(1 / 1.4)), zoom("Show all", "⤢", () => view.fit()))),
+        h("div", { class: "well mapwell" }, canvas, where),
+        h("div", { class: "under" }, legend, h("div", { class: "stack" }, meaning, h("div", { class: "row" }, h("span", { class: "soft" }, "Download this map"), links)))),
+      h("div", { class: "stack" },
+        panel("Pixel", null, detail),
+        panel("Report", null, reportView(report)),
+        panel("Offset", null, h("p", { class: "soft" }, "The method leaves one offset open. Set it where one orientation is known."),
+          h("div", { class: "row end" }, h("div", { class: "field" }, h("label", { for: "offset" }, "Offset (°)"), offset), again)))));
+  change();
+  // For tests and the console: what the map shows can be moved by script.
+  canvas.view = view;
+}
+
+/** What the session is called; only a heading, so that a session deleted meanwhile is no problem. */
+async function nameOf(job, signal) {
+  if (!job.session) return "";
+  const session = await get(`/sessions/${job.session}`, { signal }).catch(() => null);
+  return session?.name || session?.sample;
+}
+
+/** A pixel in words. */
+function verdict(pixel) {
+  if (pixel.saturated) return "Masked: saturated in at least one photograph.";
+  if (pixel.masked || pixel.orientation_deg === null) return `Masked: too little modulation to tell an orientation (σ would be ${degrees(pixel.sigma_deg, 1)}).`;
+  const digits = pixel.sigma_deg < 0.1 ? 2 : 1;
+  return `The grating vector points ${degrees(pixel.orientation_deg, digits)} ± ${degrees(pixel.sigma_deg, digits)} anticlockwise from image right; the grooves run at ${degrees((pixel.orientation_deg + 90) % 180, digits)}.`;
+}

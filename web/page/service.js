@@ -1,0 +1,61 @@
+// The state of service and devices, polled once a second and shared by header and pages.
+
+import { get, reach } from "./api.js";
+import { pause } from "./dom.js";
+
+const PERIOD_MS = 1000;
+const target = new EventTarget();
+
+/** What is known now. `reachable` is null before the first answer; `problem` is why devices could not be read. */
+export const service = { devices: null, reachable: null, problem: null, since: 0 };
+
+/** Calls back now and at every change, until the signal fires. */
+export function watch(call, signal) {
+  const listener = () => call(service);
+  target.addEventListener("change", listener, { signal });
+  listener();
+}
+
+/** Calls back when the service can be reached again after it could not. */
+export function onReturn(call) {
+  target.addEventListener("return", call);
+}
+
+/** Takes a devices document that a command answered with. */
+export function accept(devices) {
+  if (!devices?.stage) return;
+  service.devices = devices;
+  service.problem = null;
+  target.dispatchEvent(new Event("change"));
+}
+
+reach.changed = (reachable) => {
+  if (service.reachable === reachable) return;
+  const returned = reachable && service.reachable === false;
+  service.reachable = reachable;
+  service.since = Date.now();
+  target.dispatchEvent(new Event("change"));
+  if (returned) target.dispatchEvent(new Event("return"));
+};
+
+/** Reads the devices now. */
+export async function refresh() {
+  try {
+    accept(await get("/devices", { signal: AbortSignal.timeout(5000) }));
+  } catch (problem) {
+    // A service that accepts connections and never answers is as good as gone.
+    if (problem.name === "TimeoutError" || problem.name === "AbortError") return reach.changed(false);
+    if (service.reachable) {
+      service.problem = problem;
+      target.dispatchEvent(new Event("change"));
+    }
+  }
+}
+
+/** Polls for ever. */
+export async function start() {
+  for (;;) {
+    await refresh();
+    await pause(PERIOD_MS);
+  }
+}

@@ -1,0 +1,227 @@
+// #/session/ID: a session while it runs and after.
+
+import { get, listen, makeDownload, picture, post, show } from "./api.js";
+import { facts, figures, h, panel, say, segments, settle } from "./dom.js";
+import { complain } from "./feedback.js";
+import { bytes, clock, degrees, duration, moment, words } from "./format.js";
+import { dial } from "./dial.js";
+import { bar, wheel } from "./legend.js";
+import { prepare } from "./new.js";
+import { onReturn } from "./service.js";
+
+/** Which commands a state allows, its tone, and what it means. */
+const STATES = {
+  idle: { tone: "warn", can: ["resume"], means: "stopped; what is missing can still be taken" },
+  running: { tone: "busy", can: ["pause", "stop"], means: "taking frames" },
+  pausing: { tone: "busy", can: ["stop"], means: "pauses after the frames in progress" },
+  paused: { tone: "warn", can: ["resume", "stop"], means: "waiting in the dark" },
+  resuming: { tone: "busy", can: ["stop"], means: "going on" },
+  stopping: { tone: "busy", can: [], means: "ends after the frames in progress" },
+  aborting: { tone: "bad", can: [], means: "ends at once" },
+  finished: { tone: "good", can: [], means: "all frames are there" },
+  failed: { tone: "bad", can: ["resume"], means: "ended early" },
+};
+const LOG_LINES = 500;
+
+/** Shows a session until the signal fires. */
+export async function sessionPage(main, { id, signal }) {
+  const base = `/sessions/${id}`;
+  let session = await get(base, { signal });
+  let frames = (await get(`${base}/frames`, { signal })).items;
+  if (signal.aborted) return;
+  const planned = session.plan?.analyser?.angles_deg ?? [];
+
+  const state = h("strong", { id: "session-state", role: "status", "aria-live": "polite" });
+  const lamp = h("span", { class: "lamp" }, state);
+  const means = h("span", { class: "soft" });
+  const error = h("div", { class: "message", role: "alert", hidden: true });
+  const progress = h("progress", { id: "progress", max: 1, value: 0, "aria-label": "Frames taken" });
+  const taken = h("span", {}, "");
+  const eta = h("span", {}, "");
+  const time = h("span", {}, "");
+  const size = h("span", {}, "");
+  const buttons = Object.fromEntries([["pause", "Pause"], ["resume", "Resume"], ["stop", "Stop"]].map(([verb, label]) =>
+    [verb, h("button", { type: "button", id: verb === "stop" ? "session-stop" : verb, onclick: () => command(verb),
+      title: { pause: "Pause in the dark after the frames in progress", resume: "Go on, taking what is missing", stop: "End after the frames in progress; it can be resumed" }[verb] }, label)]));
+  const resultLink = h("a", { class: "button primary", id: "open-result", href: `#/result/${id}`, hidden: true }, "Open the result");
+
+  const last = h("img", { id: "last-frame", alt: "Last frame taken", hidden: true });
+  const lastAbout = h("span", { class: "soft" });
+  const lastEmpty = h("p", { class: "empty" }, "No frame yet.");
+  const map = h("img", { id: "live-map", alt: "Map so far", hidden: true });
+  const mapEmpty = h("p", { class: "empty" }, "The map appears after three angles.");
+  const mapAbout = h("span", { class: "soft" });
+  const legend = h("div", { class: "legend" });
+  const log = h("ol", { class: "log scroll", tabindex: 0, "aria-label": "Events" });
+  const angles = dial();
+  let shown = "orientation";
+  const choice = segments("Map", [["orientation", "Orientation"], ["sigma", "σ"], ["dolp", "DoLP"]], shown, (key) => { shown = key; refreshMap(); });
+  const rose = wheel(112);
+  addEventListener("themechange", () => rose.refresh(), { signal });
+
+  const title = session.name || session.sample || "Session";
+  const repeat = h("a", { class: "button", href: "#/new", onclick: () => prepare(session.plan) }, "Repeat");
+  const tableHolder = h("div", { class: "scroll" });
+  const table = h("details", { ontoggle: () => table.open && paintFrames() }, h("summary", {}, "Frames"), tableHolder);
+  const fileHolder = h("div", { class: "scroll" });
+  const files = h("details", { ontoggle: () => files.open && paintFiles() }, h("summary", {}, "Files"), fileHolder);
+  main.append(
+    h("div", { class: "head" }, h("h1", { class: "grow" }, title), resultLink, repeat),
+    h("div", { class: "columns session" },
+      h("div", { class: "stack" },
+        panel("Progress", h("div", { class: "row" }, Object.values(buttons)), h("div", { class: "stack" },
+          h("p", { class: "row" }, lamp, means), error, progress, figures([["frames", taken], [time, eta], ["on disk", size]]))),
+        panel("Map", choice, h("div", { class: "well mapwell live" }, map, mapEmpty), h("div", { class: "row under" }, legend, mapAbout))),
+      h("div", { class: "stack" },
+        h("div", { class: "columns pair" },
+          panel("Last frame", lastAbout, h("div", { class: "well last" }, last, lastEmpty)),
+          planned.length > 0 && panel("Angles", null, angles)),
+        panel("Session", null, facts([
+          ["Sample", session.sample], ["Operator", session.operator], ["Notes", session.notes], ["Kind", words(session.kind)],
+          ["Begun", moment(session.created)], ["Id", h("code", {}, id)]])),
+        panel("Events", null, log), h("section", { class: "panel stack" }, table, files,
+          h("details", {}, h("summary", {}, "Plan"), h("pre", { class: "scroll code", tabindex: 0 }, JSON.stringify(session.plan, null, 2)))))));
+
+  function note(text) {
+    log.prepend(h("li", {}, h("time", {}, clock()), text));
+    while (log.children.length > LOG_LINES) log.lastElementChild.remove();
+  }
+
+  async function command(verb) {
+    for (const button of Object.values(buttons)) button.disabled = true;
+    try {
+      take(await post(`${base}/${verb}`));
+    } catch (problem) {
+      complain(problem);
+    }
+    paint();
+  }
+
+  function take(next) {
+    if (!next) return;
+    if (next.state !== session.state) note(`State: ${next.state}`);
+    if (next.stage && next.stage !== session.stage) note(`Stage: ${words(next.stage)}`);
+    const results = next.has_results && !session.has_results;
+    session = { ...session, ...next };
+    paint();
+    if (results) refreshMap();
+  }
+
+  function paint() {
+    const { tone, can, means: meaning } = STATES[session.state] ?? { tone: "quiet", can: [], means: "" };
+    say(state, session.state);
+    lamp.dataset.tone = tone;
+    say(means, session.stage && session.state === "running" ? words(session.stage) : meaning);
+    for (const [verb, button] of Object.entries(buttons)) button.disabled = !can.includes(verb);
+    error.hidden = !session.error;
+    say(error, session.error ?? "");
+    progress.value = session.frames_planned ? session.frames_committed / session.frames_planned : 0;
+    say(taken, `${session.frames_committed} of ${session.frames_planned}`);
+    const { wall_s } = session.timing ?? {};
+    say(eta, session.eta_s !== null && session.eta_s !== undefined ? duration(session.eta_s) : duration(wall_s));
+    say(time, wall_s ? "taken" : "to go");
+    say(size, bytes(session.bytes));
+    resultLink.hidden = !session.has_results;
+    angles.marks(planned, frames.map((f) => f.analyser_deg).filter((a) => typeof a === "number"));
+    const newest = frames.at(-1)?.analyser_deg;
+    if (typeof newest === "number") angles.set(newest);
+  }
+
+  // Pictures come as fast as they can be fetched, never two of a sort at once; the newest wish wins.
+  const latest = (fetchAndShow) => {
+    let running = false;
+    let wanted = false;
+    return async () => {
+      wanted = true;
+      if (running) return;
+      running = true;
+      while (wanted && !signal.aborted) {
+        wanted = false;
+        await fetchAndShow().catch((problem) => problem.slug !== "not-found" && complain(problem));
+      }
+      running = false;
+    };
+  };
+  const pixels = (image) => Math.min(2048, 160 * Math.ceil(((image.parentElement.clientWidth || 400) * devicePixelRatio) / 160));
+  const refreshMap = latest(async () => {
+    const from = session.has_results ? `/reconstructions/${id}/maps/${shown}.png?` : `${base}/live.png?map=${shown}&`;
+    const { blob, range } = await picture(`${from}width=${pixels(map)}`, { signal });
+    show(map, blob);
+    mapEmpty.hidden = true;
+    legend.replaceChildren(shown === "orientation" ? rose : bar(range, shown === "sigma" ? "°" : ""));
+    rose.refresh();
+    say(mapAbout, session.has_results ? "Final map." : "So far; σ falls with every angle.");
+  });
+  const refreshFrame = latest(async () => {
+    const frame = frames.at(-1);
+    if (!frame) return;
+    const name = frame.file.split("/").pop().replace(/\.png$/, "");
+    const { blob } = await picture(`${base}/frames/${name}.png?width=${pixels(last)}`, { signal });
+    show(last, blob);
+    lastEmpty.hidden = true;
+    say(lastAbout, [frame.file.split("/").pop(), typeof frame.analyser_deg === "number" && degrees(frame.analyser_deg, 1), duration(frame.exposure_s)].filter(Boolean).join(" · "));
+  });
+
+  function paintFrames() {
+    tableHolder.replaceChildren(h("table", {},
+      h("thead", {}, h("tr", {}, ["File", "For", "Analyser", "Exposure", "Gain", "Sequence", "Dropped"].map((t, i) => h("th", { scope: "col", class: i > 1 && "number" }, t)))),
+      h("tbody", {}, frames.map((f) => h("tr", {}, h("td", {}, f.file), h("td", {}, words(f.role ?? "")),
+        [degrees(f.analyser_deg), duration(f.exposure_s), f.gain ?? "–", f.sequence, f.dropped].map((v) => h("td", { class: "number" }, String(v))))))));
+  }
+  const framesLater = settle(400, () => table.open && paintFrames());
+
+  async function paintFiles() {
+    try {
+      const { items } = await get(`${base}/files`, { signal });
+      fileHolder.replaceChildren(h("table", {}, h("tbody", {}, items.map((f) => {
+        const link = h("a", {}, f.path);
+        makeDownload(link, `${base}/files/${f.path.split("/").map(encodeURIComponent).join("/")}`, f.path.split("/").pop(), complain);
+        return h("tr", {}, h("td", {}, link), h("td", { class: "number" }, bytes(f.bytes)));
+      }))));
+    } catch (problem) {
+      complain(problem);
+    }
+  }
+
+  const handlers = {
+    state: take,
+    frame(frame) {
+      if (frames.some((f) => f.file === frame.file)) return;
+      frames = [...frames, frame];
+      session.frames_committed = Math.max(session.frames_committed, frames.length);
+      note([frame.file.split("/").pop(), typeof frame.analyser_deg === "number" && degrees(frame.analyser_deg), duration(frame.exposure_s),
+        frame.dropped > 0 && `${frame.dropped} stale dropped`].filter(Boolean).join(" · "));
+      paint();
+      refreshFrame();
+      framesLater();
+    },
+    map: () => refreshMap(),
+    results() {
+      note("Results are there");
+      session.has_results = true;
+      paint();
+      refreshMap();
+    },
+    note: ({ text }) => note(text),
+  };
+  // After a break the session can be anywhere: read it again rather than trust the events that were missed.
+  async function reload() {
+    try {
+      const [next, list] = await Promise.all([get(base, { signal }), get(`${base}/frames`, { signal })]);
+      frames = list.items;
+      take(next);
+      refreshMap();
+      refreshFrame();
+    } catch (problem) {
+      complain(problem);
+    }
+  }
+  onReturn(() => signal.aborted || reload());
+  paint();
+  refreshMap();
+  refreshFrame();
+  listen(`${base}/events`, {
+    event: (name, value) => signal.aborted || handlers[name]?.(value),
+    lost: (problem) => problem && problem.slug !== "unreachable" && complain(problem),
+  }, { signal });
+}

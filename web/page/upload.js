@@ -1,0 +1,95 @@
+// #/upload: photographs taken elsewhere, with their angles → a map.
+
+import { post, send } from "./api.js";
+import { field, h, number, panel, say, select } from "./dom.js";
+import { complain, problemMessage } from "./feedback.js";
+import { bytes } from "./format.js";
+
+const LIKELY = /\.(png|tiff?|jpe?g|exr)$/i;
+
+/** The angle that a file name tells: the last number in it that can be one. */
+function guess(name) {
+  const numbers = name.replace(LIKELY, "").match(/-?\d+(\.\d+)?/g) ?? [];
+  const fitting = numbers.map(Number).filter((n) => Math.abs(n) <= 360);
+  return fitting.length ? fitting.at(-1) : null;
+}
+
+/** Shows the form until the signal fires. */
+export async function uploadPage(main, { signal }) {
+  let photographs = [];
+  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr", onchange: () => add(input.files) });
+  const body = h("tbody");
+  const table = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col" }, t)))), body);
+  const transfer = select([["linear", "Linear (raw, most PNG and TIFF of cameras for measuring)"], ["srgb", "sRGB (JPEG, most pictures)"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
+  const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
+  let chosen = false;
+  const model = select([["auto", "The simplest that explains the data"], ["sinusoid", "Sinusoid"]], "auto", { id: "upload-model" });
+  const offset = number({ id: "upload-offset", value: 0 });
+  const problems = h("div", { role: "status", "aria-live": "polite" });
+  const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
+  const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
+  const drop = h("div", { class: "drop", ondragover: (e) => e.preventDefault(), ondrop: (e) => { e.preventDefault(); add(e.dataTransfer.files); } },
+    field("Photographs (PNG, TIFF, JPEG, EXR)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }));
+  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Upload photographs"), start),
+    h("div", { class: "columns planning" },
+      panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, table))),
+      h("div", { class: "stack" },
+        panel("Reconstruction", null, h("div", { class: "stack" }, h("div", { class: "fields" }, field("Values", transfer), field("Channel", channel, { hint: "Colour files need one" }), field("Model", model), field("Offset (°)", offset)), problems, progress)))));
+
+  function add(files) {
+    const names = new Set(photographs.map((p) => p.file.name));
+    for (const file of files) if (LIKELY.test(file.name) && !names.has(file.name)) photographs.push({ file, deg: guess(file.name) });
+    photographs.sort((a, b) => (a.deg ?? Infinity) - (b.deg ?? Infinity));
+    input.value = "";
+    if (!chosen && photographs.some((p) => /\.jpe?g$/i.test(p.file.name))) transfer.value = "srgb";
+    paint();
+  }
+
+  function paint() {
+    table.hidden = photographs.length === 0;
+    body.replaceChildren(...photographs.map((photograph) => h("tr", {},
+      h("td", {}, photograph.file.name), h("td", { class: "number" }, bytes(photograph.file.size)),
+      h("td", {}, number({ value: photograph.deg ?? "", "aria-label": `Analyser angle of ${photograph.file.name}`, oninput: (e) => {
+        photograph.deg = Number.isFinite(e.target.valueAsNumber) ? e.target.valueAsNumber : null;
+        judge();
+      } })),
+      h("td", {}, h("button", { type: "button", class: "quiet icon", "aria-label": `Remove ${photograph.file.name}`, onclick: () => {
+        photographs = photographs.filter((p) => p !== photograph);
+        paint();
+      } }, "✕")))));
+    judge();
+  }
+
+  function judge() {
+    const unknown = photographs.filter((p) => p.deg === null).length;
+    const distinct = new Set(photographs.map((p) => (((p.deg ?? 0) % 180) + 180) % 180)).size;
+    const wrong = [
+      unknown && `${unknown} of the photographs ${unknown === 1 ? "has" : "have"} no angle.`,
+      photographs.length > 0 && !unknown && distinct < 3 && "At least three different angles within the half turn are needed.",
+    ].filter(Boolean);
+    problems.replaceChildren(...(wrong.length ? [h("ul", { class: "problems" }, wrong.map((w) => h("li", {}, w)))] : []));
+    start.disabled = photographs.length === 0 || wrong.length > 0;
+  }
+
+  async function begin() {
+    start.disabled = true;
+    const total = photographs.reduce((sum, p) => sum + p.file.size, 0);
+    say(progress, `Uploading ${bytes(total)}…`);
+    const description = { kind: "polarization", transfer: transfer.value, frames: photographs.map((p) => ({ file: p.file.name, analyser_deg: p.deg })) };
+    if (channel.value) description.channel = channel.value;
+    const form = new FormData();
+    form.append("frames", new Blob([JSON.stringify(description)], { type: "application/json" }), "frames.json");
+    for (const { file } of photographs) form.append("file", file, file.name);
+    try {
+      const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
+      const job = await post("/reconstructions", { session: null, upload: upload.id, method: "polarization", model: model.value, offset_deg: offset.valueAsNumber || 0 });
+      location.hash = `#/result/${job.id}`;
+    } catch (problem) {
+      if (problem.name === "AbortError") return;
+      problems.replaceChildren(problemMessage(problem));
+      complain(problem);
+      start.disabled = false;
+    }
+    say(progress, "");
+  }
+}
