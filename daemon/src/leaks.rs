@@ -43,15 +43,22 @@ impl Leaks {
                 return None;
             }
             if begun.elapsed() > PATIENCE {
-                return Some(format!("{} threads, before {}; new files {new:?}", after.threads, before.threads));
+                let names: Vec<String> = list("/proc/self/task")
+                    .filter_map(|t| std::fs::read_to_string(t.path().join("comm")).ok())
+                    .map(|name| name.trim().to_owned())
+                    .collect();
+                return Some(format!("threads {names:?}, before {}; new files {new:?}", before.threads));
             }
             std::thread::sleep(Duration::from_millis(5));
         }
     }
 }
 
+fn list(folder: &str) -> impl Iterator<Item = std::fs::DirEntry> {
+    std::fs::read_dir(folder).into_iter().flatten().flatten()
+}
+
 fn now() -> Open {
-    let list = |folder: &str| std::fs::read_dir(folder).into_iter().flatten().flatten();
     let file = |entry: std::fs::DirEntry| {
         let target = std::fs::read_link(entry.path()).ok()?;
         // The listing itself is open too while it is made.

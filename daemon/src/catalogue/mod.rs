@@ -170,7 +170,7 @@ impl Catalogue {
     }
 
     /// Waits until everything is stored and closes the file.
-    pub async fn close(self) {
+    pub async fn close(&self) {
         self.pool.close().await;
     }
 

@@ -31,7 +31,7 @@ use std::time::{Duration, Instant};
 use store::{Message, Store};
 use take::Taker;
 use tokio::runtime::Runtime;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::mpsc;
 
 /// Frames on their way to the disk; more would only need memory.
 const QUEUE: usize = 2;
@@ -162,10 +162,7 @@ async fn take_and_finish(
 ) -> Result<Timing, Failure> {
     let begun = Instant::now();
     let result = taker.take_all(steps, missing).await;
-    let (flushed, flush) = oneshot::channel();
-    // Whoever stores may have given up, and says why itself.
-    let _ = taker.out.send(Message::Flush(flushed)).await;
-    let _ = flush.await;
+    taker.flush().await;
     let now = timing(&taker.hands, begun.elapsed() - taker.paused);
     let timing = Timing {
         device_s: before.device_s + now.device_s,

@@ -83,18 +83,21 @@ pub const TABLE: &[(State, Input, State)] = {
 };
 
 /// Where a run is, for those who watch and steer it.
-pub struct Control(watch::Sender<State>);
+pub struct Control {
+    state: watch::Sender<State>,
+    dark: watch::Sender<bool>,
+}
 
 impl Default for Control {
     fn default() -> Self {
-        Self(watch::Sender::new(State::Idle))
+        Self { state: watch::Sender::new(State::Idle), dark: watch::Sender::new(false) }
     }
 }
 
 impl Control {
     /// The state now.
     pub fn state(&self) -> State {
-        *self.0.borrow()
+        *self.state.borrow()
     }
 
     /// Goes where the table says.
@@ -103,7 +106,7 @@ impl Control {
     /// The state, when the table has no such transition; nothing changes then.
     pub fn send(&self, input: Input) -> Result<State, State> {
         let mut outcome = Err(self.state());
-        self.0.send_if_modified(|state| {
+        self.state.send_if_modified(|state| {
             let to = TABLE.iter().find(|(from, by, _)| (from, by) == (state, &input)).map(|t| t.2);
             outcome = to.ok_or(*state);
             to.is_some_and(|to| std::mem::replace(state, to) != to)
@@ -111,16 +114,27 @@ impl Control {
         outcome
     }
 
+    /// The engine: the run has ended as far as light is concerned.
+    pub fn set_dark(&self) {
+        self.dark.send_replace(true);
+    }
+
+    /// Waits until the run's light is off for good.
+    pub async fn is_dark(&self) {
+        // The sender lives as long as `self`.
+        let _ = self.dark.subscribe().wait_for(|dark| *dark).await;
+    }
+
     /// Waits until the state is as wanted; returns it.
     pub async fn until(&self, wanted: impl Fn(State) -> bool) -> State {
-        let mut states = self.0.subscribe();
+        let mut states = self.state.subscribe();
         // The sender lives as long as `self`.
         states.wait_for(|s| wanted(*s)).await.map_or(State::Failed, |s| *s)
     }
 
     /// A stream of the states from now on.
     pub fn subscribe(&self) -> watch::Receiver<State> {
-        self.0.subscribe()
+        self.state.subscribe()
     }
 }
 

@@ -11,6 +11,7 @@ use nacre_drivers::Class;
 use nacre_processing::Error;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc::Sender;
+use tokio::sync::oneshot;
 
 /// A step that goes wrong in a way that may pass is tried this often in all.
 const ATTEMPTS: u32 = 3;
@@ -73,6 +74,9 @@ impl Taker<'_> {
             first += group.len();
         }
         let dark = self.hands.dark().await;
+        if dark.is_ok() {
+            self.control.set_dark();
+        }
         result.and(dark.map_err(Failure::from))
     }
 
@@ -87,6 +91,7 @@ impl Taker<'_> {
                     self.hands.stopwatch.pause();
                     self.prepared = false;
                     self.note(Entry::Paused).await?;
+                    self.flush().await;
                     // A wish that came meanwhile is seen in the next turn of the loop.
                     let _ = self.control.send(Input::Settled);
                     self.control.until(|s| s != State::Paused).await;
@@ -132,6 +137,13 @@ impl Taker<'_> {
             first_failure.get_or_insert(failure);
         }
         Ok(())
+    }
+
+    /// Waits until everything so far is stored. Whoever stores may have given up, and says why itself.
+    pub async fn flush(&self) {
+        let (flushed, flush) = oneshot::channel();
+        let _ = self.out.send(Message::Flush(flushed)).await;
+        let _ = flush.await;
     }
 
     async fn note(&self, entry: Entry) -> Result<(), Failure> {

@@ -160,13 +160,24 @@ impl Bench {
 
     /// Aborts whatever runs and switches all light off; returns when that is done.
     pub async fn stop(&self) -> Result<(), Problem> {
-        if let Some(control) = locked(&self.shared.control).as_ref() {
+        let running = locked(&self.shared.control).clone();
+        let (tell, told) = oneshot::channel();
+        if let Some(control) = &running {
             // A run that has ended needs no abort.
             let _ = control.send(Input::Abort);
         }
-        let (tell, told) = oneshot::channel();
         self.send(Box::new(move |owner| drop(tell.send(owner.dark()))))?;
-        Ok(told.await.unwrap_or_else(|_| Err(died()))?)
+        let dark = async {
+            match running {
+                Some(control) => control.is_dark().await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            // The run's own light is off; what it still stores need not be waited for.
+            () = dark => Ok(()),
+            done = told => Ok(done.unwrap_or_else(|_| Err(died()))?),
+        }
     }
 
     /// Ends the thread, with the light off.

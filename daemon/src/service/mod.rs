@@ -234,6 +234,7 @@ pub async fn serve(
     // A session in progress is aborted, which it survives.
     let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;
     app.jobs.shutdown().await;
+    app.catalogue.close().await;
     Ok(served.map_err(|e| Error::input(listen, format!("cannot be served: {e}"), "report this"))?)
 }
 

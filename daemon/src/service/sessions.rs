@@ -5,6 +5,7 @@ use super::plans::PlanBody;
 use super::problem::{Answer, Kind, Problem};
 use super::runs::Run;
 use super::{App, At, Body, Params, blocking, events, maps, png};
+use crate::Failure;
 use crate::capture::Capture;
 use crate::catalogue::{Cursor, Query, SessionRow};
 use crate::engine::{Input, State as RunState};
@@ -187,7 +188,8 @@ impl SessionDoc {
 
     fn live(&mut self, run: &Run) {
         self.state = run.control.state();
-        (self.stage, self.eta_s, self.error) = (Some(run.stage().0), run.eta_s(), run.error());
+        self.stage = Some(run.stage().0).filter(|_| !run.is_over());
+        (self.eta_s, self.error) = (run.eta_s(), run.error());
         self.frames_committed = run.committed().map_or(self.frames_committed, |n| n as usize);
     }
 
@@ -263,12 +265,12 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
         };
         match taken {
             Ok(taken) if taken.results.is_some() => run.events.push("results", &json!({})),
-            Ok(_) => {}
+            Ok(_) | Err(Failure::Processing(nacre_processing::Error::Cancelled)) => {}
             Err(failure) => {
                 // Also what failed before the engine began, so that nobody waits for it.
                 let _ = run.control.send(Input::Start);
                 let _ = run.control.send(Input::Fault);
-                run.fail(failure.to_string());
+                run.fail(failure.to_string().replace(&*app.config.data.to_string_lossy(), ""));
             }
         }
         run.end();
