@@ -12,6 +12,7 @@
 
 mod live;
 mod record;
+mod row;
 mod store;
 #[cfg(test)]
 mod tests;

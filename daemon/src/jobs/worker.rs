@@ -99,7 +99,8 @@ struct Bell(Mutex<Option<Waker>>);
 
 impl Bell {
     fn ring(&self) {
-        if let Some(waker) = self.0.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        let waker = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(waker) = waker {
             waker.wake();
         }
     }
