@@ -244,3 +244,10 @@ impl Jobs {
         }
     }
 }
+
+impl Drop for Jobs {
+    fn drop(&mut self) {
+        // The supervisor may never run again, as when a panic ends the runtime, which then waits for the job's thread.
+        self.shared.stop();
+    }
+}
