@@ -12,6 +12,7 @@
 
 mod live;
 mod record;
+mod row;
 mod store;
 #[cfg(test)]
 mod tests;
@@ -241,5 +242,12 @@ impl Jobs {
             // A panic of the supervisor ended it as well.
             let _ = supervisor.await;
         }
+    }
+}
+
+impl Drop for Jobs {
+    fn drop(&mut self) {
+        // The supervisor may never run again, as when a panic ends the runtime, which then waits for the job's thread.
+        self.shared.stop();
     }
 }

@@ -1,14 +1,15 @@
 //! The database: jobs in `nacre_job`, deliveries in the tables of `apalis`.
 
 use super::record::Record;
-use super::{Job, JobState, MAX_LOG, Refusal, Spec};
+use super::row::{append, job, read};
+use super::{Job, JobState, Refusal, Spec};
 use crate::catalogue::{CORRUPT, ERROR, FULL, NOT_A_DATABASE, is_new, primary_code};
 use apalis::prelude::{TaskBuilder, TaskId};
 use apalis_sqlite::{SqliteStorage, queries::push_tasks};
 use nacre_processing::Error;
 use sqlx::migrate::MigrateError;
-use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqlitePoolOptions, SqliteRow, SqliteSynchronous};
-use sqlx::{Connection, Row, SqliteConnection};
+use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{Connection, SqliteConnection};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -262,61 +263,4 @@ impl Store {
 async fn in_state(connection: &mut SqliteConnection, state: JobState) -> sqlx::Result<Vec<String>> {
     let query = sqlx::query_scalar("SELECT id FROM nacre_job WHERE state = ?1 ORDER BY id").bind(state.word());
     query.fetch_all(connection).await
-}
-
-/// Adds a line to a job's log, and drops the oldest ones that are too many.
-async fn append(connection: &mut SqliteConnection, id: &str, line: &str) -> sqlx::Result<()> {
-    // One entry is one line.
-    let line = line.replace(['\n', '\r'], " ");
-    let update = "UPDATE nacre_job SET log = log || strftime('%Y-%m-%dT%H:%M:%SZ', 'now') || ' ' || ?2 || char(10)
-        WHERE id = ?1 RETURNING log";
-    let log: String = sqlx::query_scalar(update).bind(id).bind(line).fetch_one(&mut *connection).await?;
-    if log.len() > MAX_LOG {
-        let cut = sqlx::query("UPDATE nacre_job SET log = ?2 WHERE id = ?1").bind(id).bind(newest(&log));
-        cut.execute(connection).await?;
-    }
-    Ok(())
-}
-
-/// The newest whole lines of a log that has become too long, or as much as fits of the last one.
-fn newest(log: &str) -> &str {
-    let tail = &log[log.ceil_char_boundary(log.len() - MAX_LOG)..];
-    match tail.split_once('\n') {
-        Some((_, lines)) if !lines.is_empty() => lines,
-        _ => tail,
-    }
-}
-
-fn job(spec: Spec, id: Ulid) -> Job {
-    Job {
-        id: spec.id.clone(),
-        session: spec.session.clone(),
-        upload: spec.upload.clone(),
-        state: JobState::Queued,
-        attempts: 0,
-        progress: 0.0,
-        stage: String::new(),
-        error: None,
-        created: id.timestamp_ms() / 1000,
-        spec,
-    }
-}
-
-/// Reads the `COLUMNS` of a row.
-fn read(row: &SqliteRow) -> sqlx::Result<Record> {
-    let bad =
-        |column: &str, problem: String| sqlx::Error::ColumnDecode { index: column.into(), source: problem.into() };
-    let spec: Spec = serde_json::from_str(row.try_get("spec")?).map_err(|e| bad("spec", e.to_string()))?;
-    let id = Ulid::from_string(&spec.id).map_err(|e| bad("id", e.to_string()))?;
-    let state: &str = row.try_get("state")?;
-    let state = JobState::ALL.into_iter().find(|s| s.word() == state).ok_or_else(|| bad("state", state.into()))?;
-    let job = Job {
-        state,
-        attempts: row.try_get("attempts")?,
-        progress: row.try_get("progress")?,
-        stage: row.try_get("stage")?,
-        error: row.try_get("error")?,
-        ..job(spec, id)
-    };
-    Ok(Record::new(job, row.try_get("cancel")?))
 }

@@ -75,6 +75,11 @@ impl Shared {
         }
     }
 
+    /// Tells the running job to stop, and lets no other begin.
+    pub fn stop(&self) {
+        self.stopping.store(true, Ordering::Relaxed);
+    }
+
     pub fn stopping(&self) -> bool {
         self.stopping.load(Ordering::Relaxed)
     }
@@ -99,7 +104,8 @@ struct Bell(Mutex<Option<Waker>>);
 
 impl Bell {
     fn ring(&self) {
-        if let Some(waker) = self.0.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        let waker = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(waker) = waker {
             waker.wake();
         }
     }
@@ -138,7 +144,7 @@ pub(super) async fn supervise(shared: Arc<Shared>, mut stopped: watch::Receiver<
         // An error means that the queue was dropped.
         _ = stopped.wait_for(|stop| *stop) => {}
     }
-    shared.stopping.store(true, Ordering::Relaxed);
+    shared.stop();
     // The running job is put back first.
     let _turn = shared.turn.lock().await;
     shared.store.close().await;
