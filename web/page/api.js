@@ -168,14 +168,17 @@ function eventParser(onEvent, seen) {
 /**
  * Listens to an event stream until the signal fires, connecting again whenever it ends or falls silent. Own parsing,
  * since EventSource cannot send a token. `on.event(name, value)`, `on.heard()` for anything at all, `on.open()`,
- * `on.lost(problem)`; a 4xx answer ends it, as it would come again. `silence` is how long nothing may come, in ms.
+ * `on.lost(problem)`; a 4xx answer ends it, as it would come again. `silence` is how long nothing may come, in ms. With
+ * `rest` a hidden page lets go of its connection: a browser has few for each host, and STOP must never wait for one.
  */
-export async function listen(path, on, { signal, silence = 25_000 } = {}) {
+export async function listen(path, on, { signal, silence = 25_000, rest = false } = {}) {
   const seen = { last: null };
   while (!signal.aborted) {
+    if (rest && document.hidden) await comesToFront(signal);
     const attempt = new AbortController();
     const end = () => attempt.abort();
     signal.addEventListener("abort", end, { once: true });
+    if (rest) document.addEventListener("visibilitychange", end, { signal: attempt.signal });
     let watchdog = setTimeout(end, silence);
     let problem = null;
     try {
@@ -195,12 +198,21 @@ export async function listen(path, on, { signal, silence = 25_000 } = {}) {
     } finally {
       clearTimeout(watchdog);
       signal.removeEventListener("abort", end);
+      // Also ends the listener above, and a stream whose reading failed half-way.
+      attempt.abort();
     }
     if (signal.aborted) return;
     on.lost?.(problem);
     if (problem && problem.status >= 400 && problem.status < 500 && problem.status !== 429) return;
     await pause(1000, signal);
   }
+}
+
+function comesToFront(signal) {
+  return new Promise((resolve) => {
+    signal.addEventListener("abort", resolve, { once: true });
+    document.addEventListener("visibilitychange", resolve, { once: true, signal });
+  });
 }
 
 function deliver(on, name, data) {

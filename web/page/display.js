@@ -27,7 +27,7 @@ function paint() {
   const [width, height] = [Math.round(innerWidth * devicePixelRatio), Math.round(innerHeight * devicePixelRatio)];
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
   const lit = wanted !== null && visible() && alive();
-  const drawn = draw(canvas, lit ? wanted.pattern : { kind: "black" }, panelOf(canvas, wanted?.size_mm, devicePixelRatio));
+  const drawn = draw(canvas, lit ? wanted.pattern : { kind: "black" }, panelOf(canvas, wanted?.size_mm, screen, devicePixelRatio));
   if (!lit || !drawn) return;
   const shown = wanted;
   // The first frame after drawing hands the picture to the screen; by the second it is there.

@@ -5,7 +5,7 @@ import { figures, h, panel, randomId, say, settle } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes, count, duration } from "./format.js";
 import { onReturn, service } from "./service.js";
-import { BLANK, fromPlan, toPlan } from "./plan.js";
+import { BLANK, fromPlan, pretty, toPlan } from "./plan.js";
 import { planForm } from "./planform.js";
 
 const OPERATOR = "nacre-operator";
@@ -89,7 +89,7 @@ export async function newPage(main, { signal }) {
     const options = { signal: AbortSignal.any([asked.signal, signal]) };
     try {
       const [checked, cost] = await Promise.all([post("/plans/check", wanted.body, options), post("/plans/estimate", wanted.body, options)]);
-      if (text && checked.plan) json.textContent = JSON.stringify(checked.plan, null, 2);
+      if (text && checked.plan) json.textContent = pretty(checked.plan);
       show(cost);
       refuse(checked.problems ?? [], checked.sound);
     } catch (problem) {
@@ -110,7 +110,7 @@ export async function newPage(main, { signal }) {
     } catch {
       // Said by `ask`, once typing pauses.
     }
-    if (wanted) json.textContent = wanted.body.toml ?? JSON.stringify(wanted.body.plan, null, 2);
+    if (wanted) json.textContent = wanted.body.toml ?? pretty(wanted.body.plan);
     if (!text) {
       form.mark(wanted.problems);
       if (Object.keys(wanted.problems).length) {
@@ -187,7 +187,7 @@ export async function newPage(main, { signal }) {
   paint();
   const timer = setInterval(enable, 500);
   signal.addEventListener("abort", () => clearInterval(timer));
-  onReturn(() => signal.aborted || changed());
+  onReturn(changed, signal);
 }
 
 /** Whether the form can show all of a plan; a key it does not know must not get lost silently. */

@@ -88,11 +88,14 @@ const DRAW = {
   },
 };
 
-/** The panel in mm: of its size where that is known, else in the mm of CSS, of which 25.4 are 96 pixels. */
-export function panelOf(canvas, sizeMm, pixelRatio) {
+/**
+ * The panel in mm: of its size where that is known, else in the mm of CSS, of which 25.4 are 96 pixels. The size is
+ * that of the whole screen, so that a window shows a part at the right scale.
+ */
+export function panelOf(canvas, sizeMm, screen, pixelRatio) {
   const css = 25.4 / 96 / pixelRatio;
-  const size = sizeMm ?? [canvas.width * css, canvas.height * css];
-  return { size, pitch: [size[0] / canvas.width, size[1] / canvas.height] };
+  if (!sizeMm) return { size: [canvas.width * css, canvas.height * css], pitch: [css, css] };
+  return { size: sizeMm, pitch: [sizeMm[0] / (screen.width * pixelRatio), sizeMm[1] / (screen.height * pixelRatio)] };
 }
 
 /** Draws a pattern; returns whether it could be, and leaves black where it could not. */

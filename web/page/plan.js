@@ -115,6 +115,11 @@ export function toPlan(form) {
   return { plan, problems };
 }
 
+/** A plan as JSON with one line for each list of numbers. */
+export function pretty(plan) {
+  return JSON.stringify(plan, null, 2).replaceAll(/\[[-\d.,e\s]+\]/g, (list) => list.replaceAll(/\s+/g, " ").replace("[ ", "[").replace(" ]", "]"));
+}
+
 const pair = (values) => values.join(", ");
 
 /** The form that shows a plan. */

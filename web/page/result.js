@@ -66,7 +66,7 @@ async function showProgress(main, job, signal) {
   };
   paint(job);
   if (job.state !== "queued" && job.state !== "running") return;
-  listen(`/reconstructions/${job.id}/events`, { event: (name, now) => name === "state" && !signal.aborted && paint(now) }, { signal });
+  listen(`/reconstructions/${job.id}/events`, { event: (name, now) => name === "state" && !signal.aborted && paint(now) }, { signal, rest: true });
 }
 
 function showMaps(main, job, signal) {

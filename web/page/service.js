@@ -16,9 +16,9 @@ export function watch(call, signal) {
   listener();
 }
 
-/** Calls back when the service can be reached again after it could not. */
-export function onReturn(call) {
-  target.addEventListener("return", call);
+/** Calls back when the service can be reached again after it could not, until the signal fires. */
+export function onReturn(call, signal) {
+  target.addEventListener("return", call, { signal });
 }
 
 /** Takes a devices document that a command answered with. */

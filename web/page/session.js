@@ -7,6 +7,7 @@ import { bytes, clock, degrees, duration, moment, words } from "./format.js";
 import { dial } from "./dial.js";
 import { bar, wheel } from "./legend.js";
 import { prepare } from "./new.js";
+import { pretty } from "./plan.js";
 import { onReturn } from "./service.js";
 
 /** Which commands a state allows, its tone, and what it means. */
@@ -80,7 +81,7 @@ export async function sessionPage(main, { id, signal }) {
           ["Sample", session.sample], ["Operator", session.operator], ["Notes", session.notes], ["Kind", words(session.kind)],
           ["Begun", moment(session.created)], ["Id", h("code", {}, id)]])),
         panel("Events", null, log), h("section", { class: "panel stack" }, table, files,
-          h("details", {}, h("summary", {}, "Plan"), h("pre", { class: "scroll code", tabindex: 0 }, JSON.stringify(session.plan, null, 2)))))));
+          h("details", {}, h("summary", {}, "Plan"), h("pre", { class: "scroll code", tabindex: 0 }, session.plan ? pretty(session.plan) : ""))))));
 
   function note(text) {
     log.prepend(h("li", {}, h("time", {}, clock()), text));
@@ -144,6 +145,9 @@ export async function sessionPage(main, { id, signal }) {
   };
   const pixels = (image) => Math.min(2048, 160 * Math.ceil(((image.parentElement.clientWidth || 400) * devicePixelRatio) / 160));
   const refreshMap = latest(async () => {
+    // Three angles make a map; asking sooner would be answered with a problem.
+    const angles = new Set(frames.map((f) => f.analyser_deg).filter((deg) => typeof deg === "number"));
+    if (!session.has_results && angles.size < 3) return;
     const from = session.has_results ? `/reconstructions/${id}/maps/${shown}.png?` : `${base}/live.png?map=${shown}&`;
     const { blob, range } = await picture(`${from}width=${pixels(map)}`, { signal });
     show(map, blob);
@@ -216,12 +220,12 @@ export async function sessionPage(main, { id, signal }) {
       complain(problem);
     }
   }
-  onReturn(() => signal.aborted || reload());
+  onReturn(reload, signal);
   paint();
   refreshMap();
   refreshFrame();
   listen(`${base}/events`, {
     event: (name, value) => signal.aborted || handlers[name]?.(value),
     lost: (problem) => problem && problem.slug !== "unreachable" && complain(problem),
-  }, { signal });
+  }, { signal, rest: true });
 }

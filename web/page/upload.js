@@ -19,8 +19,8 @@ export async function uploadPage(main, { signal }) {
   let photographs = [];
   const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr", onchange: () => add(input.files) });
   const body = h("tbody");
-  const table = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col" }, t)))), body);
-  const transfer = select([["linear", "Linear (raw, most PNG and TIFF of cameras for measuring)"], ["srgb", "sRGB (JPEG, most pictures)"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
+  const table = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
+  const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
   const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
   let chosen = false;
   const model = select([["auto", "The simplest that explains the data"], ["sinusoid", "Sinusoid"]], "auto", { id: "upload-model" });
@@ -34,7 +34,7 @@ export async function uploadPage(main, { signal }) {
     h("div", { class: "columns planning" },
       panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, table))),
       h("div", { class: "stack" },
-        panel("Reconstruction", null, h("div", { class: "stack" }, h("div", { class: "fields" }, field("Values", transfer), field("Channel", channel, { hint: "Colour files need one" }), field("Model", model), field("Offset (°)", offset)), problems, progress)))));
+        panel("Reconstruction", null, h("div", { class: "stack" }, h("div", { class: "stack" }, field("Values", transfer), field("Channel", channel, { hint: "Colour files need one" }), field("Model", model), field("Offset (°)", offset)), problems, progress)))));
 
   function add(files) {
     const names = new Set(photographs.map((p) => p.file.name));

@@ -1,57 +1,136 @@
-//! The page and its scripts, embedded in the binary.
+//! The page of `nacre serve`, embedded in the binary: what is where, and under which content type.
+//!
+//! The page needs nothing from outside. It works under the content security policy in [`POLICY`].
 
 /// A file of the page.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Asset {
-    /// Its contents.
+    /// Its content.
     pub bytes: &'static [u8],
-    /// Its media type.
+    /// Its content type, for the header of that name.
     pub content_type: &'static str,
 }
+
+/// The `Content-Security-Policy` under which the page works: nothing inline, nothing from elsewhere.
+pub const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self'; script-src 'self'; \
+                          connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 const STYLE: &str = "text/css; charset=utf-8";
-const SVG: &str = "image/svg+xml";
+const IMAGE: &str = "image/svg+xml";
 
-/// Every file by its path.
-const ASSETS: &[(&str, &[u8], &str)] = &[
-    ("/assets/api.js", include_bytes!("../page/api.js"), SCRIPT),
-    ("/assets/app.js", include_bytes!("../page/app.js"), SCRIPT),
-    ("/assets/base.css", include_bytes!("../page/base.css"), STYLE),
-    ("/assets/bench.js", include_bytes!("../page/bench.js"), SCRIPT),
-    ("/assets/controls.js", include_bytes!("../page/controls.js"), SCRIPT),
-    ("/assets/dial.js", include_bytes!("../page/dial.js"), SCRIPT),
-    ("/assets/display.css", include_bytes!("../page/display.css"), STYLE),
-    ("/display", include_bytes!("../page/display.html"), HTML),
-    ("/assets/display.js", include_bytes!("../page/display.js"), SCRIPT),
-    ("/assets/dom.js", include_bytes!("../page/dom.js"), SCRIPT),
-    ("/assets/feedback.js", include_bytes!("../page/feedback.js"), SCRIPT),
-    ("/assets/format.js", include_bytes!("../page/format.js"), SCRIPT),
-    ("/assets/icon.svg", include_bytes!("../page/icon.svg"), SVG),
-    ("/", include_bytes!("../page/index.html"), HTML),
-    ("/assets/layout.css", include_bytes!("../page/layout.css"), STYLE),
-    ("/assets/legend.js", include_bytes!("../page/legend.js"), SCRIPT),
-    ("/assets/mapview.js", include_bytes!("../page/mapview.js"), SCRIPT),
-    ("/assets/new.js", include_bytes!("../page/new.js"), SCRIPT),
-    ("/assets/pages.css", include_bytes!("../page/pages.css"), STYLE),
-    ("/assets/patterns.js", include_bytes!("../page/patterns.js"), SCRIPT),
-    ("/assets/pixelchart.js", include_bytes!("../page/pixelchart.js"), SCRIPT),
-    ("/assets/plan.js", include_bytes!("../page/plan.js"), SCRIPT),
-    ("/assets/planform.js", include_bytes!("../page/planform.js"), SCRIPT),
-    ("/assets/preview.js", include_bytes!("../page/preview.js"), SCRIPT),
-    ("/assets/report.js", include_bytes!("../page/report.js"), SCRIPT),
-    ("/assets/result.js", include_bytes!("../page/result.js"), SCRIPT),
-    ("/assets/service.js", include_bytes!("../page/service.js"), SCRIPT),
-    ("/assets/session.js", include_bytes!("../page/session.js"), SCRIPT),
-    ("/assets/sessions.js", include_bytes!("../page/sessions.js"), SCRIPT),
-    ("/assets/stage.js", include_bytes!("../page/stage.js"), SCRIPT),
-    ("/assets/steps.js", include_bytes!("../page/steps.js"), SCRIPT),
-    ("/assets/theme.js", include_bytes!("../page/theme.js"), SCRIPT),
-    ("/assets/upload.js", include_bytes!("../page/upload.js"), SCRIPT),
+/// One row of the table: path, content type, file in `page/`.
+macro_rules! row {
+    ($path:literal, $content_type:expr, $file:literal) => {
+        ($path, Asset { bytes: include_bytes!(concat!("../page/", $file)), content_type: $content_type })
+    };
+    ($file:literal, $content_type:expr) => {
+        (concat!("/assets/", $file), Asset { bytes: include_bytes!(concat!("../page/", $file)), content_type: $content_type })
+    };
+}
+
+/// Every path of the page and what it leads to.
+pub const ASSETS: &[(&str, Asset)] = &[
+    row!("/", HTML, "index.html"),
+    row!("/display", HTML, "display.html"),
+    row!("icon.svg", IMAGE),
+    row!("base.css", STYLE),
+    row!("display.css", STYLE),
+    row!("layout.css", STYLE),
+    row!("pages.css", STYLE),
+    row!("api.js", SCRIPT),
+    row!("app.js", SCRIPT),
+    row!("bench.js", SCRIPT),
+    row!("controls.js", SCRIPT),
+    row!("dial.js", SCRIPT),
+    row!("display.js", SCRIPT),
+    row!("dom.js", SCRIPT),
+    row!("feedback.js", SCRIPT),
+    row!("format.js", SCRIPT),
+    row!("legend.js", SCRIPT),
+    row!("mapview.js", SCRIPT),
+    row!("new.js", SCRIPT),
+    row!("patterns.js", SCRIPT),
+    row!("pixelchart.js", SCRIPT),
+    row!("plan.js", SCRIPT),
+    row!("planform.js", SCRIPT),
+    row!("preview.js", SCRIPT),
+    row!("report.js", SCRIPT),
+    row!("result.js", SCRIPT),
+    row!("service.js", SCRIPT),
+    row!("session.js", SCRIPT),
+    row!("sessions.js", SCRIPT),
+    row!("stage.js", SCRIPT),
+    row!("steps.js", SCRIPT),
+    row!("theme.js", SCRIPT),
+    row!("upload.js", SCRIPT),
 ];
 
-/// The file at a path, `/` for instance.
+/// What is at a path, if anything.
 pub fn asset(path: &str) -> Option<Asset> {
-    ASSETS.iter().find(|a| a.0 == path).map(|a| Asset { bytes: a.1, content_type: a.2 })
+    ASSETS.iter().find(|(known, _)| *known == path).map(|(_, asset)| *asset)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    /// What stands between `before` and the next quotation mark, everywhere in the text.
+    fn quoted<'a>(text: &'a str, before: &str) -> Vec<&'a str> {
+        text.split(before).skip(1).filter_map(|rest| rest.split('"').next()).collect()
+    }
+
+    fn text(path: &str) -> &'static str {
+        std::str::from_utf8(asset(path).expect(path).bytes).expect(path)
+    }
+
+    #[test]
+    fn everything_named_is_there() {
+        let mut named = BTreeSet::new();
+        for page in ["/", "/display"] {
+            named.extend(quoted(text(page), "src=\"").into_iter().map(str::to_owned));
+            named.extend(quoted(text(page), "<link rel=\"stylesheet\" href=\"").into_iter().map(str::to_owned));
+            named.extend(quoted(text(page), "<link rel=\"icon\" href=\"").into_iter().map(str::to_owned));
+        }
+        for (path, found) in ASSETS.iter().filter(|(_, a)| a.content_type == SCRIPT) {
+            let imports = quoted(text(path), "from \"./");
+            assert!(found.bytes.len() > 100, "{path} is empty");
+            named.extend(imports.into_iter().map(|file| format!("/assets/{file}")));
+        }
+        assert!(named.len() > 25, "only {named:?} were found");
+        for path in &named {
+            assert!(asset(path).is_some(), "{path} is named but not embedded");
+        }
+        for (path, _) in ASSETS.iter().filter(|(path, _)| path.starts_with("/assets/")) {
+            assert!(named.contains(*path), "{path} is embedded but never named");
+        }
+    }
+
+    #[test]
+    fn every_file_is_embedded_once() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/page");
+        assert_eq!(std::fs::read_dir(folder).expect(folder).count(), ASSETS.len());
+        let paths: BTreeSet<_> = ASSETS.iter().map(|(path, _)| path).collect();
+        assert_eq!(paths.len(), ASSETS.len());
+    }
+
+    #[test]
+    fn nothing_comes_from_outside_or_inline() {
+        for (path, _) in ASSETS {
+            let text = text(path).replace("http://www.w3.org/", "");
+            for forbidden in ["http://", "https://", "@import", "<style", " style=\"", "eval(", "innerHTML"] {
+                assert!(!text.contains(forbidden), "{path} has {forbidden}");
+            }
+            assert!(!text.contains("<script>"), "{path} has an inline script");
+        }
+    }
+
+    #[test]
+    fn unknown_paths_lead_nowhere() {
+        for path in ["", "/assets/", "/assets/nothing.js", "/index.html", "/assets/../src/lib.rs"] {
+            assert_eq!(asset(path), None, "{path}");
+        }
+    }
 }

@@ -317,7 +317,7 @@ pub async fn switch_flash(State(app): State<Arc<App>>, Body(body): Body<SwitchBo
     let Some(flash) = &app.limits.flash else { return Err(Problem::not_found("flash")) };
     // A little less than its limit, so that it is us who end it.
     let seconds = body.seconds.unwrap_or(f64::INFINITY).min(flash.max_on_s - 0.2);
-    if body.on && !(seconds > 0.0) {
+    if body.on && seconds <= 0.0 {
         return Err(Problem::bad("seconds must be above 0"));
     }
     and_describe(&app, move |owner| owner.flash(body.on, seconds)).await
