@@ -79,7 +79,7 @@ export async function send(path, { method = "GET", body, headers = {}, signal, k
       throw new Problem({
         type: "unreachable",
         title: "The service does not answer",
-        detail: `no connection to ${location.host}`,
+        detail: `There is no connection to ${location.host}.`,
         remedy: "The page connects again by itself; see whether `nacre serve` is running.",
       });
     }

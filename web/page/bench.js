@@ -15,13 +15,13 @@ export async function benchPage(main, { signal }) {
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Bench"), h("a", { class: "button primary", href: "#/new" }, "New session")),
     h("div", { class: "columns bench" }, previewPanel(signal), h("div", { class: "stack" }, waiting, controls)));
 
-  watch(({ devices, problem }) => {
+  watch(({ devices, problem, reachable }) => {
     waiting.hidden = devices !== null && !problem;
     controls.hidden = devices === null;
     if (problem) waiting.lastElementChild.textContent = [problem.message, problem.remedy].filter(Boolean).join(" ");
     if (!devices) return;
     const session = devices.activity === "session";
-    controls.disabled = session;
+    controls.disabled = session || reachable === false;
     busy.hidden = !session;
     if (session) {
       busy.replaceChildren("A session has the bench; manual control waits for its end. ",

@@ -54,13 +54,19 @@ export function confirmed(title, text, action) {
   });
 }
 
+// Not modal as the browser means it: that would put STOP out of reach. A veil covers the page below the header.
 function open(dialog, closed) {
+  const before = document.activeElement;
+  const veil = h("div", { class: "veil" });
+  dialog.addEventListener("keydown", (event) => event.key === "Escape" && dialog.close("no"));
   dialog.addEventListener("close", () => {
+    veil.remove();
     dialog.remove();
+    before?.focus();
     closed();
   });
-  document.body.append(dialog);
-  dialog.showModal();
+  document.body.append(veil, dialog);
+  dialog.show();
 }
 
 setTokenDialog((reason) => new Promise((resolve) => {

@@ -40,7 +40,10 @@ export function previewPanel(signal) {
         image.hidden = true;
         empty.hidden = false;
         say(empty, problem.slug === "busy" ? "A session has the camera." : [problem.message, problem.remedy].filter(Boolean).join(" "));
-        say(about, "");
+        // Numbers of a frame that is not shown would be taken for the present.
+        for (const output of [about, mean, saturated, angle, frame]) say(output, "–");
+        curve.removeAttribute("d");
+        delete clipping.dataset.level;
         await pause(1000, signal);
       }
       await pause(Math.max(50, PERIOD_MS - (performance.now() - began)), signal);

@@ -26,7 +26,10 @@ macro_rules! row {
         ($path, Asset { bytes: include_bytes!(concat!("../page/", $file)), content_type: $content_type })
     };
     ($file:literal, $content_type:expr) => {
-        (concat!("/assets/", $file), Asset { bytes: include_bytes!(concat!("../page/", $file)), content_type: $content_type })
+        (
+            concat!("/assets/", $file),
+            Asset { bytes: include_bytes!(concat!("../page/", $file)), content_type: $content_type },
+        )
     };
 }
 

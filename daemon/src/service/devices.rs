@@ -24,7 +24,7 @@ pub struct Devices {
     session: Option<String>,
     stage: StageState,
     camera: CameraState,
-    display: DisplayState,
+    display: PanelState,
     flash: Option<FlashState>,
     /// Door switches and the like.
     interlocks: Vec<InterlockState>,
@@ -58,7 +58,7 @@ struct CameraState {
 }
 
 #[derive(Clone, Debug, Serialize, ToSchema)]
-struct DisplayState {
+struct PanelState {
     id: String,
     size_mm: [f64; 2],
     pattern: PatternBody,
@@ -87,6 +87,7 @@ pub enum PatternBody {
     /// A white disc.
     Disc {
         /// Its middle, from the panel's middle to the right and up, in mm.
+        #[schema(min_items = 2, max_items = 2)]
         center_mm: [f64; 2],
         /// Its diameter in mm.
         #[schema(exclusive_minimum = 0.0)]
@@ -98,6 +99,7 @@ pub enum PatternBody {
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Move {
+    #[schema(example = 45.0)]
     analyser_deg: f64,
 }
 
@@ -105,13 +107,16 @@ pub struct Move {
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSettings {
+    #[schema(example = 10.0)]
     exposure_ms: f64,
+    #[schema(example = 1.0)]
     gain: f64,
 }
 
 /// What to show.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
+#[schema(example = json!({ "pattern": { "disc": { "center_mm": [0, 0], "diameter_mm": 180 } } }))]
 pub struct ShowBody {
     pattern: PatternBody,
 }
@@ -121,6 +126,7 @@ pub struct ShowBody {
 #[serde(deny_unknown_fields)]
 pub struct SwitchBody {
     on: bool,
+    #[schema(example = 0.1)]
     seconds: Option<f64>,
 }
 
@@ -214,7 +220,7 @@ fn at_rest(app: &App) -> Devices {
             black: camera.black,
             white: camera.white,
         },
-        display: DisplayState { id: display.id.clone(), size_mm: display.size_mm, pattern: PatternBody::Black },
+        display: PanelState { id: display.id.clone(), size_mm: display.size_mm, pattern: PatternBody::Black },
         flash: app.limits.flash.as_ref().map(|f| FlashState { id: f.id.clone(), on: false, max_on_s: f.max_on_s }),
         interlocks: app.interlocks.iter().map(|id| InterlockState { id: id.clone(), holds: None }).collect(),
         simulated: true,
@@ -339,7 +345,8 @@ pub async fn stop(State(app): State<Arc<App>>) -> Answer<Json<Stopped>> {
 pub async fn preview_picture(State(app): State<Arc<App>>, Params(query): Params<Width>) -> Answer<Response> {
     let picture = with_bench(&app, Owner::preview).await?;
     let tag = format!("\"{}\"", picture.sequence);
-    let body = super::blocking(move || png(grey(&picture, query.width.unwrap_or(1024)))).await?;
+    let width = super::picture_width(query.width, 1024)?;
+    let body = super::blocking(move || png(grey(&picture, width))).await?;
     Ok(([(header::ETAG, tag)], body).into_response())
 }
 

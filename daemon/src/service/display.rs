@@ -53,6 +53,7 @@ pub enum PagePattern {
 /// What to show on the page.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
+#[schema(example = json!({ "pattern": { "kind": "full" } }))]
 pub struct ShowPattern {
     pattern: PagePattern,
 }

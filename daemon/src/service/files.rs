@@ -50,21 +50,18 @@ fn walk(root: &Path, folder: &Path, depth: usize, files: &mut Vec<(String, u64)>
     }
 }
 
+/// Media type of a download that no browser is to look into.
+pub const BYTES: &str = "application/octet-stream";
+
 /// Streams a file as a download.
 ///
 /// # Errors
 /// `not-found` when it cannot be opened.
-pub async fn send(path: &Path) -> Answer<Response> {
+pub async fn send(path: &Path, kind: &'static str) -> Answer<Response> {
     let file = tokio::fs::File::open(path).await.map_err(|_| Problem::not_found("such file"))?;
     let length = file.metadata().await.map(|m| m.len()).unwrap_or_default();
     let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || "._-".contains(*c)).collect();
-    let kind = match path.extension().and_then(|e| e.to_str()) {
-        Some("png") => "image/png",
-        Some("json") => "application/json",
-        Some("toml") | None => "text/plain; charset=utf-8",
-        _ => "application/octet-stream",
-    };
     let headers = [
         (header::CONTENT_TYPE, kind.to_owned()),
         (header::CONTENT_LENGTH, length.to_string()),

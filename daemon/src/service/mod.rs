@@ -287,6 +287,17 @@ pub async fn with_bench<T: Send + 'static>(
     app.bench.work(work).await
 }
 
+/// The width of a picture, as asked for or as usual.
+///
+/// # Errors
+/// `bad-request` for a width that no picture has.
+pub fn picture_width(asked: Option<usize>, usual: usize) -> Answer<usize> {
+    match asked.unwrap_or(usual) {
+        width @ 1..=16_384 => Ok(width),
+        width => Err(Problem::bad(format!("width is {width}; give 1 to 16384"))),
+    }
+}
+
 /// A PNG as an answer.
 ///
 /// # Errors

@@ -13,6 +13,10 @@ use utoipa::ToSchema;
 /// A plan, as JSON or as the text of a plan.toml.
 #[derive(Clone, Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
+#[schema(example = json!({ "plan": {
+    "kind": "polarization", "name": "first look", "camera": { "exposure_ms": 5 },
+    "analyser": { "angles_deg": [0, 60, 120] }, "reconstruct": { "method": "polarization" }
+} }))]
 pub struct PlanBody {
     /// The plan; its JSON Schema is at `/api/v1/plans/schema`.
     #[schema(value_type = Option<Object>)]

@@ -69,6 +69,7 @@ pub struct PageQuery {
     #[param(minimum = 1, maximum = 1000)]
     limit: Option<u32>,
     /// The `next` of the page before.
+    #[param(pattern = "^[0-9A-Z]{26}$")]
     cursor: Option<String>,
 }
 
@@ -80,10 +81,14 @@ pub struct Region {
     /// Pixels per row of the picture, at most.
     #[param(minimum = 1, maximum = 16384)]
     width: Option<usize>,
-    x: Option<usize>,
-    y: Option<usize>,
-    w: Option<usize>,
-    h: Option<usize>,
+    #[param(maximum = 65535)]
+    x: Option<u16>,
+    #[param(maximum = 65535)]
+    y: Option<u16>,
+    #[param(maximum = 65535)]
+    w: Option<u16>,
+    #[param(maximum = 65535)]
+    h: Option<u16>,
 }
 
 /// A pixel of the maps.
@@ -91,7 +96,9 @@ pub struct Region {
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
 pub struct PixelQuery {
+    #[param(maximum = 100000, example = 3)]
     x: usize,
+    #[param(maximum = 100000, example = 4)]
     y: usize,
 }
 
@@ -349,8 +356,8 @@ pub async fn job_events(State(app): State<Arc<App>>, At(id): At<String>, headers
 /// orientation, sigma, dolp, mask, aolp or s0.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/maps/{file}", tag = "reconstructions", operation_id = "map",
     params(("id" = String, Path), ("file" = String, Path, description = "For instance orientation.png"), Region),
-    responses((status = 200, content_type = "image/png", body = [u8]), (status = 400, body = Problem),
-        (status = 404, body = Problem)))]
+    responses((status = 200, content(([u8] = "image/png"), ([u8] = "application/octet-stream"), (String = "text/csv"))),
+        (status = 400, body = Problem), (status = 404, body = Problem)))]
 pub async fn map(
     State(app): State<Arc<App>>,
     At((id, file)): At<(String, String)>,
@@ -362,15 +369,18 @@ pub async fn map(
     let (exr, _) = maps::source(name).ok_or_else(missing)?;
     let (name, kind) = (name.to_owned(), kind.to_owned());
     match kind.as_str() {
-        "exr" => return files::send(&files::inside(&folder, exr)?).await,
+        "exr" => return files::send(&files::inside(&folder, exr)?, files::BYTES).await,
         "png" | "csv" | "npy" => {}
         _ => return Err(missing()),
     }
     let view = maps::View {
-        width: region.width.unwrap_or(1024),
+        width: super::picture_width(region.width, 1024)?,
         region: match (region.x, region.y, region.w, region.h) {
             (None, None, None, None) => None,
-            (x, y, w, h) => Some([x.unwrap_or(0), y.unwrap_or(0), w.unwrap_or(usize::MAX), h.unwrap_or(usize::MAX)]),
+            (x, y, w, h) => {
+                let region = [x.unwrap_or(0), y.unwrap_or(0), w.unwrap_or(u16::MAX), h.unwrap_or(u16::MAX)];
+                Some(region.map(usize::from))
+            }
         },
     };
     let attached = format!("attachment; filename=\"{file}\"");
@@ -378,8 +388,8 @@ pub async fn map(
         let (plane, width) = maps::plane(&folder, &name)?;
         Ok(match kind.as_str() {
             "png" => (maps::picture(&name, &plane, width, &view, &encode_png8).map_err(Problem::bad)?, "image/png"),
-            "csv" => (maps::csv(&name, &plane, width), "text/csv; charset=utf-8"),
-            _ => (maps::npy(&plane, width), "application/octet-stream"),
+            "csv" => (maps::csv(&name, &plane, width), "text/csv"),
+            _ => (maps::npy(&plane, width), files::BYTES),
         })
     })
     .await?;

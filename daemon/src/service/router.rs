@@ -10,6 +10,7 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use serde::Serialize;
+use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
@@ -96,7 +97,37 @@ fn slow() -> OpenApiRouter<Arc<App>> {
 }
 
 /// The OpenAPI document of the service.
-pub fn openapi() -> utoipa::openapi::OpenApi {
+pub fn openapi() -> Value {
+    let mut document = serde_json::to_value(operations()).unwrap_or_default();
+    let operations = document["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
+    for operation in operations.filter_map(Value::as_object_mut).flat_map(|item| item.values_mut()) {
+        if let Some(responses) = operation.get_mut("responses").and_then(Value::as_object_mut) {
+            // Any request can be refused for these reasons.
+            for (status, why) in REFUSALS {
+                responses.entry(*status).or_insert_with(|| json!({ "description": why }));
+            }
+            let refused = responses.iter_mut().filter(|(status, _)| status.as_str() >= "400");
+            for (_, response) in refused {
+                let schema = json!({ "$ref": "#/components/schemas/Problem" });
+                response["content"] = json!({ "application/problem+json": { "schema": schema } });
+            }
+        }
+    }
+    document
+}
+
+/// Statuses that any operation may answer with.
+const REFUSALS: &[(&str, &str)] = &[
+    ("400", "Something in the request cannot be used"),
+    ("401", "A token is needed"),
+    ("403", "The token's role does not allow it, or the request comes from elsewhere"),
+    ("404", "There is no such thing"),
+    ("409", "It does not fit the state"),
+    ("413", "The request is too large"),
+    ("429", "Too many requests at once"),
+];
+
+fn operations() -> utoipa::openapi::OpenApi {
     let mut document = api().merge(slow()).to_openapi();
     // A path in axum's words for the rest of the path is one parameter in OpenAPI's.
     let path = "/api/v1/sessions/{id}/files/{path}";

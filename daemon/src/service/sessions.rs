@@ -73,15 +73,16 @@ pub struct Search {
     /// Words that all occur in name, sample, operator, notes or folder.
     text: Option<String>,
     /// Only this kind of plan.
-    #[param(value_type = Option<String>)]
+    #[param(value_type = Option<String>, pattern = "^(polarization|exposures|flash|spots|free)$")]
     kind: Option<PlanKind>,
     /// Only this state: `finished`, `stopped` or `unfinished`.
-    #[param(value_type = Option<String>)]
+    #[param(value_type = Option<String>, pattern = "^(finished|stopped|unfinished)$")]
     state: Option<crate::catalogue::State>,
     /// Most sessions in the page.
     #[param(minimum = 1, maximum = 1000)]
     limit: Option<u32>,
     /// The `next` of the page before.
+    #[param(pattern = "^[0-9]+\\.[0-9a-f]+$")]
     cursor: Option<String>,
 }
 
@@ -91,6 +92,7 @@ pub struct Search {
 #[serde(deny_unknown_fields)]
 pub struct LiveMap {
     /// `orientation`, `sigma` or `dolp`.
+    #[param(pattern = "^(orientation|sigma|dolp)$")]
     map: Option<String>,
     /// Pixels per row, at most.
     #[param(minimum = 1, maximum = 16384)]
@@ -464,8 +466,9 @@ pub async fn frame(
     let folder = app.existing_session(&id)?.join("frames");
     let path = super::files::inside(&folder, &name)?;
     match query.width {
-        None => super::files::send(&path).await,
+        None => super::files::send(&path, "image/png").await,
         Some(width) => {
+            let width = super::picture_width(Some(width), width)?;
             let body = blocking(move || maps::thumbnail(&path, width)).await?;
             Ok(png(Ok(body))?.into_response())
         }
@@ -489,7 +492,7 @@ pub async fn live(State(app): State<Arc<App>>, At(id): At<String>, Params(query)
         "dolp" => &glance.dolp,
         _ => return Err(Problem::bad(format!("map is {name:?}; give orientation, sigma or dolp"))),
     };
-    let view = maps::View { width: query.width.unwrap_or(512), region: None };
+    let view = maps::View { width: super::picture_width(query.width, 512)?, region: None };
     let body = png(maps::picture(&name, plane, glance.width, &view, &encode_png8).map_err(std::io::Error::other))?;
     Ok(body.into_response())
 }
@@ -554,5 +557,5 @@ pub async fn files(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Js
         (status = 404, body = Problem)))]
 pub async fn file(State(app): State<Arc<App>>, At((id, path)): At<(String, PathBuf)>) -> Answer<Response> {
     let folder = app.existing_session(&id)?;
-    super::files::send(&super::files::inside(&folder, &path.to_string_lossy())?).await
+    super::files::send(&super::files::inside(&folder, &path.to_string_lossy())?, super::files::BYTES).await
 }

@@ -1,0 +1,54 @@
+"""Seeds a running service, so that an API checker has something to look at; prints a configuration for it.
+
+Usage: seed.py URL > schemathesis.toml
+"""
+
+import json
+import sys
+import time
+import urllib.request
+
+BASE = sys.argv[1]
+
+
+def call(method, path, body=None):
+    data = None if body is None else json.dumps(body).encode()
+    request = urllib.request.Request(BASE + path, data, {"Content-Type": "application/json"}, method=method)
+    with urllib.request.urlopen(request) as answer:
+        return json.load(answer)
+
+
+def finished(path, done):
+    for _ in range(600):
+        found = call("GET", path)
+        if done(found):
+            return found
+        time.sleep(0.1)
+    raise SystemExit(f"{path} does not end: {found}")
+
+
+plan = {
+    "kind": "polarization",
+    "camera": {"exposure_ms": 5},
+    "analyser": {"angles_deg": [0, 60, 120]},
+    "reconstruct": {"method": "polarization"},
+}
+session = call("POST", "/api/v1/sessions", {"plan": plan})["id"]
+finished(f"/api/v1/sessions/{session}", lambda s: s["state"] == "finished" and s["has_results"])
+job = call("POST", "/api/v1/reconstructions", {"session": session})["id"]
+finished(f"/api/v1/reconstructions/{job}", lambda r: r["state"] == "done")
+
+# Streams do not end, and are tested apart.
+print(f"""
+[[operations]]
+include-path-regex = "/sessions/"
+parameters = {{ "path.id" = "{session}", "path.name" = "0000.png", "path.path" = "frames.json" }}
+
+[[operations]]
+include-path-regex = "/reconstructions/"
+parameters = {{ "path.id" = "{job}", "path.file" = "orientation.png" }}
+
+[[operations]]
+include-path-regex = "events|link"
+enabled = false
+""")
