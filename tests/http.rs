@@ -56,20 +56,7 @@ impl Service {
 
     /// Sends bytes; reads until the other end closes, or for as long as `patience`.
     pub fn raw(&self, bytes: &[u8], patience: Duration) -> Vec<u8> {
-        let mut stream = TcpStream::connect(self.address).unwrap();
-        stream.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
-        // A service that refuses a large body may close before it has it all.
-        let _ = stream.write_all(bytes);
-        let (begun, mut answer, mut buffer) = (Instant::now(), vec![], [0; 65536]);
-        while begun.elapsed() < patience {
-            match stream.read(&mut buffer) {
-                Ok(0) => break,
-                Ok(n) => answer.extend_from_slice(&buffer[..n]),
-                Err(e) if e.kind() == std::io::ErrorKind::WouldBlock => {}
-                Err(_) => break,
-            }
-        }
-        answer
+        raw(self.address, bytes, patience)
     }
 
     /// A request with these header lines.
@@ -147,6 +134,44 @@ impl Answer {
         let wanted = format!("{}:", name.to_lowercase());
         self.head.lines().find(|l| l.to_lowercase().starts_with(&wanted)).map(|l| l[wanted.len()..].trim().to_owned())
     }
+}
+
+/// Sends bytes; reads until the other end closes, or for as long as `patience`.
+fn raw(address: SocketAddr, bytes: &[u8], patience: Duration) -> Vec<u8> {
+    let mut stream = TcpStream::connect(address).expect("the other end listens");
+    stream.set_read_timeout(Some(Duration::from_millis(50))).expect("a timeout can be set");
+    // A service that refuses a large body may close before it has it all.
+    let _ = stream.write_all(bytes);
+    let (begun, mut answer, mut buffer) = (Instant::now(), vec![], [0; 65536]);
+    while begun.elapsed() < patience {
+        match stream.read(&mut buffer) {
+            Ok(0) => break,
+            Ok(n) => answer.extend_from_slice(&buffer[..n]),
+            Err(e) if e.kind() == std::io::ErrorKind::WouldBlock => {}
+            Err(_) => break,
+        }
+        if complete(&answer) {
+            break;
+        }
+    }
+    answer
+}
+
+/// Whether an answer has all the bytes that its head promises.
+fn complete(answer: &[u8]) -> bool {
+    let Some(at) = answer.windows(4).position(|w| w == b"\r\n\r\n") else { return false };
+    let head = String::from_utf8_lossy(&answer[..at]).to_lowercase();
+    let length =
+        head.lines().find_map(|l| l.strip_prefix("content-length:")).and_then(|v| v.trim().parse::<usize>().ok());
+    length.is_some_and(|n| answer.len() >= at + 4 + n)
+}
+
+/// One request to any server.
+///
+/// # Panics
+/// When nobody listens.
+pub fn exchange(address: SocketAddr, request: &[u8], patience: Duration) -> Answer {
+    Answer::parse(&raw(address, request, patience))
 }
 
 fn dechunked(mut bytes: &[u8]) -> Vec<u8> {

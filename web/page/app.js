@@ -138,9 +138,9 @@ async function about() {
   if (aboutShown || !service.reachable) return;
   aboutShown = true;
   try {
-    const { version, data } = await get("/about");
+    const { version } = await get("/about");
     document.getElementById("about").replaceChildren(
-      h("span", {}, `Nacre ${version}`), h("span", {}, `Data in ${data}`),
+      h("span", {}, `Nacre ${version}`),
       h("a", { href: "/display", target: "_blank", rel: "noopener" }, "Page for the panel"), h("a", { href: "/api/v1/openapi.json" }, "OpenAPI"));
   } catch (problem) {
     aboutShown = false;

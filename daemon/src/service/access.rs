@@ -22,7 +22,7 @@ pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) ->
     };
     let headers = response.headers_mut();
     for (name, value) in [
-        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (header::CONTENT_SECURITY_POLICY, nacre_web::POLICY),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (header::REFERRER_POLICY, "no-referrer"),
         (header::X_FRAME_OPTIONS, "DENY"),
@@ -32,8 +32,6 @@ pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) ->
     headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
     response
 }
-
-const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'";
 
 /// The Host must be a name of ours (another one points here by DNS rebinding), and so must the Origin if there is one.
 fn allowed_here(config: &Config, headers: &HeaderMap) -> Result<(), Problem> {

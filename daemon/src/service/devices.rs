@@ -15,6 +15,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use utoipa::{IntoParams, ToSchema};
 
+/// A preview that takes longer is none.
+const LONGEST_PREVIEW_S: f64 = 2.0;
+
 /// The bench as it is.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Devices {
@@ -215,7 +218,7 @@ fn at_rest(app: &App) -> Devices {
             height: camera.height,
             exposure_ms: 1000.0 * camera.exposure_now_s,
             gain: camera.gain[0],
-            exposure_range_ms: camera.exposure_s.map(|s| 1000.0 * s),
+            exposure_range_ms: camera.exposure_s.map(|s| 1000.0 * s.min(LONGEST_PREVIEW_S)),
             gain_range: camera.gain,
             black: camera.black,
             white: camera.white,
@@ -301,8 +304,7 @@ pub async fn show(State(app): State<Arc<App>>, Body(body): Body<ShowBody>) -> An
 pub async fn set_camera(State(app): State<Arc<App>>, Body(body): Body<CameraSettings>) -> Answer<Json<Devices>> {
     let camera = &app.limits.camera;
     let (seconds, [shortest, longest], [low, high]) = (body.exposure_ms / 1000.0, camera.exposure_s, camera.gain);
-    // A preview that takes seconds is none.
-    let longest = longest.min(2.0);
+    let longest = longest.min(LONGEST_PREVIEW_S);
     if !(shortest..=longest).contains(&seconds) || !(low..=high).contains(&body.gain) {
         let [a, b] = [shortest, longest].map(|s| 1000.0 * s);
         return Err(Problem::bad(format!("give an exposure of {a} to {b} ms and a gain of {low} to {high}")));

@@ -44,6 +44,13 @@ pub fn plane(folder: &Path, name: &str) -> Answer<(Vec<f32>, usize)> {
 
 type Encode = dyn Fn(usize, usize, usize, &[u8]) -> io::Result<Vec<u8>>;
 
+/// The header that tells the page what the colours of a picture stand for; σ in degrees, as people read it.
+pub fn range_header(name: &str, plane: &[f32]) -> (&'static str, String) {
+    let unit = if name == "sigma" { 180.0 / std::f32::consts::PI } else { 1.0 };
+    let [low, high] = range(name, plane).map(|v| v * unit);
+    ("x-nacre-range", format!("{low},{high}"))
+}
+
 /// A picture of a plane: orientations in hues, the others from dark to light over their range.
 ///
 /// # Errors
@@ -66,16 +73,20 @@ pub fn picture(name: &str, plane: &[f32], width: usize, view: &View, encode: &En
     encode(columns, rows, 3, &bytes).map_err(|e| e.to_string())
 }
 
+/// Values of the darkest and the lightest colour: σ and DoLP from 0, so that pictures can be compared.
+pub fn range(name: &str, plane: &[f32]) -> [f32; 2] {
+    let mut sorted: Vec<f32> = plane.iter().copied().filter(|v| v.is_finite()).step_by(17).collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let at = |q: f64| sorted.get(((sorted.len().max(1) - 1) as f64 * q) as usize).copied().unwrap_or(0.0);
+    [if name == "s0" { at(0.01) } else { 0.0 }, at(0.99)]
+}
+
 fn colors(name: &str, plane: &[f32]) -> Box<dyn Fn(f32) -> Rgb> {
     match name {
         "orientation" | "aolp" => Box::new(|v| if v.is_finite() { orientation_color(v) } else { MASKED }),
         "mask" => Box::new(|v| if v > 0.5 { [240, 240, 240] } else { MASKED }),
         _ => {
-            let mut sorted: Vec<f32> = plane.iter().copied().filter(|v| v.is_finite()).step_by(17).collect();
-            sorted.sort_unstable_by(f32::total_cmp);
-            let at = |q: f64| sorted.get(((sorted.len().max(1) - 1) as f64 * q) as usize).copied().unwrap_or(0.0);
-            // σ and DoLP from 0, so that pictures can be compared.
-            let (low, high) = (if name == "s0" { at(0.01) } else { 0.0 }, at(0.99));
+            let [low, high] = range(name, plane);
             let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
             Box::new(move |v| if v.is_finite() { viridis((v - low) * scale) } else { MASKED })
         }

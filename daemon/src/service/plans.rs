@@ -34,6 +34,9 @@ pub struct Checked {
     frames: usize,
     /// What it asks too much.
     problems: Vec<String>,
+    /// The plan as JSON, however it came.
+    #[schema(value_type = Object)]
+    plan: Plan,
 }
 
 /// Time and disk that a session needs.
@@ -81,7 +84,7 @@ pub async fn schema() -> Json<serde_json::Value> {
 pub async fn check(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> Answer<Json<Checked>> {
     let plan = body.plan()?;
     let problems = plan.check_limits(&app.limits);
-    Ok(Json(Checked { sound: problems.is_empty(), frames: plan.steps().len(), problems }))
+    Ok(Json(Checked { sound: problems.is_empty(), frames: plan.steps().len(), problems, plan }))
 }
 
 /// Says how long a session takes and how much disk it needs.

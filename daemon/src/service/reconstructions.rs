@@ -384,17 +384,19 @@ pub async fn map(
         },
     };
     let attached = format!("attachment; filename=\"{file}\"");
-    let (bytes, content) = blocking(move || {
+    let (bytes, content, range) = blocking(move || {
         let (plane, width) = maps::plane(&folder, &name)?;
-        Ok(match kind.as_str() {
+        let range = maps::range_header(&name, &plane);
+        let (bytes, content) = match kind.as_str() {
             "png" => (maps::picture(&name, &plane, width, &view, &encode_png8).map_err(Problem::bad)?, "image/png"),
             "csv" => (maps::csv(&name, &plane, width), "text/csv"),
             _ => (maps::npy(&plane, width), files::BYTES),
-        })
+        };
+        Ok((bytes, content, range))
     })
     .await?;
     if content == "image/png" {
-        return Ok(png(Ok(bytes))?.into_response());
+        return Ok(([range], png(Ok(bytes))?).into_response());
     }
     Ok(([(header::CONTENT_TYPE, content.to_owned()), (header::CONTENT_DISPOSITION, attached)], bytes).into_response())
 }

@@ -493,8 +493,8 @@ pub async fn live(State(app): State<Arc<App>>, At(id): At<String>, Params(query)
         _ => return Err(Problem::bad(format!("map is {name:?}; give orientation, sigma or dolp"))),
     };
     let view = maps::View { width: super::picture_width(query.width, 512)?, region: None };
-    let body = png(maps::picture(&name, plane, glance.width, &view, &encode_png8).map_err(std::io::Error::other))?;
-    Ok(body.into_response())
+    let body = png(maps::picture(&name, plane, glance.width, &view, &encode_png8).map_err(std::io::Error::other));
+    Ok(([maps::range_header(&name, plane)], body?).into_response())
 }
 
 /// What a deletion removes, and the token that confirms it.

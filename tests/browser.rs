@@ -1,0 +1,281 @@
+//! The page in a real browser, headless Chromium, on the simulated bench. Screenshots go to `target/screenshots`.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
+use nacre_tests::Place;
+use nacre_tests::http::{Answer, Service, exchange};
+use serde_json::{Value, json};
+use std::net::SocketAddr;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Chromium behind its driver, which speaks the W3C WebDriver protocol.
+struct Browser {
+    driver: Child,
+    address: SocketAddr,
+    session: String,
+    #[allow(dead_code, reason = "the profile lives as long as the browser")]
+    profile: tempfile::TempDir,
+}
+
+impl Browser {
+    /// None where there is no Chromium.
+    fn start() -> Option<Self> {
+        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let driver = Command::new("chromedriver")
+            .arg(format!("--port={port}"))
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn();
+        let Ok(driver) = driver else {
+            println!("skipped: no chromedriver");
+            return None;
+        };
+        let profile = tempfile::tempdir().unwrap();
+        let address = SocketAddr::from(([127, 0, 0, 1], port));
+        let begun = Instant::now();
+        while std::net::TcpStream::connect(address).is_err() {
+            assert!(begun.elapsed() < Duration::from_secs(20), "chromedriver does not listen");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let mut browser = Self { driver, address, session: String::new(), profile };
+        let data = format!("--user-data-dir={}", browser.profile.path().display());
+        let args = [
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--no-first-run",
+            "--disable-dev-shm-usage",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+            "--window-size=1360,940",
+            &data,
+        ];
+        let wish = json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": { "args": args } } } });
+        let made = browser.call("POST", "", &wish);
+        browser.session = format!("/{}", made["sessionId"].as_str().unwrap());
+        Some(browser)
+    }
+
+    fn call(&self, method: &str, path: &str, body: &Value) -> Value {
+        let path = format!("/session{}{path}", self.session);
+        let body = if method == "POST" { body.to_string() } else { String::new() };
+        let head = format!(
+            "{method} {path} HTTP/1.1\r\nHost: {}\r\nContent-Type: application/json\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
+            self.address,
+            body.len()
+        );
+        let answer: Answer = exchange(self.address, head.as_bytes(), Duration::from_secs(60));
+        answer.expect(200).json()["value"].clone()
+    }
+
+    fn open(&self, url: &str) {
+        self.call("POST", "/url", &json!({ "url": url }));
+    }
+
+    /// The value of a script.
+    fn run(&self, script: &str) -> Value {
+        self.call("POST", "/execute/sync", &json!({ "script": script, "args": [] }))
+    }
+
+    /// Waits until a script's value is true.
+    fn until(&self, script: &str) {
+        let begun = Instant::now();
+        while self.run(&format!("try {{ return Boolean({script}) }} catch {{ return false }}")) != true {
+            if begun.elapsed() > Duration::from_secs(45) {
+                self.shot("failed");
+                panic!("never true: {script}; the page says: {}", self.run("return document.body.innerText"));
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Clicks as a person does: the element has to be there and in reach.
+    fn click(&self, css: &str) {
+        self.until(&format!("document.querySelector('{css}') && !document.querySelector('{css}').disabled"));
+        let found = self.call("POST", "/element", &json!({ "using": "css selector", "value": css }));
+        let id = found.as_object().unwrap().values().next().unwrap().as_str().unwrap().to_owned();
+        self.call("POST", &format!("/element/{id}/click"), &json!({}));
+    }
+
+    fn shot(&self, name: &str) {
+        let text = self.call("GET", "/screenshot", &Value::Null);
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/screenshots");
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join(format!("{name}.png")), decoded(text.as_str().unwrap())).unwrap();
+    }
+
+    /// The page as it is, light and dark.
+    fn both(&self, name: &str) {
+        for theme in ["light", "dark"] {
+            let set = "document.documentElement.dataset.theme";
+            if self.run(&format!(
+                "return {set} || (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light')"
+            )) != theme
+            {
+                self.run("document.querySelector('#theme').click()");
+            }
+            std::thread::sleep(Duration::from_millis(400));
+            self.shot(&format!("{name}-{theme}"));
+        }
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        if !self.session.is_empty() && !std::thread::panicking() {
+            self.call("DELETE", "", &Value::Null);
+        }
+        let _ = self.driver.kill();
+        let _ = self.driver.wait();
+    }
+}
+
+/// Base64, as the driver sends pictures.
+fn decoded(text: &str) -> Vec<u8> {
+    let value = |c: u8| match c {
+        b'A'..=b'Z' => c - b'A',
+        b'a'..=b'z' => c - b'a' + 26,
+        b'0'..=b'9' => c - b'0' + 52,
+        b'+' => 62,
+        _ => 63,
+    };
+    let clean: Vec<u8> = text.bytes().filter(|c| *c != b'=').map(value).collect();
+    let four = |group: &[u8]| {
+        let bits = group.iter().fold(0_u32, |sum, v| (sum << 6) | u32::from(*v)) << (6 * (4 - group.len()));
+        bits.to_be_bytes()[1..group.len()].to_vec()
+    };
+    clean.chunks(4).flat_map(four).collect()
+}
+
+fn service(size: u32) -> (Place, Service, String) {
+    let place = Place::with_bench("", &format!("camera = {{ width = {size}, height = {size} }}"));
+    let service = Service::start(&place, &[]);
+    let url = format!("http://{}", service.address);
+    (place, service, url)
+}
+
+#[test]
+fn a_person_takes_a_session_and_looks_at_its_map() {
+    let Some(browser) = Browser::start() else { return };
+    let (_place, service, url) = service(256);
+    let disc = json!({ "pattern": { "disc": { "center_mm": [0, 0], "diameter_mm": 180 } } });
+    service.post("/api/v1/devices/display/show", &disc).expect(200);
+    browser.open(&format!("{url}/#/bench"));
+    browser.until("document.querySelector('#preview')?.complete !== false && document.querySelector('#preview')");
+    browser.click("#jog-plus-10");
+    browser.until("Math.abs(parseFloat(document.querySelector('#analyser-deg').textContent) - 10) < 0.2");
+    browser.both("bench");
+
+    browser.open(&format!("{url}/#/new"));
+    browser.until("/\\d/.test(document.querySelector('#estimate').textContent)");
+    browser.both("new");
+    browser.click("#start");
+    browser.until("location.hash.startsWith('#/session/')");
+    let id = browser.run("return location.hash.split('/')[2]").as_str().unwrap().to_owned();
+    browser.until(
+        "document.querySelector('#live-map')?.naturalWidth > 0 || document.querySelector('#live-map')?.width > 0",
+    );
+    browser.click("#pause");
+    browser.until("document.querySelector('#session-state').textContent.toLowerCase().includes('paused')");
+    browser.both("session");
+    browser.click("#resume");
+    browser.until("document.querySelector('#session-state').textContent.toLowerCase().includes('finished')");
+    service.until(&format!("/api/v1/sessions/{id}"), |s| s["has_results"] == true);
+
+    browser.open(&format!("{url}/#/result/{id}"));
+    browser.until("document.querySelector('#result-map') && document.querySelector('a[data-download=npy]')");
+    std::thread::sleep(Duration::from_millis(700));
+    browser.click("#result-map");
+    browser.until("document.querySelectorAll('#pixel-chart circle').length >= 3");
+    browser.both("result");
+    for kind in ["exr", "png", "csv", "npy"] {
+        let link = browser.run(&format!("return document.querySelector('a[data-download={kind}]').href"));
+        let path = link.as_str().unwrap().trim_start_matches(&url).to_owned();
+        if path.starts_with('/') {
+            service.get(&path).expect(200);
+        }
+    }
+    browser.open(&format!("{url}/#/sessions"));
+    browser.until(&format!("document.querySelector('a[href*=\"{id}\"]')"));
+    browser.both("sessions");
+    browser.open(&format!("{url}/#/upload"));
+    browser.until("document.querySelector('input[type=file]')");
+    browser.both("upload");
+}
+
+#[test]
+fn stop_is_in_reach_and_stops_within_200_ms() {
+    let Some(browser) = Browser::start() else { return };
+    let (_place, service, url) = service(128);
+    let plan = json!({ "plan": { "kind": "polarization", "camera": { "exposure_ms": 300 },
+        "analyser": { "angles_deg": [0, 20, 40, 60, 80, 100, 120, 140] } } });
+    let id = service.post("/api/v1/sessions", &plan).expect(202).json()["id"].as_str().unwrap().to_owned();
+    browser.open(&format!("{url}/#/session/{id}"));
+    service.until(&format!("/api/v1/sessions/{id}"), |s| s["frames_committed"].as_u64() > Some(0));
+    browser.click("#stop");
+    browser.until(
+        "performance.getEntriesByType('resource').some(e => e.name.endsWith('/api/v1/stop') && e.responseEnd > 0)",
+    );
+    let took = browser.run(
+        "const e = performance.getEntriesByType('resource').find(e => e.name.endsWith('/api/v1/stop'));
+         return e.responseEnd - e.startTime",
+    );
+    println!("STOP took {took} ms in the browser");
+    assert!(took.as_f64().unwrap() < 200.0, "{took} ms");
+    service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "idle");
+    assert_eq!(service.get("/api/v1/devices").json()["display"]["pattern"], "black");
+}
+
+#[test]
+fn the_pattern_page_acknowledges_refuses_when_hidden_and_goes_black_in_silence() {
+    let Some(browser) = Browser::start() else { return };
+    let (_place, service, url) = service(64);
+    let show = |pattern: Value| service.post("/api/v1/display/pattern", &json!({ "pattern": pattern }));
+    assert!(show(json!({ "kind": "full" })).expect(409).text().contains("/display"));
+    browser.open(&format!("{url}/display"));
+    service.until("/api/v1/display", |d| d["bound"].is_string());
+    let brightness = "const c = document.querySelector('#panel'); const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+        let s = 0; for (let i = 0; i < d.length; i += 4) s += d[i]; return s / (d.length / 4)";
+    for (pattern, low, high) in [
+        (json!({ "kind": "full" }), 254.0, 255.0),
+        (json!({ "kind": "disc", "center_mm": [0, 0], "diameter_mm": 100 }), 1.0, 250.0),
+        (json!({ "kind": "edge", "angle_deg": 30, "offset_mm": 0 }), 100.0, 155.0),
+        (json!({ "kind": "gradient", "order": 1, "angle_deg": 0 }), 100.0, 155.0),
+        (json!({ "kind": "gradient", "order": 2, "angle_deg": 90 }), 1.0, 200.0),
+        (json!({ "kind": "radial", "period_mm": 20, "phase_deg": 90 }), 100.0, 155.0),
+        (json!({ "kind": "axial", "period_mm": 20, "angle_deg": 45, "phase_deg": 0 }), 100.0, 155.0),
+        (json!({ "kind": "spots", "centers_mm": [[0, 0], [40, 40]], "diameter_mm": 30 }), 0.3, 200.0),
+        (json!({ "kind": "checkerboard", "square_mm": 10 }), 100.0, 155.0),
+    ] {
+        let shown = show(pattern.clone()).expect(200).json();
+        assert!(shown["acknowledged"] == true && shown["viewport"].is_array(), "{shown}");
+        let mean = browser.run(brightness).as_f64().unwrap();
+        assert!((low..=high).contains(&mean), "{pattern}: mean {mean}");
+        browser.shot(&format!("display-{}", pattern["kind"].as_str().unwrap()));
+    }
+    show(json!({ "kind": "spots", "centers_mm": [], "diameter_mm": -1 })).expect(400);
+
+    // Another window in front hides it.
+    let first = browser.call("GET", "/window", &Value::Null);
+    browser.call("POST", "/window/new", &json!({ "type": "tab" }));
+    let handles = browser.call("GET", "/window/handles", &Value::Null);
+    let second = handles.as_array().unwrap().iter().find(|h| **h != first).unwrap().clone();
+    browser.call("POST", "/window", &json!({ "handle": second }));
+    service.until("/api/v1/display", |d| d["visible"] == false);
+    assert!(show(json!({ "kind": "full" })).expect(409).text().contains("hidden"));
+    browser.call("POST", "/window", &json!({ "handle": first }));
+    service.until("/api/v1/display", |d| d["visible"] == true);
+    show(json!({ "kind": "full" })).expect(200);
+
+    service.kill();
+    let begun = Instant::now();
+    while browser.run(brightness).as_f64().unwrap() > 0.0 {
+        assert!(begun.elapsed() < Duration::from_secs(4), "still lit without the service");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    println!("black {:.1} s after the service was killed", begun.elapsed().as_secs_f64());
+}
