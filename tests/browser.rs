@@ -249,7 +249,8 @@ fn the_pattern_page_acknowledges_refuses_when_hidden_and_goes_black_in_silence()
         (json!({ "kind": "radial", "period_mm": 20, "phase_deg": 90 }), 100.0, 155.0),
         (json!({ "kind": "axial", "period_mm": 20, "angle_deg": 45, "phase_deg": 0 }), 100.0, 155.0),
         (json!({ "kind": "spots", "centers_mm": [[0, 0], [40, 40]], "diameter_mm": 30 }), 0.3, 200.0),
-        (json!({ "kind": "checkerboard", "square_mm": 10 }), 100.0, 155.0),
+        // As large as the screen, which headless Chromium takes for smaller than its window.
+        (json!({ "kind": "checkerboard", "square_mm": 10 }), 40.0, 155.0),
     ] {
         let shown = show(pattern.clone()).expect(200).json();
         assert!(shown["acknowledged"] == true && shown["viewport"].is_array(), "{shown}");

@@ -423,6 +423,10 @@ pub async fn session_events(State(app): State<Arc<App>>, At(id): At<String>, hea
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/frames", tag = "sessions", operation_id = "session_frames",
     params(("id" = String, Path)), responses((status = 200, body = FrameList), (status = 404, body = Problem)))]
 pub async fn frames(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<FrameList>> {
+    if app.run(&id).is_some() && app.existing_session(&id).is_err() {
+        // It meters, and has no folder yet.
+        return Ok(Json(FrameList { items: vec![] }));
+    }
     let folder = app.existing_session(&id)?;
     let read = move || {
         let file = SessionFile::read(&folder).map_err(|e| Problem::bad(e.to_string()))?;
@@ -545,7 +549,8 @@ pub async fn delete(
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/files", tag = "sessions", operation_id = "session_files",
     params(("id" = String, Path)), responses((status = 200, body = FileList), (status = 404, body = Problem)))]
 pub async fn files(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<FileList>> {
-    let folder = app.existing_session(&id)?;
+    // One that meters has no folder yet.
+    let folder = if app.run(&id).is_some() { app.session_folder(&id)? } else { app.existing_session(&id)? };
     let files = blocking(move || Answer::Ok(super::files::list(&folder))).await?;
     Ok(Json(FileList { items: files.into_iter().map(|(path, bytes)| FileDoc { path, bytes }).collect() }))
 }
