@@ -1,6 +1,6 @@
-"""Seeds a running service, so that an API checker has something to look at; prints a configuration for it.
+"""Seeds a running service, so that an API checker has something to look at.
 
-Usage: seed.py URL > schemathesis.toml
+Usage: seed.py URL CONFIGURATION SEEDED: writes a configuration of the checker, and what was made as JSON.
 """
 
 import json
@@ -38,8 +38,9 @@ finished(f"/api/v1/sessions/{session}", lambda s: s["state"] == "finished" and s
 job = call("POST", "/api/v1/reconstructions", {"session": session})["id"]
 finished(f"/api/v1/reconstructions/{job}", lambda r: r["state"] == "done")
 
-# Streams do not end, and are tested apart.
-print(f"""
+with open(sys.argv[2], "w") as file:
+    # Streams do not end, and are tested apart.
+    file.write(f"""
 [[operations]]
 include-path-regex = "/sessions/"
 parameters = {{ "path.id" = "{session}", "path.name" = "0000.png", "path.path" = "frames.json" }}
@@ -52,3 +53,5 @@ parameters = {{ "path.id" = "{job}", "path.file" = "orientation.png" }}
 include-path-regex = "events|link"
 enabled = false
 """)
+with open(sys.argv[3], "w") as file:
+    json.dump({"session": session, "job": job}, file)

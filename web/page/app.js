@@ -70,7 +70,7 @@ watch(({ devices, reachable, problem, since }) => {
   }
   state.title = "";
   if (!devices) return;
-  const open = devices.interlocks.filter((i) => !i.holds);
+  const open = devices.interlocks.filter((i) => i.holds === false);
   if (open.length) return paint("warn", `Interlock open: ${open.map((i) => i.id).join(", ")}`, devices);
   paint(...(ACTIVITY[devices.activity] ?? ["quiet", devices.activity]), devices);
 });

@@ -133,7 +133,7 @@ export function interlockPanel() {
       if (list.dataset.key === key) return;
       list.dataset.key = key;
       list.replaceChildren(...interlocks.map((i) =>
-        h("li", { class: "lamp", "data-tone": i.holds ? "good" : "bad" }, `${i.id} ${i.holds ? "holds" : "is open"}`)));
+        h("li", { class: "lamp", "data-tone": { true: "good", false: "bad" }[i.holds] ?? "busy" }, `${i.id} ${{ true: "holds", false: "is open" }[i.holds] ?? "is read by the session"}`)));
     },
   };
 }

@@ -17,7 +17,7 @@ export async function sessionsPage(main, { signal }) {
   let asked = new AbortController();
   const text = h("input", { id: "search", type: "search", value: wanted.text, placeholder: "Name, sample, operator, notes", oninput: (e) => change("text", e.target.value) });
   const kind = select([["", "All"], ...KINDS.map(([key, label]) => [key, label])], wanted.kind, { id: "filter-kind", onchange: (e) => change("kind", e.target.value) });
-  const state = select([["", "All"], ...["idle", "running", "paused", "finished", "failed"].map((s) => [s, s])], wanted.state, { id: "filter-state", onchange: (e) => change("state", e.target.value) });
+  const state = select([["", "All"], ...["finished", "stopped", "unfinished"].map((s) => [s, s])], wanted.state, { id: "filter-state", onchange: (e) => change("state", e.target.value) });
   const list = h("ul", { class: "cards" });
   const said = h("p", { class: "soft", role: "status", "aria-live": "polite" });
   const back = h("button", { type: "button", onclick: () => { trail.pop(); load(); } }, "Newer");

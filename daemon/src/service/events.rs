@@ -52,6 +52,11 @@ impl EventLog {
         self.newest.send_replace(id);
     }
 
+    /// Forgets what happened; numbers go on.
+    pub fn clear(&self) {
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+
     /// No more events come: streams end once they have told all.
     pub fn close(&self) {
         self.closed.send_replace(true);

@@ -47,8 +47,11 @@ use tokio::sync::{Semaphore, watch};
 
 pub use router::openapi;
 
-/// Runs that are remembered after their end.
-const KEPT_RUNS: usize = 64;
+/// Runs that are remembered after their end,
+const KEPT_RUNS: usize = 1000;
+
+/// and those of them with their events and last map.
+const KEPT_WHOLE: usize = 8;
 
 /// Idempotency keys that are remembered.
 const KEPT_KEYS: usize = 1024;
@@ -98,6 +101,8 @@ impl Runs {
         let mut runs = self.locked();
         let before = runs.iter().position(|r| r.id == run.id).and_then(|at| runs.remove(at));
         runs.push_back(run);
+        let older = runs.len().saturating_sub(KEPT_WHOLE);
+        runs.iter().take(older).filter(|r| r.is_over()).for_each(|r| r.forget());
         if runs.len() > KEPT_RUNS {
             runs.pop_front();
         }
@@ -165,7 +170,12 @@ impl App {
     /// `not-found` when there is none.
     pub fn existing_session(&self, id: &str) -> Answer<PathBuf> {
         let folder = self.session_folder(id)?;
-        if folder.join(SESSION_FILE).exists() { Ok(folder) } else { Err(Problem::not_found(format!("session {id}"))) }
+        match (folder.join(SESSION_FILE).exists(), self.run(id)) {
+            (true, _) => Ok(folder),
+            (false, Some(_)) => Err(Problem::new(Kind::Conflict, "the session has no files yet")
+                .remedy("wait until its first frame is taken")),
+            (false, None) => Err(Problem::not_found(format!("session {id}"))),
+        }
     }
 
     /// The run of a session in this process.

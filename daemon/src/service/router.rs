@@ -106,6 +106,12 @@ pub fn openapi() -> Value {
             for (status, why) in REFUSALS {
                 responses.entry(*status).or_insert_with(|| json!({ "description": why }));
             }
+            for (status, response) in responses.iter_mut() {
+                let why = REFUSALS.iter().find(|r| r.0 == status).map_or("Done", |r| r.1);
+                if response["description"].as_str().unwrap_or_default().is_empty() {
+                    response["description"] = json!(why);
+                }
+            }
             let refused = responses.iter_mut().filter(|(status, _)| status.as_str() >= "400");
             for (_, response) in refused {
                 let schema = json!({ "$ref": "#/components/schemas/Problem" });

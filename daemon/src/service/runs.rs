@@ -95,6 +95,12 @@ impl Run {
         self.inner().stage == OVER
     }
 
+    /// Drops what takes memory; the session's folder has all that lasts.
+    pub fn forget(&self) {
+        self.inner().map = None;
+        self.events.clear();
+    }
+
     /// It has given the devices back.
     pub fn end(&self) {
         self.inner().stage = OVER.into();
