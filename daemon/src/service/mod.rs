@@ -15,8 +15,10 @@ mod metrics;
 pub mod plans;
 pub mod problem;
 pub mod reconstructions;
+pub mod results;
 mod router;
 pub mod runs;
+pub mod session_data;
 pub mod sessions;
 pub mod uploads;
 

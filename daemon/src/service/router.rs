@@ -1,7 +1,7 @@
 //! All paths, in one place.
 
 use super::problem::{Kind, Problem};
-use super::{App, access, devices, display, plans, reconstructions, sessions, uploads};
+use super::{App, access, devices, display, plans, reconstructions, results, session_data, sessions, uploads};
 use axum::Json;
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
@@ -65,25 +65,25 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(plans::check))
         .routes(routes!(plans::estimate))
         .routes(routes!(sessions::begin, sessions::list))
-        .routes(routes!(sessions::get, sessions::delete))
+        .routes(routes!(sessions::get, session_data::delete))
         .routes(routes!(sessions::pause))
         .routes(routes!(sessions::resume))
         .routes(routes!(sessions::stop))
         .routes(routes!(sessions::abort))
         .routes(routes!(sessions::session_events))
-        .routes(routes!(sessions::frames))
-        .routes(routes!(sessions::frame))
-        .routes(routes!(sessions::live))
-        .routes(routes!(sessions::deletion))
-        .routes(routes!(sessions::files))
+        .routes(routes!(session_data::frames))
+        .routes(routes!(session_data::frame))
+        .routes(routes!(session_data::live))
+        .routes(routes!(session_data::deletion))
+        .routes(routes!(session_data::files))
         .routes(routes!(reconstructions::begin, reconstructions::list))
         .routes(routes!(reconstructions::get))
         .routes(routes!(reconstructions::cancel))
         .routes(routes!(reconstructions::retry))
         .routes(routes!(reconstructions::log))
         .routes(routes!(reconstructions::job_events))
-        .routes(routes!(reconstructions::map))
-        .routes(routes!(reconstructions::pixel))
+        .routes(routes!(results::map))
+        .routes(routes!(results::pixel))
         .routes(routes!(display::state))
         .routes(routes!(display::show))
         .routes(routes!(display::link))
@@ -137,7 +137,7 @@ fn operations() -> utoipa::openapi::OpenApi {
     let mut document = api().merge(slow()).to_openapi();
     // A path in axum's words for the rest of the path is one parameter in OpenAPI's.
     let path = "/api/v1/sessions/{id}/files/{path}";
-    let file = OpenApiRouter::<Arc<App>>::new().routes(routes!(sessions::file)).to_openapi();
+    let file = OpenApiRouter::<Arc<App>>::new().routes(routes!(session_data::file)).to_openapi();
     if let Some(item) = file.paths.paths.get(path) {
         document.paths.paths.insert(path.into(), item.clone());
     }
@@ -152,7 +152,7 @@ pub fn router(app: &Arc<App>) -> Router {
     let document = serde_json::to_string(&openapi()).unwrap_or_default();
     let json = move || async move { ([(header::CONTENT_TYPE, "application/json")], document) };
     quick
-        .route("/api/v1/sessions/{id}/files/{*path}", get(sessions::file))
+        .route("/api/v1/sessions/{id}/files/{*path}", get(session_data::file))
         .route("/api/v1/openapi.json", get(json))
         .route("/healthz", get(|| async { "ok" }))
         .route("/readyz", get(|| async { "ok" }))

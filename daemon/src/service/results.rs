@@ -1,0 +1,170 @@
+//! What a reconstruction found: `/api/v1/reconstructions/{id}/maps` and `pixel`.
+
+use super::problem::{Answer, Problem};
+use super::reconstructions::Place;
+use super::{App, At, Params, blocking, files, maps, png};
+use axum::Json;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use nacre_processing::frames::load;
+use nacre_processing::image::encode_png8;
+use nacre_processing::polarimetry::{Point, probe};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use utoipa::{IntoParams, ToSchema};
+
+/// Which part of a map is drawn, in pixels of the map.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Region {
+    /// Pixels per row of the picture, at most.
+    #[param(minimum = 1, maximum = 16384)]
+    width: Option<usize>,
+    #[param(maximum = 65535)]
+    x: Option<u16>,
+    #[param(maximum = 65535)]
+    y: Option<u16>,
+    #[param(maximum = 65535)]
+    w: Option<u16>,
+    #[param(maximum = 65535)]
+    h: Option<u16>,
+}
+
+/// A pixel of the maps.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct PixelQuery {
+    #[param(maximum = 100000, example = 3)]
+    x: usize,
+    #[param(maximum = 100000, example = 4)]
+    y: usize,
+}
+
+/// One pixel with all that was measured, and the sinusoid through it.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Pixel {
+    x: usize,
+    y: usize,
+    /// `{analyser_deg, value, file}` for each photograph.
+    #[schema(value_type = Vec<Object>)]
+    points: Vec<Point>,
+    s0: f64,
+    s1: f64,
+    s2: f64,
+    /// The fitted curve.
+    fit: Vec<FitPoint>,
+    residual_rms: f64,
+    /// None where masked.
+    orientation_deg: Option<f64>,
+    sigma_deg: Option<f64>,
+    dolp: Option<f64>,
+    masked: bool,
+    saturated: bool,
+}
+
+/// A point of the fitted curve.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct FitPoint {
+    analyser_deg: f64,
+    value: f64,
+}
+
+/// A map: `NAME.png` for a picture (of a region), `NAME.exr`, `NAME.csv` or `NAME.npy` for its numbers; NAME is
+/// orientation, sigma, dolp, mask, aolp or s0.
+#[utoipa::path(get, path = "/api/v1/reconstructions/{id}/maps/{file}", tag = "reconstructions", operation_id = "map",
+    params(("id" = String, Path), ("file" = String, Path, description = "For instance orientation.png"), Region),
+    responses((status = 200, content(([u8] = "image/png"), ([u8] = "application/octet-stream"), (String = "text/csv"))),
+        (status = 400, body = Problem), (status = 404, body = Problem)))]
+pub async fn map(
+    State(app): State<Arc<App>>,
+    At((id, file)): At<(String, String)>,
+    Params(region): Params<Region>,
+) -> Answer<Response> {
+    let folder = app.place(&id).await?.results;
+    let missing = || Problem::not_found(format!("map {file:?}"));
+    let (name, kind) = file.split_once('.').ok_or_else(missing)?;
+    let (exr, _) = maps::source(name).ok_or_else(missing)?;
+    let (name, kind) = (name.to_owned(), kind.to_owned());
+    match kind.as_str() {
+        "exr" => return files::send(&files::inside(&folder, exr)?, files::BYTES).await,
+        "png" | "csv" | "npy" => {}
+        _ => return Err(missing()),
+    }
+    let view = maps::View {
+        width: super::picture_width(region.width, 1024)?,
+        region: match (region.x, region.y, region.w, region.h) {
+            (None, None, None, None) => None,
+            (x, y, w, h) => {
+                let region = [x.unwrap_or(0), y.unwrap_or(0), w.unwrap_or(u16::MAX), h.unwrap_or(u16::MAX)];
+                Some(region.map(usize::from))
+            }
+        },
+    };
+    let attached = format!("attachment; filename=\"{file}\"");
+    let (bytes, content, range) = blocking(move || {
+        let (plane, width) = maps::plane(&folder, &name)?;
+        let range = maps::range_header(&name, &plane);
+        let (bytes, content) = match kind.as_str() {
+            "png" => (maps::picture(&name, &plane, width, &view, &encode_png8).map_err(Problem::bad)?, "image/png"),
+            "csv" => (maps::csv(&name, &plane, width), "text/csv"),
+            _ => (maps::npy(&plane, width), files::BYTES),
+        };
+        Ok((bytes, content, range))
+    })
+    .await?;
+    if content == "image/png" {
+        return Ok(([range], png(Ok(bytes))?).into_response());
+    }
+    Ok(([(header::CONTENT_TYPE, content.to_owned()), (header::CONTENT_DISPOSITION, attached)], bytes).into_response())
+}
+
+/// One pixel: its measured points, the fit, and what the maps say.
+#[utoipa::path(get, path = "/api/v1/reconstructions/{id}/pixel", tag = "reconstructions", operation_id = "pixel",
+    params(("id" = String, Path), PixelQuery),
+    responses((status = 200, body = Pixel), (status = 400, body = Problem), (status = 404, body = Problem)))]
+pub async fn pixel(
+    State(app): State<Arc<App>>,
+    At(id): At<String>,
+    Params(query): Params<PixelQuery>,
+) -> Answer<Json<Pixel>> {
+    let place = app.place(&id).await?;
+    Ok(Json(blocking(move || read_pixel(&place, query.x, query.y)).await?))
+}
+
+fn read_pixel(place: &Place, x: usize, y: usize) -> Answer<Pixel> {
+    let value = |name: &str| -> Answer<Option<f64>> {
+        let (plane, width) = maps::plane(&place.results, name)?;
+        let inside = x < width && y < plane.len() / width;
+        let v = if inside {
+            plane[y * width + x]
+        } else {
+            return Err(Problem::bad(format!("pixel {x}, {y} lies outside")));
+        };
+        Ok(v.is_finite().then_some(f64::from(v)))
+    };
+    let (orientation, sigma, dolp) = (value("orientation")?, value("sigma")?, value("dolp")?);
+    let found = probe(&load(&place.input)?, x, y)?;
+    let curve = |k: u32| {
+        let deg = 2.0 * f64::from(k);
+        let (sin, cos) = (2.0 * deg.to_radians()).sin_cos();
+        FitPoint { analyser_deg: deg, value: 0.5 * (found.s0 + found.s1 * cos + found.s2 * sin) }
+    };
+    Ok(Pixel {
+        x,
+        y,
+        fit: (0..=90).map(curve).collect(),
+        s0: found.s0,
+        s1: found.s1,
+        s2: found.s2,
+        residual_rms: found.residual_rms,
+        saturated: found.saturated,
+        points: found.points,
+        orientation_deg: orientation.map(f64::to_degrees),
+        sigma_deg: sigma.map(f64::to_degrees),
+        dolp,
+        masked: orientation.is_none(),
+    })
+}
