@@ -181,6 +181,21 @@ fn stop_stops_within_200_ms_and_devices_are_moved_by_hand() {
     assert_eq!(service.get("/api/v1/devices").json()["display"]["pattern"], "black");
 }
 
+#[test]
+fn light_by_hand_goes_off_when_an_interlock_opens() {
+    let fault = "{ device = \"interlock\", kind = \"opens\", after = 40 }";
+    let place = Place::with_bench("", &format!("{BENCH}\nfaults = [{fault}]"));
+    let service = Service::start(&place, &[]);
+    let disc = json!({ "pattern": { "disc": { "center_mm": [0, 0], "diameter_mm": 200 } } });
+    let shown = service.post("/api/v1/devices/display/show", &disc).expect(200).json();
+    assert_eq!(shown["interlocks"][0]["holds"], true);
+    let after = service.until("/api/v1/devices", |d| d["interlocks"][0]["holds"] == false);
+    let dark = service.until("/api/v1/devices", |d| d["display"]["pattern"] == "black");
+    println!("{after} {dark}");
+    let refused = service.post("/api/v1/devices/display/show", &disc).expect(409).json();
+    assert!(refused["detail"].as_str().unwrap().contains("open interlock"), "{refused}");
+}
+
 /// A form with these parts: name, file name, bytes.
 fn form(parts: &[(&str, &str, &[u8])]) -> Vec<u8> {
     let mut body = vec![];

@@ -13,6 +13,9 @@ use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
 
+/// While light is on, interlocks are read this often.
+const INTERLOCKS: Duration = Duration::from_millis(50);
+
 /// A picture of the preview is taken again after this.
 const PREVIEW_AGE: Duration = Duration::from_millis(200);
 
@@ -225,19 +228,40 @@ impl Owner {
     }
 
     fn serve(&mut self, queue: &mpsc::Receiver<Job>) {
+        let mut looked = Instant::now();
         loop {
-            let patience =
-                self.flash_until.map_or(Duration::from_secs(3600), |t| t.saturating_duration_since(Instant::now()));
-            match queue.recv_timeout(patience) {
+            match queue.recv_timeout(self.patience()) {
                 Ok(job) => job(self),
-                Err(RecvTimeoutError::Timeout) => {
-                    // A flash that does not go off says so to whoever asks for it next.
-                    let _ = self.flash(false, 0.0);
-                }
+                Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
+            }
+            // However many jobs there are, light is looked after.
+            if self.is_lit() && looked.elapsed() >= INTERLOCKS {
+                self.look_after_light();
+                looked = Instant::now();
             }
         }
         let _ = self.dark();
+    }
+
+    fn is_lit(&self) -> bool {
+        self.pattern != Pattern::Black || self.flash_until.is_some()
+    }
+
+    /// How long nothing needs to be looked after.
+    fn patience(&self) -> Duration {
+        if self.is_lit() { INTERLOCKS } else { Duration::from_secs(3600) }
+    }
+
+    /// Light that was switched on by hand goes off in time, and when an interlock opens.
+    fn look_after_light(&mut self) {
+        let overdue = self.flash_until.is_some_and(|t| Instant::now() >= t);
+        if self.runtime.block_on(self.rig.watch.check()).is_err() {
+            // Lamps that do not go off say so to whoever asks for them next.
+            let _ = self.dark();
+        } else if overdue {
+            let _ = self.flash(false, 0.0);
+        }
     }
 
     /// Moves or switches something by hand, while the interlocks hold; the light goes off when it fails.
