@@ -124,7 +124,7 @@ impl SessionDoc {
     fn live(&mut self, run: &Run) {
         self.state = run.control.state();
         self.stage = Some(run.stage().0).filter(|_| !run.is_over());
-        (self.eta_s, self.error) = (run.eta_s(), run.error());
+        (self.eta_s, self.error) = (run.eta_s(), run.error().or(self.error.take()));
         self.frames_committed = run.committed().map_or(self.frames_committed, |n| n as usize);
     }
 
