@@ -6,7 +6,6 @@ use nacre_processing::Error;
 use serde::{Deserialize, Serialize};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, SqliteConnection};
-use std::collections::HashSet;
 use std::io;
 use std::path::Path;
 
@@ -70,9 +69,8 @@ impl SessionRow {
         let (described, recorded) = (folder.join(SESSION_FILE), folder.join(Journal::NAME));
         let session = SessionFile::read(&folder).map_err(|e| bad(&described, e))?;
         let (journal, _) = Journal::read(&recorded).map_err(|e| bad(&recorded, e))?;
-        let committed: HashSet<&str> = journal.commits().map(|c| c.file.as_str()).collect();
         let steps = session.plan.steps();
-        let taken = steps.iter().filter(|s| committed.contains(s.file.as_str())).count();
+        let taken = steps.iter().filter(|s| journal.commit(&s.file).is_some()).count();
         Ok(Self {
             id: sha256(text.as_bytes()).chars().take(16).collect(),
             folder: text.to_owned(),

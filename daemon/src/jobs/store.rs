@@ -195,7 +195,7 @@ impl Store {
         })
     }
 
-    /// Replaces all deliveries by one for each queued job, in the order of the jobs. For when no worker is running.
+    /// Replaces all deliveries by one for each queued job, in the order of submission. For when no worker is running.
     pub async fn deliver_all(&self) -> Result<(), Error> {
         let apply = async {
             let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
@@ -261,6 +261,7 @@ impl Store {
 }
 
 async fn in_state(connection: &mut SqliteConnection, state: JobState) -> sqlx::Result<Vec<String>> {
-    let query = sqlx::query_scalar("SELECT id FROM nacre_job WHERE state = ?1 ORDER BY id").bind(state.word());
+    // Rows grow with every submission; ULIDs of one millisecond, or of a clock that was set back, do not.
+    let query = sqlx::query_scalar("SELECT id FROM nacre_job WHERE state = ?1 ORDER BY rowid").bind(state.word());
     query.fetch_all(connection).await
 }

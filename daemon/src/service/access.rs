@@ -58,9 +58,10 @@ fn allowed_here(config: &Config, headers: &HeaderMap) -> Result<(), Problem> {
 }
 
 fn is_ours(config: &Config, name: &str) -> bool {
-    let (host, port) = match name.rsplit_once(':') {
-        Some((host, port)) if port.bytes().all(|b| b.is_ascii_digit()) && !port.is_empty() => (host, Some(port)),
-        _ => (name, None),
+    // Behind a forwarded port the port differs, and the name is what rebinding has to forge.
+    let host = match name.rsplit_once(':') {
+        Some((host, port)) if port.bytes().all(|b| b.is_ascii_digit()) && !port.is_empty() => host,
+        _ => name,
     };
     let host = host.trim_start_matches('[').trim_end_matches(']').to_ascii_lowercase();
     let address: Option<std::net::IpAddr> = host.parse().ok();
@@ -68,8 +69,6 @@ fn is_ours(config: &Config, name: &str) -> bool {
         address.is_some_and(|ip| ip == config.listen.ip() || (ip.is_loopback() && config.listen.ip().is_loopback()));
     // With every interface listened on, any address of ours may be named, but no foreign name.
     let any = address.is_some() && config.listen.ip().is_unspecified();
-    // Behind a forwarded port the port differs, and a name alone is what rebinding has to forge.
-    let _ = port;
     host == "localhost" || listens || any || config.hosts.iter().any(|h| h.eq_ignore_ascii_case(&host))
 }
 

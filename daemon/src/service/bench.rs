@@ -4,8 +4,9 @@ use super::problem::{Kind, Problem};
 use crate::Failure;
 use crate::engine::{Control, Hands, Input, Memory, Watch, guarded};
 use crate::rig::{Place, Rig, Stop};
-use nacre_drivers::{Freshness, Pattern};
+use nacre_drivers::{DeviceResult, Freshness, Pattern};
 use nacre_processing::progress::Silent;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -37,11 +38,13 @@ pub struct Bench {
 /// What others may see while the thread works.
 #[derive(Default)]
 struct Common {
-    /// Session that has the devices.
-    session: Mutex<Option<String>>,
-    /// What runs now, to be aborted.
-    control: Mutex<Option<Arc<Control>>>,
-    stop: Stop,
+    /// Session that has the devices, or waits for them, and how to abort it.
+    session: Mutex<Option<(String, Arc<Control>)>>,
+    /// What a person does now, to be aborted.
+    manual: Mutex<Option<Arc<Control>>>,
+    /// How often somebody said STOP.
+    stops: AtomicU64,
+    end: Stop,
 }
 
 /// The devices, on their thread.
@@ -58,6 +61,8 @@ pub struct Owner {
     pub analyser_deg: Option<f64>,
     /// When the flash is to go off.
     flash_until: Option<Instant>,
+    /// How often somebody had said STOP when the work at hand was asked for.
+    asked: u64,
     memory: Memory,
     newest: Option<Arc<Picture>>,
     shared: Arc<Common>,
@@ -117,11 +122,14 @@ impl Bench {
         work: impl FnOnce(&mut Owner) -> Result<T, Failure> + Send + 'static,
     ) -> Result<T, Problem> {
         if let Some(id) = self.session() {
-            let detail = format!("the session {id} has the devices");
-            return Err(Problem::new(Kind::Busy, detail).remedy("wait until it is done, or stop it"));
+            return Err(busy(&id));
         }
         let (tell, told) = oneshot::channel();
-        self.send(Box::new(move |owner| drop(tell.send(work(owner)))))?;
+        let asked = self.shared.stops.load(Ordering::SeqCst);
+        self.send(Box::new(move |owner| {
+            owner.asked = asked;
+            drop(tell.send(work(owner)));
+        }))?;
         Ok(told.await.unwrap_or_else(|_| Err(died()))?)
     }
 
@@ -137,17 +145,16 @@ impl Bench {
     ) -> Result<(), Problem> {
         {
             let mut session = locked(&self.shared.session);
-            if let Some(other) = session.as_ref() {
-                let detail = format!("the session {other} has the devices");
-                return Err(Problem::new(Kind::Busy, detail).remedy("wait until it is done, or stop it"));
+            if let Some((other, _)) = session.as_ref() {
+                return Err(busy(other));
             }
-            *session = Some(id.to_owned());
+            // From here on it can be aborted, also while it waits for the thread.
+            let _ = control.send(Input::Start);
+            *session = Some((id.to_owned(), control));
         }
         let sent = self.send(Box::new(move |owner| {
-            *locked(&owner.shared.control) = Some(control);
             work(owner);
             owner.forget();
-            *locked(&owner.shared.control) = None;
             *locked(&owner.shared.session) = None;
         }));
         if sent.is_err() {
@@ -158,26 +165,25 @@ impl Bench {
 
     /// The session that has the devices.
     pub fn session(&self) -> Option<String> {
-        locked(&self.shared.session).clone()
+        locked(&self.shared.session).as_ref().map(|s| s.0.clone())
     }
 
-    /// Aborts whatever runs and switches all light off; returns when that is done.
+    /// Aborts whatever runs or waits, and switches all light off; returns when it is.
+    ///
+    /// # Errors
+    /// As the lamps answer.
     pub async fn stop(&self) -> Result<(), Problem> {
-        let running = locked(&self.shared.control).clone();
+        let session = self.shared.abort();
         let (tell, told) = oneshot::channel();
-        if let Some(control) = &running {
-            // A run that has ended needs no abort.
-            let _ = control.send(Input::Abort);
-        }
         self.send(Box::new(move |owner| drop(tell.send(owner.dark()))))?;
         let dark = async {
-            match running {
+            match session {
                 Some(control) => control.is_dark().await,
                 None => std::future::pending().await,
             }
         };
         tokio::select! {
-            // The run's own light is off; what it still stores need not be waited for.
+            // The session's own light is off; what it still stores need not be waited for.
             () = dark => Ok(()),
             done = told => Ok(done.unwrap_or_else(|_| Err(died()))?),
         }
@@ -185,10 +191,8 @@ impl Bench {
 
     /// Ends the thread, with the light off.
     pub fn close(&self) {
-        self.shared.stop.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        if let Some(control) = locked(&self.shared.control).as_ref() {
-            let _ = control.send(Input::Abort);
-        }
+        self.shared.end.fetch_add(1, Ordering::Relaxed);
+        self.shared.abort();
         locked(&self.jobs).take();
         if let Some(thread) = locked(&self.thread).take() {
             let _ = thread.join();
@@ -201,6 +205,25 @@ impl Bench {
     }
 }
 
+impl Common {
+    /// Aborts what runs; what was asked for and has not begun will not. Returns the session's control.
+    fn abort(&self) -> Option<Arc<Control>> {
+        self.stops.fetch_add(1, Ordering::SeqCst);
+        let session = locked(&self.session).as_ref().map(|s| s.1.clone());
+        let manual = locked(&self.manual).clone();
+        for control in session.iter().chain(&manual) {
+            // A run that has ended needs no abort.
+            let _ = control.send(Input::Abort);
+        }
+        session
+    }
+}
+
+fn busy(session: &str) -> Problem {
+    Problem::new(Kind::Busy, format!("the session {session} has the devices"))
+        .remedy("wait until it is done, or stop it")
+}
+
 fn died() -> Failure {
     nacre_processing::Error::input("bench", "ended unexpectedly", "restart the service, and report this").into()
 }
@@ -208,7 +231,7 @@ fn died() -> Failure {
 impl Owner {
     fn open(place: &Place, shared: Arc<Common>) -> Result<Self, Failure> {
         let runtime = crate::commands::bench::runtime()?;
-        let rig = Rig::open(&runtime, place, false, &Silent, &shared.stop)?;
+        let rig = Rig::open(&runtime, place, false, &Silent, &shared.end)?;
         let camera = rig.devices.camera.describe();
         let exposure = Duration::from_secs_f64(camera.exposure_now_s.clamp(camera.exposure_s[0], camera.exposure_s[1]));
         let mut owner = Self {
@@ -218,6 +241,7 @@ impl Owner {
             settings: (exposure, camera.gain[0].max(1.0)),
             analyser_deg: None,
             flash_until: None,
+            asked: 0,
             memory: Memory::default(),
             newest: None,
             shared,
@@ -260,26 +284,38 @@ impl Owner {
             // Lamps that do not go off say so to whoever asks for them next.
             let _ = self.dark();
         } else if overdue {
-            let _ = self.flash(false, 0.0);
+            let _ = self.flash(None);
         }
     }
 
-    /// Moves or switches something by hand, while the interlocks hold; the light goes off when it fails.
-    ///
-    /// # Errors
-    /// As devices and interlocks answer; `Cancelled` when somebody stops it.
-    pub fn manual<T>(&mut self, work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>) -> Result<T, Failure> {
+    /// Does something that STOP can abort, and while these interlocks hold.
+    fn steered<T>(
+        &mut self,
+        watched: bool,
+        work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
         let control = Arc::new(Control::default());
         let _ = control.send(Input::Start);
-        *locked(&self.shared.control) = Some(control.clone());
+        *locked(&self.shared.manual) = Some(control.clone());
+        // A STOP from before is seen here, a later one reaches the control.
+        if self.shared.stops.load(Ordering::SeqCst) != self.asked {
+            let _ = control.send(Input::Abort);
+        }
         let mut hands = Hands::with(&mut self.rig.devices, self.memory);
-        let watch = &self.rig.watch;
+        let unwatched = Watch::default();
+        let watch = if watched { &self.rig.watch } else { &unwatched };
         let result = self.runtime.block_on(async {
             watch.begin_again().await;
             guarded(watch, &control, work(&mut hands)).await
         });
         self.memory = hands.memory;
-        *locked(&self.shared.control) = None;
+        *locked(&self.shared.manual) = None;
+        result
+    }
+
+    /// Moves or switches something on by hand; the light goes off when it fails.
+    fn manual<T>(&mut self, work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>) -> Result<T, Failure> {
+        let result = self.steered(true, work);
         self.newest = None;
         if result.is_err() {
             let _ = self.dark();
@@ -287,10 +323,18 @@ impl Owner {
         result
     }
 
+    /// Switches something off, which neither interlock nor STOP may prevent.
+    fn off(&mut self, work: impl AsyncFnOnce(&mut Hands<'_>) -> DeviceResult<()>) -> Result<(), Failure> {
+        let mut hands = Hands::with(&mut self.rig.devices, self.memory);
+        let result = self.runtime.block_on(work(&mut hands));
+        (self.memory, self.newest) = (hands.memory, None);
+        Ok(result?)
+    }
+
     /// Turns the analyser.
     ///
     /// # Errors
-    /// As [`Owner::manual`].
+    /// As devices and interlocks answer; `Cancelled` when somebody stops it.
     pub fn turn(&mut self, to: Option<f64>) -> Result<(), Failure> {
         let angle = self.manual(async |hands| {
             match to {
@@ -309,22 +353,30 @@ impl Owner {
     /// Shows a pattern until told otherwise.
     ///
     /// # Errors
-    /// As [`Owner::manual`].
+    /// As devices and interlocks answer; `Cancelled` when somebody stops it.
     pub fn show(&mut self, pattern: Pattern) -> Result<(), Failure> {
-        self.manual(async |hands| Ok(hands.show(pattern).await?))?;
+        match pattern {
+            Pattern::Black => self.off(async |hands| hands.show(pattern).await)?,
+            _ => self.manual(async |hands| Ok(hands.show(pattern).await?))?,
+        }
         self.pattern = pattern;
         Ok(())
     }
 
-    /// Switches the flash, on for so many seconds.
+    /// Switches the flash on for so many seconds, or off.
     ///
     /// # Errors
-    /// As [`Owner::manual`].
-    pub fn flash(&mut self, on: bool, seconds: f64) -> Result<(), Failure> {
+    /// As devices and interlocks answer; `Cancelled` when somebody stops it.
+    pub fn flash(&mut self, on: Option<f64>) -> Result<(), Failure> {
         self.flash_until = None;
-        self.manual(async |hands| Ok(hands.switch(on).await?))?;
-        self.flash_until = on.then(|| Instant::now() + Duration::from_secs_f64(seconds));
-        Ok(())
+        match on {
+            None => self.off(async |hands| hands.switch(false).await),
+            Some(seconds) => {
+                self.manual(async |hands| Ok(hands.switch(true).await?))?;
+                self.flash_until = Some(Instant::now() + Duration::from_secs_f64(seconds));
+                Ok(())
+            }
+        }
     }
 
     /// Whether the flash is on.
@@ -338,10 +390,7 @@ impl Owner {
     /// As the lamps answer.
     pub fn dark(&mut self) -> Result<(), Failure> {
         (self.flash_until, self.pattern) = (None, Pattern::Black);
-        let mut hands = Hands::with(&mut self.rig.devices, self.memory);
-        let result = self.runtime.block_on(hands.dark());
-        self.memory = hands.memory;
-        Ok(result?)
+        self.off(async |hands| hands.dark().await)
     }
 
     /// After a session nothing is known any more, but that the light is off.
@@ -358,13 +407,9 @@ impl Owner {
         if let Some(picture) = self.newest.as_ref().filter(|p| p.taken.elapsed() < PREVIEW_AGE) {
             return Ok(picture.clone());
         }
-        let control = Arc::new(Control::default());
-        let _ = control.send(Input::Start);
-        *locked(&self.shared.control) = Some(control.clone());
         let camera = self.rig.devices.camera.describe();
         let (exposure, gain) = self.settings;
-        let mut hands = Hands::with(&mut self.rig.devices, self.memory);
-        let work = async {
+        let frame = self.steered(false, async |hands| {
             hands.expose(exposure, gain).await?;
             // What waits in the queue is old.
             for _ in 0..QUEUE {
@@ -375,11 +420,7 @@ impl Owner {
                 }
             }
             Ok(hands.fresh().await?.0)
-        };
-        let result = self.runtime.block_on(guarded(&Watch::default(), &control, work));
-        self.memory = hands.memory;
-        *locked(&self.shared.control) = None;
-        let frame = result?;
+        })?;
         let picture = Arc::new(Picture {
             sequence: frame.stamp.sequence,
             width: frame.width,

@@ -2,7 +2,7 @@
 
 use super::bench::{Owner, Picture};
 use super::problem::{Answer, Problem};
-use super::{App, Body, Params, png, with_bench};
+use super::{App, Body, Params, png};
 use crate::Failure;
 use axum::Json;
 use axum::extract::State;
@@ -250,7 +250,7 @@ async fn and_describe(
     work: impl FnOnce(&mut Owner) -> Result<(), Failure> + Send + 'static,
 ) -> Answer<Json<Devices>> {
     let for_description = app.clone();
-    let done = with_bench(app, move |owner| {
+    let done = app.bench.work(move |owner| {
         work(owner)?;
         Ok(describe(&for_description, owner))
     });
@@ -328,7 +328,7 @@ pub async fn switch_flash(State(app): State<Arc<App>>, Body(body): Body<SwitchBo
     if body.on && seconds <= 0.0 {
         return Err(Problem::bad("seconds must be above 0"));
     }
-    and_describe(&app, move |owner| owner.flash(body.on, seconds)).await
+    and_describe(&app, move |owner| owner.flash(body.on.then_some(seconds))).await
 }
 
 /// Aborts whatever runs and switches all light off.
@@ -345,7 +345,7 @@ pub async fn stop(State(app): State<Arc<App>>) -> Answer<Json<Stopped>> {
     responses((status = 200, content_type = "image/png", body = [u8]), (status = 400, body = Problem),
         (status = 409, body = Problem)))]
 pub async fn preview_picture(State(app): State<Arc<App>>, Params(query): Params<Width>) -> Answer<Response> {
-    let picture = with_bench(&app, Owner::preview).await?;
+    let picture = app.bench.work(Owner::preview).await?;
     let tag = format!("\"{}\"", picture.sequence);
     let width = super::picture_width(query.width, 1024)?;
     let body = super::blocking(move || png(grey(&picture, width))).await?;
@@ -356,7 +356,7 @@ pub async fn preview_picture(State(app): State<Arc<App>>, Params(query): Params<
 #[utoipa::path(get, path = "/api/v1/devices/camera/preview", tag = "devices", operation_id = "preview",
     responses((status = 200, body = Preview), (status = 409, body = Problem)))]
 pub async fn preview(State(app): State<Arc<App>>) -> Answer<Json<Preview>> {
-    let (picture, analyser_deg) = with_bench(&app, |owner| Ok((owner.preview()?, owner.analyser_deg))).await?;
+    let (picture, analyser_deg) = app.bench.work(|owner| Ok((owner.preview()?, owner.analyser_deg))).await?;
     let mut histogram = vec![0_u32; 256];
     let (mut sum, mut saturated) = (0.0, 0_u32);
     for code in &picture.codes {

@@ -30,10 +30,10 @@ use crate::rig::Place;
 use crate::session::{SESSION_FILE, sha256};
 use axum::Json;
 use axum::extract::{FromRequest, FromRequestParts, Path as AxumPath, Query, Request};
-use axum::http::header;
 use axum::http::request::Parts;
+use axum::http::{HeaderMap, header};
 use axum::response::IntoResponse;
-use bench::{Bench, Owner};
+use bench::Bench;
 use config::Config;
 use metrics::Metrics;
 use nacre_processing::Error;
@@ -199,15 +199,22 @@ impl App {
         }
     }
 
-    /// What a request with this idempotency key made.
-    pub fn remembered(&self, key: &str) -> Option<String> {
-        let keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
-        keys.iter().find(|k| k.0 == key).map(|k| k.1.clone())
+    /// The `Idempotency-Key` of a request that makes a `what`, in a form that can be kept.
+    pub fn key(what: &str, headers: &HeaderMap) -> Option<String> {
+        headers.get("idempotency-key").map(|k| sha256(&[what.as_bytes(), b" ", k.as_bytes()].concat()))
     }
 
-    /// Remembers what a request with this idempotency key made.
-    pub fn remember(&self, key: String, id: &str) {
+    /// What a request with this key made.
+    pub fn remembered(&self, key: Option<&String>) -> Option<String> {
+        let keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
+        keys.iter().find(|k| Some(&k.0) == key).map(|k| k.1.clone())
+    }
+
+    /// Remembers what a request with this key made.
+    pub fn remember(&self, key: Option<String>, id: &str) {
+        let Some(key) = key else { return };
         let mut keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
+        keys.retain(|k| k.0 != key);
         keys.push_back((key, id.to_owned()));
         if keys.len() > KEPT_KEYS {
             keys.pop_front();
@@ -236,15 +243,14 @@ pub async fn serve(
     let bind = |e: std::io::Error| Error::input(listen, format!("cannot be listened on: {e}"), "give another --listen");
     let listener = bound.map_err(bind)?;
     ready(listener.local_addr().map_err(bind)?);
-    let stopping = app.clone();
+    let closing = app.clone();
     let graceful = async move {
         stop.await;
-        stopping.stopping.send_replace(true);
+        closing.stopping.send_replace(true);
+        // First of all the light, and a session in progress, which survives that; slow requests may take their time.
+        let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;
     };
     let served = axum::serve(listener, router::router(&app)).with_graceful_shutdown(graceful).await;
-    let closing = app.clone();
-    // A session in progress is aborted, which it survives.
-    let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;
     app.jobs.shutdown().await;
     app.catalogue.close().await;
     Ok(served.map_err(|e| Error::input(listen, format!("cannot be served: {e}"), "report this"))?)
@@ -286,17 +292,6 @@ pub fn new_id() -> String {
 pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> Answer<T> + Send + 'static) -> Answer<T> {
     let done = tokio::task::spawn_blocking(work).await;
     done.unwrap_or_else(|_| Err(Problem::new(Kind::Internal, "the work ended unexpectedly")))
-}
-
-/// Does something on the bench's thread.
-///
-/// # Errors
-/// As the work answers; `busy` while a session has the devices.
-pub async fn with_bench<T: Send + 'static>(
-    app: &App,
-    work: impl FnOnce(&mut Owner) -> Result<T, Failure> + Send + 'static,
-) -> Answer<T> {
-    app.bench.work(work).await
 }
 
 /// The width of a picture, as asked for or as usual.

@@ -1,7 +1,7 @@
 //! `/api/v1/plans`.
 
 use super::problem::{Answer, Problem};
-use super::{App, Body, with_bench};
+use super::{App, Body};
 use crate::plan::Plan;
 use axum::Json;
 use axum::extract::State;
@@ -97,7 +97,7 @@ pub async fn estimate(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -
     let assumed = match plan.camera.exposure_ms {
         Some(ms) => Duration::from_secs_f64(ms / 1000.0),
         // While a session runs the preview's setting is as good as any.
-        None if metered => with_bench(&app, |owner| Ok(owner.settings.0)).await.unwrap_or(Duration::from_millis(40)),
+        None if metered => app.bench.work(|owner| Ok(owner.settings.0)).await.unwrap_or(Duration::from_millis(40)),
         None => Duration::from_millis(10),
     };
     let estimate = plan.estimate(assumed, &app.limits, 0.0);

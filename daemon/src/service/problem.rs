@@ -8,6 +8,7 @@ use axum::response::{IntoResponse, Response};
 use nacre_drivers::Class;
 use nacre_processing::Error;
 use serde::Serialize;
+use std::path::Path;
 use utoipa::ToSchema;
 
 /// What went wrong, for a program and for a person.
@@ -118,15 +119,30 @@ impl IntoResponse for Problem {
     }
 }
 
+impl std::fmt::Display for Problem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.detail)?;
+        self.remedy.iter().try_for_each(|remedy| write!(f, "; {remedy}"))
+    }
+}
+
+/// The folder of a file belongs to the machine, not to whoever asks.
+fn file_name(path: &Path) -> std::borrow::Cow<'_, str> {
+    match path.file_name() {
+        Some(name) if path.is_absolute() => name.to_string_lossy(),
+        _ => path.to_string_lossy(),
+    }
+}
+
 impl From<Error> for Problem {
     fn from(error: Error) -> Self {
         match error {
-            Error::Input { subject, problem, remedy } => Self::bad(format!("{subject}: {problem}")).remedy(remedy),
+            Error::Input { subject, problem, remedy } => {
+                Self::bad(format!("{}: {problem}", file_name(Path::new(&subject)))).remedy(remedy)
+            }
             Error::Cancelled => Self::new(Kind::Conflict, "stopped before it was done"),
             Error::Output { path, source, remedy } => {
-                // The path belongs to the machine, not to whoever asks.
-                let name = path.file_name().map_or_else(|| "a file".into(), |n| n.to_string_lossy().into_owned());
-                Self::new(Kind::Internal, format!("{name} cannot be written: {source}")).remedy(remedy)
+                Self::new(Kind::Internal, format!("{} cannot be written: {source}", file_name(&path))).remedy(remedy)
             }
         }
     }

@@ -172,8 +172,8 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
     for id in body.session.iter().chain(&body.upload) {
         super::check_id(id)?;
     }
-    let key = headers.get("idempotency-key").map(|k| crate::session::sha256(k.as_bytes()));
-    if let Some(id) = key.as_ref().and_then(|k| app.remembered(k)) {
+    let key = App::key("reconstruction", &headers);
+    if let Some(id) = app.remembered(key.as_ref()) {
         let job = app.job(&id).await?;
         return Ok(accepted(app.describe(job, false)));
     }
@@ -185,9 +185,7 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
     // Refused here rather than by the job, so that whoever asks learns it at once.
     blocking(move || Ok(load(&input).map(drop)?)).await?;
     let job = app.jobs.submit(spec).await?;
-    if let Some(key) = key {
-        app.remember(key, &job.id);
-    }
+    app.remember(key, &job.id);
     Ok(accepted(app.describe(job, false)))
 }
 

@@ -93,10 +93,9 @@ pub async fn frames(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<J
     let read = move || {
         let file = SessionFile::read(&folder).map_err(|e| Problem::bad(e.to_string()))?;
         let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Problem::bad(e.to_string()))?;
-        let latest: std::collections::HashMap<&str, _> = journal.commits().map(|c| (c.file.as_str(), c)).collect();
         let steps = file.plan.steps();
         let doc = |step: &crate::plan::Step| {
-            let commit = latest.get(step.file.as_str())?;
+            let commit = journal.commit(&step.file)?;
             let (exposure_s, gain) = commit.controls();
             Some(FrameDoc {
                 file: step.file.clone(),

@@ -9,7 +9,7 @@ use crate::capture::Capture;
 use crate::catalogue::{Cursor, Query, SessionRow};
 use crate::engine::{Input, State as RunState};
 use crate::plan::{Plan, PlanKind};
-use crate::session::{Journal, MortalDisk, SESSION_FILE, SessionFile, Timing, sha256};
+use crate::session::{Journal, MortalDisk, SESSION_FILE, SessionFile, Timing};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -166,16 +166,15 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
     if !problems.is_empty() {
         return Err(Problem::bad(problems.join("; ")).remedy("change the plan"));
     }
-    let key = headers.get("idempotency-key").map(|k| sha256(k.as_bytes()));
-    if let Some(id) = key.as_ref().and_then(|k| app.remembered(k)) {
+    let key = App::key("session", &headers);
+    // One that was deleted since is begun anew.
+    if let Some(id) = app.remembered(key.as_ref()).filter(|id| SessionDoc::read(&app, id, false).is_ok()) {
         return accepted(&app, &id);
     }
     let id = super::new_id();
     let run = Arc::new(Run::new(id.clone(), app.session_folder(&id)?, plan));
     start(&app, &run, true)?;
-    if let Some(key) = key {
-        app.remember(key, &id);
-    }
+    app.remember(key, &id);
     accepted(&app, &id)
 }
 
@@ -187,7 +186,7 @@ fn accepted(app: &App, id: &str) -> Answer<Response> {
 /// Gives the devices to a run.
 fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
     let (worker, follower) = ((app.clone(), run.clone()), (app.clone(), run.clone()));
-    // The map of runs first, so that its state can be asked for as soon as the devices are given.
+    // Known before it begins, so that its state can be asked for at once.
     let before = app.runs.insert(run.clone());
     let begun = app.bench.begin(&run.id, run.control.clone(), move |owner| {
         let (app, run) = worker;
@@ -205,7 +204,7 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
                 // Also what failed before the engine began, so that nobody waits for it.
                 let _ = run.control.send(Input::Start);
                 let _ = run.control.send(Input::Fault);
-                run.fail(failure.to_string().replace(&*app.config.data.to_string_lossy(), ""));
+                run.fail(Problem::from(failure).to_string());
             }
         }
         run.end();

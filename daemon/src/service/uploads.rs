@@ -5,7 +5,7 @@ use super::problem::{Answer, Kind, Problem};
 use axum::Json;
 use axum::extract::multipart::{Field, MultipartRejection};
 use axum::extract::{Multipart, State};
-use axum::http::{StatusCode, header};
+use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
 use nacre_processing::image::EXTENSIONS;
@@ -59,21 +59,16 @@ impl App {
 pub async fn upload(State(app): State<Arc<App>>, form: Result<Multipart, MultipartRejection>) -> Answer<Response> {
     let form = form.map_err(|e| Problem::bad(e.body_text()))?;
     let id = super::new_id();
-    let folder = app.upload_folder(&id)?;
+    let target = app.upload_folder(&id)?;
     let refused = |e: std::io::Error| Problem::new(Kind::Internal, format!("the upload cannot be stored: {e}"));
-    tokio::fs::create_dir_all(&folder).await.map_err(refused)?;
-    match receive(&app, form, &folder).await {
-        Ok((files, bytes)) => {
-            let location = format!("/api/v1/uploads/{id}");
-            Ok((StatusCode::CREATED, [(header::LOCATION, location)], Json(Uploaded { id, files, bytes }))
-                .into_response())
-        }
-        Err(problem) => {
-            // Half an upload is none.
-            let _ = tokio::fs::remove_dir_all(&folder).await;
-            Err(problem)
-        }
-    }
+    // Half an upload is none: the folder goes with this request unless all of it came.
+    let folder = tempfile::Builder::new().prefix(".upload-").tempdir_in(app.config.data.join("uploads"));
+    let folder = folder.map_err(refused)?;
+    let (files, bytes) = receive(&app, form, folder.path()).await?;
+    std::fs::rename(folder.path(), &target).map_err(refused)?;
+    // It is not there under this name any more.
+    let _ = folder.keep();
+    Ok((StatusCode::CREATED, Json(Uploaded { id, files, bytes })).into_response())
 }
 
 async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
@@ -147,21 +142,9 @@ fn describe(folder: &Path) -> Answer<()> {
     let path = folder.join(FILE_NAME);
     if !path.exists() {
         let text = crate::commands::import::from_names(folder, false)
-            .or_else(|_| crate::commands::import::from_names(folder, true))
-            .map_err(plain)?;
+            .or_else(|_| crate::commands::import::from_names(folder, true))?;
         std::fs::write(&path, text).map_err(|e| Problem::new(Kind::Internal, format!("cannot be stored: {e}")))?;
     }
-    load(folder).map_err(plain)?;
+    load(folder)?;
     Ok(())
-}
-
-/// Folders of the machine are nobody's business.
-fn plain(error: nacre_processing::Error) -> Problem {
-    match error {
-        nacre_processing::Error::Input { subject, problem, remedy } => {
-            let name = Path::new(&subject).file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-            Problem::bad(format!("{name}: {problem}")).remedy(remedy)
-        }
-        other => other.into(),
-    }
 }

@@ -1,6 +1,7 @@
 //! The journal: JSON Lines, each with its number and a CRC over its entry.
 
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use std::io;
 use std::path::Path;
 
@@ -79,6 +80,8 @@ pub struct Commit {
 #[derive(Default)]
 pub struct Journal {
     entries: Vec<Entry>,
+    /// Where the last commit of each file is among the entries.
+    commits: HashMap<String, usize>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -115,7 +118,7 @@ impl Journal {
                 }
                 break;
             };
-            journal.entries.push(entry);
+            journal.push(entry);
             intact += line.len();
         }
         Ok((journal, intact as u64))
@@ -128,8 +131,15 @@ impl Journal {
     pub fn line(&mut self, entry: Entry) -> io::Result<String> {
         let line = Line { seq: self.entries.len(), crc: checksum(&entry)?, entry };
         let text = serde_json::to_string(&line).map_err(io::Error::other)? + "\n";
-        self.entries.push(line.entry);
+        self.push(line.entry);
         Ok(text)
+    }
+
+    fn push(&mut self, entry: Entry) {
+        if let Entry::Committed(commit) = &entry {
+            self.commits.insert(commit.file.clone(), self.entries.len());
+        }
+        self.entries.push(entry);
     }
 
     /// Number of entries.
@@ -140,11 +150,14 @@ impl Journal {
 
     /// The last commit of a file.
     pub fn commit(&self, file: &str) -> Option<&Commit> {
-        self.commits().rev().find(|c| c.file == file)
+        match self.entries.get(*self.commits.get(file)?) {
+            Some(Entry::Committed(commit)) => Some(commit),
+            _ => None,
+        }
     }
 
     /// All commits in order.
-    pub fn commits(&self) -> impl DoubleEndedIterator<Item = &Commit> {
+    pub fn commits(&self) -> impl Iterator<Item = &Commit> {
         self.entries.iter().filter_map(|e| if let Entry::Committed(c) = e { Some(c) } else { None })
     }
 
