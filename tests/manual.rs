@@ -82,6 +82,55 @@ fn light_by_hand_goes_off_with_the_command() {
     }
 }
 
+/// A program that is alive but does nothing any more is as good as gone, and nobody may keep the flash on for longer than
+/// the bench allows.
+#[test]
+fn the_flash_goes_off_when_its_owner_hangs_or_its_time_is_up() {
+    let place = Place::with_bench("", &format!("{BENCH}\nflash = {{ max_on_s = 1.5 }}"));
+    let bench = BenchProcess::start(&place.path("socket"), &place.path("bench.toml"), &["--real-time"]);
+    let until = |lit: bool, patience: f64| {
+        let begun = Instant::now();
+        while light(&bench)[1] != lit {
+            assert!(begun.elapsed().as_secs_f64() < patience, "the flash is still {}", if lit { "off" } else { "on" });
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        begun.elapsed().as_secs_f64()
+    };
+    let (mut owner, mark) = command();
+    let mut owner =
+        owner.args(on(&bench, &["flash", "on"])).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
+    until(true, 5.0);
+    let signal = |signal: &str| std::process::Command::new("kill").args([signal, &owner.id().to_string()]).status();
+    signal("-STOP").unwrap();
+    println!("off {:.2} s after its owner stood still", until(false, 1.0));
+    signal("-KILL").unwrap();
+    owner.wait().unwrap();
+    assert_gone(&mark);
+
+    // Who keeps saying "I am alive" while the light stays on is not believed for ever.
+    let (mut guardian, mark) = command();
+    let mut guardian = guardian
+        .args(["guardian", bench.socket.to_str().unwrap()])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut pipe = guardian.stdin.take().unwrap();
+    pipe.write_all(b"{\"switch\":true}\n").unwrap();
+    until(true, 5.0);
+    let begun = Instant::now();
+    while light(&bench)[1] {
+        pipe.write_all(b"\"beat\"\n").unwrap();
+        std::thread::sleep(Duration::from_millis(20));
+        assert!(begun.elapsed() < Duration::from_secs(3), "the flash is still on");
+    }
+    let lasted = begun.elapsed().as_secs_f64();
+    assert!(lasted > 1.0, "{lasted}");
+    drop(pipe);
+    assert!(guardian.wait().unwrap().success());
+    assert_gone(&mark);
+}
+
 #[test]
 fn a_person_turns_the_analyser() {
     let plan = "kind = \"polarization\"\ncamera = { exposure_ms = 5 }\nanalyser = { angles_deg = [0, 45, 90] }";

