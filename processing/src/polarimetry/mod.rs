@@ -30,6 +30,7 @@ mod output;
 mod reconstruct;
 mod report;
 mod stokes;
+pub mod synthetic;
 
 pub use check::{CircleCheck, check_circle};
 pub use compare::{Comparison, compare};
