@@ -1,14 +1,14 @@
 //! `R = r·exp(iζ)` of the 2018 paper's Eq. 6 from Maxwell's equations.
 
-use super::{Grating, Light, Method, Polarization, solve};
+use super::{Grating, Light, Polarization, solve};
 use crate::{Error, Result};
 use num_complex::Complex;
 use rayon::prelude::*;
 
-/// Fewest and most intervals of a table, and the narrowest one in µm.
-const FIRST_INTERVALS: usize = 8;
-const MOST_NODES: usize = 1000;
-const NARROWEST_UM: f64 = 1e-4;
+/// Widest interval of a table (relative), most nodes, and the narrowest interval that is halved, in µm.
+const WIDEST: f64 = 0.1;
+const MOST_NODES: usize = 2000;
+const NARROWEST_UM: f64 = 1e-7;
 
 /// The ratio R of a grating's specular Jones matrix `diag(-1, R)`, along and across its vector (2018 paper, Eq. 6), at
 /// normal incidence: `-r_s / r_p` with both fields on fixed axes, so that a mirror has -1. `max_error` is absolute.
@@ -16,10 +16,6 @@ const NARROWEST_UM: f64 = 1e-4;
 /// # Errors
 /// As [`solve`]; a grating that reflects no p-polarized light.
 pub fn ratio(grating: &Grating, wavelength_nm: f64, max_error: f64) -> Result<Complex<f64>> {
-    Ok(ratio_and_methods(grating, wavelength_nm, max_error)?.0)
-}
-
-fn ratio_and_methods(grating: &Grating, wavelength_nm: f64, max_error: f64) -> Result<(Complex<f64>, [Method; 2])> {
     let light = Light { wavelength_nm, angle: 0.0 };
     // R changes by (1 + |R|)/|r_p| times the amplitudes' error: a first look tells how well they must be known.
     let (mut wanted, mut found) = (max_error / 4.0, None);
@@ -32,7 +28,7 @@ fn ratio_and_methods(grating: &Grating, wavelength_nm: f64, max_error: f64) -> R
         if !ratio.is_finite() {
             return Err(Error::input("grating", "it reflects no p-polarized light", "change its depth or period"));
         }
-        found = Some((ratio, [s.method, p.method]));
+        found = Some(ratio);
         let needed = max_error * r_p.norm() / (1.0 + ratio.norm());
         if s.predicted_error.max(p.predicted_error) <= needed {
             break;
@@ -57,7 +53,8 @@ pub fn phase_offset(ratio: Complex<f64>) -> f64 {
 /// R over the period, at one depth, wavelength and pair of media.
 ///
 /// Nodes are as dense as R is curved: an interval is halved until the value in its middle lies within the requested
-/// error of the straight line, so the anomalies (where an order begins to propagate) get the nodes they need.
+/// error of the straight line. The first nodes enclose the anomalies (an order begins to propagate, or couples to a
+/// surface plasmon), which are too narrow to be met by chance.
 #[derive(Clone, Debug)]
 pub struct RatioTable {
     periods: Vec<f64>,
@@ -78,11 +75,9 @@ impl RatioTable {
             return Err(Error::input("range of periods", problem, "give two rising positive numbers"));
         }
         let at = |period_um: f64| ratio(&Grating { period_um, ..*grating }, wavelength_nm, max_error / 2.0);
-        let first = if high > low { FIRST_INTERVALS } else { 0 };
-        let even = |i: usize| low + (high - low) * i as f64 / first.max(1) as f64;
-        let mut periods: Vec<f64> = (0..=first).map(even).collect();
+        let mut periods = first_nodes(grating, [low, high], wavelength_nm / 1000.0);
         let mut ratios: Vec<_> = periods.par_iter().map(|p| at(*p)).collect::<Result<_>>()?;
-        let (mut error, mut open) = (0.0_f64, vec![true; first]);
+        let (mut error, mut open) = (0.0_f64, vec![true; periods.len() - 1]);
         while open.contains(&true) {
             if periods.len() > MOST_NODES {
                 let problem = format!("R varies too fast with the period to be tabulated to {max_error}");
@@ -138,4 +133,29 @@ impl RatioTable {
     pub fn error(&self) -> f64 {
         self.error
     }
+}
+
+/// Nodes to begin with: a coarse ladder, both sides of every period at which an order begins to propagate
+/// (`mλ/n`), and some around every period at which one meets a surface plasmon (`mλ/n` of the plasmon).
+fn first_nodes(grating: &Grating, [low, high]: [f64; 2], wavelength_um: f64) -> Vec<f64> {
+    let (above, below) = (Complex::from(grating.above.powi(2)), grating.below * grating.below);
+    let plasmon = (above * below / (above + below)).sqrt().re;
+    let mut nodes = vec![low, high];
+    let steps = ((high / low).ln() / WIDEST).ceil();
+    nodes.extend((1..steps as usize).map(|i| low * (high / low).powf(i as f64 / steps)));
+    let mut around = |index: f64, offsets: &[f64]| {
+        let first = wavelength_um / index;
+        let orders = (1..).map(|m| f64::from(m) * first).take_while(|p| *p < 1.1 * high);
+        nodes.extend(orders.flat_map(|p| offsets.iter().map(move |o| p * (1.0 + o))));
+    };
+    around(grating.above, &[-1e-6, 1e-6]);
+    if grating.below.im == 0.0 {
+        around(grating.below.re, &[-1e-6, 1e-6]);
+    } else if plasmon > 0.0 {
+        around(plasmon, &[-0.03, -0.01, -0.003, 0.0, 0.003, 0.01, 0.03]);
+    }
+    nodes.retain(|p| (low..=high).contains(p));
+    nodes.sort_by(f64::total_cmp);
+    nodes.dedup();
+    nodes
 }
