@@ -11,7 +11,7 @@
 //!
 //! | pixels are made with | error | | pixels are made with | error |
 //! |---|---|---|---|---|
-TABLE
+//! TABLE
 //!
 //! Birefringent film and front reflection change the polarization as well and are not in the model.
 

@@ -100,11 +100,7 @@ enum Found {
     Best(f64),
 }
 
-fn climb(
-    settings: impl Iterator<Item = Method>,
-    max_error: f64,
-    run: impl Fn(Method) -> Result<Orders>,
-) -> Found {
+fn climb(settings: impl Iterator<Item = Method>, max_error: f64, run: impl Fn(Method) -> Result<Orders>) -> Found {
     let (mut last, mut best): (Option<Orders>, f64) = (None, f64::INFINITY);
     for method in settings {
         // A setting that fails is no answer; the next may be one.

@@ -137,12 +137,19 @@ impl<'a> Surface<'a> {
     fn companion(&self, medium: usize) -> Result<Matrix> {
         let (n, alpha) = (self.waves.count(), &self.waves.alpha);
         let inverse = self.metric.clone().try_inverse().ok_or_else(inseparable)?;
-        let beta = Matrix::from_fn(n, n, |i, j| if i == j { self.waves.eps[medium] - alpha[i] * alpha[i] } else { ZERO });
+        let beta =
+            Matrix::from_fn(n, n, |i, j| if i == j { self.waves.eps[medium] - alpha[i] * alpha[i] } else { ZERO });
         let shear = Matrix::from_fn(n, n, |i, j| self.slope[(i, j)] * (alpha[i] + alpha[j]));
         let (low, high) = (&inverse * beta, inverse * shear);
         Ok(Matrix::from_fn(2 * n, 2 * n, |i, j| match (i < n, j < n) {
             (true, true) => ZERO,
-            (true, false) => if j - n == i { ONE } else { ZERO },
+            (true, false) => {
+                if j - n == i {
+                    ONE
+                } else {
+                    ZERO
+                }
+            }
             (false, true) => low[(i - n, j)],
             (false, false) => high[(i - n, j - n)],
         }))

@@ -123,6 +123,12 @@ impl RatioTable {
         Some(value + (next - value) * ((period_um - low) / (high - low)))
     }
 
+    /// R at a period in µm, or at the nearest one that the table has.
+    pub fn nearest(&self, period_um: f64) -> Complex<f64> {
+        let (first, last) = (self.periods[0], self.periods[self.periods.len() - 1]);
+        self.at(period_um.clamp(first, last)).unwrap_or(self.ratios[0])
+    }
+
     /// Nodes: periods in µm, rising, and R.
     pub fn nodes(&self) -> impl ExactSizeIterator<Item = (f64, Complex<f64>)> + '_ {
         self.periods.iter().copied().zip(self.ratios.iter().copied())

@@ -16,10 +16,7 @@ fn green(angle: f64) -> Light {
 
 /// The two methods at settings that are ample for dielectrics.
 fn both(grating: &Grating, light: &Light, polarization: Polarization) -> [Orders; 2] {
-    [
-        coordinates(grating, light, polarization, 10).unwrap(),
-        slices(grating, light, polarization, 10, 24).unwrap(),
-    ]
+    [coordinates(grating, light, polarization, 10).unwrap(), slices(grating, light, polarization, 10, 24).unwrap()]
 }
 
 #[test]
@@ -32,7 +29,11 @@ fn dielectrics_conserve_energy() {
             // The staircase conserves energy exactly for any number of waves, the smooth profile as far as it converged.
             assert!((stairs.total() - 1.0).abs() < 1e-10, "{polarization:?} {depth_um}: {}", stairs.total() - 1.0);
             let smooth_enough = if depth_um < 0.5 { 1e-8 } else { 1e-4 };
-            assert!((smooth.total() - 1.0).abs() < smooth_enough, "{polarization:?} {depth_um}: {}", smooth.total() - 1.0);
+            assert!(
+                (smooth.total() - 1.0).abs() < smooth_enough,
+                "{polarization:?} {depth_um}: {}",
+                smooth.total() - 1.0
+            );
         }
     }
 }
@@ -189,7 +190,8 @@ fn point_matching(grating: &Grating, light: &Light, polarization: Polarization, 
         let phase = TAU * at as f64 / points as f64;
         let (height, slope) = (0.5 * waves.depth * phase.cos(), -0.5 * waves.depth * waves.grating * phase.sin());
         // Evanescent waves are scaled to 1 where they are largest.
-        let field = (I * waves.alpha[j] * (phase / waves.grating) + I * q * height - q.im.abs() * waves.depth / 2.0).exp();
+        let field =
+            (I * waves.alpha[j] * (phase / waves.grating) + I * q * height - q.im.abs() * waves.depth / 2.0).exp();
         [field, field * (q - slope * waves.alpha[j]) * waves.weight(medium)]
     };
     let column = |k: usize| if k < n { (0, k, waves.above[k], 1.0) } else { (1, k - n, -waves.below[k - n], -1.0) };
@@ -197,9 +199,8 @@ fn point_matching(grating: &Grating, light: &Light, polarization: Polarization, 
         let (medium, j, q, sign) = column(k);
         wave(medium, j, q, i % points)[i / points] * sign
     });
-    let incident = DVector::from_fn(2 * points, |i, _| {
-        -wave(0, harmonics, -waves.above[harmonics], i % points)[i / points]
-    });
+    let incident =
+        DVector::from_fn(2 * points, |i, _| -wave(0, harmonics, -waves.above[harmonics], i % points)[i / points]);
     let found = system.svd(true, true).solve(&incident, 1e-14).unwrap();
     waves.orders(0, &found.as_slice()[..n])
 }
