@@ -313,11 +313,8 @@ mod tests {
                 })
                 .collect();
             assert!(found.len() > 30, "{period}: {}", found.len());
-            // The bench's light has the other handedness than the paper's, so its offset has the other sign.
             for offset in found {
-                let off = angle_difference(offset, -phase_offset(r))
-                    .abs()
-                    .min(angle_difference(offset, phase_offset(r)).abs());
+                let off = angle_difference(offset, phase_offset(r)).abs();
                 assert!(off < 2f64.to_radians(), "{period}: {} {}", offset.to_degrees(), phase_offset(r).to_degrees());
             }
         }
