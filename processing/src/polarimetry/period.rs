@@ -65,7 +65,7 @@ pub fn relative_period(maps: &StokesMaps, orientation: &OrientationMaps, range_u
     let brightest = maps.s0.iter().zip(&orientation.orientation).map(lit).fold(0.0, f32::max);
     let period = |s0: f32| (low + (high - low) * f64::from(s0.max(0.0) / brightest).sqrt()) as f32;
     let pixels = maps.s0.par_iter().zip(&orientation.orientation);
-    let period_um = pixels.map(|pixel| lit(pixel)).map(|s0| if s0.is_nan() { s0 } else { period(s0) }).collect();
+    let period_um = pixels.map(lit).map(|s0| if s0.is_nan() { s0 } else { period(s0) }).collect();
     Ok(PeriodMaps { width: maps.width, height: maps.height, period_um, sigma_um: vec![f32::NAN; maps.s0.len()] })
 }
 

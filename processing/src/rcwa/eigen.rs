@@ -4,6 +4,8 @@ use crate::{Error, Result};
 use nalgebra::{DMatrix, Schur};
 use num_complex::Complex;
 
+type Matrix = DMatrix<Complex<f64>>;
+
 /// Sweeps of the QR iteration; it needs two or three per eigenvalue.
 const SWEEPS_PER_ROW: usize = 100;
 
@@ -11,7 +13,7 @@ const SWEEPS_PER_ROW: usize = 100;
 ///
 /// # Errors
 /// When the QR iteration does not converge.
-pub(super) fn eigen(matrix: DMatrix<Complex<f64>>) -> Result<(Vec<Complex<f64>>, DMatrix<Complex<f64>>)> {
+pub(super) fn eigen(matrix: Matrix) -> Result<(Vec<Complex<f64>>, Matrix)> {
     let n = matrix.nrows();
     let schur = Schur::try_new(matrix, f64::EPSILON, SWEEPS_PER_ROW * n)
         .ok_or_else(|| Error::input("grating", "its modes were not found", "change the number of harmonics"))?;
@@ -46,9 +48,9 @@ mod tests {
             Complex::new(((i * 7 + j * 3) % 11) as f64 - 5.0, ((i * 5 + j * 13) % 17) as f64 - 8.0)
         });
         let (values, vectors) = eigen(a.clone()).unwrap();
-        for k in 0..n {
+        for (k, value) in values.iter().enumerate() {
             let v = vectors.column(k).into_owned();
-            assert!((&a * &v - v * values[k]).norm() < 1e-11 * a.norm(), "{k}");
+            assert!((&a * &v - v * *value).norm() < 1e-11 * a.norm(), "{k}");
         }
         let trace: Complex<f64> = values.iter().sum();
         assert!((trace - a.trace()).norm() < 1e-10);
