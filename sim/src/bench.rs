@@ -57,9 +57,9 @@ impl Bench {
     /// Builds the bench; the panel is black, the flash off, the analyser at 0°.
     ///
     /// # Errors
-    /// `Cancelled`.
+    /// `Cancelled`; a rigorous R (`[grating.rigorous]`) that cannot be computed to the requested error.
     pub fn new(config: &BenchConfig, progress: &dyn Progress) -> Result<Self> {
-        let scene = Scene::new(config);
+        let scene = Scene::new(config)?;
         let (truth, ambient) = scene.survey(progress)?;
         let dark = Shining { pattern: Pattern::Black, flash: false, covered: false };
         Ok(Self {

@@ -1,6 +1,7 @@
 //! `bench.toml`: everything about the virtual bench that can be turned.
 
 use crate::surface::SampleConfig;
+use nacre_processing::rcwa::ALUMINIUM;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -139,6 +140,24 @@ pub struct GratingConfig {
     pub ellipticity: f64,
     /// ln r and ζ - 180° grow as (1 µm / period) to this power; 0 makes them the same for all periods.
     pub period_power: f64,
+    /// Takes R from Maxwell's equations at normal incidence instead, for every period and wavelength; `r`, `zeta_deg`
+    /// and `period_power` then do not count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rigorous: Option<RigorousConfig>,
+}
+
+/// The sinusoidal metal surface under the film whose R is computed rigorously.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RigorousConfig {
+    /// Depth of the surface, peak to peak, in µm; apart from the sample's, which decides how much light the orders get.
+    pub depth_um: f64,
+    /// Real part of the metal's refractive index.
+    pub metal_n: f64,
+    /// Imaginary part of the metal's refractive index, positive.
+    pub metal_k: f64,
+    /// Largest error of R, solver and interpolation over the period together.
+    pub max_error: f64,
 }
 
 /// Plastic film: birefringent, and reflecting at its front (2018 paper, Eq. 4).
@@ -255,7 +274,13 @@ pub struct GeometryConfig {
 
 impl Default for GratingConfig {
     fn default() -> Self {
-        Self { r: 1.1, zeta_deg: 45.0, ellipticity: 1.0, period_power: 1.2 }
+        Self { r: 1.1, zeta_deg: 45.0, ellipticity: 1.0, period_power: 1.2, rigorous: None }
+    }
+}
+
+impl Default for RigorousConfig {
+    fn default() -> Self {
+        Self { depth_um: 0.1, metal_n: ALUMINIUM.re, metal_k: ALUMINIUM.im, max_error: 1e-3 }
     }
 }
 
@@ -358,12 +383,17 @@ impl BenchConfig {
     /// A sentence that names the key, what was found and what is allowed.
     pub fn validate(&self) -> Result<(), String> {
         self.sample.validate()?;
+        let rigorous = self.grating.rigorous.clone().unwrap_or_default();
         let (g, f, p, c, s) = (&self.grating, &self.film, &self.panel, &self.camera, &self.stage);
         for (key, value, low, high) in [
             ("grating.r", g.r, 1e-6, 1e6),
             ("grating.zeta_deg", g.zeta_deg, -360.0, 360.0),
             ("grating.ellipticity", g.ellipticity, 0.0, 1.0),
             ("grating.period_power", g.period_power, 0.0, 4.0),
+            ("grating.rigorous.depth_um", rigorous.depth_um, 0.0, 2.0),
+            ("grating.rigorous.metal_n", rigorous.metal_n, 0.0, 20.0),
+            ("grating.rigorous.metal_k", rigorous.metal_k, 1e-3, 50.0),
+            ("grating.rigorous.max_error", rigorous.max_error, 1e-6, 0.5),
             ("film.retardance_deg", f.retardance_deg, -360.0, 360.0),
             ("film.axis_deg", f.axis_deg, -360.0, 360.0),
             ("film.front_reflection", f.front_reflection, 0.0, 0.9),

@@ -69,10 +69,13 @@ pub struct Scene {
 
 impl Scene {
     /// Builds the sample and the band.
-    pub fn new(bench: &BenchConfig) -> Self {
+    ///
+    /// # Errors
+    /// A rigorous R (`[grating.rigorous]`) that cannot be computed to the requested error.
+    pub fn new(bench: &BenchConfig) -> Result<Self> {
         let sample = Sample::new(&bench.sample, bench.seed);
         let pixel_mm = sample.field_mm() / f64::from(bench.camera.width.min(bench.camera.height));
-        Self { sample, band: band(bench), pixel_mm, bench: bench.clone() }
+        Ok(Self { sample, band: band(bench)?, pixel_mm, bench: bench.clone() })
     }
 
     /// Size of a pixel on the sample in mm.
