@@ -21,7 +21,7 @@ mod truth;
 pub use bench::{Bench, Shining};
 pub use camera::{Exposed, Settings};
 pub use config::{
-    BenchConfig, CameraConfig, FaultConfig, FaultKind, FaultyDevice, FilmConfig, FilterConfig, FlashConfig,
+    AnalyserConfig, BenchConfig, CameraConfig, FaultConfig, FaultKind, FaultyDevice, FilmConfig, FilterConfig, FlashConfig,
     GeometryConfig, GratingConfig, PanelConfig, StageConfig,
 };
 pub use devices::{Port, SimDevice};
