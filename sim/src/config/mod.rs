@@ -3,6 +3,7 @@
 mod check;
 mod defaults;
 
+use crate::random::{key, normals};
 use crate::surface::SampleConfig;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -260,6 +261,16 @@ impl CameraConfig {
 }
 
 impl BenchConfig {
+    /// By how many pixels the image is shifted, right and down, with the analyser at this angle.
+    pub fn shift_px(&self, analyser_deg: f64) -> [f64; 2] {
+        let AnalyserConfig { wedge_px, jitter_px } = self.analyser;
+        // The same angle is shifted in the same way, whatever is left of the stage's ringing.
+        let tenths = (10.0 * analyser_deg).round() as i64 as u64;
+        let random = normals(key(&[self.seed, 0x3ed6e, tenths]));
+        let (sin, cos) = analyser_deg.to_radians().sin_cos();
+        [wedge_px * cos + jitter_px * random[0], -wedge_px * sin + jitter_px * random[1]]
+    }
+
     /// Diameter of the white disc in mm.
     pub fn disc_mm(&self) -> f64 {
         let field = self.sample.field_mm();

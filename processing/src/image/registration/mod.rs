@@ -105,7 +105,8 @@ impl Registrar {
         // Repeated tiles also match one another, so that the highest peak may be wrong; and the way to a large shift is
         // barred to those who start from none.
         let start: Vec<[f64; 2]> = peaks.iter().map(|p| p.shift).collect();
-        let best = joint::better(joint::from_nothing(&self.windows, &scene), joint::minimum(&self.windows, &start, &scene));
+        let best =
+            joint::better(joint::from_nothing(&self.windows, &scene), joint::minimum(&self.windows, &start, &scene));
         let Some(found) = best.and_then(|best| joint::refine(&self.windows, best)) else {
             return Registration::CannotTell(Doubt::NoAgreement);
         };

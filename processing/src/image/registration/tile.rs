@@ -66,8 +66,11 @@ impl Tile {
     pub(super) fn sums(&self, windows: &Windows, scene: &Scene, shifts: &[[f64; 2]]) -> Sums {
         // One pixel more on each side, for gradients.
         let wide = self.side + 2;
-        let mut frames: Vec<Vec<f32>> =
-            shifts.iter().enumerate().map(|(k, shift)| self.moved_back(windows.get(k, self.window), windows.side, *shift)).collect();
+        let mut frames: Vec<Vec<f32>> = shifts
+            .iter()
+            .enumerate()
+            .map(|(k, shift)| self.moved_back(windows.get(k, self.window), windows.side, *shift))
+            .collect();
         subtract_means(&mut frames);
         let model = scene.explain(&mut frames);
         // `frames` now holds what is left over.

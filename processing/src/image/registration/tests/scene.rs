@@ -1,26 +1,27 @@
 //! Synthetic scenes, rendered anew for every shift (no interpolation), so that the truth is exact.
 
-use super::*;
+use super::super::*;
+use rayon::prelude::*;
 
 /// Standard deviation of the point spread in pixels: a lens of 0.5 and the pixel's own width.
-const SPREAD: f64 = 0.577;
+pub const SPREAD: f64 = 0.577;
 
 /// Rectangular tiles of one grating each, on a slant; sharp but for the point spread, in closed form.
 #[derive(Clone, Copy)]
-struct Tiled {
+pub struct Tiled {
     /// Pitch along both directions in pixels; infinite along the second for bands.
-    pitch: [f64; 2],
+    pub pitch: [f64; 2],
     /// Orientations, spread evenly over 180°.
-    orientations: i64,
+    pub orientations: i64,
     /// Degree of linear polarization.
-    modulation: f64,
+    pub modulation: f64,
     /// Reflectance is 1 - variation to 1.
-    variation: f64,
-    slant: f64,
+    pub variation: f64,
+    pub slant: f64,
 }
 
-const TILES: Tiled = Tiled { pitch: [24.0, 17.0], orientations: 12, modulation: 0.3, variation: 0.4, slant: 0.12 };
-const BANDS: Tiled = Tiled { pitch: [40.0, 130.0], orientations: 5, modulation: 0.3, variation: 0.4, slant: 0.5 };
+pub const TILES: Tiled = Tiled { pitch: [24.0, 17.0], orientations: 12, modulation: 0.3, variation: 0.4, slant: 0.12 };
+pub const BANDS: Tiled = Tiled { pitch: [40.0, 130.0], orientations: 5, modulation: 0.3, variation: 0.4, slant: 0.5 };
 
 fn hash(mut z: u64) -> u64 {
     z = z.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -29,11 +30,11 @@ fn hash(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-fn uniform(key: u64) -> f64 {
+pub fn uniform(key: u64) -> f64 {
     ((hash(key) >> 11) as f64 + 0.5) / (1u64 << 53) as f64
 }
 
-fn normal(key: u64) -> f64 {
+pub fn normal(key: u64) -> f64 {
     let key = hash(key);
     (-2.0 * uniform(key).ln()).sqrt() * (std::f64::consts::TAU * uniform(key ^ 0xabcd_ef01)).cos()
 }
@@ -49,7 +50,8 @@ fn phi(x: f64) -> f64 {
 impl Tiled {
     fn orientation_of(&self, i: i64, j: i64) -> f64 {
         let n = self.orientations;
-        std::f64::consts::PI * ((2 * i + 5 * j + (hash((i * 7919 + j) as u64) % 3) as i64).rem_euclid(n)) as f64 / n as f64
+        std::f64::consts::PI * ((2 * i + 5 * j + (hash((i * 7919 + j) as u64) % 3) as i64).rem_euclid(n)) as f64
+            / n as f64
     }
 
     fn reflectance_of(&self, i: i64, j: i64) -> f64 {
@@ -67,7 +69,7 @@ impl Tiled {
     }
 
     /// (A, C, S) at a point.
-    fn at(&self, x: f64, y: f64) -> [f64; 3] {
+    pub fn at(&self, x: f64, y: f64) -> [f64; 3] {
         let (sin, cos) = self.slant.sin_cos();
         let (u, v) = (x * cos + y * sin, y * cos - x * sin);
         let mut sum = [0.0; 3];
@@ -84,8 +86,7 @@ impl Tiled {
     }
 
     /// Photograph shifted by (dx, dy) behind an analyser at `psi`, 40,000 e⁻ at 1 and 8 e⁻ read noise, times `noise`.
-    fn frame(&self, size: [usize; 2], psi: f64, [dx, dy]: [f64; 2], noise: f64, seed: u64) -> Vec<f32> {
-        use rayon::prelude::*;
+    pub fn frame(&self, size: [usize; 2], psi: f64, [dx, dy]: [f64; 2], noise: f64, seed: u64) -> Vec<f32> {
         let (s2, c2) = (2.0 * psi).sin_cos();
         let pixel = |i: usize| {
             let [a, c, s] = self.at((i % size[0]) as f64 - dx, (i / size[0]) as f64 - dy);
@@ -97,21 +98,21 @@ impl Tiled {
     }
 }
 
-fn angles(n: usize) -> Vec<f64> {
+pub fn angles(n: usize) -> Vec<f64> {
     (0..n).map(|k| std::f64::consts::PI * k as f64 / n as f64).collect()
 }
 
 /// A wedge's shifts.
-fn wedge(angles: &[f64], px: f64) -> Vec<[f64; 2]> {
+pub fn wedge(angles: &[f64], px: f64) -> Vec<[f64; 2]> {
     angles.iter().map(|psi| [px * (psi + 0.3).cos(), -px * (psi + 0.3).sin()]).collect()
 }
 
-fn rows(plane: Vec<f32>, width: usize) -> impl Fn(usize, &mut [f32], &mut [u8]) + Sync {
+pub fn rows(plane: Vec<f32>, width: usize) -> impl Fn(usize, &mut [f32], &mut [u8]) + Sync {
     move |y, values: &mut [f32], _: &mut [u8]| values.copy_from_slice(&plane[y * width..][..width])
 }
 
 /// Root mean square error of the shifts about their mean, and the largest σ.
-fn errors(found: &[Shift], truth: &[[f64; 2]]) -> (f64, f64) {
+pub fn errors(found: &[Shift], truth: &[[f64; 2]]) -> (f64, f64) {
     let n = truth.len() as f64;
     let mean = [0, 1].map(|i| truth.iter().map(|t| t[i]).sum::<f64>() / n);
     let square = |(f, t): (&Shift, &[f64; 2])| (f.dx - t[0] + mean[0]).powi(2) + (f.dy - t[1] + mean[1]).powi(2);
@@ -119,32 +120,11 @@ fn errors(found: &[Shift], truth: &[[f64; 2]]) -> (f64, f64) {
     (rms, found.iter().map(|f| f.sigma).fold(0.0, f64::max))
 }
 
-#[test]
-fn explore() {
-    let size = [384, 320];
-    for (name, scene) in [("tiles", TILES), ("bands", BANDS)] {
-        for n in [4usize, 12] {
-            for px in [0.0, 0.3, 3.0, 6.0] {
-                for (modulation, variation) in [(0.3, 0.4), (0.05, 0.4), (0.3, 0.0), (0.7, 0.1)] {
-                    let scene = Tiled { modulation, variation, ..scene };
-                    let psi = angles(n);
-                    let truth = wedge(&psi, px);
-                    let mut registrar = Registrar::new(size[0], size[1]);
-                    for k in 0..n {
-                        registrar.add(rows(scene.frame(size, psi[k], truth[k], 1.0, k as u64), size[0]));
-                    }
-                    let peaks = coarse::peaks(&registrar.windows);
-                    let coarse: Vec<Shift> = peaks.iter().map(|p| Shift { dx: p.shift[0], dy: p.shift[1], sigma: 0.0 }).collect();
-                    let m = [0, 1].map(|i| peaks.iter().map(|p| p.shift[i]).sum::<f64>() / n as f64);
-                    let coarse: Vec<Shift> = coarse.iter().map(|s| Shift { dx: s.dx - m[0], dy: s.dy - m[1], sigma: 0.0 }).collect();
-                    let low = peaks[1..].iter().map(|p| p.height).fold(1e9, f64::min);
-                    let t = std::time::Instant::now();
-                    let result = registrar.polarized(&psi);
-                    let t = t.elapsed().as_secs_f64();
-                    let text = match &result { Registration::Told(f) => format!("{:.4?}", errors(f, &truth)), other => format!("{other:?}") };
-                    println!("{name} n {n} px {px} m {modulation} v {variation}: coarse {:.3} height {low:.1} -> {text} {t:.2}s", errors(&coarse, &truth).0);
-                }
-            }
-        }
+/// Frames of a scene under these shifts, one seed each.
+pub fn registrar(scene: &Tiled, size: [usize; 2], psi: &[f64], shifts: &[[f64; 2]], noise: f64) -> Registrar {
+    let mut registrar = Registrar::new(size[0], size[1]);
+    for (k, (psi, shift)) in psi.iter().zip(shifts).enumerate() {
+        registrar.add(rows(scene.frame(size, *psi, *shift, noise, k as u64), size[0]));
     }
+    registrar
 }
