@@ -13,6 +13,10 @@ use std::sync::Arc;
 /// Largest shift that is looked for, in pixels; a quarter of the window where that is less.
 const REACH: usize = 32;
 
+/// Two Hann windows overlap best near no shift, where random correlations are larger than on average by this factor:
+/// `∫h⁴ / (∫h²)²` of both sides, as a standard deviation.
+const UNDER_HANN: f64 = 35.0 / 18.0;
+
 type Image = Vec<Complex<f32>>;
 
 /// Highest point of a correlation.
@@ -41,7 +45,8 @@ pub(super) fn peaks(windows: &Windows) -> Vec<Peak> {
             // Half-way to pure phase: the peak is as sharp as the edges are, and noise is not made as strong as they.
             cross.iter_mut().for_each(|c| *c /= c.norm().sqrt().max(f32::MIN_POSITIVE));
             // Of frames that have nothing in common, phases are random.
-            let deviation = cross.iter().map(|c| 0.5 * f64::from(c.norm_sqr())).sum::<f64>().sqrt();
+            let power = cross.iter().map(|c| 0.5 * f64::from(c.norm_sqr())).sum::<f64>();
+            let deviation = UNDER_HANN * power.sqrt();
             peak(&fourier.backward(cross), windows.side, deviation)
         })
         .collect()

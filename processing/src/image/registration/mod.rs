@@ -24,8 +24,9 @@ use windows::Windows;
 /// Fewest angles at which Malus' law leaves something over to judge shifts by.
 const FEWEST_ANGLES: usize = 4;
 
-/// Height of a correlation's peak in standard deviations, from which it is no noise (see [`coarse`]).
-const SIGNIFICANT: f64 = 6.0;
+/// Height of a correlation's peak in standard deviations, from which it is no noise: 1 of 800 frames of pure noise gets there,
+/// and is then refused for its σ.
+const SIGNIFICANT: f64 = 5.0;
 
 /// A shift less certain than this, in pixels, is not told.
 pub const MAX_SIGMA: f64 = 0.1;
