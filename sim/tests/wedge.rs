@@ -1,7 +1,9 @@
 //! A wedged analyser shifts the image as it turns, and registration finds by how much.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use nacre_drivers::Pattern;
-use nacre_processing::image::registration::{Registration, register};
+use nacre_processing::image::registration::{Registration, Shift, register};
 use nacre_processing::progress::Silent;
 use nacre_sim::{Bench, BenchConfig, Shining};
 use std::time::Duration;
@@ -50,11 +52,8 @@ fn registration_finds_the_wedge() {
         });
         let Registration::Told(shifts) = found.unwrap() else { panic!("{wedge_px} px: cannot tell") };
         let mean = [0, 1].map(|i| truth.iter().map(|t| t[i]).sum::<f64>() / 8.0);
-        let square = |(s, t): (_, &[f64; 2])| {
-            let nacre_processing::image::registration::Shift { dx, dy, .. } = s;
-            (dx - t[0] + mean[0]).powi(2) + (dy - t[1] + mean[1]).powi(2)
-        };
-        let error = (shifts.iter().copied().zip(&truth).map(square).sum::<f64>() / 16.0).sqrt();
+        let square = |(s, t): (&Shift, &[f64; 2])| (s.dx - t[0] + mean[0]).powi(2) + (s.dy - t[1] + mean[1]).powi(2);
+        let error = (shifts.iter().zip(&truth).map(square).sum::<f64>() / 16.0).sqrt();
         let sigma = shifts.iter().map(|s| s.sigma).fold(0.0, f64::max);
         println!("wedge {wedge_px} px, jitter {jitter_px} px: error {error:.4} px, σ {sigma:.4} px");
         assert!(error < 0.05, "{wedge_px} px: {error} px, σ {sigma}");

@@ -56,7 +56,8 @@ pub enum Registration {
 pub enum Doubt {
     /// The image is below 32 pixels wide or high, or there is no frame.
     TooSmall,
-    /// These frames (counted from 0) show nothing in common with the first.
+    /// These frames (counted from 0) show nothing in common with the first, or too few edges to tell (images below about
+    /// 128 pixels).
     NothingInCommon(Vec<usize>),
     /// There are edges, but the frames do not follow the scene's model under any shifts.
     NoAgreement,
