@@ -135,10 +135,10 @@ fn noise_has_no_shift() {
 fn a_frame_without_the_scene_is_named() {
     let psi = angles(6);
     let mut registrar = Registrar::new(SIZE[0], SIZE[1]);
-    for k in 0..6 {
+    for (k, psi) in psi.iter().enumerate() {
         let away = if k == 4 { [5e5, -3e5] } else { [0.0; 2] };
         let scene = if k == 4 { Tiled { pitch: [1e6, 1e6], ..TILES } } else { TILES };
-        registrar.add(rows(scene.frame(SIZE, psi[k], away, 1.0, k as u64), SIZE[0]));
+        registrar.add(rows(scene.frame(SIZE, *psi, away, 1.0, k as u64), SIZE[0]));
     }
     assert_eq!(doubt(registrar.polarized(&psi)), Doubt::NothingInCommon(vec![4]));
 }
