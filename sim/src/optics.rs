@@ -301,7 +301,8 @@ mod tests {
         bench.grating.rigorous = Some(RigorousConfig::default());
         let scene = Scene::new(&bench).unwrap();
         let source = Source { lamp: Lamp::Panel, center_mm: scene.panel_middle_mm(), diameter_mm: bench.disc_mm() };
-        let (light, (truth, _)) = (scene.render(&source, &Silent).unwrap(), scene.survey(&Silent).unwrap());
+        let (light, (truth, _)) =
+            (scene.render(&source, [0.0; 2], &Silent).unwrap(), scene.survey([0.0; 2], &Silent).unwrap());
         for period in [1.0, 1.4, 2.0] {
             let surface = Grating { period_um: period, depth_um: 0.1, above: 1.0, below: ALUMINIUM };
             let r = ratio(&surface, 560.0, 1e-5).unwrap();
