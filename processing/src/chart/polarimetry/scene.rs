@@ -1,0 +1,108 @@
+//! What the studies share: rendered series, the methods, and how a map is judged.
+
+use crate::Result;
+use crate::chart::{Axis, Effort, Outcome};
+use crate::polarimetry::synthetic::{Photographs, Synthetic};
+use crate::polarimetry::{Design, Fit, FrameNoise, OrientationMaps, StokesMaps, angle_difference, compare, orient};
+use num_complex::Complex;
+use std::f64::consts::PI;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// From solved Stokes maps to orientations.
+pub(super) type Solve = dyn Fn(&mut StokesMaps, &Design, &[FrameNoise]) -> Result<OrientationMaps> + Send + Sync;
+
+/// A model by name.
+#[derive(Clone)]
+pub(super) struct Method {
+    pub name: &'static str,
+    pub solve: Arc<Solve>,
+    /// The program's choice when the user makes none.
+    pub default: bool,
+}
+
+/// The models to be compared. One more is one more entry.
+pub(super) fn methods() -> Vec<Method> {
+    let sinusoid = |maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise]| Ok(orient(maps, design, noise, 0.0));
+    vec![Method { name: "sinusoid", solve: Arc::new(sinusoid), default: true }]
+}
+
+/// Pixels per scene where time matters little.
+pub(super) fn pixels(effort: Effort) -> usize {
+    effort.pick(40_000, 2000)
+}
+
+/// What all studies of orientation measure.
+pub(super) fn orientation_error() -> Axis {
+    Axis::log("mean orientation error", "°")
+}
+
+pub(super) fn time() -> Axis {
+    Axis::log("time per megapixel", "s")
+}
+
+/// Ratio of amplitudes and phase in degrees as a complex number.
+pub(super) fn ratio(r: f64, zeta_deg: f64) -> Complex<f64> {
+    Complex::from_polar(r, zeta_deg.to_radians())
+}
+
+/// Renders a scene and runs a method on it; the clock runs for fit, solution and method.
+pub(super) fn run(scene: &Synthetic, method: &Method, pixels: usize, seed: u64) -> Result<Outcome> {
+    let photographs = scene.render(pixels, seed)?;
+    let begun = Instant::now();
+    let mut maps = fold(&photographs).solve(&photographs.design);
+    let map = (method.solve)(&mut maps, &photographs.design, &photographs.noise)?;
+    let seconds = begun.elapsed().as_secs_f64() / photographs.truth.len() as f64 * 1e6;
+    Ok(judge(&map, &photographs.truth, seconds))
+}
+
+/// Pixels per row of the fit, so that it uses all threads as it does on a photograph.
+const ROW: usize = 1024;
+
+/// Folds all photographs into a fit.
+pub(super) fn fold(photographs: &Photographs) -> Fit {
+    let n = photographs.truth.len();
+    let width = if n.is_multiple_of(ROW) { ROW } else { n };
+    let mut fit = Fit::new(width, n / width);
+    for (psi, frame) in photographs.angles.iter().zip(&photographs.frames) {
+        fit.add(*psi, |y, values, bad| {
+            let row = &frame[y * width..][..width];
+            values.copy_from_slice(row);
+            if let Some(white) = photographs.white {
+                bad.iter_mut().zip(row).for_each(|(bad, v)| *bad |= u8::from(*v >= white));
+            }
+        });
+    }
+    fit
+}
+
+/// A map against the truth, its gauge removed: mean error in degrees, shares, and the error that σ promises.
+pub(super) fn judge(map: &OrientationMaps, truth: &[f32], seconds: f64) -> Outcome {
+    let n = truth.len() as f64;
+    let compared = compare(&map.orientation, &map.sigma, truth, |_| true);
+    let offset = compared.map_or(0.0, |c| c.offset_deg.to_radians());
+    let (mut wrong, mut promised) = (0_usize, 0.0);
+    for ((theta, sigma), truth) in map.orientation.iter().zip(&map.sigma).zip(truth) {
+        if theta.is_finite() {
+            let error = angle_difference(f64::from(*theta) - f64::from(*truth), offset).abs();
+            wrong += usize::from(error > 5.0 * f64::from(*sigma));
+            promised += f64::from(*sigma);
+        }
+    }
+    let known = compared.map_or(0, |c| c.pixels);
+    Outcome {
+        error: compared.map(|c| c.mean_deg),
+        seconds,
+        masked: 1.0 - known as f64 / n,
+        wrong: wrong as f64 / n,
+        predicted: (known > 0).then(|| mean_of_normal(promised / known as f64).to_degrees()),
+    }
+}
+
+/// Mean |x| of a normal deviate of this standard deviation.
+pub(super) fn mean_of_normal(sigma: f64) -> f64 {
+    sigma * (2.0 / PI).sqrt()
+}
+
+/// Phrase for the legend of studies whose expected error is the map's own σ.
+pub(super) const PROMISED: &str = "the error that σ promises";
