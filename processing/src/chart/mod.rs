@@ -59,6 +59,9 @@ mod sweep;
 mod tables;
 mod trade;
 
+#[cfg(test)]
+mod tests;
+
 pub use folder::{Charted, Picture, Request, catalogue, chart};
 pub use machine::Machine;
 pub use pareto::pareto_front;

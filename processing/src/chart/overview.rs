@@ -18,7 +18,7 @@ pub(super) fn draw(title: &str, studies: &[&Summary]) -> String {
     for (i, study) in studies.iter().enumerate() {
         let corner = [(i % COLUMNS) as f64 * PANEL[0], 74.0 + (i / COLUMNS) as f64 * PANEL[1]];
         let area = Area::new(corner[0] + 84.0, corner[1] + 26.0, PANEL[0] - 96.0, PANEL[1] - 84.0);
-        panel(&mut svg, area, study);
+        panel(&mut svg, area, study, i % COLUMNS == 0);
     }
     svg.finish(title)
 }
@@ -43,7 +43,8 @@ fn legend(svg: &mut Svg, studies: &[&Summary]) {
     svg.text([x + 18.0, 60.0], text, 12.5, Anchor::Start, &fill(SOFT));
 }
 
-fn panel(svg: &mut Svg, area: Area, summary: &Summary) {
+/// `first` in its row carries the title of the error.
+fn panel(svg: &mut Svg, area: Area, summary: &Summary, first: bool) {
     let shown: Vec<usize> = (0..summary.settings.len()).filter(|s| summary.settings[*s].in_sweep).collect();
     let points: Vec<&Point> = summary.points.iter().filter(|p| shown.contains(&p.setting)).collect();
     let stress = |p: &Point| summary.scenes[p.scene].value;
@@ -51,7 +52,7 @@ fn panel(svg: &mut Svg, area: Area, summary: &Summary) {
     let values = points.iter().flat_map(|p| [p.error.map_or(f64::NAN, |e| e.median), p.predicted.unwrap_or(f64::NAN)]);
     let y = Ruler::covering(summary.error.scale, values, area.y + area.h, area.y);
     let x_title = summary.stress.title();
-    let y_title = summary.error.title();
+    let y_title = if first { summary.error.title() } else { String::new() };
     Axes { area, x, y, names: &[], x_title: &x_title, y_title: &y_title, percent: false }.draw(svg);
     svg.text([area.x, area.y - 8.0], &summary.title, 12.5, Anchor::Start, "font-weight=\"bold\"");
     for &setting in &shown {

@@ -5,13 +5,14 @@ use super::svg::{Anchor, Area, Svg, fill, text_width};
 use super::{Scale, Summary, sweep, trade};
 
 const WIDTH: f64 = 1280.0;
+const PANEL: f64 = 440.0;
 
 /// The study as an SVG.
 pub(super) fn draw(summary: &Summary) -> String {
     let names = summary.stress.scale == Scale::Names;
     let longest = summary.scenes.iter().map(|s| text_width(&s.label, 12.0)).fold(0.0, f64::max);
     let below = if names { 52.0 + 0.48 * longest } else { 58.0 };
-    let height = 96.0 + 420.0 + below + 46.0;
+    let height = 96.0 + PANEL + below + 68.0;
     let mut svg = Svg::new(WIDTH, height);
     svg.text([28.0, 34.0], &summary.title, 20.0, Anchor::Start, "font-weight=\"bold\"");
     let scene = &summary.scenes[summary.reference];
@@ -21,22 +22,25 @@ pub(super) fn draw(summary: &Summary) -> String {
         "°" | "%" => summary.stress.unit.clone(),
         unit => format!(" {unit}"),
     };
-    let left = Area::new(92.0, 96.0, 440.0, 420.0);
-    let right = Area::new(660.0, 96.0, WIDTH - 660.0 - 24.0, 420.0);
-    let title = format!("Time against error, at {} {value}{unit}", summary.stress.name);
+    let left = Area::new(92.0, 96.0, 440.0, PANEL);
+    let right = Area::new(660.0, 96.0, WIDTH - 660.0 - 24.0, PANEL);
+    let title = format!("Time against error, where {} = {value}{unit}", summary.stress.name);
     let title = if names { format!("Time against error, at “{value}”") } else { title };
     svg.text([left.x, 82.0], &title, 14.5, Anchor::Start, "font-weight=\"bold\"");
     svg.text([right.x, 82.0], "Error, and where it breaks", 14.5, Anchor::Start, "font-weight=\"bold\"");
     trade::draw(&mut svg, left, summary);
     sweep::draw(&mut svg, right, summary);
-    legend(&mut svg, height - 22.0, summary);
+    legend(&mut svg, height - 40.0, summary);
     svg.finish(&summary.title)
 }
 
-/// What the signs mean, in one row.
+/// What the signs mean, in one or two rows.
 fn legend(svg: &mut Svg, y: f64, summary: &Summary) {
-    let mut x = 28.0;
+    let (mut x, mut y) = (28.0, y);
     let mut entry = |svg: &mut Svg, sign: &dyn Fn(&mut Svg, [f64; 2]), text: &str| {
+        if x + 26.0 + text_width(text, 12.0) > WIDTH - 10.0 {
+            (x, y) = (28.0, y + 22.0);
+        }
         sign(svg, [x + 10.0, y - 4.0]);
         svg.text([x + 26.0, y], text, 12.0, Anchor::Start, &fill(SOFT));
         x += 26.0 + text_width(text, 12.0) + 18.0;

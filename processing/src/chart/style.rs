@@ -53,13 +53,23 @@ pub(super) fn number(value: f64) -> String {
         let digits = (2 - size.log10().floor() as i32).clamp(0, 6) as usize;
         let text = format!("{value:.digits$}");
         let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-        text.replace('-', "−")
+        grouped(text).replace('-', "−")
     } else {
         let exponent = size.log10().floor();
         let mantissa = value / 10f64.powf(exponent);
         let power = format!("10{}", superscript(exponent as i32));
         if (mantissa - 1.0).abs() < 0.005 { power } else { format!("{} · {power}", number(mantissa)) }
     }
+}
+
+/// With a comma between thousands, from five digits on.
+fn grouped(text: &str) -> String {
+    let whole = text.split('.').next().unwrap_or(text).trim_start_matches('-').len();
+    if whole < 5 || text.contains('.') {
+        return text.into();
+    }
+    let (front, back) = text.split_at(text.len() - 3);
+    format!("{front},{back}")
 }
 
 fn superscript(n: i32) -> String {
@@ -85,6 +95,7 @@ mod tests {
             (0.25, "0.25"),
             (1234.6, "1235"),
             (0.001, "0.001"),
+            (40_000.0, "40,000"),
             (1e-5, "10⁻⁵"),
             (2.5e-13, "2.5 · 10⁻¹³"),
             (1e6, "10⁶"),

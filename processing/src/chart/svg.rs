@@ -101,6 +101,12 @@ impl Svg {
         );
     }
 
+    /// Text with a white rim, readable across lines.
+    pub fn text_on_lines(&mut self, at: [f64; 2], text: &str, size: f64, anchor: Anchor, style: &str) {
+        let rim = "stroke=\"#ffffff\" stroke-opacity=\"0.85\" stroke-width=\"3.5\" stroke-linejoin=\"round\" paint-order=\"stroke\"";
+        self.text(at, text, size, anchor, &format!("{style} {rim}"));
+    }
+
     /// Text that reads upwards, its middle at the point.
     pub fn upright(&mut self, [x, y]: [f64; 2], text: &str, size: f64, style: &str) {
         let turn = format!("transform=\"rotate(-90 {x:.2} {y:.2})\" {style}");
@@ -318,6 +324,12 @@ impl Labels {
         Self { taken: points.iter().map(around).collect(), bounds }
     }
 
+    /// Labels keep off a line from left to right or from top to bottom, too, if they can.
+    pub fn avoid(&mut self, from: [f64; 2], to: [f64; 2]) {
+        let corner = [from[0].min(to[0]) - 1.0, from[1].min(to[1]) - 1.0];
+        self.taken.push(Area::new(corner[0], corner[1], (from[0] - to[0]).abs() + 2.0, (from[1] - to[1]).abs() + 2.0));
+    }
+
     /// Writes a label at the place around `point` that covers least.
     pub fn place(&mut self, svg: &mut Svg, point: [f64; 2], text: &str, size: f64, style: &str) {
         let (w, h) = (text_width(text, size), 1.15 * size);
@@ -344,7 +356,7 @@ impl Labels {
             if (middle[0] - point[0]).hypot(middle[1] - point[1]) > 22.0 + w / 2.0 {
                 svg.line(point, [middle[0].clamp(area.x, area.x + w), middle[1]], "stroke=\"#c3cad3\"");
             }
-            svg.text([area.x, area.y + 0.82 * h], text, size, Anchor::Start, style);
+            svg.text_on_lines([area.x, area.y + 0.82 * h], text, size, Anchor::Start, style);
         }
     }
 }

@@ -6,7 +6,7 @@ use super::{Point, Scale, Summary};
 
 /// Height of one strip of shares, and the gap above it.
 const STRIP: f64 = 58.0;
-const GAP: f64 = 14.0;
+const GAP: f64 = 26.0;
 
 /// Draws the settings that are marked for it.
 pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
@@ -24,7 +24,7 @@ pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
         let top = [0.01, 0.05, 0.2, 0.5, 1.0].into_iter().find(|t| highest <= *t).unwrap_or(1.0);
         let y = Ruler::exact(0.0, top, strip.y + strip.h, strip.y);
         Axes { area: strip, x, y, names: &names, x_title: below, y_title: "", percent: true }.draw(svg);
-        svg.text([strip.x + 8.0, strip.y + 15.0], title, 12.0, Anchor::Start, &fill(color));
+        svg.text([strip.x, strip.y - 6.0], title, 12.5, Anchor::Start, &fill(color));
         shares(svg, x, y, summary, &shown, value);
     };
     let second = main.y + main.h + GAP;

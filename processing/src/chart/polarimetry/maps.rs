@@ -2,7 +2,7 @@
 
 use super::scene::ratio;
 use crate::chart::Picture;
-use crate::chart::style::{INK, SOFT, number};
+use crate::chart::style::{INK, SOFT};
 use crate::chart::svg::{Anchor, Area, Axes, Ruler, Svg, fill};
 use crate::image::{encode_png8, viridis};
 use crate::polarimetry::synthetic::{Source, Synthetic};
@@ -42,13 +42,13 @@ pub(super) fn picture() -> Picture {
 fn draw() -> Result<String> {
     let pitch = [SIDE + 86.0, SIDE + 84.0];
     let columns = 4;
-    let mut svg = Svg::new(40.0 + columns as f64 * pitch[0], 104.0 + 4.0 * pitch[1] + 20.0);
+    let mut svg = Svg::new(44.0 + columns as f64 * pitch[0], 104.0 + 4.0 * pitch[1] + 20.0);
     svg.text([28.0, 34.0], picture().title, 20.0, Anchor::Start, "font-weight=\"bold\"");
     legend(&mut svg);
     for (i, case) in CASES.iter().enumerate() {
         let raw = intensities(case);
         for (row, values) in [normalised(&raw), normalised(&without_mean(&raw))].iter().enumerate() {
-            let corner = [66.0 + (i % columns) as f64 * pitch[0], 104.0 + (2 * (i / columns) + row) as f64 * pitch[1]];
+            let corner = [84.0 + (i % columns) as f64 * pitch[0], 104.0 + (2 * (i / columns) + row) as f64 * pitch[1]];
             panel(&mut svg, Area::new(corner[0], corner[1], SIDE, SIDE), values, &title(case, row))?;
         }
     }
@@ -70,7 +70,7 @@ fn legend(svg: &mut Svg) {
 
 fn title(&(r, zeta, film, source): &(f64, f64, f64, Source), row: usize) -> [String; 2] {
     let light = if source == Source::Circular { "" } else { ", linear light" };
-    let first = format!("r {}, ζ {zeta}°, Δn {film}°{light}", number(r));
+    let first = format!("r {}, ζ {zeta}°, Δn {film}°{light}", r);
     [first, if row == 0 { "as photographed".into() } else { "mean over orientations removed".into() }]
 }
 
