@@ -63,8 +63,7 @@ fn assert_theory(out: &Path) {
 /// The maps are pictures inside the picture: many colours where the first of them is.
 fn assert_map_is_drawn(png: &Path) {
     let image = image::open(png).unwrap().to_rgb8();
-    let colors: std::collections::HashSet<_> =
-        (0..200).map(|k| image.get_pixel(140 + k, 340).0).collect();
+    let colors: std::collections::HashSet<_> = (0..200).map(|k| image.get_pixel(140 + k, 340).0).collect();
     assert!(colors.len() > 30, "{}", colors.len());
 }
 
@@ -100,4 +99,26 @@ fn names_are_checked_and_listed() {
     nacre(["chart", "maps", "--out", folder.path().to_str().unwrap()]).expect(2);
     assert_eq!(listing(folder.path()), ["notes"]);
     nacre(["chart", "--quick", "--runs", "1", "maps", "--out", out.to_str().unwrap()]).expect(2);
+}
+
+#[test]
+fn the_service_lists_charts_and_gives_their_files() {
+    use nacre_tests::Place;
+    use nacre_tests::http::Service;
+    let place = Place::with_bench("", "camera = { width = 64, height = 48 }");
+    let folder = place.path("data/charts/first");
+    nacre(chart(&["maps"], &folder)).expect(0);
+    std::fs::write(place.path("data/secret"), "x").unwrap();
+    std::fs::create_dir(place.path("data/charts/damaged")).unwrap();
+    std::fs::write(place.path("data/charts/damaged/charts.json"), "{").unwrap();
+    let service = Service::start(&place, &[]);
+    let items = service.get("/api/v1/charts").expect(200).json();
+    assert_eq!(items["items"].as_array().unwrap().len(), 1, "{items}");
+    assert_eq!(items["items"][0]["charts"][0]["name"], "maps");
+    let png = service.get("/api/v1/charts/first/maps/maps.png").expect(200);
+    assert_eq!(png.header("content-type").as_deref(), Some("image/png"));
+    assert_eq!(png.body, std::fs::read(folder.join("maps/maps.png")).unwrap());
+    for wrong in ["first/maps/none.png", "../../secret", "first/..%2f..%2f../secret", "%2e%2e/x/secret"] {
+        service.get(&format!("/api/v1/charts/{wrong}")).expect(404);
+    }
 }

@@ -62,7 +62,7 @@ mod trade;
 #[cfg(test)]
 mod tests;
 
-pub use folder::{Charted, Picture, Request, catalogue, chart};
+pub use folder::{Chart, Charted, Picture, Request, catalogue, chart};
 pub use machine::Machine;
 pub use pareto::pareto_front;
 pub use png::png_from_svg;
