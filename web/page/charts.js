@@ -49,7 +49,8 @@ export async function chartsPage(main, { id, signal }) {
       return link;
     });
     const quick = chart.quick && h("span", { class: "badge", title: "Measured on small scenes; not for conclusions" }, "quick look");
-    return panel(chart.title, quick, h("p", { class: "soft" }, chart.text), well, h("p", { class: "row downloads" }, links));
+    return panel(chart.title, quick, h("p", { class: "soft" }, chart.text), well, h("p", { class: "row downloads" }, links),
+      chart.measured && h("p", { class: "soft" }, h("small", {}, chart.measured)));
   }
   list.append(...chosen.charts.map(section));
 }

@@ -25,7 +25,7 @@ pub struct ChartList {
 pub struct ChartFolder {
     /// Its name.
     folder: String,
-    /// `{name, group, title, text, quick, files}` each; a file is fetched from `/api/v1/charts/FOLDER/FILE`.
+    /// `{name, group, title, text, quick, measured, files}` each; a file is fetched from `/api/v1/charts/FOLDER/FILE`.
     #[schema(value_type = Vec<Object>)]
     charts: Vec<Chart>,
 }

@@ -3,7 +3,7 @@
 use super::page::{Entry, html};
 use super::runner::{Plan, measure};
 use super::summary::{Summary, summarize};
-use super::{Machine, Study, overview, picture, png_from_svg, tables};
+use super::{Study, overview, picture, png_from_svg, tables};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -59,6 +59,8 @@ pub struct Chart {
     pub text: String,
     /// Whether it is a quick look.
     pub quick: bool,
+    /// Machine, program, seed and runs; empty for what is computed and not measured.
+    pub measured: String,
     /// Its files, relative to the folder.
     pub files: Vec<String>,
 }
@@ -103,15 +105,14 @@ pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
             title: p.title.into(),
             text,
             quick: false,
+            measured: String::new(),
             files,
         });
     }
     let json = serde_json::to_vec_pretty(&charted).map_err(std::io::Error::from);
     write(out, "charts.json", &json.map_err(|e| Error::output(out, e))?)?;
-    let measured = (!summaries.is_empty()).then(Machine::this);
     let entries: Vec<Entry> = charted.charts.iter().map(Entry::from).collect();
-    let page = html(&entries, measured.as_ref().map(|machine| (&request.plan, machine)));
-    write(out, "index.html", page.as_bytes())?;
+    write(out, "index.html", html(&entries).as_bytes())?;
     Ok(charted)
 }
 
@@ -159,8 +160,23 @@ fn write_study(out: &Path, summary: &Summary) -> Result<Chart> {
         title: summary.title.clone(),
         text: summary.question.clone(),
         quick: summary.plan.effort == super::Effort::Quick,
+        measured: measured(summary),
         files,
     })
+}
+
+fn measured(summary: &Summary) -> String {
+    let (machine, plan) = (&summary.machine, &summary.plan);
+    format!(
+        "Measured on {} ({} threads, {}) with version {}, seed {}, {} runs per setting{}.",
+        machine.cpu,
+        machine.cores,
+        machine.system,
+        plan.version,
+        plan.seed,
+        plan.runs,
+        plan.effort.pick("", "; a quick look on small scenes, not for conclusions")
+    )
 }
 
 /// Groups with enough studies for a picture of small panels.
@@ -183,7 +199,8 @@ fn write_overview(out: &Path, group: &str, summaries: &[Summary]) -> Result<Char
     let files = write_pictures(out, &name, &overview::draw(title, &members))?;
     let text = "One panel per difficulty; the charts below show each at full size.".to_owned();
     let quick = members.iter().any(|s| s.plan.effort == super::Effort::Quick);
-    Ok(Chart { name, group: group.into(), title: title.into(), text, quick, files })
+    let measured = members.first().map_or(String::new(), |s| measured(s));
+    Ok(Chart { name, group: group.into(), title: title.into(), text, quick, measured, files })
 }
 
 fn write_pictures(out: &Path, name: &str, svg: &str) -> Result<Vec<String>> {
@@ -222,6 +239,6 @@ impl Charted {
 impl From<&Chart> for Entry {
     fn from(chart: &Chart) -> Self {
         let (name, title, text) = (chart.name.clone(), chart.title.clone(), chart.text.clone());
-        Self { name, title, text, files: chart.files.clone() }
+        Self { name, title, text, measured: chart.measured.clone(), files: chart.files.clone() }
     }
 }

@@ -42,6 +42,7 @@
 //! ```
 
 mod folder;
+mod labels;
 mod machine;
 mod overview;
 mod page;

@@ -1,7 +1,6 @@
 //! `index.html`: all charts of a folder on one page that needs nothing else.
 
 use super::svg::escape;
-use super::{Machine, Plan};
 use std::fmt::Write;
 
 /// A picture on the page.
@@ -9,6 +8,8 @@ pub(super) struct Entry {
     pub name: String,
     pub title: String,
     pub text: String,
+    /// How it was measured, if it was.
+    pub measured: String,
     /// Files besides the picture, relative to the folder.
     pub files: Vec<String>,
 }
@@ -22,22 +23,9 @@ a { color: var(--link); } nav { margin: 12px 0 20px; display: flex; flex-wrap: w
 section { background: var(--card); border: 1px solid var(--line); border-radius: 8px; padding: 18px; margin: 0 0 20px; }
 img { display: block; width: 100%; height: auto; background: #fff; border-radius: 4px; }";
 
-/// The page; `measured` says how the numbers were got, where there are any.
-pub(super) fn html(entries: &[Entry], measured: Option<(&Plan, &Machine)>) -> String {
+/// The page.
+pub(super) fn html(entries: &[Entry]) -> String {
     let mut body = String::from("<h1>Charts: speed, accuracy, stability</h1>\n");
-    if let Some((plan, machine)) = measured {
-        let _ = writeln!(
-            body,
-            "<p class=\"soft\">Measured on {} ({} threads, {}) with version {}, seed {}, {} runs per setting{}.</p>",
-            escape(&machine.cpu),
-            machine.cores,
-            escape(&machine.system),
-            escape(&plan.version),
-            plan.seed,
-            plan.runs,
-            plan.effort.pick("", "; a quick look on small scenes, not for conclusions"),
-        );
-    }
     body.push_str("<nav>");
     for e in entries {
         let _ = write!(body, "<a href=\"#{0}\">{1}</a>", e.name, escape(&e.title));
@@ -49,7 +37,7 @@ pub(super) fn html(entries: &[Entry], measured: Option<(&Plan, &Machine)>) -> St
         let _ = writeln!(body, "<a href=\"{name}/{name}.svg\"><img src=\"{name}/{name}.svg\" alt=\"{title}\"></a>");
         let links: Vec<String> =
             e.files.iter().map(|f| format!("<a href=\"{f}\">{}</a>", f.rsplit('/').next().unwrap_or(f))).collect();
-        let _ = writeln!(body, "<p class=\"soft\">{}</p></section>", links.join(" · "));
+        let _ = writeln!(body, "<p class=\"soft\">{}<br>{}</p></section>", links.join(" · "), escape(&e.measured));
     }
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" \

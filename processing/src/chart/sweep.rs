@@ -1,7 +1,8 @@
 //! Error against what makes the task hard, and below it the shares of pixels masked and confidently wrong.
 
+use super::labels::spread_out;
 use super::style::{ALARM, WRONG, color, methods, shape};
-use super::svg::{Anchor, Area, Axes, Ruler, Svg, fill, spread_out};
+use super::svg::{Anchor, Area, Axes, Ruler, Svg, fill};
 use super::{Point, Scale, Summary};
 
 /// Height of one strip of shares, and the gap above it.

@@ -1,7 +1,8 @@
 //! Time against error.
 
+use super::labels::Labels;
 use super::style::{ALARM, INK, SOFT, WRONG, color, methods, shape};
-use super::svg::{Anchor, Area, Axes, Labels, Ruler, Svg, fill};
+use super::svg::{Anchor, Area, Axes, Ruler, Svg, fill};
 use super::{Point, Scale, Summary};
 
 /// Draws the reference scene's settings: median, quartiles, the front that nothing beats, and the default.

@@ -53,7 +53,7 @@ pub(super) fn study(effort: Effort) -> Study {
         question: "The fit folds every photograph into a few sums per pixel. What does it cost to keep them in single precision? \
                    Photographs without noise, in f32, whose modulation is a small share of their mean; reference: an f64 fit of the \
                    very same values. (The program's sums are tuned for speed, the others are written plainly: compare their errors rather than \
-                   their times.) For scale: the noise of a pixel of 40,000 electrons turns the orientation by 0.04° at 12 frames \
+                   their times.) For scale: the noise of a pixel of 40,000 electrons turns the orientation by σ = 0.09° at 12 frames \
                    and full modulation, and by 1/modulation times as much below it."
             .into(),
         knob: Axis::linear("frames", ""),
