@@ -21,7 +21,7 @@ pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
     error(svg, main, x, &names, summary, &shown);
     let share = |value: fn(&Point) -> f64, y: f64, title: &str, color: &str, below: &str, svg: &mut Svg| {
         let strip = Area::new(area.x, y, width, STRIP);
-        let highest = shown.iter().flat_map(|s| of(summary, *s)).map(|p| value(p)).fold(0.0, f64::max);
+        let highest = shown.iter().flat_map(|s| of(summary, *s)).map(value).fold(0.0, f64::max);
         let top = [0.01, 0.05, 0.2, 0.5, 1.0].into_iter().find(|t| highest <= *t).unwrap_or(1.0);
         let y = Ruler::exact(0.0, top, strip.y + strip.h, strip.y);
         Axes { area: strip, x, y, names: &names, x_title: below, y_title: "", percent: true }.draw(svg);

@@ -11,7 +11,7 @@ const FRAMES: [usize; 9] = [3, 4, 5, 6, 8, 12, 16, 20, 24];
 const ELECTRONS: [f64; 6] = [300.0, 1000.0, 3000.0, 10_000.0, 40_000.0, 160_000.0];
 const REFERENCE: usize = 4;
 
-/// 3 to 24 angles, against σ_I / (√(2N) B).
+/// 3 to 24 angles, against σ(I) / (√(2N) B).
 pub(super) fn study(effort: Effort) -> Study {
     let setting = |n: &usize| {
         let setting = Setting::new("sinusoid", format!("{n} frames"), *n as f64);
@@ -27,14 +27,14 @@ pub(super) fn study(effort: Effort) -> Study {
         title: "Number of analyser angles".into(),
         question: "How many photographs does an orientation need? Gratings of all orientations without a film (r 1.1, ζ 45°), \
                    analyser angles spread evenly over 180°, a camera whose white is so many electrons (8 electrons read noise). \
-                   The dashed line is theory: σ = σ_I / (√(2N) B), with σ_I the noise of a photograph at the pixel's mean and B \
+                   The dashed line is theory: σ = σ(I) / (√(2N) B), with σ(I) the noise of a photograph at the pixel's mean and B \
                    the amplitude of its modulation."
             .into(),
         knob: Axis::linear("frames", ""),
         stress: Axis::log("electrons at white", "e⁻"),
         error: orientation_error(),
         time: time(),
-        predicted: "theory: σ_I / (√(2N) B)",
+        predicted: "theory: σ(I) / (√(2N) B)",
         settings: FRAMES.iter().map(setting).collect(),
         scenes: ELECTRONS.map(Scene::new).to_vec(),
         reference: REFERENCE,
