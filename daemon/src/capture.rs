@@ -3,12 +3,12 @@
 use crate::Failure;
 use crate::console::Console;
 use crate::engine::{Control, Engine, Input, Observer, State};
-use crate::plan::{ModelPlan, Plan, ReconstructPlan};
+use crate::plan::{Plan, ReconstructPlan};
 use crate::rig::Rig;
 use crate::session::{Disk, Journal, Session, SessionFile, Timing, is_vacant};
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
-use nacre_processing::polarimetry::{self, Model, Options, Report, Running};
+use nacre_processing::polarimetry::{self, Options, Report, Running};
 use nacre_processing::progress::Progress;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -168,12 +168,8 @@ fn results(
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<(PathBuf, Report), Failure> {
-    let model = match planned.model {
-        ModelPlan::Auto => Model::Auto,
-        ModelPlan::Sinusoid => Model::Sinusoid,
-    };
     let results = folder.join("results");
-    let options = Options { model, overwrite: true, ..Options::default() };
+    let options = Options { model: planned.model, overwrite: true, ..Options::default() };
     let report = match running {
         Some(running) => running.finish(OutputFolder::begin(&results, true)?, &options, progress)?,
         None => polarimetry::reconstruct(folder, &results, &options, progress)?,

@@ -14,5 +14,6 @@ pub mod frames;
 pub mod image;
 pub mod polarimetry;
 pub mod progress;
+pub mod rcwa;
 
 pub use error::{Error, Result};

@@ -57,10 +57,10 @@ impl Bench {
     /// Builds the bench; the panel is black, the flash off, the analyser at 0°.
     ///
     /// # Errors
-    /// `Cancelled`.
+    /// `Cancelled`; a rigorous R (`[grating.rigorous]`) that cannot be computed to the requested error.
     pub fn new(config: &BenchConfig, progress: &dyn Progress) -> Result<Self> {
-        let scene = Scene::new(config);
-        let (truth, ambient) = scene.survey(progress)?;
+        let scene = Scene::new(config)?;
+        let (truth, ambient) = scene.survey([0.0; 2], progress)?;
         let dark = Shining { pattern: Pattern::Black, flash: false, covered: false };
         Ok(Self {
             now: Duration::ZERO,
@@ -171,7 +171,7 @@ impl Bench {
         let light = match self.lights.iter().position(|(s, _)| s == source).and_then(|at| self.lights.remove(at)) {
             Some((_, light)) => light,
             // Nobody cancels `Silent`.
-            None => match self.scene.render(source, &Silent) {
+            None => match self.scene.render(source, [0.0; 2], &Silent) {
                 Ok(light) => Arc::new(light),
                 Err(_) => return,
             },
@@ -205,11 +205,25 @@ impl Bench {
         (lit, open)
     }
 
+    /// The same light through a wedge, rendered anew so that no interpolation stands between sample and camera.
+    fn shifted(&self, mut lit: Vec<Lit>, shift: [f64; 2]) -> (Vec<Lit>, Option<Vec<f32>>) {
+        for lit in &mut lit {
+            // Nobody cancels `Silent`.
+            if let Ok(light) = self.scene.render(&lit.source, shift, &Silent) {
+                lit.light = Arc::new(light);
+            }
+        }
+        (lit, self.scene.survey(shift, &Silent).ok().map(|(_, ambient)| ambient))
+    }
+
     /// Codes of one exposure, row-major: the analyser's angle averaged over it, shot and read noise, converter.
     pub fn codes(&self, frame: &Exposed) -> Vec<u16> {
         let (end, exposure) = (frame.end - self.camera.readout(), frame.settings.exposure_s);
         let (cos2, sin2) = self.analyser_over(frame.start, end);
         let (lit, open) = self.lit(frame.start, end);
+        let shift = self.config.shift_px(self.stage.angle(frame.start + (end - frame.start) / 2));
+        let (lit, ambient) = if shift == [0.0; 2] { (lit, None) } else { self.shifted(lit, shift) };
+        let ambient = ambient.as_ref().unwrap_or(&self.ambient);
         let (camera, extinction) = (&self.config.camera, 1.0 / self.config.stage.extinction_ratio);
         let electrons_per_unit = camera.sensitivity_e_ms * exposure * 1000.0;
         let noise = self.noise_key(frame, [cos2, sin2, open], &lit);
@@ -218,7 +232,7 @@ impl Bench {
         let black = f64::from(camera.black_level);
         let per_electron = frame.settings.gain * (white - black) / camera.well_e;
         let light = |i: usize| {
-            let mut sum = open * (1.0 + extinction) * f64::from(self.ambient[i]);
+            let mut sum = open * (1.0 + extinction) * f64::from(ambient[i]);
             for Lit { share, light, .. } in &lit {
                 let [s0, s1, s2] = [0, 1, 2].map(|p| f64::from(light.planes[p][i]));
                 sum += share * (s0 * (1.0 + extinction) + (1.0 - extinction) * (s1 * cos2 + s2 * sin2));

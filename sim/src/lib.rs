@@ -21,8 +21,8 @@ mod truth;
 pub use bench::{Bench, Shining};
 pub use camera::{Exposed, Settings};
 pub use config::{
-    BenchConfig, CameraConfig, FaultConfig, FaultKind, FaultyDevice, FilmConfig, FilterConfig, FlashConfig,
-    GeometryConfig, GratingConfig, PanelConfig, StageConfig,
+    AnalyserConfig, BenchConfig, CameraConfig, FaultConfig, FaultKind, FaultyDevice, FilmConfig, FilterConfig,
+    FlashConfig, GeometryConfig, GratingConfig, PanelConfig, RigorousConfig, StageConfig,
 };
 pub use devices::{Port, SimDevice};
 pub use port::{Devices, Reply, Request, SharedBench, describe};

@@ -4,12 +4,11 @@
 //! the surface normal to it), so that at normal incidence they are the paper's.
 
 use crate::config::BenchConfig;
+use nacre_processing::Result;
 use nacre_processing::polarimetry::{Jones, JonesVector, Stokes};
+use nacre_processing::rcwa::{ALUMINIUM, Grating, RatioTable};
 use num_complex::Complex;
 use std::f64::consts::TAU;
-
-/// Refractive index of evaporated aluminium near 560 nm, as the 2018 paper uses it (below its Fig. 14).
-const ALUMINIUM: Complex<f64> = Complex::new(1.0003, 6.5044);
 
 /// One wavelength of the filter's band with everything that depends on it alone.
 pub struct Wavelength {
@@ -21,6 +20,7 @@ pub struct Wavelength {
     source: JonesVector,
     film: FilmAt,
     ratio: Complex<f64>,
+    rigorous: Option<RatioTable>,
 }
 
 /// A direction in the surface, as cosine and sine.
@@ -68,7 +68,10 @@ pub struct Incidence {
 
 /// The band as three wavelengths: Gauss-Hermite quadrature, exact for a field that varies as a polynomial of degree
 /// five over the band; one wavelength for a laser.
-pub fn band(bench: &BenchConfig) -> Vec<Wavelength> {
+///
+/// # Errors
+/// A rigorous R that cannot be computed to the requested error.
+pub fn band(bench: &BenchConfig) -> Result<Vec<Wavelength>> {
     let (middle, sigma) = (bench.filter.wavelength_nm, bench.filter.band_nm / (8.0 * 2f64.ln()).sqrt());
     let nodes: &[(f64, f64)] = if sigma == 0.0 {
         &[(0.0, 1.0)]
@@ -79,7 +82,7 @@ pub fn band(bench: &BenchConfig) -> Vec<Wavelength> {
 }
 
 impl Wavelength {
-    fn new(bench: &BenchConfig, nm: f64, weight: f64) -> Self {
+    fn new(bench: &BenchConfig, nm: f64, weight: f64) -> Result<Self> {
         // Both plates are thin slabs of nearly constant birefringence, so their retardance goes as 1/λ.
         let stretch = bench.filter.wavelength_nm / nm;
         let (panel, film) = (&bench.panel, &bench.film);
@@ -93,12 +96,15 @@ impl Wavelength {
         };
         let source = retarder.apply(JonesVector::linear(panel.polarization_deg.to_radians()));
         let ratio = Complex::from_polar(bench.grating.r, bench.grating.zeta_deg.to_radians());
-        Self { um: nm / 1000.0, weight, source, film, ratio }
+        Ok(Self { um: nm / 1000.0, weight, source, film, ratio, rigorous: rigorous(bench, nm)? })
     }
 
-    /// `R` of a grating with this period: ln r and ζ - 180° grow as period^-power, and `ellipticity` draws R towards
+    /// `R` of a grating with this period, by Maxwell's equations where the bench asks for it; otherwise ln r and ζ - 180° grow as period^-power, and `ellipticity` draws R towards
     /// the mirror's -1.
     pub fn ratio(&self, period_um: f64, power: f64, ellipticity: f64) -> Complex<f64> {
+        if let Some(table) = &self.rigorous {
+            return ellipticity * (table.nearest(period_um) + 1.0) - 1.0;
+        }
         let growth = period_um.powf(-power);
         let (r, zeta) = self.ratio.to_polar();
         let delta = ((std::f64::consts::PI - zeta.rem_euclid(TAU)) * growth).clamp(-TAU, TAU);
@@ -183,6 +189,19 @@ impl Wavelength {
     }
 }
 
+/// R over the sample's periods, where the bench asks for Maxwell's equations.
+fn rigorous(bench: &BenchConfig, nm: f64) -> Result<Option<RatioTable>> {
+    let Some(config) = &bench.grating.rigorous else { return Ok(None) };
+    let periods = bench.sample.periods_um();
+    let grating = Grating {
+        period_um: periods[0],
+        depth_um: config.depth_um,
+        above: bench.film.index,
+        below: Complex::new(config.metal_n, config.metal_k),
+    };
+    RatioTable::new(&grating, periods, nm, config.max_error).map(Some)
+}
+
 /// Fresnel reflection of aluminium under a film of index `n` at the angle with this cosine: (s, p, normal), with the
 /// sign of p such that both agree at normal incidence.
 fn metal(n: f64, cos: f64) -> (Complex<f64>, Complex<f64>, Complex<f64>) {
@@ -232,7 +251,7 @@ mod tests {
     #[test]
     fn normal_incidence_gives_equation_9() {
         let bench = ideal();
-        let wave = &band(&bench)[0];
+        let wave = &band(&bench).unwrap()[0];
         let incidence = wave.incidence([0.0, 0.0, 1.0]);
         let (r, zeta) = (1.1, std::f64::consts::FRAC_PI_4);
         for theta in [0.0, 0.4, 1.3, 2.9] {
@@ -253,7 +272,7 @@ mod tests {
     #[test]
     fn oblique_coefficients_behave() {
         let bench = ideal();
-        let wave = &band(&bench)[0];
+        let wave = &band(&bench).unwrap()[0];
         let slanted = wave.incidence([0.6, 0.0, 0.8]);
         let normal = (1.0 - 1.468_f64) / (1.0 + 1.468);
         for axis in 0..2 {
@@ -262,5 +281,43 @@ mod tests {
             assert!((energy - 1.0).abs() < 1e-12);
         }
         assert!(slanted.metal[1].norm() > 1.0 && slanted.metal[0].norm() < 1.0);
+    }
+
+    /// Rigorous R shifts the offset between periods as Maxwell's equations say, at every pixel of a rendered sample:
+    /// the emblem's rings of longer periods against its bands.
+    #[test]
+    fn rigorous_scenes_have_an_offset_per_period() {
+        use crate::config::RigorousConfig;
+        use crate::scene::{Lamp, Scene, Source};
+        use crate::surface::SampleKind;
+        use nacre_processing::polarimetry::angle_difference;
+        use nacre_processing::progress::Silent;
+        use nacre_processing::rcwa::{phase_offset, ratio};
+        let mut bench = ideal();
+        (bench.sample.kind, bench.filter.wavelength_nm) = (SampleKind::Emblem, 560.0);
+        (bench.film.index, bench.camera.blur_px, bench.camera.subsamples) = (1.0, 0.0, 1);
+        (bench.camera.width, bench.camera.height, bench.geometry.baseline_mm) = (96, 96, 10.0);
+        bench.geometry.distance_mm = 2000.0;
+        bench.grating.rigorous = Some(RigorousConfig::default());
+        let scene = Scene::new(&bench).unwrap();
+        let source = Source { lamp: Lamp::Panel, center_mm: scene.panel_middle_mm(), diameter_mm: bench.disc_mm() };
+        let (light, (truth, _)) =
+            (scene.render(&source, [0.0; 2], &Silent).unwrap(), scene.survey([0.0; 2], &Silent).unwrap());
+        for period in [1.0, 1.4, 2.0] {
+            let surface = Grating { period_um: period, depth_um: 0.1, above: 1.0, below: ALUMINIUM };
+            let r = ratio(&surface, 560.0, 1e-5).unwrap();
+            let found: Vec<f64> = (0..truth.period_um.len())
+                .filter(|i| (f64::from(truth.period_um[*i]) - period).abs() < 1e-5 && light.planes[0][*i] > 0.0)
+                .map(|i| {
+                    let aolp = 0.5 * f64::from(light.planes[2][i]).atan2(light.planes[1][i].into());
+                    angle_difference(aolp, f64::from(truth.orientation[i]))
+                })
+                .collect();
+            assert!(found.len() > 30, "{period}: {}", found.len());
+            for offset in found {
+                let off = angle_difference(offset, phase_offset(r)).abs();
+                assert!(off < 2f64.to_radians(), "{period}: {} {}", offset.to_degrees(), phase_offset(r).to_degrees());
+            }
+        }
     }
 }

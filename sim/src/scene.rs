@@ -69,10 +69,13 @@ pub struct Scene {
 
 impl Scene {
     /// Builds the sample and the band.
-    pub fn new(bench: &BenchConfig) -> Self {
+    ///
+    /// # Errors
+    /// A rigorous R (`[grating.rigorous]`) that cannot be computed to the requested error.
+    pub fn new(bench: &BenchConfig) -> Result<Self> {
         let sample = Sample::new(&bench.sample, bench.seed);
         let pixel_mm = sample.field_mm() / f64::from(bench.camera.width.min(bench.camera.height));
-        Self { sample, band: band(bench), pixel_mm, bench: bench.clone() }
+        Ok(Self { sample, band: band(bench)?, pixel_mm, bench: bench.clone() })
     }
 
     /// Size of a pixel on the sample in mm.
@@ -85,24 +88,24 @@ impl Scene {
         [0.5 * self.bench.geometry.baseline_mm, 0.0]
     }
 
-    /// Light from one source, row-major.
+    /// Light from one source, row-major; the image is shifted by `shift` pixels, right and down.
     ///
     /// # Errors
     /// `Cancelled`.
-    pub fn render(&self, source: &Source, progress: &dyn Progress) -> Result<StokesImage> {
+    pub fn render(&self, source: &Source, shift: [f64; 2], progress: &dyn Progress) -> Result<StokesImage> {
         progress.stage("rendering the bench", self.bench.camera.height.into());
-        let rows = self.rows(progress, |x, y| self.light(x, y, source))?;
+        let rows = self.rows(progress, |x, y| self.light(x, y, source, shift))?;
         let plane = |of: fn(&Stokes) -> f64| self.blurred(rows.iter().map(|s| of(s) as f32).collect());
         Ok(StokesImage { planes: [plane(|s| s.s0), plane(|s| s.s1), plane(|s| s.s2)] })
     }
 
-    /// What the sample is, and S0 of the unpolarized light from elsewhere.
+    /// What the sample is, and S0 of the unpolarized light from elsewhere; shifted as by [`Scene::render`].
     ///
     /// # Errors
     /// `Cancelled`.
-    pub fn survey(&self, progress: &dyn Progress) -> Result<(Truth, Vec<f32>)> {
+    pub fn survey(&self, shift: [f64; 2], progress: &dyn Progress) -> Result<(Truth, Vec<f32>)> {
         progress.stage("laying the sample", self.bench.camera.height.into());
-        let rows = self.rows(progress, |x, y| self.sample_in(x, y))?;
+        let rows = self.rows(progress, |x, y| self.sample_in(x, y, shift))?;
         let plane = |of: fn(&Surveyed) -> f32| -> Vec<f32> { rows.iter().map(of).collect() };
         let truth =
             Truth { orientation: plane(|p| p.truth.0), period_um: plane(|p| p.truth.1), purity: plane(|p| p.truth.2) };
@@ -127,25 +130,25 @@ impl Scene {
     }
 
     /// Where the rays of a pixel meet the sample, in mm.
-    fn rays(&self, x: usize, y: usize) -> impl ExactSizeIterator<Item = (f64, f64)> + use<> {
+    fn rays(&self, x: usize, y: usize, [dx, dy]: [f64; 2]) -> impl ExactSizeIterator<Item = (f64, f64)> + use<> {
         let n = self.bench.camera.subsamples;
         let (width, height) = (f64::from(self.bench.camera.width), f64::from(self.bench.camera.height));
         let pixel_mm = self.pixel_mm;
         (0..n * n).map(move |k| {
             let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
-            let x_mm = (x as f64 + offset(k % n) - 0.5 * width) * pixel_mm;
-            (x_mm, (0.5 * height - y as f64 - offset(k / n)) * pixel_mm)
+            let x_mm = (x as f64 - dx + offset(k % n) - 0.5 * width) * pixel_mm;
+            (x_mm, (0.5 * height - y as f64 + dy - offset(k / n)) * pixel_mm)
         })
     }
 
-    fn light(&self, x: usize, y: usize, source: &Source) -> Stokes {
-        let rays = self.rays(x, y);
+    fn light(&self, x: usize, y: usize, source: &Source, shift: [f64; 2]) -> Stokes {
+        let rays = self.rays(x, y, shift);
         let share = 1.0 / rays.len() as f64;
         rays.map(|(x, y)| self.ray(x, y, &self.sample.at(x, y), source)).fold(Stokes::default(), |a, b| a + b) * share
     }
 
-    fn sample_in(&self, x: usize, y: usize) -> Surveyed {
-        let rays = self.rays(x, y);
+    fn sample_in(&self, x: usize, y: usize, shift: [f64; 2]) -> Surveyed {
+        let rays = self.rays(x, y, shift);
         let count = rays.len() as u32;
         let (mut mean, mut reflectance) = (GratingMean::default(), 0.0);
         for (x, y) in rays {

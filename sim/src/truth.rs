@@ -5,7 +5,8 @@ use nacre_processing::Result;
 use nacre_processing::image::{Attribute, write_exr};
 use std::path::Path;
 
-/// Writes `truth.exr`: orientation (rad), period (µm) and purity of every pixel.
+/// Writes `truth.exr`: orientation (rad), period (µm) and purity of every pixel, as seen without a wedge; the wedge's
+/// length is an attribute, and [`BenchConfig::shift_px`](crate::BenchConfig::shift_px) the shift at any angle.
 ///
 /// # Errors
 /// `Output` when writing fails.
@@ -16,6 +17,8 @@ pub fn write_truth(bench: &Bench, path: &Path) -> Result<()> {
     let attributes = [
         ("units", Attribute::Text("orientation: rad; period: um; purity: 0 to 1".into())),
         ("pixel_um", Attribute::Number(bench.pixel_um())),
+        ("wedge_px", Attribute::Number(bench.config().analyser.wedge_px)),
+        ("jitter_px", Attribute::Number(bench.config().analyser.jitter_px)),
     ];
     let names = ["orientation", "period", "purity"];
     write_exr(path, width, camera.height as usize, &names, &attributes, &|c, y, row| {

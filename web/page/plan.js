@@ -11,6 +11,15 @@ export const BLANK = {
   dark: true, display_black: true, reconstruct: true, model: "auto",
 };
 
+/** How the phase of polarization becomes an orientation, simplest first. */
+export const MODELS = [
+  ["auto", "The simplest that explains the data"],
+  ["sinusoid", "Sinusoid: the phase is the orientation"],
+  ["prenormalized", "Prenormalized: the phase about the mean"],
+  ["circle", "Circle: the phase about the fitted centre"],
+  ["curve", "Curve: the nearest place on the fitted film's curve"],
+];
+
 /** The five kinds, and what each varies. */
 export const KINDS = [
   ["polarization", "Polarization", "Turns the analyser."],

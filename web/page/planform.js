@@ -1,7 +1,7 @@
 // The form of a plan: fields that belong to the chosen kind, and what is wrong with each.
 
 import { check, field, h, select } from "./dom.js";
-import { KINDS } from "./plan.js";
+import { KINDS, MODELS } from "./plan.js";
 import { stepsEditor } from "./steps.js";
 
 /** The form over `values`, which it changes; `changed()` is called after each change. */
@@ -55,7 +55,7 @@ export function planForm(values, changed) {
   const steps = stepsEditor(values.steps, changed);
   const stepsGroup = group("Frames", steps.element);
 
-  const model = list("model", "Model", [["auto", "The simplest that explains the data"], ["sinusoid", "Sinusoid"]]);
+  const model = list("model", "Model", MODELS);
   const reconstruct = h("div", { class: "fields" }, tick("reconstruct", "Reconstruct the orientation map at once"), model);
   const about = group("Session", h("div", { class: "stack" }, fields(text("name", "Name"), text("sample", "Sample"), text("operator", "Operator")),
     area("notes", "Notes")));

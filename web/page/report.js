@@ -5,7 +5,7 @@ import { count, degrees, duration, fixed, percent, words } from "./format.js";
 
 /** Warnings, the figures that count, and the rest as facts. */
 export function reportView(report) {
-  const { pixels = {}, noise, circle, seconds = {} } = report;
+  const { pixels = {}, noise, circle, models = [], seconds = {} } = report;
   const share = (n) => (n === undefined ? null : `${percent(n / pixels.all, 2)} (${count(n)})`);
   const warnings = report.warnings ?? [];
   return h("div", { class: "stack" },
@@ -33,5 +33,18 @@ export function reportView(report) {
       ["Condition", report.condition && `${fixed(report.condition, 3)} (√2 at best)`],
       ["Size", `${report.width} × ${report.height}`],
       ["Took", seconds.total && `${duration(seconds.total)}: reading and fitting ${duration(seconds.read_and_fit)}, solving ${duration(seconds.solve)}, writing ${duration(seconds.write)}`],
-    ]));
+    ]),
+    models.length ? modelTable(models) : null);
+}
+
+/** All models that were compared. */
+function modelTable(models) {
+  const film = (m) => m.film && `r ${fixed(m.film.r, 3)}, ζ ${fixed(m.film.zeta_deg, 1)}°, Δn ${fixed(m.film.retardance_deg, 2)}°, axis ${fixed(m.film.axis_deg, 1)}°${m.film.front > 0 ? `, front ${fixed(m.film.front, 3)}` : ""}`;
+  const center = (m) => m.center && `centre ${m.center.map((v) => fixed(v, 4)).join(", ")}`;
+  return h("div", { class: "scroll" }, h("table", {},
+    h("caption", {}, "Models, simplest first: how much less likely than the best, how far the points lie off it, and how its orientations differ"),
+    h("thead", {}, h("tr", {}, ["Model", "Behind", "Scatter / noise", "Differs by", "Found"].map((t) => h("th", { scope: "col" }, t)))),
+    h("tbody", {}, models.map((m) => h("tr", {},
+      h("th", { scope: "row" }, m.model), h("td", {}, fixed(m.behind, 0)), h("td", {}, fixed(m.scatter, 2)),
+      h("td", {}, degrees(m.difference_deg)), h("td", {}, film(m) ?? center(m) ?? ""))))));
 }

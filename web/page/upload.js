@@ -4,6 +4,7 @@ import { post, send } from "./api.js";
 import { field, h, number, panel, say, select } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
+import { MODELS } from "./plan.js";
 
 const LIKELY = /\.(png|tiff?|jpe?g|exr)$/i;
 
@@ -23,7 +24,7 @@ export async function uploadPage(main, { signal }) {
   const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
   const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
   let chosen = false;
-  const model = select([["auto", "The simplest that explains the data"], ["sinusoid", "Sinusoid"]], "auto", { id: "upload-model" });
+  const model = select(MODELS, "auto", { id: "upload-model" });
   const offset = number({ id: "upload-offset", value: 0 });
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");

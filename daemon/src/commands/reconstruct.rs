@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::console::Console;
-use clap::{Subcommand, ValueEnum};
+use clap::Subcommand;
 use nacre_processing::polarimetry::{self, Model, Options, Report};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -32,8 +32,12 @@ pub struct Polarization {
     #[arg(long)]
     out: PathBuf,
     /// How the fitted phase becomes an orientation.
-    #[arg(long, value_enum, default_value_t = ModelName::Auto)]
-    model: ModelName,
+    ///
+    /// auto takes the simplest that explains the data; sinusoid: the phase is the orientation; prenormalized: the phase
+    /// about the mean of all pixels; circle: the phase about the centre of the circle that they lie on; curve: the nearest
+    /// place on the curve of the fitted film.
+    #[arg(long, default_value = "auto", value_name = "MODEL")]
+    model: Model,
     /// Degrees added to every orientation, where one is known.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     offset_deg: f64,
@@ -46,22 +50,10 @@ pub struct Polarization {
     force: bool,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum ModelName {
-    /// The simplest model that explains the data.
-    Auto,
-    /// The phase is the orientation.
-    Sinusoid,
-}
-
 /// Runs a reconstruction.
 pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
     let Reconstruct::Polarization(args) = command;
-    let model = match args.model {
-        ModelName::Auto => Model::Auto,
-        ModelName::Sinusoid => Model::Sinusoid,
-    };
-    let options = Options { model, offset_deg: args.offset_deg, overwrite: args.force };
+    let options = Options { model: args.model, offset_deg: args.offset_deg, overwrite: args.force };
     let report = polarimetry::reconstruct(&args.input, &args.out, &options, console)?;
     let mut text = summary(&report);
     let _ = write!(text, "\nresults   {}", args.out.display());

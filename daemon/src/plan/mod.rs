@@ -8,6 +8,7 @@ pub use estimate::{Estimate, Limits, approach, light_on_s};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
+use nacre_processing::polarimetry::Model;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -63,7 +64,7 @@ pub struct ReconstructPlan {
     pub method: Method,
     /// Which model.
     #[serde(default)]
-    pub model: ModelPlan,
+    pub model: Model,
 }
 
 /// Reconstructions that can follow a capture.
@@ -72,17 +73,6 @@ pub struct ReconstructPlan {
 pub enum Method {
     /// Orientations from the analyser's turn.
     Polarization,
-}
-
-/// Models of a polarization reconstruction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ModelPlan {
-    /// The simplest that explains the data.
-    #[default]
-    Auto,
-    /// The phase is the orientation.
-    Sinusoid,
 }
 
 /// What a plan varies.

@@ -265,7 +265,7 @@ fn work(data: PathBuf) -> Work {
             (None, Some(id)) => data.join("uploads").join(id),
             _ => return Err(Error::input("reconstruction", "names no photographs", "ask again").into()),
         };
-        let model = if spec.model == "sinusoid" { Model::Sinusoid } else { Model::Auto };
+        let model: Model = spec.model.parse().map_err(|e: String| Error::input("reconstruction", e, "ask again"))?;
         let options = Options { model, offset_deg: spec.offset_deg, overwrite: true };
         polarimetry::reconstruct(&input, &data.join("reconstructions").join(&spec.id), &options, progress)?;
         Ok(())

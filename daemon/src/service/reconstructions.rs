@@ -9,6 +9,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
+use nacre_processing::polarimetry::Model;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -24,7 +25,7 @@ pub struct Request {
     upload: Option<String>,
     /// `polarization`.
     method: Option<String>,
-    /// `auto` or `sinusoid`.
+    /// `auto`, `sinusoid`, `prenormalized`, `circle` or `curve`.
     model: Option<String>,
     /// Added to every orientation.
     offset_deg: Option<f64>,
@@ -162,8 +163,8 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         return Err(Problem::bad("method can only be polarization so far"));
     }
     let model = body.model.unwrap_or_else(|| "auto".into());
-    if !["auto", "sinusoid"].contains(&model.as_str()) {
-        return Err(Problem::bad(format!("model is {model:?}; give auto or sinusoid")));
+    if let Err(problem) = model.parse::<Model>() {
+        return Err(Problem::bad(format!("model: {problem}")));
     }
     let offset_deg = body.offset_deg.unwrap_or(0.0);
     if body.session.is_some() == body.upload.is_some() {

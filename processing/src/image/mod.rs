@@ -9,6 +9,7 @@ mod openexr;
 mod picture;
 mod png;
 mod read;
+pub mod registration;
 #[cfg(test)]
 mod tests;
 mod tif;

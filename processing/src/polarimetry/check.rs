@@ -2,6 +2,7 @@
 //! about the origin. A birefringent film moves the circle off centre and bends it (2018 paper, Fig. 15), and the
 //! fitted phase is then no longer the orientation.
 
+use super::cloud::CloudPoint;
 use super::{OrientationMaps, StokesMaps};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -106,6 +107,12 @@ pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCh
     let gap_deg = gap(&points, center);
     let bias_deg = (spread < NO_RING_SPREAD).then(|| bias(&points, center));
     Some(CircleCheck { center, radius, spread, spread_of_noise, gap_deg, bias_deg })
+}
+
+/// Centre of the least-squares circle through points, a start for better fits.
+pub(super) fn circle_center(points: &[CloudPoint]) -> Option<[f64; 2]> {
+    let points: Vec<[f64; 2]> = points.iter().map(|p| p.at).collect();
+    Some(least_squares_circle(&points)?.0)
 }
 
 type Circle = ([f64; 2], f64);

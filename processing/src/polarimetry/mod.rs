@@ -19,27 +19,42 @@
 //! ```
 
 mod check;
+mod choose;
+#[cfg(test)]
+mod choose_tests;
+mod cloud;
 mod compare;
+mod curve;
+mod curve_fit;
 mod design;
+mod evidence;
 mod fit;
 mod jones;
+mod locate;
 mod look;
+mod models;
 mod noise;
 mod orient;
 mod output;
+mod period;
 mod reconstruct;
 mod report;
+mod search;
 mod stokes;
 pub mod synthetic;
 
 pub use check::{CircleCheck, check_circle};
+pub use choose::{FilmReport, ModelReport};
 pub use compare::{Comparison, compare};
 pub use design::Design;
 pub use fit::{Fit, StokesMaps};
 pub use jones::{Jones, JonesVector};
 pub use look::{Glance, Point, Probe, is_polarimetric, probe};
+pub use models::Model;
 pub use noise::{FrameNoise, NoiseModel, NoiseSource, estimate_noise};
 pub use orient::{MASK_SNR, OrientationMaps, angle_difference, orient};
-pub use reconstruct::{Model, Options, Running, reconstruct};
+pub use period::{PeriodMaps, PeriodScale, polarization_of, relative_period};
+pub(crate) use reconstruct::{CLOUD, orient_with};
+pub use reconstruct::{Options, Running, reconstruct};
 pub use report::Report;
 pub use stokes::Stokes;

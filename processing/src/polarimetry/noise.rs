@@ -49,18 +49,19 @@ impl NoiseModel {
     }
 }
 
-/// Variances and covariance of the fitted (C, S) as linear functions of the fitted (A, C, S) per pixel.
+/// Covariance of the fitted (A, C, S) as a linear function of the fitted values, per pixel.
 pub(super) struct Covariance {
-    /// `[const, A, C, S]` coefficients of var C, cov(C, S), var S.
-    coefficients: [[f32; 4]; 3],
+    /// `[const, A, C, S]` coefficients of the covariances AA, AC, AS, CC, CS and SS.
+    coefficients: [[f32; 4]; 6],
 }
 
 impl Covariance {
     pub(super) fn new(design: &Design, noise: &[FrameNoise]) -> Self {
-        let mut coefficients = [[0.0_f64; 4]; 3];
+        let mut coefficients = [[0.0_f64; 4]; 6];
         for (x, frame) in design.rows.iter().zip(noise) {
             let m = design.inverse * x;
-            for (row, product) in coefficients.iter_mut().zip([m[1] * m[1], m[1] * m[2], m[2] * m[2]]) {
+            let products = [m[0] * m[0], m[0] * m[1], m[0] * m[2], m[1] * m[1], m[1] * m[2], m[2] * m[2]];
+            for (row, product) in coefficients.iter_mut().zip(products) {
                 row[0] += product * frame.floor;
                 for j in 0..3 {
                     row[j + 1] += product * frame.shot * x[j];
@@ -73,7 +74,27 @@ impl Covariance {
     /// `[var C, cov(C, S), var S]` at one pixel.
     #[inline]
     pub(super) fn at(&self, a: f32, c: f32, s: f32) -> [f32; 3] {
-        self.coefficients.map(|k| k[0] + k[1] * a + k[2] * c + k[3] * s)
+        let value = |k: &[f32; 4]| k[0] + k[1] * a + k[2] * c + k[3] * s;
+        [value(&self.coefficients[3]), value(&self.coefficients[4]), value(&self.coefficients[5])]
+    }
+
+    /// `[cov(A, C), cov(A, S), var A]` at one pixel.
+    #[inline]
+    pub(super) fn of_mean(&self, a: f32, c: f32, s: f32) -> [f32; 3] {
+        let value = |k: &[f32; 4]| k[0] + k[1] * a + k[2] * c + k[3] * s;
+        [value(&self.coefficients[1]), value(&self.coefficients[2]), value(&self.coefficients[0])]
+    }
+
+    /// `[var C/A, cov(C/A, S/A), var S/A]` at one pixel, to first order.
+    #[inline]
+    pub(super) fn of_ratios(&self, a: f32, c: f32, s: f32) -> [f32; 3] {
+        let ([cc, cs, ss], [ac, as_, aa]) = (self.at(a, c, s), self.of_mean(a, c, s));
+        let (x, y, per) = (c / a, s / a, 1.0 / (a * a));
+        [
+            (cc - 2.0 * x * ac + x * x * aa) * per,
+            (cs - x * as_ - y * ac + x * y * aa) * per,
+            (ss - 2.0 * y * as_ + y * y * aa) * per,
+        ]
     }
 }
 

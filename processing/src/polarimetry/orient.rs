@@ -34,10 +34,7 @@ pub struct OrientationMaps {
 /// Consumes the residual map: σ takes its place in memory.
 pub fn orient(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], offset: f64) -> OrientationMaps {
     let covariance = Covariance::new(design, noise);
-    let n = noise.len().max(1) as f64;
-    let shot = (noise.iter().map(|f| f.shot).sum::<f64>() / n) as f32;
-    let floor = (noise.iter().map(|f| f.floor).sum::<f64>() / n) as f32;
-    let misfit = Misfit::new(design.freedom(), shot, floor);
+    let misfit = Misfit::new(design, noise);
     let mut orientation = vec![0.0_f32; maps.s0.len()];
     let mut sigma = std::mem::take(&mut maps.residual);
     const BLOCK: usize = 4096;
@@ -62,7 +59,7 @@ pub fn orient(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], offs
 }
 
 /// Widens the variance of pixels whose residual the noise cannot explain.
-struct Misfit {
+pub(super) struct Misfit {
     freedom: f32,
     limit: f32,
     shot: f32,
@@ -70,20 +67,23 @@ struct Misfit {
 }
 
 impl Misfit {
-    fn new(freedom: usize, shot: f32, floor: f32) -> Self {
+    pub(super) fn new(design: &Design, noise: &[FrameNoise]) -> Self {
+        let (freedom, n) = (design.freedom(), noise.len().max(1) as f64);
+        let shot = (noise.iter().map(|f| f.shot).sum::<f64>() / n) as f32;
+        let floor = (noise.iter().map(|f| f.floor).sum::<f64>() / n) as f32;
         let limit = if freedom > 0 { chi_square_quantile(freedom, MISFIT_Z) as f32 } else { f32::INFINITY };
         Self { freedom: freedom.max(1) as f32, limit, shot, floor }
     }
 
     #[inline]
-    fn factor(&self, a: f32, residual: f32) -> f32 {
+    pub(super) fn factor(&self, a: f32, residual: f32) -> f32 {
         let chi_square = residual / (self.shot * a + self.floor).max(f32::MIN_POSITIVE);
         if chi_square > self.limit { chi_square / self.freedom } else { 1.0 }
     }
 }
 
 /// Folds an angle into `[0, π)`.
-fn fold(angle: f32) -> f32 {
+pub(super) fn fold(angle: f32) -> f32 {
     let folded = angle.rem_euclid(PI);
     if folded >= PI { 0.0 } else { folded }
 }

@@ -1,24 +1,20 @@
 //! The whole job: a set of photographs to maps, pictures and a report in a new folder.
 
+use super::choose::{Choice, choose};
+use super::cloud::cloud;
+use super::locate::locate;
 use super::noise::ASSUMED;
 use super::report::{Pixels, Report, Seconds};
-use super::{Design, Fit, FrameNoise, NoiseSource, OrientationMaps, StokesMaps, check_circle, estimate_noise, orient};
+use super::{
+    CircleCheck, Design, Fit, FrameNoise, MASK_SNR, Model, NoiseSource, OrientationMaps, StokesMaps, check_circle,
+    estimate_noise, orient,
+};
 use crate::frames::{Kind, LinearFrame, Linearizer, LoadedFrames, load};
 use crate::image::OutputFolder;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::path::Path;
 use std::time::Instant;
-
-/// How the fitted phase becomes an orientation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Model {
-    /// The simplest model that explains the data; its name and the reason are in the report.
-    #[default]
-    Auto,
-    /// The phase is the orientation, up to one offset.
-    Sinusoid,
-}
 
 /// What the user may choose.
 #[derive(Clone, Copy, Debug, Default)]
@@ -136,13 +132,21 @@ impl Running {
         let mut maps = fit.solve(&design);
         check_light(&frames, &maps, &linearizer)?;
         let (noise, source) = noise_of(&frames, &linearizer, &views, &maps, &design);
-        let map = orient(&mut maps, &design, &noise, options.offset_deg.to_radians());
-        let circle = check_circle(&maps, &map);
+        let Solved { map, circle, choice, points } =
+            solve_model(&mut maps, &design, &noise, options.model, options.offset_deg.to_radians());
         divide_by_flat(&frames, &linearizer, &mut maps)?;
         let pixels = Pixels::count(&maps, &map);
         let solved = start.elapsed().as_secs_f64();
 
-        let mut report = Report::new(&frames, options, &design, (&noise, source), pixels, circle);
+        let mut report = Report::new(
+            &frames,
+            options,
+            &design,
+            (&noise, source),
+            pixels,
+            circle,
+            choice.as_ref().map(|c| (c, points)),
+        );
         super::output::write_maps(&folder, &frames, &maps, &map, progress)?;
         let written = start.elapsed().as_secs_f64();
         report.seconds = Seconds {
@@ -156,6 +160,59 @@ impl Running {
         folder.commit()?;
         Ok(report)
     }
+}
+
+/// Orientations under the chosen model.
+pub(super) struct Solved {
+    pub map: OrientationMaps,
+    pub circle: Option<CircleCheck>,
+    pub choice: Option<Choice>,
+    /// Points that the models were compared on.
+    pub points: usize,
+}
+
+/// Pixels that models are fitted to and compared on.
+pub(crate) const CLOUD: usize = 40_000;
+
+/// From intensities to orientations.
+pub(super) fn solve_model(
+    maps: &mut StokesMaps,
+    design: &Design,
+    noise: &[FrameNoise],
+    model: Model,
+    offset: f64,
+) -> Solved {
+    solve_on(maps, design, noise, model, offset, CLOUD)
+}
+
+/// Orientations alone, with models fitted to and compared on so many pixels: for charts.
+pub(crate) fn orient_with(
+    maps: &mut StokesMaps,
+    design: &Design,
+    noise: &[FrameNoise],
+    model: Model,
+    pixels: usize,
+) -> OrientationMaps {
+    solve_on(maps, design, noise, model, 0.0, pixels).map
+}
+
+fn solve_on(
+    maps: &mut StokesMaps,
+    design: &Design,
+    noise: &[FrameNoise],
+    model: Model,
+    offset: f64,
+    pixels: usize,
+) -> Solved {
+    let mut points = cloud(maps, design, noise, pixels);
+    points.retain(|p| p.snr >= f64::from(MASK_SNR));
+    let choice = choose(&points, model);
+    let map = match &choice {
+        Some(choice) => locate(maps, design, noise, &choice.candidates[choice.chosen], offset),
+        None => orient(maps, design, noise, offset),
+    };
+    let circle = check_circle(maps, &map);
+    Solved { map, circle, choice, points: points.len() }
 }
 
 fn read<'a>(frames: &LoadedFrames, linearizer: &'a Linearizer, i: usize) -> Result<LinearFrame<'a>> {

@@ -1,6 +1,7 @@
 //! `report.json`: what was done, why, and how good the result is.
 
-use super::{CircleCheck, Design, FrameNoise, Model, NoiseSource, Options};
+use super::choose::Choice;
+use super::{CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, Options};
 use crate::frames::LoadedFrames;
 use serde::Serialize;
 
@@ -9,8 +10,8 @@ use serde::Serialize;
 pub struct Report {
     /// Always `polarization`.
     pub method: &'static str,
-    /// The model used: `sinusoid`.
-    pub model: &'static str,
+    /// The model used.
+    pub model: String,
     /// Why this model.
     pub model_reason: String,
     /// What the reader must know before trusting the map. Empty when there is nothing.
@@ -26,6 +27,8 @@ pub struct Report {
     /// Expected error of a typical orientation: the median σ, and the bias that the check below finds. None when the
     /// check could not be made or found more wrong than it can put in degrees.
     pub error_estimate_deg: Option<f64>,
+    /// All models that were fitted, simplest first; empty when too few pixels carry modulation.
+    pub models: Vec<ModelReport>,
     /// Does the sinusoid explain the data?
     pub circle: Option<CircleCheck>,
     /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
@@ -91,11 +94,17 @@ impl Report {
         (noise, source): (&[FrameNoise], NoiseSource),
         pixels: Pixels,
         circle: Option<CircleCheck>,
+        choice: Option<(&Choice, usize)>,
     ) -> Self {
         let block = if frames.set.layout.is_some() { 2 } else { 1 };
         let mean = |of: fn(&FrameNoise) -> f64| noise.iter().map(of).sum::<f64>() / noise.len().max(1) as f64;
         let set = &frames.set;
-        let mut warnings: Vec<String> = circle.iter().flat_map(CircleCheck::warnings).collect();
+        let chosen = choice.map(|(c, _)| &c.candidates[c.chosen]);
+        let model = chosen.map_or(Model::Sinusoid, |c| c.model);
+        // What is wrong with the sinusoid does not matter to who has a better model.
+        let checked = circle.iter().filter(|_| model == Model::Sinusoid);
+        let mut warnings: Vec<String> = checked.flat_map(CircleCheck::warnings).collect();
+        warnings.extend(choice.iter().filter(|_| model != Model::Sinusoid).flat_map(|(c, _)| c.warnings()));
         if pixels.valid == 0 {
             warnings.push("no pixel shows enough modulation to carry an orientation: the map is empty".into());
         }
@@ -104,12 +113,16 @@ impl Report {
         }
         Self {
             method: "polarization",
-            model: "sinusoid",
-            model_reason: reason(options.model, circle.as_ref()),
+            model: chosen.map_or_else(|| Model::Sinusoid.word().to_owned(), |c| c.name()),
+            model_reason: choice.map_or_else(
+                || "too few pixels carry an orientation to compare models".into(),
+                |(c, _)| c.reason.clone(),
+            ),
+            models: choice.map(|(c, points)| c.report(points)).unwrap_or_default(),
             warnings,
             width: frames.info.width / block,
             height: frames.info.height / block,
-            error_estimate_deg: error_estimate(&pixels, circle.as_ref()),
+            error_estimate_deg: error_estimate(&pixels, circle.as_ref(), choice.map(|(c, _)| c)),
             pixels,
             noise: NoiseReport { source, shot: mean(|n| n.shot), floor: mean(|n| n.floor) },
             circle,
@@ -131,21 +144,13 @@ impl Report {
     }
 }
 
-fn error_estimate(pixels: &Pixels, circle: Option<&CircleCheck>) -> Option<f64> {
-    let (sigma, circle) = (pixels.sigma_median_deg?, circle?);
-    Some(sigma.hypot(circle.bias_deg?)).filter(|_| circle.bias_is_known())
-}
-
-fn reason(asked: Model, circle: Option<&CircleCheck>) -> String {
-    match (asked, circle) {
-        (Model::Sinusoid, _) => "asked for".into(),
-        (Model::Auto, None) => "too few pixels carry an orientation to compare models".into(),
-        (Model::Auto, Some(c)) => match c.bias_deg.filter(|_| c.warnings().is_empty()) {
-            Some(bias) => format!(
-                "(S1/S0, S2/S0) lie on a circle about the origin: its centre costs {bias:.2}° on average, so nothing more is \
-                 needed"
-            ),
-            None => "the only model so far, although it is not known to explain the data: see warnings".into(),
-        },
+fn error_estimate(pixels: &Pixels, circle: Option<&CircleCheck>, choice: Option<&Choice>) -> Option<f64> {
+    let (sigma, choice) = (pixels.sigma_median_deg?, choice?);
+    match choice.candidates[choice.chosen].model {
+        Model::Sinusoid => {
+            let circle = circle.filter(|c| c.bias_is_known())?;
+            Some(sigma.hypot(circle.bias_deg?))
+        }
+        _ => Some(sigma.hypot(choice.error?.to_degrees())),
     }
 }

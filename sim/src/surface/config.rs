@@ -122,6 +122,16 @@ impl SampleConfig {
         margin * self.size_mm()
     }
 
+    /// Shortest and longest period of the sample in µm.
+    pub fn periods_um(&self) -> [f64; 2] {
+        let relative = match self.kind {
+            SampleKind::Emblem => [1.0, 2.0],
+            SampleKind::Stochastic => [0.78, 1.64],
+            _ => [1.0, 1.0],
+        };
+        relative.map(|p| p * self.period_um())
+    }
+
     /// Period in µm.
     pub fn period_um(&self) -> f64 {
         self.period_um.unwrap_or(if self.kind == SampleKind::Cd { 1.6 } else { 1.0 })

@@ -1,6 +1,6 @@
 //! How many analyser angles.
 
-use super::scene::{Method, fold, judge, mean_of_normal, methods, orientation_error, time};
+use super::scene::{Method, fold, judge, mean_of_normal, orientation_error, sinusoid, time};
 use crate::Result;
 use crate::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
 use crate::polarimetry::NoiseModel;
@@ -39,7 +39,7 @@ pub(super) fn study(effort: Effort) -> Study {
         scenes: ELECTRONS.map(Scene::new).to_vec(),
         reference: REFERENCE,
         run: {
-            let method = methods().remove(0);
+            let method = sinusoid();
             let pixels = effort.pick(256 * 1024, 2048);
             Box::new(move |setting, scene, seed| run(&method, FRAMES[setting], ELECTRONS[scene], pixels, seed))
         },

@@ -40,7 +40,7 @@ pub(super) fn study(effort: Effort) -> Study {
                 Some(at) => Source::Linear(LINEAR[at].to_radians()),
                 None => Source::Circular,
             };
-            run(source, RETARDANCES[scene], pixels(effort) / 2, seed)
+            run(source, RETARDANCES[scene], pixels(effort), seed)
         }),
     }
 }

@@ -9,6 +9,7 @@ mod noise;
 mod precision;
 mod scene;
 mod stress;
+mod subsampling;
 
 use super::{Effort, Picture, Study};
 
@@ -18,6 +19,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
         frames::study(effort),
         precision::study(effort),
         models::study(effort),
+        subsampling::study(effort),
         noise::study(effort),
         illumination::study(effort),
     ];

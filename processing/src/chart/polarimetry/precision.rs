@@ -9,7 +9,7 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use std::time::Instant;
 
-const FRAMES: [usize; 5] = [5, 12, 48, 192, 768];
+const FRAMES: [usize; 5] = [5, 12, 24, 48, 192];
 const CONTRASTS: [f64; 9] = [1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.9];
 const REFERENCE: usize = 2;
 

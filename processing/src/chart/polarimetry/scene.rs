@@ -3,7 +3,9 @@
 use crate::Result;
 use crate::chart::{Axis, Effort, Outcome};
 use crate::polarimetry::synthetic::{Photographs, Synthetic};
-use crate::polarimetry::{Design, Fit, FrameNoise, OrientationMaps, StokesMaps, angle_difference, compare, orient};
+use crate::polarimetry::{
+    CLOUD, Design, Fit, FrameNoise, Model, OrientationMaps, StokesMaps, angle_difference, compare, orient, orient_with,
+};
 use num_complex::Complex;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -21,15 +23,29 @@ pub(super) struct Method {
     pub default: bool,
 }
 
-/// The models to be compared. One more is one more entry.
+/// The models to be compared; one more is one more entry. `auto` is last, so that it lies on top of what it chose.
 pub(super) fn methods() -> Vec<Method> {
-    let sinusoid = |maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise]| Ok(orient(maps, design, noise, 0.0));
-    vec![Method { name: "sinusoid", solve: Arc::new(sinusoid), default: true }]
+    let models = [Model::Sinusoid, Model::Prenormalized, Model::Circle, Model::Curve, Model::Auto];
+    models.map(|model| method(model, CLOUD)).to_vec()
+}
+
+/// The phase alone, without a look at what else might explain the points: for what concerns photographs and not films.
+pub(super) fn sinusoid() -> Method {
+    let solve = |maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise]| Ok(orient(maps, design, noise, 0.0));
+    Method { name: "sinusoid", solve: Arc::new(solve), default: true }
+}
+
+/// A model that is fitted to so many pixels.
+pub(super) fn method(model: Model, pixels: usize) -> Method {
+    let solve = move |maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise]| {
+        Ok(orient_with(maps, design, noise, model, pixels))
+    };
+    Method { name: model.word(), solve: Arc::new(solve), default: model == Model::Auto }
 }
 
 /// Pixels per scene where time matters little.
 pub(super) fn pixels(effort: Effort) -> usize {
-    effort.pick(40_000, 2000)
+    effort.pick(10_000, 1000)
 }
 
 /// What all studies of orientation measure.

@@ -4,7 +4,7 @@
 //! behind a film; what concerns the photographs (noise, angles, saturation) acts on one without, so that nothing else is in
 //! the way.
 
-use super::scene::{Method, PROMISED, judge, methods, orientation_error, pixels, ratio, run, time};
+use super::scene::{Method, PROMISED, judge, methods, orientation_error, pixels, ratio, run, sinusoid, time};
 use crate::Result;
 use crate::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
 use crate::polarimetry::NoiseModel;
@@ -214,7 +214,7 @@ const EXPOSURES: [f64; 10] = [0.7, 0.8, 0.9, 1.0, 1.05, 1.1, 1.2, 1.4, 1.7, 2.0]
 
 /// Too much light, with saturated pixels masked as the program does, and with them taken as they are.
 fn saturation(effort: Effort) -> Study {
-    let method = methods().remove(0);
+    let method = sinusoid();
     Study {
         name: "stress-saturation",
         group: "stress",

@@ -1,0 +1,65 @@
+//! What registration is for: orientations at the edges of tiles.
+
+use super::super::Resampler;
+use super::{TILES, angles, registrar, told, wedge};
+use crate::polarimetry::{Design, Fit, StokesMaps, angle_difference};
+
+const SIZE: [usize; 2] = [320, 288];
+
+/// Fits frames taken under `shifts`, each moved back by what `undone` says.
+fn fitted(psi: &[f64], shifts: &[[f64; 2]], undone: Option<&[[f64; 2]]>) -> StokesMaps {
+    let [width, height] = SIZE;
+    let mut fit = Fit::new(width, height);
+    for (k, angle) in psi.iter().enumerate() {
+        let frame = TILES.frame(SIZE, *angle, shifts[k], 1.0, k as u64);
+        let row = |y: usize, values: &mut [f32], _: &mut [u8]| values.copy_from_slice(&frame[y * width..][..width]);
+        match undone {
+            Some(undone) => {
+                let resampler = Resampler::new(undone[k], width, height);
+                fit.add(*angle, |y, values, bad| resampler.row(y, row, values, bad));
+            }
+            None => fit.add(*angle, row),
+        }
+    }
+    fit.solve(&Design::new(psi).unwrap())
+}
+
+/// Mean orientation errors in degrees, at edges and elsewhere, of a map that shows the scene shifted by `at`.
+fn orientation_errors(maps: &StokesMaps, at: [f64; 2]) -> [f64; 2] {
+    let (mut sum, mut count) = ([0.0; 2], [0.0; 2]);
+    for i in (0..maps.s0.len()).filter(|i| maps.s0[*i].is_finite()) {
+        let (x, y) = ((i % SIZE[0]) as f64 - at[0], (i / SIZE[0]) as f64 - at[1]);
+        let ([a, c, s], around) = (TILES.at(x, y), [[2.0, 0.0], [-2.0, 0.0], [0.0, 2.0], [0.0, -2.0]]);
+        let edge = around.iter().any(|[dx, dy]| {
+            let [b, d, t] = TILES.at(x + dx, y + dy);
+            (b - a).abs() + (d - c).abs() + (t - s).abs() > 1e-3
+        });
+        // Where neighbours of opposite orientation cancel, there is none.
+        if c.hypot(s) < 0.2 * TILES.modulation * a {
+            continue;
+        }
+        let (truth, found) = (0.5 * s.atan2(c), 0.5 * f64::from(maps.s2[i]).atan2(maps.s1[i].into()));
+        sum[usize::from(!edge)] += angle_difference(found, truth).abs().to_degrees();
+        count[usize::from(!edge)] += 1.0;
+    }
+    [0, 1].map(|k| sum[k] / count[k])
+}
+
+#[test]
+fn orientations_at_edges_are_restored() {
+    let psi = angles(12);
+    let still = [[0.0; 2]; 12];
+    let [unshifted, _] = orientation_errors(&fitted(&psi, &still, None), [0.0; 2]);
+    for px in [0.3, 1.0, 3.0] {
+        let truth = wedge(&psi, px);
+        let mean = [0, 1].map(|i| truth.iter().map(|t| t[i]).sum::<f64>() / 12.0);
+        let found = told(registrar(&TILES, SIZE, &psi, &truth, 1.0).polarized(&psi));
+        let undone: Vec<[f64; 2]> = found.iter().map(|s| [s.dx, s.dy]).collect();
+        let [spoiled, inside] = orientation_errors(&fitted(&psi, &truth, None), mean);
+        let [restored, quiet] = orientation_errors(&fitted(&psi, &truth, Some(&undone)), mean);
+        // A tenth of what the shifts spoil may stay; in the tiles resampling only averages noise.
+        let stays = (restored - unshifted) / (spoiled - unshifted);
+        assert!(stays < 0.1, "{px} px: {unshifted}°, spoiled {spoiled}°, restored {restored}°");
+        assert!(quiet < inside, "{px} px: {quiet}° {inside}°");
+    }
+}

@@ -1,0 +1,264 @@
+//! Chooses the model: the one of most evidence, or the one that was asked for, and how far it may be wrong.
+
+use super::angle_difference;
+use super::cloud::CloudPoint;
+use super::curve_fit::Path;
+use super::models::{Candidate, Model, candidates, orientation};
+use serde::Serialize;
+
+/// A model that is less likely than the best by no more than this (-2 ln likelihood; 10 is 150 : 1) may be true as well.
+const UNDECIDED: f64 = 10.0;
+
+/// Points that scatter farther from every curve than this share of the curve's size, and than twice their noise, form no
+/// curve at all.
+const NO_CURVE: f64 = 0.15;
+const NO_CURVE_WIDENED: f64 = 4.0;
+
+/// A centred circle that explains the points to this, with a centre that costs less than this in degrees, needs no
+/// other model to compare with.
+const GOOD_WIDENED: f64 = 1.05;
+const GOOD_CENTER_DEG: f64 = 0.02;
+
+/// The candidates, and which one it is.
+pub(super) struct Choice {
+    pub candidates: Vec<Candidate>,
+    /// Evidence of each, less that of the best: 0 is the likeliest.
+    pub behind: Vec<f64>,
+    /// Mean difference of its orientations from those of the chosen one, in rad.
+    pub differences: Vec<f64>,
+    pub chosen: usize,
+    /// How much larger than the noise the scatter about the chosen curve is, as a variance.
+    pub widened: f64,
+    pub reason: String,
+    /// Error of the orientations that the model may cause, in rad; None when no model explains the points.
+    pub error: Option<f64>,
+}
+
+/// Chooses among models by points that carry modulation; None when there are fewer than 100.
+pub(super) fn choose(points: &[CloudPoint], wanted: Model) -> Option<Choice> {
+    if points.len() < 100 {
+        return None;
+    }
+    let simple = candidates(points, false);
+    let enough = wanted == Model::Auto && sinusoid_is_enough(&simple, points.len());
+    let candidates =
+        if matches!(wanted, Model::Auto | Model::Curve) && !enough { candidates(points, true) } else { simple };
+    let widened = candidates.iter().map(|c| c.widened(points.len())).fold(f64::INFINITY, f64::min);
+    let evidence: Vec<f64> = candidates.iter().map(|c| c.evidence(points, widened)).collect();
+    let likeliest = |model: Option<Model>| {
+        (0..candidates.len())
+            .filter(|k| model.is_none_or(|m| candidates[*k].model == m))
+            .min_by(|a, b| evidence[*a].total_cmp(&evidence[*b]))
+    };
+    let best = likeliest(None)?;
+    let explained = explains(&candidates[best], points);
+    let chosen = match wanted {
+        Model::Auto if enough || !explained => likeliest(Some(Model::Sinusoid))?,
+        Model::Auto => best,
+        model => likeliest(Some(model))?,
+    };
+    let behind: Vec<f64> = evidence.iter().map(|e| e - evidence[best]).collect();
+    let differences: Vec<f64> = candidates.iter().map(|c| difference(c, &candidates[chosen], points)).collect();
+    // Whatever may be true as well, the likeliest among it.
+    let rivals = (0..candidates.len()).filter(|k| behind[*k] < UNDECIDED).map(|k| differences[k]);
+    let error = explained.then(|| candidates[chosen].uncertain.hypot(rivals.fold(0.0, f64::max)));
+    Some(Choice {
+        widened: candidates[chosen].widened(points.len()),
+        reason: reason(wanted, &candidates, &behind, chosen, explained, enough),
+        candidates,
+        behind,
+        differences,
+        chosen,
+        error,
+    })
+}
+
+/// A circle about the origin explains everything.
+fn sinusoid_is_enough(simple: &[Candidate], points: usize) -> bool {
+    let of = |model| simple.iter().find(|c| c.model == model);
+    let (Some(sinusoid), Some(circle)) = (of(Model::Sinusoid), of(Model::Circle)) else { return false };
+    let Some([x, y]) = circle.center else { return false };
+    // The mean of |sin| over the turn, halved: orientations turn by half as much as phases.
+    let cost_deg = (x.hypot(y) / circle.size() / std::f64::consts::PI).to_degrees();
+    sinusoid.widened(points) < GOOD_WIDENED && cost_deg < GOOD_CENTER_DEG
+}
+
+fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
+    let path = Path::new(candidate.curve);
+    let mut off: Vec<f64> = points
+        .iter()
+        .map(|p| {
+            let foot = path.foot(p);
+            foot.distance.abs() / foot.gradient[0].hypot(foot.gradient[1])
+        })
+        .collect();
+    let at = off.len() * 4 / 5;
+    let off = *off.select_nth_unstable_by(at, f64::total_cmp).1 / 1.2816;
+    candidate.widened(points.len()) < NO_CURVE_WIDENED || off < NO_CURVE * candidate.size()
+}
+
+/// Mean difference of the orientations under two models after the best common offset, in rad.
+fn difference(a: &Candidate, b: &Candidate, points: &[CloudPoint]) -> f64 {
+    let (of_a, of_b) = (Path::new(a.curve), Path::new(b.curve));
+    let step = points.len().div_ceil(2000);
+    let pairs: Vec<f64> =
+        points.iter().step_by(step).map(|p| orientation(a, &of_a, p).0 - orientation(b, &of_b, p).0).collect();
+    let (sin, cos) = pairs.iter().fold((0.0, 0.0), |(s, c), d| (s + (2.0 * d).sin(), c + (2.0 * d).cos()));
+    let offset = 0.5 * f64::atan2(sin, cos);
+    pairs.iter().map(|d| angle_difference(*d, offset).abs()).sum::<f64>() / pairs.len().max(1) as f64
+}
+
+fn reason(
+    wanted: Model,
+    candidates: &[Candidate],
+    behind: &[f64],
+    chosen: usize,
+    explained: bool,
+    enough: bool,
+) -> String {
+    if wanted != Model::Auto {
+        return "asked for".into();
+    }
+    if enough {
+        return "(S1/S0, S2/S0) lie on a circle about the origin to their noise, so nothing more is needed".into();
+    }
+    if !explained {
+        return "no model explains the data, so it is the one that assumes least: see warnings".into();
+    }
+    let simpler = (0..candidates.len()).filter(|k| candidates[*k].parameters < candidates[chosen].parameters);
+    match simpler.min_by(|a, b| behind[*a].total_cmp(&behind[*b])) {
+        Some(next) => format!(
+            "it explains the points (S1/S0, S2/S0) better than {} by {:.0} in -2 ln likelihood, its {} parameters paid for",
+            candidates[next].name(),
+            behind[next] - behind[chosen],
+            candidates[chosen].parameters
+        ),
+        None => "nothing more explains the points (S1/S0, S2/S0) better".into(),
+    }
+}
+
+/// A candidate in the report.
+#[derive(Clone, Debug, Serialize)]
+pub struct ModelReport {
+    /// Its name; the curve with what was fitted beyond the film.
+    pub model: String,
+    /// How many parameters it has.
+    pub parameters: usize,
+    /// -2 ln likelihood with the parameters paid for, less that of the best: 0 is the likeliest, 10 is 150 times less
+    /// likely.
+    pub behind: f64,
+    /// Scatter of the points about it over their noise, as a ratio of standard deviations; 1 is a perfect model.
+    pub scatter: f64,
+    /// Mean difference of its orientations from those of the model used, in degrees.
+    pub difference_deg: f64,
+    /// Error that the uncertainty of its parameters causes, in degrees.
+    pub uncertain_deg: f64,
+    /// Centre of the circle.
+    pub center: Option<[f64; 2]>,
+    /// The film, for curves.
+    pub film: Option<FilmReport>,
+}
+
+/// A fitted film. Gauges: one offset common to all orientations, and (r, ζ) against (1/r, -ζ) with all orientations turned
+/// by 90°, cannot be told apart.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct FilmReport {
+    /// |R|.
+    pub r: f64,
+    /// Phase of R in degrees.
+    pub zeta_deg: f64,
+    /// Retardance (Δn) in degrees.
+    pub retardance_deg: f64,
+    /// Azimuth of its axis in degrees.
+    pub axis_deg: f64,
+    /// Front reflection: amplitude.
+    pub front: f64,
+    /// Front reflection: phase in degrees.
+    pub front_phase_deg: f64,
+    /// What the retarder delays beyond a quarter wave, in degrees.
+    pub source_error_deg: f64,
+}
+
+impl Choice {
+    /// What belongs in front of a user.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = vec![];
+        let scatter = self.widened.sqrt();
+        if self.error.is_none() {
+            warnings.push(format!(
+                "the points (S1/S0, S2/S0) lie {scatter:.0} times farther from the curve of this model than their noise: it does \
+                 not explain the data, and orientations may be wrong by much more than σ says"
+            ));
+        } else if scatter > 2.0 {
+            warnings.push(format!(
+                "the points (S1/S0, S2/S0) scatter {scatter:.1} times as far about the curve as their noise: a sample of several \
+                 periods, a wrong analyser angle or photographs that do not match; pixels far off the curve have a larger σ"
+            ));
+        }
+        let rivals = self.behind.iter().zip(&self.differences).filter(|(behind, _)| **behind < UNDECIDED);
+        let difference = rivals.map(|(_, d)| *d).fold(0.0, f64::max).to_degrees();
+        if difference > 0.5 {
+            warnings.push(format!(
+                "another model explains the data as well, with orientations that differ by {difference:.1}° on average: see models"
+            ));
+        }
+        let chosen = &self.candidates[self.chosen];
+        if self.behind[self.chosen] > UNDECIDED && self.error.is_some() {
+            warnings.push(format!(
+                "{} is not the likeliest model: another one gives orientations that differ by {:.1}° on average",
+                chosen.name(),
+                self.differences[self.best()].to_degrees()
+            ));
+        }
+        warnings
+    }
+
+    fn best(&self) -> usize {
+        (0..self.behind.len()).min_by(|a, b| self.behind[*a].total_cmp(&self.behind[*b])).unwrap_or(self.chosen)
+    }
+
+    /// All candidates.
+    pub fn report(&self, points: usize) -> Vec<ModelReport> {
+        let each = self.candidates.iter().zip(&self.behind).zip(&self.differences);
+        each.map(|((c, behind), difference)| ModelReport {
+            model: c.name(),
+            parameters: c.parameters,
+            behind: *behind,
+            scatter: c.widened(points).sqrt(),
+            difference_deg: difference.to_degrees(),
+            uncertain_deg: c.uncertain.to_degrees(),
+            center: c.center,
+            film: c.film.map(FilmReport::of),
+        })
+        .collect()
+    }
+}
+
+impl FilmReport {
+    fn of(film: super::curve::Film) -> Self {
+        let film = film.canonical();
+        Self {
+            r: film.ln_r.exp(),
+            zeta_deg: film.zeta.to_degrees(),
+            retardance_deg: film.retardance.to_degrees(),
+            axis_deg: film.axis.to_degrees(),
+            front: film.front.norm(),
+            front_phase_deg: film.front.arg().to_degrees(),
+            source_error_deg: film.source_error.to_degrees(),
+        }
+    }
+}
+
+impl Candidate {
+    /// Its name, with what was fitted beyond the film.
+    pub fn name(&self) -> String {
+        self.extended.iter().fold(self.model.word().to_owned(), |name, more| name + "+" + more)
+    }
+
+    /// Root mean square distance of the curve from its middle.
+    fn size(&self) -> f64 {
+        let at: Vec<[f64; 2]> = (0..64).map(|k| self.curve.at(std::f64::consts::PI * f64::from(k) / 64.0)).collect();
+        let middle = [0, 1].map(|k| at.iter().map(|p| p[k]).sum::<f64>() / 64.0);
+        (at.iter().map(|p| (p[0] - middle[0]).powi(2) + (p[1] - middle[1]).powi(2)).sum::<f64>() / 64.0).sqrt()
+    }
+}

@@ -1,0 +1,260 @@
+//! Fits a closed curve to a cloud of points, by the distance of each point to the nearest place of the curve in units of
+//! its noise, robustly (Levenberg and Marquardt with Cauchy's weights).
+
+use super::cloud::CloudPoint;
+use super::curve::Curve;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// Places along the curve among which the nearest one is looked for, before it is refined.
+const NODES: usize = 128;
+
+/// Distances beyond so many standard deviations count less and less.
+pub const CAUCHY: f64 = 3.0;
+
+/// A step that makes the points so little likelier is the last: -2 ln likelihood, in which 1 is one standard deviation.
+const CONVERGED: f64 = 0.01;
+
+/// What [`mean cost`](Fitted::cost) is when the points lie on the curve to their noise: `E[9 ln(1 + z²/9)]`.
+pub const COST_OF_NOISE: f64 = 0.8735;
+
+/// A family of curves.
+pub struct Family<'a> {
+    /// The curve of given parameters.
+    pub curve: &'a (dyn Fn(&[f64]) -> Curve + Sync),
+    /// How far each parameter may be expected from 0: standard deviations, infinite where nothing is expected.
+    pub expected: &'a [f64],
+    /// How far each parameter may be from 0 at most.
+    pub limits: &'a [f64],
+}
+
+/// The best curve of a family.
+#[derive(Clone)]
+pub struct Fitted {
+    /// Its parameters.
+    pub parameters: Vec<f64>,
+    /// The curve.
+    pub curve: Curve,
+    /// Robust -2 ln likelihood of the points, what is expected of the parameters included.
+    pub cost: f64,
+    /// Inverse covariance of the parameters.
+    pub information: DMatrix<f64>,
+}
+
+/// Where a point lies next to the curve.
+#[derive(Clone, Copy)]
+pub struct Foot {
+    /// Orientation in rad.
+    pub theta: f64,
+    /// Signed distance in standard deviations.
+    pub distance: f64,
+    /// What moving the curve by (1, 0) and (0, 1) takes from the distance.
+    pub gradient: [f64; 2],
+}
+
+/// A curve with its nodes.
+pub struct Path {
+    curve: Curve,
+    /// First coordinates, then second ones; single precision finds the right stretch, and eight at a time.
+    nodes: [[f32; NODES]; 2],
+}
+
+impl Path {
+    /// The nodes of a curve.
+    pub fn new(curve: Curve) -> Self {
+        let mut nodes = [[0.0; NODES]; 2];
+        let [xs, ys] = &mut nodes;
+        for (k, (x, y)) in xs.iter_mut().zip(ys).enumerate() {
+            let at = curve.at(PI * k as f64 / NODES as f64);
+            (*x, *y) = (at[0] as f32, at[1] as f32);
+        }
+        Self { curve, nodes }
+    }
+
+    fn nearest_node(&self, at: [f64; 2], weights: [f64; 3]) -> usize {
+        // Relative weights, so that none is too large for single precision.
+        let unit = 1.0 / (weights[0] + weights[2]);
+        let ([a, b, c], [px, py]) = (weights.map(|w| (w * unit) as f32), at.map(|v| v as f32));
+        let mut distances = [0.0_f32; NODES];
+        for (d, (nx, ny)) in distances.iter_mut().zip(self.nodes[0].iter().zip(&self.nodes[1])) {
+            let (x, y) = (px - nx, py - ny);
+            *d = a * x * x + 2.0 * b * x * y + c * y * y;
+        }
+        let least = distances.iter().copied().fold(f32::INFINITY, f32::min);
+        distances.iter().position(|d| *d <= least).unwrap_or(0)
+    }
+
+    /// The place of the curve that is nearest to a point, in the metric of its noise.
+    pub fn foot(&self, point: &CloudPoint) -> Foot {
+        let [a, b, c] = point.weights();
+        let nearest = self.nearest_node(point.at, [a, b, c]);
+        let step = PI / NODES as f64;
+        let mut theta = step * nearest as f64;
+        for _ in 0..3 {
+            let (q, t) = self.curve.with_tangent(theta);
+            let (x, y) = (point.at[0] - q[0], point.at[1] - q[1]);
+            let (wx, wy) = (a * t[0] + b * t[1], b * t[0] + c * t[1]);
+            let speed = wx * t[0] + wy * t[1];
+            if speed > 0.0 {
+                theta += ((wx * x + wy * y) / speed).clamp(-step, step);
+            }
+        }
+        let (q, t) = self.curve.with_tangent(theta);
+        let [va, vb, vc] = point.covariance;
+        let (nx, ny) = (-t[1], t[0]);
+        let scale = (va * nx * nx + 2.0 * vb * nx * ny + vc * ny * ny).sqrt().max(f64::MIN_POSITIVE);
+        let gradient = [nx / scale, ny / scale];
+        let distance = gradient[0] * (point.at[0] - q[0]) + gradient[1] * (point.at[1] - q[1]);
+        Foot { theta, distance, gradient }
+    }
+}
+
+impl Family<'_> {
+    /// Fits from a start; None when the points tell nothing.
+    pub fn fit(&self, points: &[CloudPoint], start: &[f64], iterations: usize) -> Option<Fitted> {
+        let mut at = start.to_vec();
+        let mut feet = feet(points, (self.curve)(&at));
+        let mut scale = scale_of(&feet);
+        let mut cost = self.cost(&feet, &at, scale);
+        let mut damping = 1e-3;
+        let mut normal = self.normal(&at, &feet, scale);
+        for _ in 0..iterations {
+            let (information, slope) = &normal;
+            let mut damped = information.clone();
+            for k in 0..at.len() {
+                damped[(k, k)] += damping * information[(k, k)].max(1e-12);
+            }
+            let step = damped.cholesky()?.solve(slope);
+            let next: Vec<f64> =
+                at.iter().zip(step.iter()).zip(self.limits).map(|((a, s), l)| (a + s).clamp(-l, *l)).collect();
+            let next_feet = self::feet(points, (self.curve)(&next));
+            let next_cost = self.cost(&next_feet, &next, scale);
+            if next_cost.is_finite() && next_cost < cost {
+                let small = cost - next_cost < CONVERGED;
+                (at, feet) = (next, next_feet);
+                let tighter = scale_of(&feet);
+                let settled = tighter > 0.9 * scale;
+                scale = tighter.min(scale);
+                cost = self.cost(&feet, &at, scale);
+                damping = (damping * 0.2).max(1e-9);
+                normal = self.normal(&at, &feet, scale);
+                if small && settled {
+                    break;
+                }
+            } else {
+                damping *= 6.0;
+                if damping > 1e9 {
+                    break;
+                }
+            }
+        }
+        let information = self.normal(&at, &feet, 1.0).0;
+        let curve = (self.curve)(&at);
+        let cost = self.cost(&feet, &at, 1.0);
+        cost.is_finite().then_some(Fitted { parameters: at, curve, cost, information })
+    }
+
+    /// Robust cost with distances in units of `scale` standard deviations.
+    fn cost(&self, feet: &[Foot], at: &[f64], scale: f64) -> f64 {
+        let limit = (CAUCHY * scale).powi(2);
+        let misfit: f64 = feet.iter().map(|f| limit * (1.0 + f.distance * f.distance / limit).ln()).sum();
+        misfit / (scale * scale) + at.iter().zip(self.expected).map(|(a, e)| (a / e).powi(2)).sum::<f64>()
+    }
+
+    /// Normal matrix and right side of a step.
+    fn normal(&self, at: &[f64], feet: &[Foot], scale: f64) -> (DMatrix<f64>, DVector<f64>) {
+        let n = at.len();
+        let moved = self.moved(at);
+        let middle = (self.curve)(at);
+        let mut matrix = DMatrix::from_diagonal(&DVector::from_iterator(n, self.expected.iter().map(|e| e.powi(-2))));
+        let mut right = DVector::from_iterator(n, at.iter().zip(self.expected).map(|(a, e)| -a / (e * e)));
+        let mut row = vec![0.0; n];
+        for foot in feet {
+            let q = middle.at(foot.theta);
+            for (entry, (curve, step)) in row.iter_mut().zip(&moved) {
+                let p = curve.at(foot.theta);
+                *entry = (foot.gradient[0] * (p[0] - q[0]) + foot.gradient[1] * (p[1] - q[1])) / step;
+            }
+            let weight = 1.0 / (1.0 + (foot.distance / (CAUCHY * scale)).powi(2)) / (scale * scale);
+            for i in 0..n {
+                for j in 0..=i {
+                    matrix[(i, j)] += weight * row[i] * row[j];
+                }
+                right[i] += weight * row[i] * foot.distance;
+            }
+        }
+        for i in 0..n {
+            for j in i + 1..n {
+                matrix[(i, j)] = matrix[(j, i)];
+            }
+        }
+        (matrix, right)
+    }
+
+    /// The curve with each parameter moved a little, and by how much.
+    fn moved(&self, at: &[f64]) -> Vec<(Curve, f64)> {
+        const STEP: f64 = 1e-6;
+        (0..at.len())
+            .map(|k| {
+                let mut moved = at.to_vec();
+                moved[k] += STEP;
+                ((self.curve)(&moved), STEP)
+            })
+            .collect()
+    }
+
+    /// Root mean square error of the orientations of `points` in rad that the uncertainty of the parameters causes,
+    /// after their common part (the gauge) is taken out; `widened` multiplies the variance of the points.
+    pub fn spread(&self, fitted: &Fitted, points: &[CloudPoint], widened: f64) -> f64 {
+        let n = fitted.parameters.len();
+        let path = Path::new(fitted.curve);
+        let moved = self.moved(&fitted.parameters);
+        let rows: Vec<DVector<f64>> = points
+            .iter()
+            .map(|point| {
+                let theta = path.foot(point).theta;
+                let (q, t) = fitted.curve.with_tangent(theta);
+                let [a, b, c] = point.weights();
+                let (wx, wy) = (a * t[0] + b * t[1], b * t[0] + c * t[1]);
+                let speed = (wx * t[0] + wy * t[1]).max(f64::MIN_POSITIVE);
+                DVector::from_iterator(
+                    n,
+                    moved.iter().map(|(curve, step)| {
+                        let p = curve.at(theta);
+                        -(wx * (p[0] - q[0]) + wy * (p[1] - q[1])) / speed / step
+                    }),
+                )
+            })
+            .collect();
+        let mean = rows.iter().fold(DVector::zeros(n), |sum, row| sum + row) / rows.len().max(1) as f64;
+        // Directions that nothing is known of are the gauge: they turn all orientations alike.
+        let eigen = fitted.information.clone().symmetric_eigen();
+        let floor = 1e-12 * eigen.eigenvalues.max();
+        let mut total = 0.0;
+        for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            let variance = widened / value.max(floor);
+            // No parameter is that wrong: what is linear ends before.
+            let variance = variance.min(1.0);
+            let square =
+                rows.iter().map(|row| (row - &mean).dot(&vector).powi(2)).sum::<f64>() / rows.len().max(1) as f64;
+            total += variance * square;
+        }
+        total.sqrt()
+    }
+}
+
+fn feet(points: &[CloudPoint], curve: Curve) -> Vec<Foot> {
+    let path = Path::new(curve);
+    points.par_iter().with_min_len(256).map(|point| path.foot(point)).collect()
+}
+
+/// Typical distance in standard deviations, at least 1.
+pub fn scale_of(feet: &[Foot]) -> f64 {
+    let mut distances: Vec<f64> = feet.iter().map(|f| f.distance.abs()).collect();
+    let middle = distances.len() / 2;
+    if distances.is_empty() {
+        return 1.0;
+    }
+    (1.4826 * *distances.select_nth_unstable_by(middle, f64::total_cmp).1).clamp(1.0, 1e12)
+}

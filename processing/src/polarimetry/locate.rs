@@ -1,0 +1,220 @@
+//! Orientation, σ and mask of every pixel under a circle or a curve.
+
+use super::curve::Curve;
+use super::models::{Candidate, Model};
+use super::noise::Covariance;
+use super::orient::{MASK_SNR, Misfit, OrientationMaps, fold, orient};
+use super::{Design, FrameNoise, StokesMaps};
+use rayon::prelude::*;
+use std::f32::consts::FRAC_PI_2;
+use std::f64::consts::PI;
+
+/// Places on the curve that the table leads to.
+const NODES: usize = 1024;
+
+/// Cells of the table along each side.
+const CELLS: usize = 256;
+
+/// A second place on the curve counts if it is not less likely than the first by more than this (squared standard
+/// deviations), and farther along than their uncertainties: the pixel is masked then.
+const RIVAL: f32 = 9.0;
+
+/// Pixels farther from the curve than so many standard deviations do not follow the model; what is beyond counts as error
+/// along the curve, too.
+const OFF: f32 = 3.0;
+
+/// Orientation, σ and mask of every pixel under a model. As [`orient`], which it is for the sinusoid.
+pub(super) fn locate(
+    maps: &mut StokesMaps,
+    design: &Design,
+    noise: &[FrameNoise],
+    model: &Candidate,
+    offset: f64,
+) -> OrientationMaps {
+    let place = match (model.model, model.center) {
+        (Model::Sinusoid, _) => return orient(maps, design, noise, offset),
+        (_, Some(center)) => Place::Circle(Circle::new(center, &model.curve)),
+        (_, None) => Place::Curve(Box::new(Table::new(model.curve))),
+    };
+    let covariance = Covariance::new(design, noise);
+    let misfit = Misfit::new(design, noise);
+    let mut orientation = vec![0.0_f32; maps.s0.len()];
+    let mut sigma = std::mem::take(&mut maps.residual);
+    const BLOCK: usize = 4096;
+    let blocks = orientation.par_chunks_mut(BLOCK).zip(sigma.par_chunks_mut(BLOCK)).enumerate();
+    blocks.for_each(|(block, (theta, sigma))| {
+        for i in 0..theta.len() {
+            let p = block * BLOCK + i;
+            let (a, c, s) = (0.5 * maps.s0[p], 0.5 * maps.s1[p], 0.5 * maps.s2[p]);
+            let widened = misfit.factor(a, sigma[i]);
+            let variance = covariance.of_ratios(a, c, s).map(|v| v * widened);
+            let (at, found) = match &place {
+                Place::Circle(circle) => circle.locate([c / a, s / a], variance),
+                Place::Curve(table) => table.locate([c / a, s / a], variance),
+            };
+            sigma[i] = found.min(FRAC_PI_2);
+            let carries = found <= 0.5 / MASK_SNR && a > 0.0;
+            theta[i] = if carries { fold(at + offset as f32) } else { f32::NAN };
+        }
+    });
+    OrientationMaps { width: maps.width, height: maps.height, orientation, sigma }
+}
+
+enum Place {
+    Circle(Circle),
+    Curve(Box<Table>),
+}
+
+struct Circle {
+    center: [f32; 2],
+    radius: f32,
+}
+
+impl Circle {
+    fn new(center: [f64; 2], curve: &Curve) -> Self {
+        let at = curve.at(0.0);
+        let radius = (at[0] - center[0]).hypot(at[1] - center[1]) as f32;
+        Self { center: center.map(|v| v as f32), radius }
+    }
+
+    /// Orientation and σ in rad.
+    #[inline]
+    fn locate(&self, at: [f32; 2], [va, vb, vc]: [f32; 3]) -> (f32, f32) {
+        let (x, y) = (at[0] - self.center[0], at[1] - self.center[1]);
+        let square = x * x + y * y;
+        let across = (y * y * va - 2.0 * x * y * vb + x * x * vc) / square;
+        let along = (x * x * va + 2.0 * x * y * vb + y * y * vc) / square;
+        let off = square.sqrt() - self.radius;
+        let excess = (off * off - OFF * OFF * along).max(0.0);
+        (0.5 * y.atan2(x), 0.5 * ((across + excess) / square).sqrt())
+    }
+}
+
+/// Leads from a point to the nearest places of a curve.
+struct Table {
+    curve: Coefficients,
+    low: [f32; 2],
+    cells_per_unit: [f32; 2],
+    /// Per cell the nearest node and the nearest one of another branch, which is the same when there is none near.
+    nearest: Vec<[u16; 2]>,
+}
+
+impl Table {
+    fn new(curve: Curve) -> Self {
+        let nodes: Vec<[f32; 2]> =
+            (0..NODES).map(|k| curve.at(PI * k as f64 / NODES as f64).map(|v| v as f32)).collect();
+        let ends = |k: usize| nodes.iter().fold((f32::MAX, f32::MIN), |(l, h), p| (l.min(p[k]), h.max(p[k])));
+        let ((xl, xh), (yl, yh)) = (ends(0), ends(1));
+        // As much again on every side; beyond that a pixel is on no curve anyway.
+        let margin = 0.5 * (xh - xl).max(yh - yl).max(1e-6);
+        let low = [xl - margin, yl - margin];
+        let cells_per_unit = [xh - xl, yh - yl].map(|side| CELLS as f32 / (side + 2.0 * margin));
+        let nearest = (0..CELLS * CELLS)
+            .into_par_iter()
+            .map(|cell| {
+                let at = |k: usize, i: usize| low[k] + (i as f32 + 0.5) / cells_per_unit[k];
+                branches(&nodes, [at(0, cell % CELLS), at(1, cell / CELLS)])
+            })
+            .collect();
+        Self { curve: Coefficients::new(&curve), low, cells_per_unit, nearest }
+    }
+
+    /// Orientation and σ in rad; no finite σ where two branches are as good.
+    #[inline]
+    fn locate(&self, at: [f32; 2], variance: [f32; 3]) -> (f32, f32) {
+        let cell = |k: usize| ((at[k] - self.low[k]) * self.cells_per_unit[k]).clamp(0.0, (CELLS - 1) as f32) as usize;
+        let [first, second] = self.nearest[cell(1) * CELLS + cell(0)];
+        let best = self.refine(first, at, variance);
+        if first == second {
+            return (best.theta, best.sigma());
+        }
+        let other = self.refine(second, at, variance);
+        let (best, other) = if other.distance2 < best.distance2 { (other, best) } else { (best, other) };
+        let apart = (best.theta - other.theta + FRAC_PI_2).rem_euclid(2.0 * FRAC_PI_2) - FRAC_PI_2;
+        let rival = other.distance2 - best.distance2 < RIVAL && apart.abs() > 3.0 * best.along.max(other.along);
+        (best.theta, if rival { f32::INFINITY } else { best.sigma() })
+    }
+
+    /// The nearest place near a node, in the metric of the noise.
+    #[inline]
+    fn refine(&self, node: u16, at: [f32; 2], [va, vb, vc]: [f32; 3]) -> Found {
+        const STEP: f32 = std::f32::consts::PI / NODES as f32;
+        let determinant = va * vc - vb * vb;
+        let (wa, wb, wc) = (vc / determinant, -vb / determinant, va / determinant);
+        let mut theta = STEP * f32::from(node);
+        let (mut x, mut y, mut speed, mut t) = (0.0, 0.0, 0.0, [0.0; 2]);
+        for round in 0..3 {
+            let (q, tangent) = self.curve.with_tangent(theta);
+            (x, y, t) = (at[0] - q[0], at[1] - q[1], tangent);
+            let (wx, wy) = (wa * t[0] + wb * t[1], wb * t[0] + wc * t[1]);
+            speed = wx * t[0] + wy * t[1];
+            if round < 2 && speed > 0.0 {
+                theta += ((wx * x + wy * y) / speed).clamp(-8.0 * STEP, 8.0 * STEP);
+            }
+        }
+        let length2 = t[0] * t[0] + t[1] * t[1];
+        let distance2 = wa * x * x + 2.0 * wb * x * y + wc * y * y;
+        // Along the normal, whose variance is that across the curve.
+        let (nx, ny) = (-t[1], t[0]);
+        let across = (va * nx * nx + 2.0 * vb * nx * ny + vc * ny * ny) / length2;
+        let off = (nx * x + ny * y) / length2.sqrt();
+        let excess = (off * off - OFF * OFF * across).max(0.0) / length2;
+        Found { theta, along: speed.sqrt().recip(), excess, distance2 }
+    }
+}
+
+struct Found {
+    theta: f32,
+    /// σ along the curve in rad.
+    along: f32,
+    /// Variance for being off the curve.
+    excess: f32,
+    distance2: f32,
+}
+
+impl Found {
+    #[inline]
+    fn sigma(&self) -> f32 {
+        (self.along * self.along + self.excess).sqrt()
+    }
+}
+
+/// The nearest node and the nearest one that other ones, farther away, lie between.
+fn branches(nodes: &[[f32; 2]], at: [f32; 2]) -> [u16; 2] {
+    let distance = |k: usize| {
+        let (x, y) = (nodes[k][0] - at[0], nodes[k][1] - at[1]);
+        x * x + y * y
+    };
+    let distances: Vec<f32> = (0..NODES).map(distance).collect();
+    let least = |k: &usize| {
+        let (before, after) = (distances[(k + NODES - 1) % NODES], distances[(k + 1) % NODES]);
+        distances[*k] <= before && distances[*k] < after
+    };
+    let mut minima: Vec<usize> = (0..NODES).filter(least).collect();
+    minima.sort_by(|a, b| distances[*a].total_cmp(&distances[*b]));
+    let first = minima.first().copied().unwrap_or(0) as u16;
+    [first, minima.get(1).map_or(first, |k| *k as u16)]
+}
+
+/// A curve in single precision.
+struct Coefficients([[f32; 5]; 3]);
+
+impl Coefficients {
+    fn new(curve: &Curve) -> Self {
+        let all = curve.coefficients();
+        // Relative to the mean of S0, so that nothing is too small.
+        Self(all.map(|row| row.map(|v| (v / all[0][0]) as f32)))
+    }
+
+    #[inline]
+    fn with_tangent(&self, theta: f32) -> ([f32; 2], [f32; 2]) {
+        let (s, c) = (2.0 * theta).sin_cos();
+        let (s2, c2) = (2.0 * s * c, c * c - s * s);
+        let value = |k: &[f32; 5]| k[0] + k[1] * c + k[2] * s + k[3] * c2 + k[4] * s2;
+        let slope = |k: &[f32; 5]| 2.0 * (k[2] * c - k[1] * s) + 4.0 * (k[4] * c2 - k[3] * s2);
+        let [s0, s1, s2] = self.0.each_ref().map(value);
+        let [d0, d1, d2] = self.0.each_ref().map(slope);
+        let (x, y) = (s1 / s0, s2 / s0);
+        ([x, y], [(d1 - x * d0) / s0, (d2 - y * d0) / s0])
+    }
+}

@@ -1,0 +1,179 @@
+//! From phase to orientation: nested models, compared by evidence.
+//!
+//! | model | the points (S1/S0, S2/S0) of all orientations lie on | right for |
+//! |---|---|---|
+//! | `sinusoid` | circles about the origin | no birefringent film |
+//! | `prenormalized` | a circle about their mean | a weak film, orientations evenly spread |
+//! | `circle` | a circle about any centre | a weak film |
+//! | `curve` | the closed curve of the 2018 paper's Eq. 4-6 | any film; with the axis, and where needed the front reflection and the retarder's error, fitted as well |
+//!
+//! The better the model the more there is to fit, and what the points cannot tell apart is noise in the result. So `auto`
+//! takes the model of least `cost + parameters · ln(points)` (Schwarz' criterion), where the cost is the robust misfit in
+//! units of the noise.
+
+use super::cloud::CloudPoint;
+use super::curve::{Curve, Film};
+use super::curve_fit::{COST_OF_NOISE, Family, Fitted, Path};
+use super::evidence;
+use super::search::curves;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// How the fitted phase becomes an orientation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Model {
+    /// The simplest model that explains the data; its name and the reason are in the report.
+    #[default]
+    Auto,
+    /// The phase is the orientation, up to one offset.
+    Sinusoid,
+    /// The phase about the mean of all points (2018 paper, section 5.3, of ratios instead of raw photographs).
+    Prenormalized,
+    /// The phase about the centre of the circle through all points.
+    Circle,
+    /// The nearest place on the fitted curve.
+    Curve,
+}
+
+/// A model with its parameters.
+#[derive(Clone)]
+pub(super) struct Candidate {
+    /// Which.
+    pub model: Model,
+    /// What of the curve was fitted beyond the four parameters of the film: `front`, `source`.
+    pub extended: &'static [&'static str],
+    /// Number of parameters that were fitted.
+    pub parameters: usize,
+    /// The curve that the points are taken to lie on.
+    pub curve: Curve,
+    /// Centre of the circle, for models that take the phase about one.
+    pub center: Option<[f64; 2]>,
+    /// Robust misfit in units of the noise, -2 ln likelihood.
+    pub cost: f64,
+    /// Error of the orientations in rad that the uncertainty of the parameters causes, root mean square.
+    pub uncertain: f64,
+    /// Parameters of the film, for the curve.
+    pub film: Option<Film>,
+}
+
+impl Model {
+    /// All models, simplest first after `auto`.
+    pub const ALL: [Self; 5] = [Self::Auto, Self::Sinusoid, Self::Prenormalized, Self::Circle, Self::Curve];
+
+    /// Its name in options and files.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Sinusoid => "sinusoid",
+            Self::Prenormalized => "prenormalized",
+            Self::Circle => "circle",
+            Self::Curve => "curve",
+        }
+    }
+}
+
+impl std::str::FromStr for Model {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let known = || Self::ALL.map(Self::word).join(", ");
+        let found = Self::ALL.into_iter().find(|m| m.word() == text);
+        found.ok_or_else(|| format!("{text:?} is no model; give one of {}", known()))
+    }
+}
+
+/// Fits the circles to the points of a cloud that carry modulation, simplest first; with `all` also the curve, with more
+/// and more parameters.
+pub(super) fn candidates(points: &[CloudPoint], all: bool) -> Vec<Candidate> {
+    let mean = mean(points);
+    let about = |center: [f64; 2], model, count: usize| -> Option<Candidate> {
+        let family = Family {
+            curve: &|p: &[f64]| Curve::circle(center, p[0]),
+            expected: &[f64::INFINITY],
+            limits: &[f64::INFINITY],
+        };
+        let fitted = family.fit(points, &[radius(points, center)], 30)?;
+        Some(phase(model, center, count, &family, fitted, points))
+    };
+    let mut found: Vec<Candidate> =
+        [about([0.0; 2], Model::Sinusoid, 1), about(mean, Model::Prenormalized, 3)].into_iter().flatten().collect();
+    let far = [f64::INFINITY; 3];
+    let family = Family { curve: &|p: &[f64]| Curve::circle([p[0], p[1]], p[2]), expected: &far, limits: &far };
+    let starts = [mean, super::check::circle_center(points).unwrap_or(mean)];
+    let fitted = starts.iter().filter_map(|c| family.fit(points, &[c[0], c[1], radius(points, *c)], 60));
+    if let Some(fitted) = fitted.min_by(|a, b| a.cost.total_cmp(&b.cost)) {
+        let center = [fitted.parameters[0], fitted.parameters[1]];
+        let curve = fitted.curve;
+        found.push(phase(Model::Circle, center, 3, &family, fitted, points));
+        if all {
+            found.extend(curves(points, Some(&curve)));
+        }
+    }
+    found
+}
+
+impl Candidate {
+    /// -2 ln likelihood of points whose variances are `widened` times their noise, and what its parameters must be worth
+    /// (Schwarz).
+    pub(super) fn evidence(&self, points: &[CloudPoint], widened: f64) -> f64 {
+        let points: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
+        evidence::misfit(&points, &self.curve) + self.parameters as f64 * (points.len().max(2) as f64).ln()
+    }
+
+    /// How much larger than their noise the scatter of points about the curve is, as a variance.
+    pub(super) fn widened(&self, points: usize) -> f64 {
+        widened(self.cost, points)
+    }
+}
+
+fn phase(
+    model: Model,
+    center: [f64; 2],
+    parameters: usize,
+    family: &Family<'_>,
+    fitted: Fitted,
+    points: &[CloudPoint],
+) -> Candidate {
+    let uncertain = family.spread(&fitted, points, widened(fitted.cost, points.len()));
+    Candidate {
+        model,
+        extended: &[],
+        parameters,
+        curve: fitted.curve,
+        center: Some(center),
+        cost: fitted.cost,
+        uncertain,
+        film: None,
+    }
+}
+
+/// How much larger than their noise the scatter of points about a curve is, as a variance.
+pub(super) fn widened(cost: f64, points: usize) -> f64 {
+    (cost / points.max(1) as f64 / COST_OF_NOISE).max(1.0)
+}
+
+fn mean(points: &[CloudPoint]) -> [f64; 2] {
+    let n = points.len().max(1) as f64;
+    [0, 1].map(|k| points.iter().map(|p| p.at[k]).sum::<f64>() / n)
+}
+
+/// Median distance from a centre.
+fn radius(points: &[CloudPoint], center: [f64; 2]) -> f64 {
+    let mut distances: Vec<f64> = points.iter().map(|p| (p.at[0] - center[0]).hypot(p.at[1] - center[1])).collect();
+    let middle = distances.len() / 2;
+    if distances.is_empty() { 1.0 } else { *distances.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
+/// The orientation of a point under a candidate and its σ, both in rad.
+pub(super) fn orientation(candidate: &Candidate, path: &Path, point: &CloudPoint) -> (f64, f64) {
+    let theta = match candidate.center {
+        Some(c) => 0.5 * (point.at[1] - c[1]).atan2(point.at[0] - c[0]),
+        None => path.foot(point).theta,
+    };
+    let (_, t) = candidate.curve.with_tangent(theta);
+    let [a, b, c] = point.weights();
+    let speed = a * t[0] * t[0] + 2.0 * b * t[0] * t[1] + c * t[1] * t[1];
+    (theta.rem_euclid(PI), (1.0 / speed.sqrt()).min(FRAC_PI_2))
+}

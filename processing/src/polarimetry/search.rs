@@ -1,0 +1,181 @@
+//! Looks for the film whose curve the points lie on: from many starts, since the misfit has many minima.
+
+use super::cloud::CloudPoint;
+use super::curve::{Curve, Film, PARAMETERS};
+use super::curve_fit::{Family, Fitted, Path};
+use super::evidence;
+use super::models::{Candidate, Model, widened};
+use num_complex::Complex;
+use rayon::prelude::*;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+/// Points that starts are tried on, that the best ones are followed on, and that the last ones are fitted to.
+const TRIED: usize = 200;
+const FOLLOWED: usize = 400;
+const LAST: usize = 4000;
+
+/// Curves that are followed, and that are fitted to more points.
+const STARTS: usize = 120;
+const FINALISTS: usize = 6;
+
+/// Curves that are nowhere farther from each other than this are the same.
+const SAME: f64 = 1e-3;
+
+/// How far parameters may be expected from 0, where the points do not tell: ln r, retardance and front reflection of
+/// packaging films, a retarder within a few degrees.
+const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1, 0.1, 0.03];
+
+/// And how far at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
+const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1];
+
+const CORE: [usize; 4] = [0, 1, 2, 3];
+const FRONT: [usize; 6] = [0, 1, 2, 3, 4, 5];
+const FRONT_AND_SOURCE: [usize; 7] = [0, 1, 2, 3, 4, 5, 6];
+
+/// The curve with four, six and seven free parameters, each begun where the one before ended and at many other places.
+pub(super) fn curves(points: &[CloudPoint], circle: Option<&Curve>) -> Vec<Candidate> {
+    let (tried, followed, last) = (thinned(points, TRIED), thinned(points, FOLLOWED), thinned(points, LAST));
+    let mut begun = starts(&tried, circle);
+    let mut found = vec![];
+    for (free, extended) in
+        [(&CORE[..], &[][..]), (&FRONT[..], &["front"][..]), (&FRONT_AND_SOURCE[..], &["front", "source"][..])]
+    {
+        let expected: Vec<f64> = free.iter().map(|k| EXPECTED[*k]).collect();
+        let film = |p: &[f64]| {
+            let mut all = [0.0; PARAMETERS];
+            for (k, value) in free.iter().zip(p) {
+                all[*k] = *value;
+            }
+            Film::from_array(all)
+        };
+        let limits: Vec<f64> = free.iter().map(|k| LIMITS[*k]).collect();
+        let family = Family { curve: &|p: &[f64]| film(p).curve(), expected: &expected, limits: &limits };
+        let take = |film: &Film| -> Vec<f64> { free.iter().map(|k| film.to_array()[*k]).collect() };
+        let first = best_first(begun.par_iter().filter_map(|film| family.fit(&followed, &take(film), 25)), |f| {
+            evidence::misfit(&followed, &f.curve)
+        });
+        let finalists =
+            best_first(distinct(first).par_iter().filter_map(|f| family.fit(&last, &f.parameters, 30)), |f| {
+                evidence::misfit(&last, &f.curve)
+            });
+        let polished =
+            best_first(finalists.par_iter().take(2).filter_map(|f| family.fit(points, &f.parameters, 10)), |f| {
+                evidence::misfit(points, &f.curve)
+            });
+        let Some(best) = polished.into_iter().next() else { continue };
+        begun.splice(0..0, finalists.iter().map(|f| film(&f.parameters)));
+        begun.insert(0, film(&best.parameters));
+        begun.truncate(STARTS);
+        found.push(Candidate {
+            model: Model::Curve,
+            extended,
+            parameters: free.len(),
+            curve: best.curve,
+            center: None,
+            cost: best.cost,
+            uncertain: family.spread(&best, &thinned(points, 500), widened(best.cost, points.len())),
+            film: Some(film(&best.parameters)),
+        });
+    }
+    found
+}
+
+fn best_first(fits: impl ParallelIterator<Item = Fitted>, score: impl Fn(&Fitted) -> f64 + Sync) -> Vec<Fitted> {
+    let mut scored: Vec<(f64, Fitted)> = fits.map(|fit| (score(&fit), fit)).collect();
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    scored.into_iter().map(|(_, fit)| fit).collect()
+}
+
+/// The first few that are not the same curve.
+fn distinct(fits: Vec<Fitted>) -> Vec<Fitted> {
+    let mut kept: Vec<Fitted> = vec![];
+    for fit in fits {
+        let same = |other: &Fitted| {
+            (0..8).all(|k| {
+                let (a, b) = (fit.curve.at(PI * f64::from(k) / 8.0), other.curve.at(PI * f64::from(k) / 8.0));
+                (a[0] - b[0]).hypot(a[1] - b[1]) < SAME
+            })
+        };
+        if kept.len() < FINALISTS && !kept.iter().any(same) {
+            kept.push(fit);
+        }
+    }
+    kept
+}
+
+/// The most promising of a grid of films, and of those that a circle through the points can mean. Promising is a curve
+/// that is near to the points, or near for its length.
+fn starts(points: &[CloudPoint], circle: Option<&Curve>) -> Vec<Film> {
+    let near = |film: &Film| {
+        let path = Path::new(film.curve());
+        points.iter().map(|p| path.foot(p).distance.abs().min(1e6)).sum::<f64>()
+    };
+    let near_for_its_length = |film: &Film| evidence::screening(points, &film.curve());
+    let (mirrors, others): (Vec<_>, Vec<_>) = grid().into_iter().partition(is_mirror_like);
+    let mut begun = vec![];
+    for films in [&mirrors, &others] {
+        begun.extend(best(films, STARTS / 8, near));
+        begun.extend(best(films, STARTS / 8, near_for_its_length));
+    }
+    let groups = circle.map(explanations).unwrap_or_default();
+    let each = STARTS / 2 / groups.len().max(1);
+    begun.extend(groups.iter().flat_map(|films| best(films, each, near_for_its_length)));
+    begun
+}
+
+fn best(films: &[Film], count: usize, score: impl Fn(&Film) -> f64 + Sync) -> Vec<Film> {
+    let mut tried: Vec<(f64, Film)> = films.par_iter().map(|film| (score(film), *film)).collect();
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    tried.into_iter().take(count).map(|(_, film)| film).collect()
+}
+
+fn grid() -> Vec<Film> {
+    let mut films = vec![];
+    for ln_r in [-0.6, -0.1, 0.1, 0.6, 2.0] {
+        for zeta in [3.0_f64, 12.0, 30.0, 60.0, 90.0, 120.0, 150.0, 165.0, 176.0] {
+            for retardance in [2.0_f64, 6.0, 14.0, 24.0] {
+                for axis in 0..6 {
+                    let (retardance, axis) = (retardance.to_radians(), PI * f64::from(axis) / 6.0);
+                    films.push(Film { ln_r, zeta: zeta.to_radians(), retardance, axis, ..Film::NONE });
+                }
+            }
+        }
+    }
+    films
+}
+
+/// Films whose curve is nearly this circle, in groups that differ by what is hardly seen: the phase of a/b. The circle's
+/// radius gives |a/b| or |b/a|, since a circle off the origin has two explanations: by what the film does to the constant
+/// part of the field, or to the one that turns with the grating. Its centre gives the film.
+fn explanations(circle: &Curve) -> Vec<Vec<Film>> {
+    let (a, b) = (circle.at(0.0), circle.at(FRAC_PI_2));
+    let (radius, [x, y]) = (0.5 * (a[0] - b[0]).abs().min(1.98), [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]);
+    let small = (1.0 - (1.0 - radius * radius).sqrt()) / radius.max(1e-6);
+    let mut groups = vec![];
+    for size in [small, 1.0 / small.max(1e-6)] {
+        let share = size * size / (1.0 + size * size);
+        let retardance = 0.5 * (x.hypot(y) / share.max(1.0 - share)).min(1.0).asin();
+        // Where |a| and |b| are alike, both act, and the centre is their sum or difference.
+        for (turn, much) in (0..4).flat_map(|turn| [0.6, 1.0, 1.8].map(|much| (turn, much))) {
+            let (axis, retardance) = (0.5 * y.atan2(x) + FRAC_PI_4 * f64::from(turn), much * retardance);
+            let ratios = (0..8).map(|phase| {
+                let k = Complex::from_polar(size, FRAC_PI_4 * f64::from(phase));
+                (1.0 - k) / (1.0 + k)
+            });
+            let good = ratios.filter(|ratio| ratio.norm() > 1e-6 && ratio.norm() < 1e6);
+            let films =
+                good.map(|ratio| Film { ln_r: ratio.norm().ln(), zeta: ratio.arg(), retardance, axis, ..Film::NONE });
+            groups.push(films.collect());
+        }
+    }
+    groups
+}
+
+/// |a| > |b|: the grating acts as a mirror more than as a half-wave plate.
+fn is_mirror_like(film: &Film) -> bool {
+    film.zeta.cos() < 0.0
+}
+
+fn thinned(points: &[CloudPoint], count: usize) -> Vec<CloudPoint> {
+    points.iter().step_by(points.len().div_ceil(count).max(1)).copied().collect()
+}
