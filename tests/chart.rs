@@ -27,10 +27,10 @@ fn measurements(file: &Path) -> Vec<serde_json::Value> {
 fn quick_charts_hold_what_they_promise() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("charts");
-    let charted = nacre(chart(&["frames", "stress-film", "stress-noise", "maps"], &out)).expect(0).json();
+    let charted = nacre(chart(&["frames", "stress-backlash", "stress-noise", "maps"], &out)).expect(0).json();
     let charts = charted["charts"].as_array().unwrap();
     let names: Vec<&str> = charts.iter().map(|c| c["name"].as_str().unwrap()).collect();
-    assert_eq!(names, ["frames", "stress-film", "stress-noise", "stress-overview", "maps"]);
+    assert_eq!(names, ["frames", "stress-noise", "stress-backlash", "stress-overview", "maps"]);
     for file in charts.iter().flat_map(|c| c["files"].as_array().unwrap()) {
         assert!(std::fs::metadata(out.join(file.as_str().unwrap())).unwrap().len() > 100, "{file}");
     }

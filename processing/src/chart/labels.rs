@@ -25,7 +25,7 @@ impl Labels {
     pub fn place(&mut self, svg: &mut Svg, point: [f64; 2], text: &str, size: f64, style: &str) {
         let (w, h) = (text_width(text, size), 1.15 * size);
         let mut best: Option<(f64, Area)> = None;
-        for ring in 0..4 {
+        for ring in 0..6 {
             let gap = 10.0 + 14.0 * f64::from(ring);
             for (dx, dy) in
                 [(1.0, 0.0), (0.7, -0.7), (0.7, 0.7), (-1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (-0.7, -0.7), (-0.7, 0.7)]

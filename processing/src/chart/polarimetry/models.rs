@@ -1,6 +1,6 @@
 //! Which model, on the scenes that tell them apart.
 
-use super::scene::{PROMISED, methods, orientation_error, pixels, ratio, run, time};
+use super::scene::{PROMISED, methods, orientation_error, pixels, ratio, run, time_of_map};
 use crate::chart::{Axis, Effort, Scene, Setting, Study};
 use crate::polarimetry::synthetic::{Spread, Synthetic};
 
@@ -39,7 +39,7 @@ pub(super) fn study(effort: Effort) -> Study {
         knob: Axis::names("model"),
         stress: Axis::names("sample"),
         error: orientation_error(),
-        time: time(),
+        time: time_of_map(pixels(effort)),
         predicted: PROMISED,
         settings: models.iter().map(setting).collect(),
         scenes: SCENES.iter().enumerate().map(|(i, s)| Scene::named(i, label(s))).collect(),

@@ -1,6 +1,7 @@
 //! How many pixels the model of the film is fitted to.
 
-use super::scene::{PROMISED, method, orientation_error, ratio, run, time};
+use super::scene::{PROMISED, method, orientation_error, ratio, run, time_of_map};
+use crate::chart::style::number;
 use crate::chart::{Axis, Effort, Scene, Setting, Study};
 use crate::polarimetry::synthetic::Synthetic;
 use crate::polarimetry::{CLOUD, Model, NoiseModel};
@@ -8,11 +9,14 @@ use crate::polarimetry::{CLOUD, Model, NoiseModel};
 const PIXELS: [usize; 7] = [50, 150, 500, 1500, 5000, 15_000, CLOUD];
 const ELECTRONS: [f64; 5] = [1000.0, 4000.0, 12_000.0, 40_000.0, 160_000.0];
 const REFERENCE: usize = 3;
+/// Pixels of the map.
+const ALL: usize = 64 * 1024;
+const FEW: usize = 4096;
 
 /// The full curve on a share of the pixels.
 pub(super) fn study(effort: Effort) -> Study {
     let setting = |n: &usize| {
-        let setting = Setting::new("curve", format!("{n} pixels"), *n as f64);
+        let setting = Setting::new("curve", format!("{} pixels", number(*n as f64)), *n as f64);
         match *n {
             CLOUD => setting.as_default(),
             150 | 1500 | 15_000 => setting.without_sweep(),
@@ -30,7 +34,7 @@ pub(super) fn study(effort: Effort) -> Study {
         knob: Axis::log("pixels", ""),
         stress: Axis::log("electrons at white", "e⁻"),
         error: orientation_error(),
-        time: time(),
+        time: time_of_map(effort.pick(ALL, FEW)),
         predicted: PROMISED,
         settings: PIXELS.iter().map(setting).collect(),
         scenes: ELECTRONS.map(Scene::new).to_vec(),
@@ -44,7 +48,7 @@ pub(super) fn study(effort: Effort) -> Study {
                 noise: Some(NoiseModel { full_scale_e: ELECTRONS[scene], read_noise_e: 8.0 }),
                 ..Synthetic::default()
             };
-            run(&scene, &method(Model::Curve, PIXELS[setting]), effort.pick(64 * 1024, 4096), seed)
+            run(&scene, &method(Model::Curve, PIXELS[setting]), effort.pick(ALL, FEW), seed)
         }),
     }
 }
