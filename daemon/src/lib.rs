@@ -30,6 +30,7 @@ Examples:
   nacre import photos/ --out series                     describe your photographs
   nacre reconstruct polarization series --out result    orientation map from photographs
   nacre sim render --sample cd --out session            simulated photographs only
+  nacre chart all --out charts                          how fast, how exact, where it breaks
 
 Exit codes: 0 done; 1 failed (disk, device, a missed bound); 2 bad usage or bad input;
 130 interrupted."
@@ -76,6 +77,8 @@ enum Command {
     /// Turn photographs into maps.
     #[command(subcommand)]
     Reconstruct(commands::reconstruct::Reconstruct),
+    /// Chart speed against accuracy, and where each method breaks.
+    Chart(commands::chart::Args),
     /// Describe photographs taken elsewhere in a frames.json.
     Import(commands::import::Args),
     /// The simulated bench.
@@ -111,6 +114,7 @@ pub fn main() -> ExitCode {
         Command::Check(args) => commands::check::run(&args, &console),
         Command::Catalogue(args) => commands::catalogue::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
+        Command::Chart(args) => commands::chart::run(&args, &console),
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),
         Command::Schema(args) => commands::schema::run(&args, &console),

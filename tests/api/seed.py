@@ -50,6 +50,10 @@ include-path-regex = "/reconstructions/"
 parameters = {{ "path.id" = "{job}", "path.file" = "orientation.png" }}
 
 [[operations]]
+include-path-regex = "/charts/"
+parameters = {{ "path.folder" = "seeded", "path.chart" = "maps", "path.file" = "maps.png" }}
+
+[[operations]]
 include-path-regex = "events|link"
 enabled = false
 """)

@@ -5,6 +5,7 @@ import { h, say } from "./dom.js";
 import { alarm, complain, problemMessage, tell } from "./feedback.js";
 import { onReturn, refresh, service, start, watch } from "./service.js";
 import { benchPage } from "./bench.js";
+import { chartsPage } from "./charts.js";
 import { newPage } from "./new.js";
 import { resultPage } from "./result.js";
 import { sessionPage } from "./session.js";
@@ -17,6 +18,7 @@ const ROUTES = {
   session: ["Session", sessionPage],
   sessions: ["Sessions", sessionsPage],
   result: ["Result", resultPage],
+  charts: ["Charts", chartsPage],
   upload: ["Upload", uploadPage],
 };
 const main = document.getElementById("main");

@@ -45,6 +45,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("api.js", SCRIPT),
     row!("app.js", SCRIPT),
     row!("bench.js", SCRIPT),
+    row!("charts.js", SCRIPT),
     row!("controls.js", SCRIPT),
     row!("dial.js", SCRIPT),
     row!("display.js", SCRIPT),

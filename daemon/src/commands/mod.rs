@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod capture;
 pub mod catalogue;
+pub mod chart;
 pub mod check;
 pub mod demo;
 pub mod devices;

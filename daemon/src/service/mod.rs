@@ -5,6 +5,7 @@
 
 pub mod access;
 pub mod bench;
+pub mod charts;
 pub mod config;
 pub mod devices;
 pub mod display;

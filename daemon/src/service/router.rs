@@ -1,7 +1,7 @@
 //! All paths, in one place.
 
 use super::problem::{Kind, Problem};
-use super::{App, access, devices, display, plans, reconstructions, results, session_data, sessions, uploads};
+use super::{App, access, charts, devices, display, plans, reconstructions, results, session_data, sessions, uploads};
 use axum::Json;
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
@@ -84,6 +84,8 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(reconstructions::job_events))
         .routes(routes!(results::map))
         .routes(routes!(results::pixel))
+        .routes(routes!(charts::list))
+        .routes(routes!(charts::file))
         .routes(routes!(display::state))
         .routes(routes!(display::show))
         .routes(routes!(display::link))

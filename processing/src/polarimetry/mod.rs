@@ -56,6 +56,7 @@ pub use models::Model;
 pub use noise::{FrameNoise, NoiseModel, NoiseSource, estimate_noise};
 pub use orient::{MASK_SNR, OrientationMaps, angle_difference, orient};
 pub use period::{PeriodMaps, PeriodScale, polarization_of, relative_period};
+pub(crate) use reconstruct::{CLOUD, orient_with};
 pub use reconstruct::{Options, Running, reconstruct};
 pub use report::Report;
 pub use stokes::Stokes;

@@ -190,7 +190,7 @@ pub(super) struct Solved {
 }
 
 /// Pixels that models are fitted to and compared on.
-const CLOUD: usize = 100_000;
+pub(crate) const CLOUD: usize = 100_000;
 
 /// From intensities to orientations.
 pub(super) fn solve_model(
@@ -200,7 +200,29 @@ pub(super) fn solve_model(
     model: Model,
     offset: f64,
 ) -> Solved {
-    let mut points = cloud(maps, design, noise, CLOUD);
+    solve_on(maps, design, noise, model, offset, CLOUD)
+}
+
+/// Orientations alone, with models fitted to and compared on so many pixels: for charts.
+pub(crate) fn orient_with(
+    maps: &mut StokesMaps,
+    design: &Design,
+    noise: &[FrameNoise],
+    model: Model,
+    pixels: usize,
+) -> OrientationMaps {
+    solve_on(maps, design, noise, model, 0.0, pixels).map
+}
+
+fn solve_on(
+    maps: &mut StokesMaps,
+    design: &Design,
+    noise: &[FrameNoise],
+    model: Model,
+    offset: f64,
+    pixels: usize,
+) -> Solved {
+    let mut points = cloud(maps, design, noise, pixels);
     points.retain(|p| p.snr >= f64::from(MASK_SNR));
     let choice = choose(&points, model);
     let map = match &choice {

@@ -1,9 +1,10 @@
 //! Photographs of gratings behind a film, made point by point with the paper's model: what tests, benchmarks and charts
 //! reconstruct. The virtual bench renders much more; here every effect is a number that can be swept.
 
-use super::{Design, Fit, FrameNoise, Jones, JonesVector, NoiseModel, StokesMaps};
+use super::{Design, Fit, FrameNoise, Jones, JonesVector, NoiseModel, Stokes, StokesMaps};
 use crate::Result;
 use num_complex::Complex;
+use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 /// A film on gratings of one period (2018 paper, Eq. 4-6), and the camera that looks at it.
@@ -19,16 +20,29 @@ pub struct Synthetic {
     pub front: Complex<f64>,
     /// How much more than a quarter wave the retarder in front of the panel delays, in rad.
     pub source_error: f64,
+    /// What the panel's light is.
+    pub source: Source,
     /// Which orientations are in view.
     pub spread: Spread,
     /// Reflectance varies evenly by ± this share.
     pub reflectance: f64,
-    /// The camera; the brightest point of a series is at 80 % of white. None for no noise.
+    /// The camera. None for no noise.
     pub noise: Option<NoiseModel>,
+    /// Where the brightest point of a series lies: 1 is white, and what is brighter becomes white.
+    pub exposure: f64,
     /// Analyser angles in rad, as the reconstruction is told.
     pub angles: Vec<f64>,
     /// What the analyser's angles were off by, in rad; missing ones are 0.
     pub angle_errors: Vec<f64>,
+}
+
+/// Light that falls on the sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Source {
+    /// The panel behind its retarder (2018 paper, section 5.1).
+    Circular,
+    /// The bare panel: linear at this angle in rad.
+    Linear(f64),
 }
 
 /// Orientations in view.
@@ -40,6 +54,24 @@ pub enum Spread {
     Bands(usize),
     /// Evenly from 0 to this angle in rad.
     Range(f64),
+}
+
+/// Photographs as a camera takes them, and the truth.
+pub struct Photographs {
+    /// Linear values per frame, 1 is white.
+    pub frames: Vec<Vec<f32>>,
+    /// Analyser angles in rad, as the reconstruction is told.
+    pub angles: Vec<f64>,
+    /// The same, as a least-squares problem.
+    pub design: Design,
+    /// Noise per frame.
+    pub noise: Vec<FrameNoise>,
+    /// True orientation per pixel in rad.
+    pub truth: Vec<f32>,
+    /// Value from which a pixel is saturated; None when nothing can be.
+    pub white: Option<f32>,
+    /// Mean over the pixels of the intensity's mean and amplitude over the analyser's turn, without noise.
+    pub light: (f64, f64),
 }
 
 /// Photographs folded into a fit, and the truth.
@@ -63,8 +95,10 @@ impl Default for Synthetic {
             axis: 0.0,
             front: Complex::new(0.0, 0.0),
             source_error: 0.0,
+            source: Source::Circular,
             spread: Spread::Even,
             reflectance: 0.0,
+            exposure: 0.8,
             noise: Some(NoiseModel { full_scale_e: 40_000.0, read_noise_e: 8.0 }),
             angles: even_angles(12),
             angle_errors: vec![],
@@ -85,11 +119,21 @@ impl Synthetic {
     }
 
     fn field(&self, theta: f64) -> JonesVector {
-        let light = Jones::retarder(FRAC_PI_4, FRAC_PI_2 + self.source_error).apply(JonesVector::linear(0.0));
+        let light = match self.source {
+            Source::Circular => {
+                Jones::retarder(FRAC_PI_4, FRAC_PI_2 + self.source_error).apply(JonesVector::linear(0.0))
+            }
+            Source::Linear(angle) => JonesVector::linear(angle),
+        };
         let light = light.scaled(Complex::from(2f64.sqrt()));
         let film = Jones::retarder(self.axis, self.retardance);
         let behind = film.after(Jones::grating(theta, self.ratio)).after(film).apply(light);
         behind.plus(light.scaled(self.front))
+    }
+
+    /// Stokes parameters of the light behind film and grating of orientation `theta` (rad), for light of intensity 2.
+    pub fn stokes(&self, theta: f64) -> Stokes {
+        self.field(theta).stokes()
     }
 
     /// Photographs `pixels` points, one row, and fits them.
@@ -97,42 +141,68 @@ impl Synthetic {
     /// # Errors
     /// When the analyser's angles cannot tell an orientation.
     pub fn photograph(&self, pixels: usize, seed: u64) -> Result<Series> {
-        let design = Design::new(&self.angles)?;
-        let random = |stream: u64, i: usize| uniform(seed ^ stream.wrapping_mul(0x9e37_79b9_7f4a_7c15), i as u64);
-        let start = PI * random(1, 0);
-        let truth: Vec<f64> = (0..pixels)
-            .map(|i| {
-                let u = random(2, i);
-                match self.spread {
-                    Spread::Even => PI * u,
-                    Spread::Bands(n) => (start + PI * (u * n as f64).floor() / n as f64).rem_euclid(PI),
-                    Spread::Range(range) => (start + range * u).rem_euclid(PI),
-                }
-            })
-            .collect();
-        let light: Vec<_> = truth
-            .iter()
-            .enumerate()
-            .map(|(i, theta)| self.field(*theta).stokes() * (1.0 + self.reflectance * (2.0 * random(3, i) - 1.0)))
-            .collect();
-        let brightest = light.iter().map(|s| 0.5 * (s.s0 + s.s1.hypot(s.s2))).fold(f64::MIN_POSITIVE, f64::max);
-        // Linear values: 0.8 is the brightest point.
-        let scale = 0.8 / brightest;
-        let noise = self.noise.map_or(FrameNoise { shot: 0.0, floor: 1e-14 }, |n| n.frame(1.0, 1.0, 0.0));
+        let Photographs { frames, angles, design, noise, truth, .. } = self.render(pixels, seed)?;
         let mut fit = Fit::new(pixels, 1);
-        for (k, &psi) in self.angles.iter().enumerate() {
-            let true_angle = psi + self.angle_errors.get(k).unwrap_or(&0.0);
-            fit.add(psi, |_, values, _| {
-                for (i, value) in values.iter_mut().enumerate() {
-                    let clean = scale * light[i].through_analyser(true_angle);
-                    let sigma = if self.noise.is_some() { (noise.shot * clean + noise.floor).sqrt() } else { 0.0 };
-                    *value = (clean + sigma * normal(seed ^ (k as u64 + 9) << 40, i as u64)) as f32;
-                }
-            });
+        for (psi, frame) in angles.iter().zip(&frames) {
+            fit.add(*psi, |_, values, _| values.copy_from_slice(frame));
         }
-        let truth = truth.iter().map(|t| *t as f32).collect();
-        Ok(Series { maps: fit.solve(&design), design, noise: vec![noise; self.angles.len()], truth })
+        Ok(Series { maps: fit.solve(&design), design, noise, truth })
     }
+
+    /// Photographs `pixels` points.
+    ///
+    /// # Errors
+    /// When the analyser's angles cannot tell an orientation.
+    pub fn render(&self, pixels: usize, seed: u64) -> Result<Photographs> {
+        let design = Design::new(&self.angles)?;
+        let truth = self.orientations(pixels, seed);
+        let reflectance = |i| 1.0 + self.reflectance * (2.0 * random(seed, 3, i) - 1.0);
+        let light: Vec<_> = truth.iter().enumerate().map(|(i, theta)| self.stokes(*theta) * reflectance(i)).collect();
+        let brightest = light.iter().map(|s| 0.5 * (s.s0 + s.s1.hypot(s.s2))).fold(f64::MIN_POSITIVE, f64::max);
+        let scale = self.exposure / brightest;
+        let noise = self.noise.map_or(FrameNoise { shot: 0.0, floor: 1e-14 }, |n| n.frame(1.0, 1.0, 0.0));
+        let frame = |(k, psi): (usize, &f64)| -> Vec<f32> {
+            let true_angle = psi + self.angle_errors.get(k).unwrap_or(&0.0);
+            let point = |(i, s): (usize, &Stokes)| {
+                let clean = scale * s.through_analyser(true_angle);
+                let sigma = if self.noise.is_some() { (noise.shot * clean + noise.floor).sqrt() } else { 0.0 };
+                (clean + sigma * normal(seed ^ (k as u64 + 9) << 40, i as u64)).min(1.0) as f32
+            };
+            light.par_iter().enumerate().map(point).collect()
+        };
+        let half = 0.5 * scale / pixels.max(1) as f64;
+        Ok(Photographs {
+            frames: self.angles.iter().enumerate().map(frame).collect(),
+            angles: self.angles.clone(),
+            design,
+            noise: vec![noise; self.angles.len()],
+            truth: truth.iter().map(|t| *t as f32).collect(),
+            white: (self.exposure >= 0.9).then_some(1.0),
+            light: (
+                half * light.iter().map(|s| s.s0).sum::<f64>(),
+                half * light.iter().map(|s| s.s1.hypot(s.s2)).sum::<f64>(),
+            ),
+        })
+    }
+
+    /// True orientations in rad.
+    fn orientations(&self, pixels: usize, seed: u64) -> Vec<f64> {
+        let start = PI * random(seed, 1, 0);
+        let point = |i| {
+            let u = random(seed, 2, i);
+            match self.spread {
+                Spread::Even => PI * u,
+                Spread::Bands(n) => (start + PI * (u * n as f64).floor() / n as f64).rem_euclid(PI),
+                Spread::Range(range) => (start + range * u).rem_euclid(PI),
+            }
+        };
+        (0..pixels).map(point).collect()
+    }
+}
+
+/// The `i`-th number of a stream, 0 to 1.
+fn random(seed: u64, stream: u64, i: usize) -> f64 {
+    uniform(seed ^ stream.wrapping_mul(0x9e37_79b9_7f4a_7c15), i as u64)
 }
 
 /// A number from 0 to 1 that depends on `seed` and `i` alone.

@@ -1,0 +1,33 @@
+//! Studies of polarization imaging (2018 paper, section 5): how many frames, what precision, which model, and what breaks
+//! each of them. Scenes are synthetic series, so the truth is known.
+
+mod frames;
+mod illumination;
+mod maps;
+mod models;
+mod noise;
+mod precision;
+mod scene;
+mod stress;
+mod subsampling;
+
+use super::{Effort, Picture, Study};
+
+/// All measured studies, in the order of the page.
+pub fn studies(effort: Effort) -> Vec<Study> {
+    let mut all = vec![
+        frames::study(effort),
+        precision::study(effort),
+        models::study(effort),
+        subsampling::study(effort),
+        noise::study(effort),
+        illumination::study(effort),
+    ];
+    all.extend(stress::studies(effort));
+    all
+}
+
+/// All computed pictures.
+pub fn pictures() -> Vec<Picture> {
+    vec![maps::picture()]
+}

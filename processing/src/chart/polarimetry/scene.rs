@@ -1,0 +1,130 @@
+//! What the studies share: rendered series, the methods, and how a map is judged.
+
+use crate::Result;
+use crate::chart::style::number;
+use crate::chart::{Axis, Effort, Outcome};
+use crate::polarimetry::synthetic::{Photographs, Synthetic};
+use crate::polarimetry::{
+    CLOUD, Design, Fit, FrameNoise, Model, OrientationMaps, StokesMaps, angle_difference, compare, orient, orient_with,
+};
+use num_complex::Complex;
+use std::f64::consts::PI;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// From solved Stokes maps to orientations.
+pub(super) type Solve = dyn Fn(&mut StokesMaps, &Design, &[FrameNoise]) -> Result<OrientationMaps> + Send + Sync;
+
+/// A model by name.
+#[derive(Clone)]
+pub(super) struct Method {
+    pub name: &'static str,
+    pub solve: Arc<Solve>,
+    /// The program's choice when the user makes none.
+    pub default: bool,
+}
+
+/// The models to be compared; one more is one more entry. `auto` is last, so that it lies on top of what it chose.
+pub(super) fn methods() -> Vec<Method> {
+    let models = [Model::Sinusoid, Model::Prenormalized, Model::Circle, Model::Curve, Model::Auto];
+    models.map(|model| method(model, CLOUD)).to_vec()
+}
+
+/// The phase alone, without a look at what else might explain the points: for what concerns photographs and not films.
+pub(super) fn sinusoid() -> Method {
+    let solve = |maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise]| Ok(orient(maps, design, noise, 0.0));
+    Method { name: "sinusoid", solve: Arc::new(solve), default: true }
+}
+
+/// A model that is fitted to so many pixels.
+pub(super) fn method(model: Model, pixels: usize) -> Method {
+    let solve = move |maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise]| {
+        Ok(orient_with(maps, design, noise, model, pixels))
+    };
+    Method { name: model.word(), solve: Arc::new(solve), default: model == Model::Auto }
+}
+
+/// Pixels per scene where time matters little.
+pub(super) fn pixels(effort: Effort) -> usize {
+    effort.pick(4000, 1000)
+}
+
+/// What all studies of orientation measure.
+pub(super) fn orientation_error() -> Axis {
+    Axis::log("mean orientation error", "°")
+}
+
+/// Time of what grows with the pixels.
+pub(super) fn time() -> Axis {
+    Axis::log("time per megapixel", "s")
+}
+
+/// Time of a whole map, where most of it goes into the model's fit, which grows little with the pixels.
+pub(super) fn time_of_map(pixels: usize) -> Axis {
+    Axis::log(&format!("time for a map of {} pixels", number(pixels as f64)), "s")
+}
+
+/// Ratio of amplitudes and phase in degrees as a complex number.
+pub(super) fn ratio(r: f64, zeta_deg: f64) -> Complex<f64> {
+    Complex::from_polar(r, zeta_deg.to_radians())
+}
+
+/// Renders a scene and runs a method on it; the clock runs for fit, solution and method, in s per map.
+pub(super) fn run(scene: &Synthetic, method: &Method, pixels: usize, seed: u64) -> Result<Outcome> {
+    let photographs = scene.render(pixels, seed)?;
+    let begun = Instant::now();
+    let mut maps = fold(&photographs).solve(&photographs.design);
+    let map = (method.solve)(&mut maps, &photographs.design, &photographs.noise)?;
+    Ok(judge(&map, &photographs.truth, begun.elapsed().as_secs_f64()))
+}
+
+/// Pixels per row of the fit, so that it uses all threads as it does on a photograph.
+const ROW: usize = 1024;
+
+/// Folds all photographs into a fit.
+pub(super) fn fold(photographs: &Photographs) -> Fit {
+    let n = photographs.truth.len();
+    let width = if n.is_multiple_of(ROW) { ROW } else { n };
+    let mut fit = Fit::new(width, n / width);
+    for (psi, frame) in photographs.angles.iter().zip(&photographs.frames) {
+        fit.add(*psi, |y, values, bad| {
+            let row = &frame[y * width..][..width];
+            values.copy_from_slice(row);
+            if let Some(white) = photographs.white {
+                bad.iter_mut().zip(row).for_each(|(bad, v)| *bad |= u8::from(*v >= white));
+            }
+        });
+    }
+    fit
+}
+
+/// A map against the truth, its gauge removed: mean error in degrees, shares, and the error that σ promises.
+pub(super) fn judge(map: &OrientationMaps, truth: &[f32], seconds: f64) -> Outcome {
+    let n = truth.len() as f64;
+    let compared = compare(&map.orientation, &map.sigma, truth, |_| true);
+    let offset = compared.map_or(0.0, |c| c.offset_deg.to_radians());
+    let (mut wrong, mut promised) = (0_usize, 0.0);
+    for ((theta, sigma), truth) in map.orientation.iter().zip(&map.sigma).zip(truth) {
+        if theta.is_finite() {
+            let error = angle_difference(f64::from(*theta) - f64::from(*truth), offset).abs();
+            wrong += usize::from(error > 5.0 * f64::from(*sigma));
+            promised += f64::from(*sigma);
+        }
+    }
+    let known = compared.map_or(0, |c| c.pixels);
+    Outcome {
+        error: compared.map(|c| c.mean_deg),
+        seconds,
+        masked: 1.0 - known as f64 / n,
+        wrong: wrong as f64 / n,
+        predicted: (known > 0).then(|| mean_of_normal(promised / known as f64).to_degrees()),
+    }
+}
+
+/// Mean |x| of a normal deviate of this standard deviation.
+pub(super) fn mean_of_normal(sigma: f64) -> f64 {
+    sigma * (2.0 / PI).sqrt()
+}
+
+/// Phrase for the legend of studies whose expected error is the map's own σ.
+pub(super) const PROMISED: &str = "the error that σ promises";

@@ -1,0 +1,55 @@
+//! The numbers behind a picture, as CSV.
+
+use super::Summary;
+use std::fmt::Write;
+
+/// One line per setting and scene; empty fields where there is no value.
+pub(super) fn csv(summary: &Summary) -> String {
+    let mut text = String::from(
+        "method,setting,knob,default,scene,stress,runs,error_median,error_q1,error_q3,seconds_median,seconds_q1,seconds_q3,\
+         masked,confidently_wrong,predicted,on_front\n",
+    );
+    let optional = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
+    for p in &summary.points {
+        let (setting, scene) = (&summary.settings[p.setting], &summary.scenes[p.scene]);
+        let error = |pick: fn(&super::Quartiles) -> f64| optional(p.error.as_ref().map(pick));
+        let _ = writeln!(
+            text,
+            "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
+            quoted(&setting.method),
+            quoted(&setting.label),
+            setting.value,
+            setting.default,
+            quoted(&scene.label),
+            scene.value,
+            p.runs,
+            error(|e| e.median),
+            error(|e| e.q1),
+            error(|e| e.q3),
+            p.seconds.median,
+            p.seconds.q1,
+            p.seconds.q3,
+            p.masked,
+            p.wrong,
+            optional(p.predicted),
+            p.front
+        );
+    }
+    text
+}
+
+/// A text field as RFC 4180 has it.
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_are_quoted_where_they_must_be() {
+        assert_eq!(quoted("12 frames"), "12 frames");
+        assert_eq!(quoted("r 1.1, ζ 45°, \"clean\""), "\"r 1.1, ζ 45°, \"\"clean\"\"\"");
+    }
+}
