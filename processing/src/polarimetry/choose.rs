@@ -14,6 +14,17 @@ const UNDECIDED: f64 = 10.0;
 const NO_CURVE: f64 = 0.15;
 const NO_CURVE_WIDENED: f64 = 4.0;
 
+/// A scatter about the curve of more than 1.6 times the noise is something that no model holds, so that its error is unknown.
+const UNEXPLAINED: f64 = 2.56;
+
+/// Where the scatter is more than this times the noise (as a variance), a model must be likelier than a simpler one by
+/// this much per point.
+const UNMODELLED_WIDENED: f64 = 1.2;
+const UNMODELLED: f64 = 0.005;
+
+/// Fewer points than this tell a circle, but not the film behind it.
+const CURVE_POINTS: usize = 5000;
+
 /// A centred circle that explains the points to this, with a centre that costs less than this in degrees, needs no
 /// other model to compare with.
 const GOOD_WIDENED: f64 = 1.05;
@@ -30,6 +41,8 @@ pub(super) struct Choice {
     /// How much larger than the noise the scatter about the chosen curve is, as a variance.
     pub widened: f64,
     pub reason: String,
+    /// Whether any model explains the points.
+    pub explained: bool,
     /// Error of the orientations that the model may cause, in rad; None when no model explains the points.
     pub error: Option<f64>,
 }
@@ -40,7 +53,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model) -> Option<Choice> {
         return None;
     }
     let simple = candidates(points, false);
-    let enough = wanted == Model::Auto && sinusoid_is_enough(&simple, points.len());
+    let enough = wanted == Model::Auto && (sinusoid_is_enough(&simple, points.len()) || points.len() < CURVE_POINTS);
     let candidates =
         if matches!(wanted, Model::Auto | Model::Curve) && !enough { candidates(points, true) } else { simple };
     let widened = candidates.iter().map(|c| c.widened(points.len())).fold(f64::INFINITY, f64::min);
@@ -51,17 +64,21 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model) -> Option<Choice> {
             .min_by(|a, b| evidence[*a].total_cmp(&evidence[*b]))
     };
     let best = likeliest(None)?;
+    // Points that scatter more than their noise are off every model alike, and more parameters find something in that.
+    let unmodelled = if widened > UNMODELLED_WIDENED { UNMODELLED * points.len() as f64 } else { 0.0 };
     let explained = explains(&candidates[best], points);
     let chosen = match wanted {
-        Model::Auto if enough || !explained => likeliest(Some(Model::Sinusoid))?,
-        Model::Auto => best,
+        Model::Auto if !explained => likeliest(Some(Model::Sinusoid))?,
+        Model::Auto => (0..candidates.len()).find(|k| evidence[*k] <= evidence[best] + unmodelled)?,
         model => likeliest(Some(model))?,
     };
     let behind: Vec<f64> = evidence.iter().map(|e| e - evidence[best]).collect();
     let differences: Vec<f64> = candidates.iter().map(|c| difference(c, &candidates[chosen], points)).collect();
     // Whatever may be true as well, the likeliest among it.
-    let rivals = (0..candidates.len()).filter(|k| behind[*k] < UNDECIDED).map(|k| differences[k]);
-    let error = explained.then(|| candidates[chosen].uncertain.hypot(rivals.fold(0.0, f64::max)));
+    let rivals = (0..candidates.len()).filter(|k| behind[*k] < UNDECIDED.max(unmodelled)).map(|k| differences[k]);
+    let widened_here = candidates[chosen].widened(points.len());
+    let error = (explained && widened_here < UNEXPLAINED)
+        .then(|| candidates[chosen].uncertain.hypot(rivals.fold(0.0, f64::max)));
     Some(Choice {
         widened: candidates[chosen].widened(points.len()),
         reason: reason(wanted, &candidates, &behind, chosen, explained, enough),
@@ -69,6 +86,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model) -> Option<Choice> {
         behind,
         differences,
         chosen,
+        explained,
         error,
     })
 }
@@ -119,7 +137,7 @@ fn reason(
     if wanted != Model::Auto {
         return "asked for".into();
     }
-    if enough {
+    if enough && candidates[chosen].model == Model::Sinusoid {
         return "(S1/S0, S2/S0) lie on a circle about the origin to their noise, so nothing more is needed".into();
     }
     if !explained {
@@ -184,15 +202,15 @@ impl Choice {
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = vec![];
         let scatter = self.widened.sqrt();
-        if self.error.is_none() {
+        if !self.explained {
             warnings.push(format!(
                 "the points (S1/S0, S2/S0) lie {scatter:.0} times farther from the curve of this model than their noise: it does \
                  not explain the data, and orientations may be wrong by much more than σ says"
             ));
-        } else if scatter > 2.0 {
+        } else if self.widened > UNEXPLAINED {
             warnings.push(format!(
                 "the points (S1/S0, S2/S0) scatter {scatter:.1} times as far about the curve as their noise: a sample of several \
-                 periods, a wrong analyser angle or photographs that do not match; pixels far off the curve have a larger σ"
+                 periods, a wrong analyser angle or photographs that do not match; how far orientations are wrong in all cannot be told"
             ));
         }
         let rivals = self.behind.iter().zip(&self.differences).filter(|(behind, _)| **behind < UNDECIDED);
