@@ -125,7 +125,15 @@ impl Family<'_> {
             for k in 0..at.len() {
                 damped[(k, k)] += damping * information[(k, k)].max(1e-12);
             }
-            let step = damped.cholesky()?.solve(slope);
+            // A gauge is a direction that the points say nothing about: only damping makes a step there.
+            let Some(factors) = damped.cholesky() else {
+                damping *= 6.0;
+                if damping > 1e9 {
+                    return None;
+                }
+                continue;
+            };
+            let step = factors.solve(slope);
             let next: Vec<f64> =
                 at.iter().zip(step.iter()).zip(self.limits).map(|((a, s), l)| (a + s).clamp(-l, *l)).collect();
             let next_feet = self::feet(points, (self.curve)(&next));

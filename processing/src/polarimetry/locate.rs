@@ -60,6 +60,13 @@ pub(super) fn locate(
     OrientationMaps { width: maps.width, height: maps.height, orientation, sigma }
 }
 
+/// Uncertainty in rad from which the bend of the curve within it is looked at.
+const BENT: f32 = 0.01;
+
+/// Where the curve is that much slower within the noise than at the point itself, no σ describes the error, and the pixel is
+/// masked.
+const TOO_BENT: f32 = 1.3;
+
 enum Place {
     Circle(Circle),
     Curve(Box<Table>),
@@ -159,7 +166,17 @@ impl Table {
         let across = (va * nx * nx + 2.0 * vb * nx * ny + vc * ny * ny) / length2;
         let off = (nx * x + ny * y) / length2.sqrt();
         let excess = (off * off - OFF * OFF * across).max(0.0) / length2;
-        Found { theta, along: speed.sqrt().recip(), excess, distance2 }
+        let along = speed.sqrt().recip();
+        let weighted = |theta: f32| {
+            let (q, _) = self.curve.with_tangent(theta);
+            let (x, y) = (q[0] - at[0] + x, q[1] - at[1] + y);
+            (wa * x * x + 2.0 * wb * x * y + wc * y * y).sqrt()
+        };
+        // Where the curve turns or slows down within the noise, the point moves less than its speed here promises.
+        let least = || weighted(theta + 2.0 * along).min(weighted(theta - 2.0 * along));
+        let slower = if along > BENT { (2.0 / least()).max(1.0) } else { 1.0 };
+        let along = if slower > TOO_BENT { f32::INFINITY } else { along * (0.5 + 0.5 * slower) };
+        Found { theta, along, excess, distance2 }
     }
 }
 

@@ -18,6 +18,7 @@
 //! # Ok::<(), nacre_processing::Error>(())
 //! ```
 
+mod aligned;
 mod check;
 mod choose;
 #[cfg(test)]
@@ -43,6 +44,7 @@ mod search;
 mod stokes;
 pub mod synthetic;
 
+pub use aligned::Alignment;
 pub use check::{CircleCheck, check_circle};
 pub use choose::{FilmReport, ModelReport};
 pub use compare::{Comparison, compare};

@@ -1,5 +1,6 @@
 //! The whole job: a set of photographs to maps, pictures and a report in a new folder.
 
+use super::aligned::{alignment, fit_moved_back, smoothed_noise};
 use super::choose::{Choice, choose};
 use super::cloud::cloud;
 use super::locate::locate;
@@ -11,6 +12,7 @@ use super::{
 };
 use crate::frames::{Kind, LinearFrame, Linearizer, LoadedFrames, load};
 use crate::image::OutputFolder;
+use crate::image::registration::Registrar;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::path::Path;
@@ -60,6 +62,8 @@ pub struct Running {
     pub(super) views: Vec<View>,
     design: Design,
     pub(super) fit: Fit,
+    /// Watches how the photographs lie against each other; a sensor that takes all angles at once needs none.
+    registrar: Option<Registrar>,
     /// Photographs taken in.
     added: usize,
     read_and_fit_s: f64,
@@ -76,7 +80,8 @@ impl Running {
         let linearizer = Linearizer::new(&frames)?;
         let block = views.first().map_or(1, |v| v.block);
         let fit = Fit::new(frames.info.width / block, frames.info.height / block);
-        Ok(Self { frames, linearizer, views, design, fit, added: 0, read_and_fit_s: 0.0 })
+        let registrar = (block == 1).then(|| Registrar::new(frames.info.width, frames.info.height));
+        Ok(Self { frames, linearizer, views, design, fit, registrar, added: 0, read_and_fit_s: 0.0 })
     }
 
     /// Photographs taken in so far; the next one to add is the set's with this number.
@@ -90,7 +95,8 @@ impl Running {
     /// `Input` when it cannot be read or there is none left.
     pub fn add(&mut self) -> Result<()> {
         let begun = Instant::now();
-        fold(&mut self.fit, &self.views, self.added, &read(&self.frames, &self.linearizer, self.added)?);
+        let photograph = read(&self.frames, &self.linearizer, self.added)?;
+        fold(&mut self.fit, &mut self.registrar, &self.views, self.added, &photograph);
         self.added += 1;
         self.read_and_fit_s += begun.elapsed().as_secs_f64();
         Ok(())
@@ -101,14 +107,14 @@ impl Running {
     fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
         let (begun, all) = (Instant::now(), self.frames.set.frames.len());
         progress.stage("reading and fitting", all as u64);
-        let Self { frames, linearizer, views, fit, added, .. } = self;
+        let Self { frames, linearizer, views, fit, registrar, added, .. } = self;
         while *added < all {
             progress.check()?;
             let first = *added;
             let second = || (first + 1 < all).then(|| read(frames, linearizer, first + 1));
             let (a, b) = rayon::join(|| read(frames, linearizer, first), second);
             for photograph in [Some(a), b].into_iter().flatten() {
-                fold(fit, views, *added, &photograph?);
+                fold(fit, registrar, views, *added, &photograph?);
                 *added += 1;
                 progress.step();
             }
@@ -123,15 +129,26 @@ impl Running {
     /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`. Nothing is left behind.
     pub fn finish(self, folder: OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
         options.check()?;
-        let Self { frames, linearizer, views, design, fit, added, read_and_fit_s } = self;
+        let Self { frames, linearizer, views, design, mut fit, registrar, added, read_and_fit_s } = self;
         if added != frames.set.frames.len() {
             let problem = format!("only {added} of its {} photographs were taken", frames.set.frames.len());
             return Err(Error::file(&frames.path, problem, "take the rest first"));
         }
         let start = Instant::now();
+        let size = [frames.info.width, frames.info.height];
+        let angles: Vec<f64> = views.iter().map(|v| v.angle).collect();
+        let alignment = alignment(registrar.as_ref(), &angles);
+        drop(registrar);
+        let moved = alignment.as_ref().filter(|a| a.corrected).map(|a| a.shifts_px.as_slice());
+        if let Some(shifts) = moved {
+            fit = fit_moved_back(&frames, &linearizer, &views, shifts, size, progress)?;
+        }
         let mut maps = fit.solve(&design);
         check_light(&frames, &maps, &linearizer)?;
-        let (noise, source) = noise_of(&frames, &linearizer, &views, &maps, &design);
+        let (mut noise, source) = noise_of(&frames, &linearizer, &views, &maps, &design);
+        if let Some(shifts) = moved.filter(|_| source != NoiseSource::Estimated) {
+            smoothed_noise(&mut noise, shifts, size);
+        }
         let Solved { map, circle, choice, points } =
             solve_model(&mut maps, &design, &noise, options.model, options.offset_deg.to_radians());
         divide_by_flat(&frames, &linearizer, &mut maps)?;
@@ -147,6 +164,7 @@ impl Running {
             circle,
             choice.as_ref().map(|c| (c, points)),
         );
+        report.registration = alignment;
         super::output::write_maps(&folder, &frames, &maps, &map, progress)?;
         let written = start.elapsed().as_secs_f64();
         report.seconds = Seconds {
@@ -172,7 +190,7 @@ pub(super) struct Solved {
 }
 
 /// Pixels that models are fitted to and compared on.
-pub(crate) const CLOUD: usize = 40_000;
+pub(crate) const CLOUD: usize = 100_000;
 
 /// From intensities to orientations.
 pub(super) fn solve_model(
@@ -223,11 +241,14 @@ fn read<'a>(frames: &LoadedFrames, linearizer: &'a Linearizer, i: usize) -> Resu
 }
 
 /// Adds photograph `i`, which is one view, or four of a polarization sensor.
-fn fold(fit: &mut Fit, views: &[View], i: usize, frame: &LinearFrame) {
+fn fold(fit: &mut Fit, registrar: &mut Option<Registrar>, views: &[View], i: usize, frame: &LinearFrame) {
     let per_frame = views.first().map_or(1, |v| v.block * v.block);
     for view in &views[i * per_frame..(i + 1) * per_frame] {
         let ([x, y], block) = (view.position, view.block);
         fit.add(view.angle, |row, light, bad| frame.strided(row * block + y, x, block, light, bad));
+    }
+    if let Some(registrar) = registrar {
+        registrar.add(|row, light, bad| frame.row(row, light, bad));
     }
 }
 

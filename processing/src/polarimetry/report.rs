@@ -1,7 +1,7 @@
 //! `report.json`: what was done, why, and how good the result is.
 
 use super::choose::Choice;
-use super::{CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, Options};
+use super::{Alignment, CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, Options};
 use crate::frames::LoadedFrames;
 use serde::Serialize;
 
@@ -31,6 +31,8 @@ pub struct Report {
     pub models: Vec<ModelReport>,
     /// Does the sinusoid explain the data?
     pub circle: Option<CircleCheck>,
+    /// How the photographs lie against each other; none for a sensor that takes all angles at once.
+    pub registration: Option<Alignment>,
     /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
     pub offset_deg: f64,
     /// Analyser angles in the order of the frames.
@@ -126,6 +128,7 @@ impl Report {
             pixels,
             noise: NoiseReport { source, shot: mean(|n| n.shot), floor: mean(|n| n.floor) },
             circle,
+            registration: None,
             offset_deg: options.offset_deg,
             analyser_deg: match set.layout {
                 Some(layout) => layout.concat().repeat(set.frames.len()),

@@ -1,5 +1,6 @@
 //! Looks for the film whose curve the points lie on: from many starts, since the misfit has many minima.
 
+use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::curve::{Curve, Film, PARAMETERS};
 use super::curve_fit::{Family, Fitted, Path};
@@ -13,13 +14,14 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 const TRIED: usize = 200;
 const FOLLOWED: usize = 400;
 const LAST: usize = 4000;
+const MORE: usize = 20_000;
 
 /// Curves that are followed, and that are fitted to more points.
 const STARTS: usize = 120;
 const FINALISTS: usize = 6;
 
-/// Curves that are nowhere farther from each other than this are the same.
-const SAME: f64 = 1e-3;
+/// Orientations that differ by no more than this in rad are the same.
+const SAME: f64 = 4e-3;
 
 /// How far parameters may be expected from 0, where the points do not tell: ln r, retardance and front reflection of
 /// packaging films, a retarder within a few degrees.
@@ -28,56 +30,90 @@ const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1
 /// And how far at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
 const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1];
 
-const CORE: [usize; 4] = [0, 1, 2, 3];
-const FRONT: [usize; 6] = [0, 1, 2, 3, 4, 5];
-const FRONT_AND_SOURCE: [usize; 7] = [0, 1, 2, 3, 4, 5, 6];
+/// The sets of parameters that are fitted, and what of the light they add to the film.
+const FAMILIES: [(&[usize], &[&str]); 3] =
+    [(&[0, 1, 2, 3], &[]), (&[0, 1, 2, 3, 4, 5], &["front"]), (&[0, 1, 2, 3, 4, 5, 6], &["front", "source"])];
 
-/// The curve with four, six and seven free parameters, each begun where the one before ended and at many other places.
+/// The curve with four, six and seven free parameters. Each is begun where the one before ended and at many other places,
+/// and once more where the ones with more parameters ended.
 pub(super) fn curves(points: &[CloudPoint], circle: Option<&Curve>) -> Vec<Candidate> {
-    let (tried, followed, last) = (thinned(points, TRIED), thinned(points, FOLLOWED), thinned(points, LAST));
-    let mut begun = starts(&tried, circle);
-    let mut found = vec![];
-    for (free, extended) in
-        [(&CORE[..], &[][..]), (&FRONT[..], &["front"][..]), (&FRONT_AND_SOURCE[..], &["front", "source"][..])]
-    {
-        let expected: Vec<f64> = free.iter().map(|k| EXPECTED[*k]).collect();
-        let film = |p: &[f64]| {
-            let mut all = [0.0; PARAMETERS];
-            for (k, value) in free.iter().zip(p) {
-                all[*k] = *value;
-            }
-            Film::from_array(all)
-        };
-        let limits: Vec<f64> = free.iter().map(|k| LIMITS[*k]).collect();
-        let family = Family { curve: &|p: &[f64]| film(p).curve(), expected: &expected, limits: &limits };
-        let take = |film: &Film| -> Vec<f64> { free.iter().map(|k| film.to_array()[*k]).collect() };
-        let first = best_first(begun.par_iter().filter_map(|film| family.fit(&followed, &take(film), 25)), |f| {
-            evidence::misfit(&followed, &f.curve)
-        });
-        let finalists =
-            best_first(distinct(first).par_iter().filter_map(|f| family.fit(&last, &f.parameters, 30)), |f| {
-                evidence::misfit(&last, &f.curve)
-            });
-        let polished =
-            best_first(finalists.par_iter().take(2).filter_map(|f| family.fit(points, &f.parameters, 10)), |f| {
-                evidence::misfit(points, &f.curve)
-            });
-        let Some(best) = polished.into_iter().next() else { continue };
-        begun.splice(0..0, finalists.iter().map(|f| film(&f.parameters)));
-        begun.insert(0, film(&best.parameters));
+    let samples = Samples { all: points, last: thinned(points, LAST), followed: thinned(points, FOLLOWED) };
+    let mut begun = starts(&thinned(points, TRIED), circle);
+    let mut found: Vec<Option<Film>> = vec![];
+    for (free, _) in FAMILIES {
+        let films = samples.search(free, &begun);
+        begun.splice(0..0, films.iter().copied());
         begun.truncate(STARTS);
-        found.push(Candidate {
-            model: Model::Curve,
-            extended,
-            parameters: free.len(),
-            curve: best.curve,
-            center: None,
-            cost: best.cost,
-            uncertain: family.spread(&best, &thinned(points, 500), widened(best.cost, points.len())),
-            film: Some(film(&best.parameters)),
-        });
+        found.push(films.into_iter().next());
     }
-    found
+    let each = FAMILIES.iter().enumerate().filter_map(|(k, (free, extended))| {
+        let films: Vec<Film> = found[k..].iter().flatten().copied().collect();
+        samples.finish(free, extended, &films)
+    });
+    each.collect()
+}
+
+/// Points to fit, in smaller and smaller samples.
+struct Samples<'a> {
+    all: &'a [CloudPoint],
+    last: Vec<CloudPoint>,
+    followed: Vec<CloudPoint>,
+}
+
+impl Samples<'_> {
+    /// The best films of a family, best first.
+    fn search(&self, free: &[usize], begun: &[Film]) -> Vec<Film> {
+        with_family(free, |family, film| {
+            let fits = begun.par_iter().filter_map(|start| family.fit(&self.followed, &taken(free, start), 25));
+            let first = distinct(best_first(fits, |f| evidence::misfit(&self.followed, &f.curve)));
+            let fits = first.par_iter().filter_map(|f| family.fit(&self.last, &f.parameters, 30));
+            best_first(fits, |f| evidence::misfit(&self.last, &f.curve)).iter().map(|f| film(&f.parameters)).collect()
+        })
+    }
+
+    /// The candidate of a family from the most promising films.
+    fn finish(&self, free: &[usize], extended: &'static [&'static str], films: &[Film]) -> Option<Candidate> {
+        with_family(free, |family, film| {
+            let fits = films.par_iter().filter_map(|start| family.fit(&self.last, &taken(free, start), 30));
+            let near = distinct(best_first(fits, |f| evidence::misfit(&self.last, &f.curve)));
+            // In a narrow bent valley a small sample ends anywhere along it.
+            let more = thinned(self.all, MORE);
+            let fits = near.par_iter().take(4).filter_map(|f| family.fit(&more, &f.parameters, 60));
+            let near = best_first(fits, |f| evidence::misfit(&more, &f.curve));
+            let fits = near.par_iter().take(3).filter_map(|f| family.fit(self.all, &f.parameters, 20));
+            let best = best_first(fits, |f| evidence::misfit(self.all, &f.curve)).into_iter().next()?;
+            Some(Candidate {
+                model: Model::Curve,
+                extended,
+                parameters: free.len(),
+                curve: best.curve,
+                center: None,
+                cost: best.cost,
+                uncertain: family.spread(&best, &thinned(self.all, 500), widened(best.cost, self.all.len())),
+                film: Some(film(&best.parameters)),
+            })
+        })
+    }
+}
+
+/// The parameters of a film that are free.
+fn taken(free: &[usize], film: &Film) -> Vec<f64> {
+    let all = film.to_array();
+    free.iter().map(|k| all[*k].clamp(-LIMITS[*k], LIMITS[*k])).collect()
+}
+
+/// Does something with the family of films whose other parameters are 0, and the film of its parameters.
+fn with_family<T>(free: &[usize], work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T) -> T {
+    let film = |p: &[f64]| {
+        let mut all = [0.0; PARAMETERS];
+        for (k, value) in free.iter().zip(p) {
+            all[*k] = *value;
+        }
+        Film::from_array(all)
+    };
+    let of = |all: &[f64; PARAMETERS]| -> Vec<f64> { free.iter().map(|k| all[*k]).collect() };
+    let (expected, limits) = (of(&EXPECTED), of(&LIMITS));
+    work(&Family { curve: &|p: &[f64]| film(p).curve(), expected: &expected, limits: &limits }, &film)
 }
 
 fn best_first(fits: impl ParallelIterator<Item = Fitted>, score: impl Fn(&Fitted) -> f64 + Sync) -> Vec<Fitted> {
@@ -86,21 +122,30 @@ fn best_first(fits: impl ParallelIterator<Item = Fitted>, score: impl Fn(&Fitted
     scored.into_iter().map(|(_, fit)| fit).collect()
 }
 
-/// The first few that are not the same curve.
+/// The first few that do not give the same orientations, up to one offset.
 fn distinct(fits: Vec<Fitted>) -> Vec<Fitted> {
     let mut kept: Vec<Fitted> = vec![];
     for fit in fits {
-        let same = |other: &Fitted| {
-            (0..8).all(|k| {
-                let (a, b) = (fit.curve.at(PI * f64::from(k) / 8.0), other.curve.at(PI * f64::from(k) / 8.0));
-                (a[0] - b[0]).hypot(a[1] - b[1]) < SAME
-            })
-        };
-        if kept.len() < FINALISTS && !kept.iter().any(same) {
+        if kept.len() < FINALISTS && !kept.iter().any(|other| same_orientations(&fit.curve, &other.curve)) {
             kept.push(fit);
         }
     }
     kept
+}
+
+fn same_orientations(a: &Curve, b: &Curve) -> bool {
+    const PLACES: usize = 24;
+    let path = Path::new(*b);
+    let turns: Vec<f64> = (0..PLACES)
+        .map(|k| {
+            let theta = PI * k as f64 / PLACES as f64;
+            let point = CloudPoint { at: a.at(theta), covariance: [1.0, 0.0, 1.0], snr: 0.0 };
+            path.foot(&point).theta - theta
+        })
+        .collect();
+    let (sin, cos) = turns.iter().fold((0.0, 0.0), |(s, c), t| (s + (2.0 * t).sin(), c + (2.0 * t).cos()));
+    let offset = 0.5 * f64::atan2(sin, cos);
+    turns.iter().all(|t| angle_difference(*t, offset).abs() < SAME)
 }
 
 /// The most promising of a grid of films, and of those that a circle through the points can mean. Promising is a curve

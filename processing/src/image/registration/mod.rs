@@ -65,6 +65,22 @@ pub enum Doubt {
     TooUncertain(f64),
 }
 
+impl std::fmt::Display for Doubt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::TooSmall => write!(f, "the photographs are too small to tell shifts"),
+            Self::NothingInCommon(frames) => {
+                let list: Vec<String> = frames.iter().map(|k| (k + 1).to_string()).collect();
+                write!(f, "photographs {} show too little in common with the first to tell shifts", list.join(", "))
+            }
+            Self::NoAgreement => write!(f, "the photographs follow Malus' law under no shifts"),
+            Self::TooUncertain(sigma) => {
+                write!(f, "there is too little texture: a shift is only known to {sigma:.2} pixels")
+            }
+        }
+    }
+}
+
 /// Collects what is needed of each frame: at most 16 windows of 256×256 pixels, 4 bytes each.
 pub struct Registrar {
     windows: Windows,

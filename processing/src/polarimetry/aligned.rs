@@ -1,0 +1,77 @@
+//! Photographs that a wedged analyser or a loose stage has shifted against each other, laid over each other again.
+
+use super::reconstruct::View;
+use super::{Fit, FrameNoise};
+use crate::Result;
+use crate::frames::{Linearizer, LoadedFrames};
+use crate::image::registration::{Registrar, Registration, Resampler, Shift};
+use crate::progress::Progress;
+use serde::Serialize;
+
+/// Root mean square shift in pixels from which moving photographs back gains more at edges than resampling them costs, and
+/// how many standard deviations it must have.
+const WORTH_PX: f64 = 0.05;
+const WORTH_SIGMA: f64 = 3.0;
+
+/// How far the photographs are shifted against each other.
+#[derive(Clone, Debug, Serialize)]
+pub struct Alignment {
+    /// Where each photograph's content lies against the mean of all, in pixels right and down; empty when it cannot be told.
+    pub shifts_px: Vec<[f64; 2]>,
+    /// Largest standard deviation of a shift.
+    pub sigma_px: Option<f64>,
+    /// The photographs were moved back: the shifts are worth it.
+    pub corrected: bool,
+    /// Why shifts cannot be told.
+    pub doubt: Option<String>,
+}
+
+/// Which shifts the photographs have; `None` for sensors that take all angles at once.
+pub(super) fn alignment(registrar: Option<&Registrar>, angles: &[f64]) -> Option<Alignment> {
+    Some(match registrar?.polarized(angles) {
+        Registration::Told(shifts) => {
+            let sigma = shifts.iter().map(|s| s.sigma).fold(0.0, f64::max);
+            let square = |s: &Shift| s.dx * s.dx + s.dy * s.dy;
+            let rms = (shifts.iter().map(square).sum::<f64>() / shifts.len().max(1) as f64).sqrt();
+            Alignment {
+                shifts_px: shifts.iter().map(|s| [s.dx, s.dy]).collect(),
+                sigma_px: Some(sigma),
+                corrected: rms > WORTH_PX && rms > WORTH_SIGMA * sigma,
+                doubt: None,
+            }
+        }
+        Registration::CannotTell(doubt) => {
+            Alignment { shifts_px: vec![], sigma_px: None, corrected: false, doubt: Some(doubt.to_string()) }
+        }
+    })
+}
+
+/// Reads all photographs again and folds them into a new fit, each moved back by its shift.
+pub(super) fn fit_moved_back(
+    frames: &LoadedFrames,
+    linearizer: &Linearizer,
+    views: &[View],
+    shifts: &[[f64; 2]],
+    [width, height]: [usize; 2],
+    progress: &dyn Progress,
+) -> Result<Fit> {
+    progress.stage("moving photographs back", views.len() as u64);
+    let mut fit = Fit::new(width, height);
+    for (view, shift) in views.iter().zip(shifts) {
+        progress.check()?;
+        let frame = &frames.set.frames[view.frame];
+        let photograph = linearizer.read(&frames.file(&frame.file), frame.scale())?;
+        let back = Resampler::new(*shift, width, height);
+        fit.add(view.angle, |y, values, bad| back.row(y, |y, v, b| photograph.row(y, v, b), values, bad));
+        progress.step();
+    }
+    Ok(fit)
+}
+
+/// What resampling leaves of the noise that a camera is said to have.
+pub(super) fn smoothed_noise(noise: &mut [FrameNoise], shifts: &[[f64; 2]], [width, height]: [usize; 2]) {
+    for (noise, shift) in noise.iter_mut().zip(shifts) {
+        let factor = Resampler::new(*shift, width, height).noise_factor();
+        (noise.shot, noise.floor) = (noise.shot * factor, noise.floor * factor);
+    }
+}
