@@ -24,7 +24,7 @@ const PURE: f32 = 0.999;
 Examples:
   nacre demo
   nacre demo --sample logo --seed 3 --out logo
-  nacre demo --retardance-deg 10      a film that the sinusoid model cannot undo: it warns
+  nacre demo --retardance-deg 10      a film behind which the phase is not the orientation: the curve is fitted
 
 Exits with 1 when the mean orientation error is not under 0.5°.")]
 pub struct Args {
