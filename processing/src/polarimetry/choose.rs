@@ -14,8 +14,8 @@ const UNDECIDED: f64 = 10.0;
 const NO_CURVE: f64 = 0.15;
 const NO_CURVE_WIDENED: f64 = 4.0;
 
-/// A scatter about the curve of more than 1.6 times the noise is something that no model holds, so that its error is unknown.
-const UNEXPLAINED: f64 = 2.56;
+/// A scatter about the curve of more than twice the noise is something that no model holds, so that its error is unknown.
+const UNEXPLAINED: f64 = 4.0;
 
 /// Where the scatter is more than this times the noise (as a variance), a model must be likelier than a simpler one by
 /// this much per point.

@@ -54,6 +54,9 @@ impl Options {
     }
 }
 
+/// Registration keeps windows of every photograph, so longer series are not registered: memory stays bounded.
+const REGISTERED: usize = 24;
+
 /// A reconstruction that takes its photographs one by one, in order, as they arrive: the result is the same to the
 /// byte as that of [`reconstruct`].
 pub struct Running {
@@ -80,7 +83,8 @@ impl Running {
         let linearizer = Linearizer::new(&frames)?;
         let block = views.first().map_or(1, |v| v.block);
         let fit = Fit::new(frames.info.width / block, frames.info.height / block);
-        let registrar = (block == 1).then(|| Registrar::new(frames.info.width, frames.info.height));
+        let registered = block == 1 && frames.set.frames.len() <= REGISTERED;
+        let registrar = registered.then(|| Registrar::new(frames.info.width, frames.info.height));
         Ok(Self { frames, linearizer, views, design, fit, registrar, added: 0, read_and_fit_s: 0.0 })
     }
 

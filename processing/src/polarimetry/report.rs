@@ -31,7 +31,7 @@ pub struct Report {
     pub models: Vec<ModelReport>,
     /// Does the sinusoid explain the data?
     pub circle: Option<CircleCheck>,
-    /// How the photographs lie against each other; none for a sensor that takes all angles at once.
+    /// How the photographs lie against each other; none for a sensor that takes all angles at once and for more than 24.
     pub registration: Option<Alignment>,
     /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
     pub offset_deg: f64,
