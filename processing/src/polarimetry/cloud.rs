@@ -18,6 +18,12 @@ pub struct CloudPoint {
 const DARK: f32 = 0.01;
 const BRIGHT_SNR: f64 = 10.0;
 
+/// A second difference of so many standard deviations is an edge; chance alone makes 1 % of the pixels one.
+const JUMP: f64 = 3.5;
+
+/// Edges are left out if at least so many points remain.
+const INSIDE: usize = 1000;
+
 /// At most `count` pixels, evenly over the image, that are bright enough to have a polarization.
 pub fn cloud(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: usize) -> Vec<CloudPoint> {
     let covariance = Covariance::new(design, noise);
@@ -29,7 +35,33 @@ pub fn cloud(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: us
     let at = bright.len() * 99 / 100;
     let limit = DARK * *bright.select_nth_unstable_by(at, f32::total_cmp).1;
     let usable = |i: &usize| maps.s0[*i] > limit.max(0.0);
-    (0..maps.s0.len()).step_by(stride).filter(usable).filter_map(|i| point(maps, &covariance, i)).collect()
+    let pixels = (0..maps.s0.len()).step_by(stride).filter(usable);
+    let points: Vec<(usize, CloudPoint)> = pixels.filter_map(|i| point(maps, &covariance, i).map(|p| (i, p))).collect();
+    let inside: Vec<CloudPoint> = points.iter().filter(|(i, p)| !is_edge(maps, *i, p)).map(|(_, p)| *p).collect();
+    // Where nearly everything is an edge, edges are what there is to look at.
+    if inside.len() < INSIDE {
+        return points.into_iter().map(|(_, p)| p).collect();
+    }
+    inside
+}
+
+/// Whether the polarization jumps at this pixel, so that the lens mixes two orientations in it: its second difference
+/// along the row or the column is more than noise.
+fn is_edge(maps: &StokesMaps, i: usize, here: &CloudPoint) -> bool {
+    let (width, height) = (maps.width, maps.height);
+    let (x, y) = (i % width, i / width);
+    let [wa, wb, wc] = here.weights();
+    let ratios = |i: usize| [maps.s1[i] / maps.s0[i], maps.s2[i] / maps.s0[i]].map(f64::from);
+    let jumps = |before: usize, after: usize| {
+        let (p, q) = (ratios(before), ratios(after));
+        let [dx, dy] = [0, 1].map(|k| p[k] - 2.0 * here.at[k] + q[k]);
+        // Of the second difference the variance is six times that of a pixel.
+        let square = (wa * dx * dx + 2.0 * wb * dx * dy + wc * dy * dy) / 6.0;
+        // A dark neighbour, or a saturated one, has no polarization and is an edge as well.
+        !(square < JUMP * JUMP)
+    };
+    let inner = x > 0 && x + 1 < width && y > 0 && y + 1 < height;
+    inner && (jumps(i - 1, i + 1) || jumps(i - width, i + width))
 }
 
 /// Steps that meet all columns and rows even where the image's width divides them.
