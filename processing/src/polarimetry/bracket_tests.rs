@@ -8,18 +8,18 @@ use crate::progress::Silent;
 use nalgebra::{Matrix3, Vector3};
 use std::path::Path;
 
-const CAMERA: NoiseModel = NoiseModel { full_scale_e: 40_000.0, read_noise_e: 8.0 };
+pub(super) const CAMERA: NoiseModel = NoiseModel { full_scale_e: 40_000.0, read_noise_e: 8.0 };
 const BLACK: f64 = 64.0;
 const WHITE: f64 = 4095.0;
 /// Light that fills a pixel in one second, down to what leaves 13 electrons in the longest exposure.
 const LEVELS: [f64; 8] = [20.0, 9.0, 4.0, 1.5, 0.4, 0.1, 0.02, 0.005];
-const EXPOSURES: [f64; 3] = [0.02, 0.16, 0.64];
+pub(super) const EXPOSURES: [f64; 3] = [0.02, 0.16, 0.64];
 const WIDTH: usize = 500;
 const ROWS: usize = 8;
 const DOLP: f64 = 0.4;
 
 /// Brightness of a row and the angle of its polarization.
-fn scene(y: usize) -> (f64, f64) {
+pub(super) fn scene(y: usize) -> (f64, f64) {
     (LEVELS[y / ROWS], 0.3 + 0.37 * (y / ROWS) as f64)
 }
 
@@ -35,8 +35,8 @@ fn sensor_noise(exposure: f64, light: f64) -> f64 {
 }
 
 /// Photographs of the scene, exposure by exposure at each angle.
-fn photograph(folder: &Path, exposures: &[f64], noise: Option<NoiseModel>) -> Vec<f64> {
-    let angles = even_angles(6);
+pub(super) fn photograph(folder: &Path, angles: usize, exposures: &[f64], noise: Option<NoiseModel>) -> Vec<f64> {
+    let angles = even_angles(angles);
     let mut frames = vec![];
     for (k, psi) in angles.iter().enumerate() {
         for (j, exposure) in exposures.iter().enumerate() {
@@ -49,7 +49,7 @@ fn photograph(folder: &Path, exposures: &[f64], noise: Option<NoiseModel>) -> Ve
             };
             let height = ROWS * LEVELS.len();
             let codes: Vec<u16> = (0..WIDTH * height).map(code).collect();
-            let file = format!("{k}_{j}.png");
+            let file = format!("{k:02}_{j}.png");
             std::fs::write(folder.join(&file), encode_png16_gray(WIDTH, height, &codes).unwrap()).unwrap();
             frames.push(Frame {
                 file: file.into(),
@@ -77,8 +77,12 @@ fn photograph(folder: &Path, exposures: &[f64], noise: Option<NoiseModel>) -> Ve
         band_nm: None,
         geometry: None,
     };
-    std::fs::write(folder.join("frames.json"), save(&set)).unwrap();
+    write_set(folder, &set);
     angles
+}
+
+pub(super) fn write_set(folder: &Path, set: &FrameSet) {
+    std::fs::write(folder.join("frames.json"), save(set)).unwrap();
 }
 
 /// σ of the orientation in closed form: at each angle the inverse variances of the exposures that are not saturated add up.
@@ -121,9 +125,10 @@ fn maps(folder: &Path) -> Maps {
 /// orientation and brightness have no bias beyond 4 standard deviations of their means.
 #[test]
 fn brackets_are_as_good_as_the_closed_form() {
-    for noise in [Some(CAMERA), None] {
+    // Without a noise model one factor stands for a camera whose mixture of shot and read noise is not known.
+    for (noise, exactness, of_s0_more) in [(Some(CAMERA), 0.03, 1e-4), (None, 0.4, 0.02)] {
         let folder = tempfile::tempdir().unwrap();
-        let angles = photograph(folder.path(), &EXPOSURES, noise);
+        let angles = photograph(folder.path(), 6, &EXPOSURES, noise);
         let found = maps(folder.path());
         for level in 0..LEVELS.len() {
             let (y, n) = (level * ROWS, WIDTH * ROWS);
@@ -141,10 +146,10 @@ fn brackets_are_as_good_as_the_closed_form() {
             println!(
                 "level {level}: predicted {wanted:.5}, σ {sigma:.5}, scatter {scatter:.5}, bias {bias:.6}, S0 {s0:.5}"
             );
-            assert!((sigma / wanted - 1.0).abs() < 0.03 && (scatter / wanted - 1.0).abs() < 0.05);
+            assert!((sigma / wanted - 1.0).abs() < exactness && (scatter / wanted - 1.0).abs() < 0.05);
             assert!(bias.abs() < 4.0 * wanted / (n as f64).sqrt());
             let of_s0 = mean(&|i| (f64::from(found.s0[i]) / (2.0 * LEVELS[level]) - s0).powi(2)).sqrt();
-            assert!((s0 - 1.0).abs() < 4.0 * of_s0 / (n as f64).sqrt() + 1e-4, "{s0} ± {of_s0}");
+            assert!((s0 - 1.0).abs() < 4.0 * of_s0 / (n as f64).sqrt() + of_s0_more, "{s0} ± {of_s0}");
         }
     }
 }
@@ -154,14 +159,14 @@ fn brackets_are_as_good_as_the_closed_form() {
 fn only_what_no_exposure_can_hold_is_masked() {
     let folder = tempfile::tempdir().unwrap();
     // Of the brightest level (20) the shortest exposure holds too much.
-    photograph(folder.path(), &[0.05, 0.16, 0.64], Some(CAMERA));
+    photograph(folder.path(), 6, &[0.05, 0.16, 0.64], Some(CAMERA));
     let by_angle = maps(folder.path());
     for (i, s0) in by_angle.s0.iter().enumerate() {
         assert_eq!(s0.is_nan(), i < WIDTH * ROWS, "pixel {i}");
     }
     let mut set = load(folder.path()).unwrap().set;
     set.frames.sort_by(|a, b| a.exposure_s.unwrap().total_cmp(&b.exposure_s.unwrap()));
-    std::fs::write(folder.path().join("frames.json"), save(&set)).unwrap();
+    write_set(folder.path(), &set);
     std::fs::remove_dir_all(folder.path().join("out")).unwrap();
     let by_exposure = maps(folder.path());
     let bits = |plane: &[f32]| plane.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
@@ -173,7 +178,7 @@ fn only_what_no_exposure_can_hold_is_masked() {
 #[test]
 fn a_probe_shows_what_the_maps_hold() {
     let folder = tempfile::tempdir().unwrap();
-    photograph(folder.path(), &EXPOSURES, Some(CAMERA));
+    photograph(folder.path(), 6, &EXPOSURES, Some(CAMERA));
     let (found, set) = (maps(folder.path()), load(folder.path()).unwrap());
     for (level, held) in [(0, 6), (2, 12), (5, 18)] {
         let (x, y) = (7, level * ROWS + 3);

@@ -3,21 +3,30 @@
 //! Each pixel takes the exposures that are not saturated there, weighted by the inverse of their variances (shot + read +
 //! quantisation), which is the best linear estimate: short exposures tell of what is bright, long ones of what is dark.
 
-use super::{FrameNoise, NoiseModel};
+use super::FrameNoise;
+use super::noise::ASSUMED;
+use crate::frames::{Linearizer, LoadedFrames};
 
 /// An exposure this many standard deviations below white counts as saturated where there is a shorter one: noise that
 /// is clipped on one side only would draw the mean down.
-pub(super) const BELOW_WHITE_SIGMA: f64 = 5.0;
+const BELOW_WHITE_SIGMA: f64 = 5.0;
 
 /// Merges rows of photographs that differ in exposure alone.
 pub(super) struct Merge {
     noise: Vec<FrameNoise>,
 }
 
-/// How far below white (of white minus black) noise reaches at the given gain; `step` as in [`NoiseModel::frame`].
-pub(super) fn margin(camera: NoiseModel, gain: f64, step: f64) -> f64 {
-    let FrameNoise { shot, floor } = camera.frame(gain, 1.0, step);
-    BELOW_WHITE_SIGMA * (shot + floor).sqrt()
+/// How far below white each photograph of a bracket counts as saturated, of white minus black: the shortest exposure may
+/// reach it.
+pub(super) fn clear_of_white(frames: &LoadedFrames, linearizer: &Linearizer, bracket: &[usize]) -> Vec<f64> {
+    let camera = frames.set.noise.unwrap_or(ASSUMED);
+    let frame = |k: &usize| &frames.set.frames[*k];
+    let shortest = bracket.iter().map(|k| frame(k).scale()).fold(0.0, f64::max);
+    let margin = |k: &usize| {
+        let FrameNoise { shot, floor } = camera.frame(frame(k).gain.unwrap_or(1.0), 1.0, linearizer.step());
+        if frame(k).scale() < shortest { BELOW_WHITE_SIGMA * (shot + floor).sqrt() } else { 0.0 }
+    };
+    bracket.iter().map(margin).collect()
 }
 
 /// One row of linear values on its way through a merge.
@@ -41,6 +50,15 @@ impl Merge {
     pub(super) fn scaled(&self, factor: f64) -> Self {
         let scaled = |n: &FrameNoise| FrameNoise { shot: n.shot * factor, floor: n.floor * factor };
         Self { noise: self.noise.iter().map(scaled).collect() }
+    }
+
+    /// Noise of merged exposures where none is saturated: exact in the light and in the dark.
+    pub(super) fn together(noise: &[FrameNoise]) -> FrameNoise {
+        if let [one] = noise {
+            return *one;
+        }
+        let parallel = |of: fn(&FrameNoise) -> f64| 1.0 / noise.iter().map(|n| 1.0 / of(n)).sum::<f64>();
+        FrameNoise { shot: parallel(|n| n.shot), floor: parallel(|n| n.floor) }
     }
 
     /// Merges one row. `row(k, values, bad)` fills in linear values of the `k`-th photograph. `bad[x]` is set to 1 where

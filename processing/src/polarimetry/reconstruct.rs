@@ -4,6 +4,7 @@ use super::aligned::smoothed_noise;
 use super::choose::{Choice, choose};
 use super::cloud::cloud;
 use super::locate::locate;
+use super::merge::Merge;
 use super::report::{Pixels, Report};
 use super::running::noise_of_bracket;
 use super::views::View;
@@ -142,7 +143,7 @@ pub(super) fn noise_of(
     shifts: Option<&[[f64; 2]]>,
 ) -> (Vec<FrameNoise>, NoiseSource) {
     let of_camera = || {
-        let view = |v: &View| together(&noise_of_bracket(frames, linearizer, &brackets[v.bracket]));
+        let view = |v: &View| Merge::together(&noise_of_bracket(frames, linearizer, &brackets[v.bracket]));
         let mut noise: Vec<FrameNoise> = views.iter().map(view).collect();
         if let Some(shifts) = shifts {
             smoothed_noise(&mut noise, shifts, [maps.width, maps.height]);
@@ -169,15 +170,6 @@ pub(super) fn noise_of(
         }
         None => (of_camera(), NoiseSource::Assumed),
     }
-}
-
-/// Noise of merged exposures where none is saturated: exact in the light and in the dark.
-fn together(noise: &[FrameNoise]) -> FrameNoise {
-    if let [one] = noise {
-        return *one;
-    }
-    let parallel = |of: fn(&FrameNoise) -> f64| 1.0 / noise.iter().map(|n| 1.0 / of(n)).sum::<f64>();
-    FrameNoise { shot: parallel(|n| n.shot), floor: parallel(|n| n.floor) }
 }
 
 /// The report, but for what took how long.

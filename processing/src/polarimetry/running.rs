@@ -1,7 +1,7 @@
 //! A reconstruction on its way: photographs are folded into sums as they come.
 
 use super::aligned::{alignment, fit_moved_back};
-use super::merge::{Merge, margin};
+use super::merge::{Merge, clear_of_white};
 use super::noise::ASSUMED;
 use super::reconstruct::{check_light, divide_by_flat, noise_of, reported, solve_model};
 use super::views::{View, brackets, views};
@@ -241,16 +241,12 @@ pub(super) fn read<'a>(
     if bracket.is_empty() {
         return Err(Error::file(&frames.path, "has no photograph left", "report this"));
     }
-    let all = &frames.set.frames;
-    let camera = frames.set.noise.unwrap_or(ASSUMED);
-    let shortest = bracket.iter().map(|k| all[*k].scale()).fold(0.0, f64::max);
-    let one = |k: &usize| {
-        let decoded = linearizer.frame(frames, &all[*k])?;
-        let longer = all[*k].scale() < shortest;
-        let below = || margin(camera, all[*k].gain.unwrap_or(1.0), linearizer.step());
-        Ok(if longer { decoded.below_white(below()) } else { decoded })
+    let margins = clear_of_white(frames, linearizer, bracket);
+    let one = |(k, margin): (&usize, f64)| {
+        let decoded = linearizer.frame(frames, &frames.set.frames[*k])?;
+        Ok(if margin > 0.0 { decoded.below_white(margin) } else { decoded })
     };
-    bracket.par_iter().map(one).collect()
+    bracket.par_iter().zip(margins).map(one).collect()
 }
 
 /// Noise of the photographs of a bracket: the camera's, or that of a modest one.
