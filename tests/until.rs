@@ -64,8 +64,8 @@ fn a_series_ends_when_its_sigma_is_as_wanted() {
 fn what_cannot_be_reached_is_said_and_what_was_taken_is_kept() {
     for (wanted, at_most, why, frames, words) in [
         (0.01, 8, "cannot", 4, "at least"),
-        // As much as eight angles may reach, but they do not: the fewest there can be decide nothing early.
-        (0.6, 5, "at_most", 5, "all angles"),
+        // Missed by less than a fifth, so that it is worth trying.
+        (0.7, 5, "at_most", 5, "all angles"),
     ] {
         let place = Place::new(&plan(&format!("until_sigma_deg = {wanted}, at_most = {at_most}"), EXPOSED));
         let run = nacre(place.capture("s")).expect(0);
@@ -151,9 +151,9 @@ fn exposures_at_each_angle_are_merged() {
     assert_eq!((&report["brackets"], report["frames"].as_array().unwrap().len()), (&json!(6), 12));
     let set: Value = serde_json::from_slice(&fs::read(place.path("s/frames.json")).unwrap()).unwrap();
     assert_eq!((&set["frames"][1]["dark"], &set["dark"]), (&json!("frames/display_black_01.png"), &Value::Null));
-    // Light of 25 ms in place of 20 ms; read noise keeps it from being quite as good.
+    // Light of 25 ms in place of 20 ms, and angles weighted by how well each is known, which the plain fit does not do.
     let gain = one / both;
-    assert!((1.05..1.13).contains(&gain), "{one} {both}");
+    assert!((1.1..1.25).contains(&gain), "{one} {both}");
 }
 
 #[test]

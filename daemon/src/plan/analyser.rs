@@ -27,7 +27,7 @@ pub struct UntilSigma {
     pub at_most: u32,
 }
 
-/// The keys in files.
+/// Angles of the analyser: `angles_deg`, or `until_sigma_deg` with `start` and `at_most`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Keys {
@@ -38,10 +38,12 @@ pub(super) struct Keys {
     /// of the pixels that carry an orientation are as good. Kind polarization only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     until_sigma_deg: Option<f64>,
-    /// Angles to begin with, evenly over 180° (default 4, at least 3).
+    /// Angles to begin with, evenly over 180° (default 4).
+    #[schemars(range(min = 3, max = 360))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     start: Option<u32>,
-    /// Most angles (default 24, at most 360).
+    /// Most angles (default 24).
+    #[schemars(range(min = 3, max = 360))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     at_most: Option<u32>,
 }

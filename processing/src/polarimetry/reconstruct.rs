@@ -34,7 +34,7 @@ pub struct Options {
 /// division_of_focal_plane) into the new folder `out`.
 ///
 /// Memory: 6 floats per pixel and two decoded photographs, whatever the number of frames; where several exposures at each
-/// angle are merged, 17 floats and the photographs at two angles.
+/// angle are merged, 22 floats and the photographs at two angles.
 ///
 /// # Errors
 /// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which
