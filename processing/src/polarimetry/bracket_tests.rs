@@ -130,7 +130,7 @@ fn brackets_are_as_good_as_the_closed_form() {
         let folder = tempfile::tempdir().unwrap();
         let angles = photograph(folder.path(), 6, &EXPOSURES, noise);
         let found = maps(folder.path());
-        for level in 0..LEVELS.len() {
+        for (level, light) in LEVELS.iter().enumerate() {
             let (y, n) = (level * ROWS, WIDTH * ROWS);
             let wanted = predicted(y, &angles, &EXPOSURES);
             let pixels = y * WIDTH..y * WIDTH + n;
@@ -142,13 +142,13 @@ fn brackets_are_as_good_as_the_closed_form() {
                 continue; // Too dark for an orientation; shown by σ alone.
             }
             let scatter = mean(&|i| error(i).powi(2)).sqrt();
-            let (bias, s0) = (mean(&error), mean(&|i| f64::from(found.s0[i])) / (2.0 * LEVELS[level]));
+            let (bias, s0) = (mean(&error), mean(&|i| f64::from(found.s0[i])) / (2.0 * light));
             println!(
                 "level {level}: predicted {wanted:.5}, σ {sigma:.5}, scatter {scatter:.5}, bias {bias:.6}, S0 {s0:.5}"
             );
             assert!((sigma / wanted - 1.0).abs() < exactness && (scatter / wanted - 1.0).abs() < 0.05);
             assert!(bias.abs() < 4.0 * wanted / (n as f64).sqrt());
-            let of_s0 = mean(&|i| (f64::from(found.s0[i]) / (2.0 * LEVELS[level]) - s0).powi(2)).sqrt();
+            let of_s0 = mean(&|i| (f64::from(found.s0[i]) / (2.0 * light) - s0).powi(2)).sqrt();
             assert!((s0 - 1.0).abs() < 4.0 * of_s0 / (n as f64).sqrt() + of_s0_more, "{s0} ± {of_s0}");
         }
     }

@@ -183,7 +183,7 @@ pub(super) fn reported(
 ) -> Report {
     let choice = solved.choice.as_ref().map(|c| (c, solved.points));
     let pixels = Pixels::count(maps, &solved.map);
-    Report::new(frames, options, design, noise, pixels, solved.circle.clone(), choice)
+    Report::new(frames, options, design, noise, pixels, solved.circle, choice)
 }
 
 /// Evens out illumination and vignetting: a common factor per pixel that no orientation depends on.
