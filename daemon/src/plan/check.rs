@@ -92,7 +92,9 @@ impl Plan {
             }
         }
         if self.kind == PlanKind::Polarization && self.analyser.is_none() {
-            return Err("analyser is missing, which the kind polarization needs; give analyser.angles_deg".into());
+            return Err(
+                "analyser is missing, which the kind polarization needs; give angles_deg or until_sigma_deg".into()
+            );
         }
         if self.until_sigma().is_some() && self.kind != PlanKind::Polarization {
             return Err(format!("analyser.until_sigma_deg does not belong to the kind {kind}; give angles_deg"));
