@@ -5,7 +5,7 @@ use crate::console::Console;
 use crate::engine::{Control, Engine, Input, Observer, State};
 use crate::plan::{Plan, ReconstructPlan};
 use crate::rig::Rig;
-use crate::session::{Disk, Journal, Session, SessionFile, Timing, is_vacant};
+use crate::session::{Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::polarimetry::{self, Options, Report, Running};
@@ -37,6 +37,9 @@ pub struct Taken {
     pub results_after_s: Option<f64>,
     /// Report of the results.
     pub report: Option<Report>,
+    /// How a series that ends by its σ has ended.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ended: Option<SeriesEnd>,
 }
 
 /// A bench with somebody who steers.
@@ -131,7 +134,7 @@ impl Capture<'_> {
         let (results, report) = results.unzip();
         Ok(Taken {
             session: folder,
-            frames: description.plan.steps().len(),
+            frames: journal.planned(&description.plan)[0],
             exposure_s: description.exposure_s,
             stale_frames_dropped: journal.commits().map(|c| u64::from(c.dropped)).sum(),
             timing: outcome.timing,
@@ -139,6 +142,7 @@ impl Capture<'_> {
             results_after_s: results.is_some().then(|| begun.elapsed().as_secs_f64()),
             results,
             report,
+            ended: journal.ended(),
         })
     }
 }

@@ -63,6 +63,13 @@ impl Console {
         });
     }
 
+    /// Says in other words what is going on.
+    pub fn relabel(&self, name: &str) {
+        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        name.clone_into(&mut stage.name);
+        stage.bar.set_message(name.to_owned());
+    }
+
     /// Why the command failed.
     pub fn error(&self, failure: &Failure) {
         self.finish_stage();

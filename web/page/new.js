@@ -126,7 +126,7 @@ export async function newPage(main, { signal }) {
   function show(cost) {
     estimate.classList.remove("stale");
     estimate.replaceChildren(
-      figures([["frames", count(cost.frames)], [cost.metering_seconds ? `of which ${duration(cost.metering_seconds)} metering` : "time", duration(cost.seconds)], ["on disk, at most", bytes(cost.bytes)]]),
+      figures([[cost.least_frames < cost.frames ? `frames, at least ${count(cost.least_frames)}` : "frames", count(cost.frames)], [cost.metering_seconds ? `of which ${duration(cost.metering_seconds)} metering` : "time", duration(cost.seconds)], ["on disk, at most", bytes(cost.bytes)]]),
       h("p", { class: "soft" }, cost.exposure_assumed
         ? `Assumes an exposure of ${duration(cost.exposure_s)}; metering finds the real one, which can change the time.`
         : `Exposure ${duration(cost.exposure_s)}.`));
@@ -162,7 +162,7 @@ export async function newPage(main, { signal }) {
   function fromBench() {
     const { exposure_ms, gain } = service.devices?.camera ?? {};
     if (exposure_ms === undefined) return;
-    Object.assign(values, { metered: false, exposure_ms: String(exposure_ms), gain: String(gain) });
+    Object.assign(values, { exposing: "fixed", exposure_ms: String(exposure_ms), gain: String(gain) });
     text = null;
     paint();
   }

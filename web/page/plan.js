@@ -3,8 +3,8 @@
 /** What the form holds when nothing was filled in; everything is as typed. */
 export const BLANK = {
   kind: "polarization", name: "", sample: "", operator: "", notes: "",
-  angles: "range", start: "0", stop: "150", step: "30", list: "0, 30, 60, 90, 120, 150",
-  metered: true, exposure_ms: "40", exposures_ms: "5, 10, 20, 40, 80", gain: "1", average: "1",
+  angles: "range", until_sigma_deg: "0.3", begin: "4", at_most: "24", brackets: "5, 20, 80", start: "0", stop: "150", step: "30", list: "0, 30, 60, 90, 120, 150",
+  exposing: "meter", exposure_ms: "40", exposures_ms: "5, 10, 20, 40, 80", gain: "1", average: "1",
   roi: "", pattern: "disc", diameter_mm: "180", center_mm: "0, 0",
   spots: "-40, 0\n0, 0\n40, 0", spot_diameter_mm: "10",
   steps: [{ display: "", analyser_deg: "0", flash: false, exposure_ms: "" }],
@@ -30,6 +30,7 @@ export const KINDS = [
 ];
 
 const MAX_ANGLES = 100_000;
+const MAX_UNTIL = 360;
 
 /** Raised by the readers below; `key` names the field. */
 class Wrong extends Error {
@@ -53,6 +54,15 @@ function many(key, text, { length, none = "at least one number is needed" } = {}
   if (length && values.length !== length) throw new Wrong(key, `${length} numbers are needed, not ${values.length}`);
   if (!values.length) throw new Wrong(key, none);
   return values;
+}
+
+/** Angles that are added until σ is as wanted. */
+function until(form) {
+  const [start, until_sigma_deg, at_most] = ["begin", "until_sigma_deg", "at_most"].map((key) => one(form, key));
+  if (until_sigma_deg <= 0) throw new Wrong("until_sigma_deg", "must be above 0");
+  if (!Number.isInteger(at_most) || at_most < 3 || at_most > MAX_UNTIL) throw new Wrong("at_most", `a whole number from 3 to ${MAX_UNTIL} is needed`);
+  if (!Number.isInteger(start) || start < 3 || start > at_most) throw new Wrong("begin", "a whole number from 3 to the most angles is needed");
+  return { start, until_sigma_deg, at_most };
 }
 
 /** All angles from start to stop, both included where the step meets them. */
@@ -98,14 +108,15 @@ export function toPlan(form) {
   for (const key of ["name", "sample", "operator", "notes"]) if (form[key].trim()) plan[key] = form[key].trim();
   plan.camera = { gain: read(() => one(form, "gain")), average: read(() => one(form, "average")) };
   if (kind !== "exposures") {
-    if (form.metered) plan.camera.exposure = "meter";
-    else plan.camera.exposure_ms = read(() => one(form, "exposure_ms"));
+    if (form.exposing === "several" && kind === "polarization") plan.exposures_ms = read(() => many("brackets", form.brackets));
+    else if (form.exposing === "fixed") plan.camera.exposure_ms = read(() => one(form, "exposure_ms"));
+    else plan.camera.exposure = "meter";
   }
   if (form.roi.trim()) plan.camera.roi = read(() => many("roi", form.roi, { length: 4 }));
   if (kind !== "spots") plan.display = form.pattern === "black" ? { pattern: "black" } : read(() => disc(form));
   if (kind !== "free" && (kind === "polarization" || form.angles !== "none")) {
-    const angles = read(() => (form.angles === "list" ? many("list", form.list) : range(form)));
-    plan.analyser = { angles_deg: angles };
+    const listed = () => ({ angles_deg: form.angles === "list" ? many("list", form.list) : range(form) });
+    plan.analyser = read(() => (form.angles === "until" && kind === "polarization" ? until(form) : listed()));
   }
   if (kind === "exposures") plan.exposures_ms = read(() => many("exposures_ms", form.exposures_ms));
   if (kind === "spots") {
@@ -138,16 +149,26 @@ export function fromPlan(plan) {
   form.kind = plan.kind ?? "polarization";
   for (const key of ["name", "sample", "operator", "notes"]) form[key] = plan[key] ?? "";
   form.angles = analyser || form.kind === "polarization" ? "list" : "none";
-  if (analyser) form.list = pair(analyser.angles_deg);
-  form.metered = camera.exposure_ms === undefined || camera.exposure_ms === null;
-  if (!form.metered) form.exposure_ms = String(camera.exposure_ms);
+  if (analyser?.angles_deg) form.list = pair(analyser.angles_deg);
+  if (analyser?.until_sigma_deg) {
+    form.angles = "until";
+    form.until_sigma_deg = String(analyser.until_sigma_deg);
+    form.begin = String(analyser.start ?? BLANK.begin);
+    form.at_most = String(analyser.at_most ?? BLANK.at_most);
+  }
+  const given = camera.exposure_ms !== undefined && camera.exposure_ms !== null;
+  form.exposing = given ? "fixed" : "meter";
+  if (given) form.exposure_ms = String(camera.exposure_ms);
   form.gain = String(camera.gain ?? 1);
   form.average = String(camera.average ?? 1);
   form.roi = camera.roi ? pair(camera.roi) : "";
   form.pattern = display.pattern ?? "disc";
   form.diameter_mm = String(display.diameter_mm ?? 180);
   form.center_mm = pair(display.center_mm ?? [0, 0]);
-  if (plan.exposures_ms?.length) form.exposures_ms = pair(plan.exposures_ms);
+  if (plan.exposures_ms?.length && form.kind === "polarization") {
+    form.exposing = "several";
+    form.brackets = pair(plan.exposures_ms);
+  } else if (plan.exposures_ms?.length) form.exposures_ms = pair(plan.exposures_ms);
   if (spots) {
     form.spots = spots.centers_mm.map(pair).join("\n");
     form.spot_diameter_mm = String(spots.diameter_mm);

@@ -35,16 +35,20 @@ export function planForm(values, changed) {
       h("input", { type: "radio", name: "kind", value: key, checked: values.kind === key, onchange: () => set("kind", key) }),
       h("span", {}, h("strong", {}, label), h("small", {}, about)))));
 
-  const angleMode = list("angles", "Angles", [["range", "From, to, step"], ["list", "List"], ["none", "Leave the analyser alone"]]);
+  const angleMode = list("angles", "Angles", [["range", "From, to, step"], ["list", "List"], ["until", "Until σ is small enough"], ["none", "Leave the analyser alone"]]);
   const rangeFields = ["start", "stop", "step"].map((key, i) => text(key, ["From (°)", "To (°)", "Step (°)"][i], { numeric: true }));
   const listField = text("list", "Angles (°)", { hint: "In the order they are taken", wide: true, numeric: true });
-  const analyser = group("Analyser", fields(angleMode, rangeFields, listField));
+  const untilFields = [
+    text("until_sigma_deg", "Wanted σ (°)", { hint: "Of 90 % of the pixels with an orientation", numeric: true }),
+    text("begin", "Angles to begin with", { numeric: true }), text("at_most", "Most angles", { numeric: true }),
+  ];
+  const analyser = group("Analyser", fields(angleMode, rangeFields, listField, untilFields));
 
-  const exposureMode = field("Exposure", select([["meter", "Metered"], ["fixed", "Given"]], values.metered ? "meter" : "fixed",
-    { id: "plan-metered", onchange: (e) => set("metered", e.target.value === "meter") }));
+  const exposureMode = list("exposing", "Exposure", [["meter", "Metered"], ["fixed", "Given"], ["several", "Several at each angle"]]);
+  const brackets = text("brackets", "Exposures at each angle (ms)", { hint: "Merged: short ones for what is bright, long ones for what is dark", wide: true, numeric: true });
   const exposure = text("exposure_ms", "Exposure (ms)", { numeric: true });
   const exposures = text("exposures_ms", "Exposures (ms)", { wide: true, numeric: true });
-  const camera = group("Camera", fields(exposures, exposureMode, exposure, text("gain", "Gain", { numeric: true }),
+  const camera = group("Camera", fields(exposures, exposureMode, exposure, brackets, text("gain", "Gain", { numeric: true }),
     text("average", "Average of", { numeric: true }),
     text("roi", "Region of interest", { hint: "Left, top, width, height in pixels; empty for the whole frame", wide: true, numeric: true })));
 
@@ -68,13 +72,22 @@ export function planForm(values, changed) {
     // Polarization needs angles; the other kinds can leave the analyser alone.
     const none = angleMode.querySelector('[value="none"]');
     none.hidden = none.disabled = kind === "polarization";
-    const mode = kind === "polarization" && values.angles === "none" ? "range" : values.angles;
+    const until = angleMode.querySelector('[value="until"]');
+    until.hidden = until.disabled = kind !== "polarization";
+    const fits = kind === "polarization" ? values.angles !== "none" : values.angles !== "until";
+    const mode = fits ? values.angles : "range";
     angleMode.querySelector("select").value = mode;
     for (const f of rangeFields) f.hidden = mode !== "range";
     listField.hidden = mode !== "list";
+    for (const f of untilFields) f.hidden = mode !== "until";
     exposures.hidden = kind !== "exposures";
     exposureMode.hidden = kind === "exposures";
-    exposure.hidden = kind === "exposures" || values.metered;
+    const several = exposureMode.querySelector('[value="several"]');
+    several.hidden = several.disabled = kind !== "polarization";
+    const exposing = kind !== "polarization" && values.exposing === "several" ? "meter" : values.exposing;
+    exposureMode.querySelector("select").value = exposing;
+    exposure.hidden = kind === "exposures" || exposing !== "fixed";
+    brackets.hidden = exposing !== "several" || kind !== "polarization";
     display.hidden = kind === "spots";
     for (const f of discFields) f.hidden = values.pattern !== "disc";
     spots.hidden = kind !== "spots";

@@ -24,6 +24,19 @@ const STATES = {
 };
 const LOG_LINES = 500;
 
+/** Why a series that goes on until σ is as wanted has ended. */
+const ENDINGS = {
+  met: "as wanted",
+  at_most: "all angles of the plan are taken",
+  cannot: "ended early: all angles of the plan would not be enough",
+};
+
+/** The σ so far, and the one that is wanted. */
+function sigmaText({ angles, sigma_deg, until_sigma_deg, at_most }, ended) {
+  const now = sigma_deg === null ? "No orientation yet" : `σ ${degrees(sigma_deg, 2)}`;
+  return [`${now}, ${degrees(until_sigma_deg, 2)} wanted`, `${angles} of at most ${at_most} angles`, ENDINGS[ended]].filter(Boolean).join(" · ");
+}
+
 /** Shows a session until the signal fires. */
 export async function sessionPage(main, { id, signal }) {
   const base = `/sessions/${id}`;
@@ -38,6 +51,7 @@ export async function sessionPage(main, { id, signal }) {
   const error = h("div", { class: "message", role: "alert", hidden: true });
   const progress = h("progress", { id: "progress", max: 1, value: 0, "aria-label": "Frames taken" });
   const taken = h("span", {}, "");
+  const sigma = h("p", { id: "session-sigma", class: "soft", role: "status", hidden: true });
   const eta = h("span", {}, "");
   const time = h("span", {}, "");
   const size = h("span", {}, "");
@@ -71,7 +85,7 @@ export async function sessionPage(main, { id, signal }) {
     h("div", { class: "columns session" },
       h("div", { class: "stack" },
         panel("Progress", h("div", { class: "row" }, Object.values(buttons)), h("div", { class: "stack" },
-          h("p", { class: "row" }, lamp, means), error, progress, figures([["frames", taken], [time, eta], ["on disk", size]]))),
+          h("p", { class: "row" }, lamp, means), error, progress, sigma, figures([["frames", taken], [time, eta], ["on disk", size]]))),
         panel("Map", choice, h("div", { class: "well mapwell live" }, map, mapEmpty), h("div", { class: "row under" }, legend, mapAbout))),
       h("div", { class: "stack" },
         h("div", { class: "columns pair" },
@@ -118,6 +132,8 @@ export async function sessionPage(main, { id, signal }) {
     say(error, session.error ?? "");
     progress.value = session.frames_planned ? session.frames_committed / session.frames_planned : 0;
     say(taken, `${session.frames_committed} of ${session.frames_planned}`);
+    sigma.hidden = !session.sigma;
+    if (session.sigma) say(sigma, sigmaText(session.sigma, session.ended));
     const { wall_s } = session.timing ?? {};
     say(eta, session.eta_s !== null && session.eta_s !== undefined ? duration(session.eta_s) : duration(wall_s));
     say(time, wall_s ? "taken" : "to go");
@@ -200,6 +216,10 @@ export async function sessionPage(main, { id, signal }) {
       framesLater();
     },
     map: () => refreshMap(),
+    sigma(so_far) {
+      session.sigma = so_far;
+      paint();
+    },
     results() {
       note("Results are there");
       session.has_results = true;

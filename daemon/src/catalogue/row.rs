@@ -69,7 +69,7 @@ impl SessionRow {
         let (described, recorded) = (folder.join(SESSION_FILE), folder.join(Journal::NAME));
         let session = SessionFile::read(&folder).map_err(|e| bad(&described, e))?;
         let (journal, _) = Journal::read(&recorded).map_err(|e| bad(&recorded, e))?;
-        let steps = session.plan.steps();
+        let steps = session.plan.steps_with(&journal.chosen());
         let taken = steps.iter().filter(|s| journal.commit(&s.file).is_some()).count();
         Ok(Self {
             id: sha256(text.as_bytes()).chars().take(16).collect(),
@@ -80,7 +80,7 @@ impl SessionRow {
                 (false, true) => State::Stopped,
                 (false, false) => State::Unfinished,
             },
-            frames_planned: steps.len() as u32,
+            frames_planned: journal.planned(&session.plan)[1] as u32,
             frames_committed: taken as u32,
             created: i64::try_from(session.created).unwrap_or(i64::MAX),
             bytes: size(&folder, 0).map_err(|e| bad(&folder, e))?,

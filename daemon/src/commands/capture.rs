@@ -8,7 +8,7 @@ use crate::console::Console;
 use crate::engine::Control;
 use crate::plan::{Plan, Role, Step};
 use crate::rig::{Place, Rig};
-use crate::session::{MortalDisk, SESSION_FILE, SessionFile, is_vacant};
+use crate::session::{Ending, MortalDisk, SESSION_FILE, SessionFile, is_vacant};
 use nacre_drivers::Pattern;
 use nacre_processing::Error;
 use std::fmt::Write;
@@ -99,9 +99,18 @@ fn bench_of(args: &Args, folder: &Path) -> Result<Place, Failure> {
 }
 
 fn dry_run(plan: &Plan, console: &Console) -> Result<(), Failure> {
-    let steps = plan.steps();
-    let text: Vec<String> = steps.iter().map(line).collect();
-    console.result(&text.join("\n"), &steps);
+    let (steps, most) = (plan.steps(), plan.most_steps());
+    let mut text: Vec<String> = steps.iter().map(line).collect();
+    let mut value: Vec<_> = steps.iter().map(|step| serde_json::json!(step)).collect();
+    if let Some(until) = plan.until_sigma() {
+        let more = most.len() - steps.len();
+        text.push(format!(
+            "up to {more} more, each angle where it helps most, until σ is {}° for 90 % of the pixels with an orientation",
+            until.until_sigma_deg
+        ));
+        value.extend(most[steps.len()..].iter().map(|s| serde_json::json!({ "file": s.file, "if_needed": true })));
+    }
+    console.result(&text.join("\n"), &value);
     Ok(())
 }
 
@@ -149,6 +158,12 @@ fn report(taken: &Taken, console: &Console) {
             let _ = write!(text, "next      nacre check {folder}");
         }
         _ => {}
+    }
+    if let Some(ended) = &taken.ended {
+        let _ = write!(text, "\nseries    {}", ended.text());
+        if ended.why != Ending::Met {
+            console.note(&format!("warning: {}", ended.text()));
+        }
     }
     for warning in taken.report.iter().flat_map(|r| &r.warnings) {
         console.note(&format!("warning: {warning}"));

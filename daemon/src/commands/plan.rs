@@ -5,7 +5,7 @@ use crate::Failure;
 use crate::capture::check_limits;
 use crate::console::Console;
 use crate::engine::{Control, Engine};
-use crate::plan::{Estimate, Limits, Plan};
+use crate::plan::{Estimate, Least, Limits, Plan};
 use crate::rig::Rig;
 use clap::Subcommand;
 use std::path::PathBuf;
@@ -41,20 +41,25 @@ pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
     check_limits(&plan, &args.plan, &limits)?;
     match command {
         PlanCommand::Check(_) => {
-            let frames = plan.steps().len();
-            console.result(&format!("the plan is sound: {frames} frames"), &serde_json::json!({ "frames": frames }));
+            let (least, frames) = (plan.steps().len(), plan.most_steps().len());
+            let range = if least < frames { format!("{least} to {frames} frames") } else { format!("{frames} frames") };
+            let value = serde_json::json!({ "frames": frames, "least_frames": least });
+            console.result(&format!("the plan is sound: {range}"), &value);
         }
         PlanCommand::Estimate(_) => {
             let estimate = estimate(&plan, limits, &args.bench, console)?;
             let metering = estimate.metering_seconds.map_or_else(String::new, |s| {
                 format!(" ({s:.1} s of it metering, which finds {:.2} ms)", 1000.0 * estimate.exposure_s)
             });
-            let text = format!(
-                "{} frames, about {:.1} s of the devices' time{metering}, at most {:.1} MB",
-                estimate.frames,
-                estimate.seconds,
-                estimate.bytes as f64 / 1e6,
-            );
+            let (seconds, megabytes) = (estimate.seconds, estimate.bytes as f64 / 1e6);
+            let [frames, time] = match estimate.least {
+                Some(least) => [
+                    format!("{} to {} frames", least.frames, estimate.frames),
+                    format!("{:.1} to {seconds:.1} s", least.seconds),
+                ],
+                None => [format!("{} frames", estimate.frames), format!("{seconds:.1} s")],
+            };
+            let text = format!("{frames}, about {time} of the devices' time{metering}, at most {megabytes:.1} MB");
             console.result(&text, &estimate);
         }
     }
@@ -81,5 +86,6 @@ fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Consol
     let stands_deg = runtime.block_on(rig.devices.stage.position())?;
     let estimate = plan.estimate(exposure, &limits, stands_deg);
     let seconds = estimate.seconds + timing.device_s;
-    Ok(Estimate { seconds, metering_seconds: Some(timing.device_s), ..estimate })
+    let least = estimate.least.map(|least| Least { seconds: least.seconds + timing.device_s, ..least });
+    Ok(Estimate { seconds, metering_seconds: Some(timing.device_s), least, ..estimate })
 }

@@ -161,7 +161,7 @@ pub fn simulate(
             ..CameraPlan::default()
         },
         display: DisplayPlan { diameter_mm: config.disc_mm(), ..DisplayPlan::default() },
-        analyser: Some(AnalyserPlan { angles_deg: angles_deg.to_vec() }),
+        analyser: Some(AnalyserPlan::Listed(angles_deg.to_vec())),
         exposures_ms: vec![],
         spots: None,
         steps: vec![],

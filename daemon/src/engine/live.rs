@@ -1,17 +1,19 @@
 //! The reconstruction that runs while frames arrive, so that the map is complete a moment after the last of them.
 
 use super::Observer;
+use super::series::{Decision, decide};
 use super::store::{Arrival, frame_set};
-use crate::plan::{Method, Plan, PlanKind, Step};
+use crate::plan::{Method, Plan, PlanKind};
 use crate::session::SessionFile;
 use nacre_drivers::CameraInfo;
 use nacre_processing::Result;
-use nacre_processing::frames::planned;
+use nacre_processing::frames::{Frame, planned};
 use nacre_processing::image::{Depth, Info};
 use nacre_processing::polarimetry::Running;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::mpsc::Receiver;
+use tokio::sync::mpsc::UnboundedSender;
 
 /// What it works on.
 pub struct Live<'a> {
@@ -19,52 +21,102 @@ pub struct Live<'a> {
     pub folder: &'a Path,
     /// What the session is.
     pub description: &'a SessionFile,
-    /// Its steps.
-    pub steps: &'a [Step],
     /// What the camera is.
     pub camera: CameraInfo,
     /// Told of the map so far.
     pub observer: &'a dyn Observer,
+    /// For a series that has not ended by its σ yet.
+    pub deciding: Option<Deciding>,
+}
+
+/// Decides how a series goes on.
+pub struct Deciding {
+    /// Frames of the series that are known by now; then it is time to decide.
+    pub known: usize,
+    /// How far the stage turns, in degrees.
+    pub limits_deg: [f64; 2],
+    /// Where decisions go.
+    pub decisions: UnboundedSender<Result<Decision>>,
 }
 
 impl Live<'_> {
     /// Takes in stored frames in the order of the series until no more come. None when the plan asks for no
     /// reconstruction, or when it cannot go along: then the finished session is reconstructed as a whole, which says why.
-    pub fn follow(&self, arrivals: Receiver<Arrival>) -> Option<Running> {
+    pub fn follow(mut self, arrivals: Receiver<Arrival>) -> Option<Running> {
         let plan = &self.description.plan;
         let wanted = plan.reconstruct.is_some_and(|r| r.method == Method::Polarization);
         let looked_at = plan.kind == PlanKind::Polarization && self.observer.wants_map();
-        if !wanted && !looked_at {
+        if !wanted && !looked_at && self.deciding.is_none() {
             arrivals.iter().for_each(drop);
             return None;
         }
-        let mut running: Result<Option<Running>> = Ok(None);
-        let mut there = BTreeSet::new();
-        for arrival in arrivals {
-            there.insert(arrival.index);
-            running = running.and_then(|running| {
-                // A frame that was taken again may differ from the one taken in, so all is taken in again.
-                let mut running = match running.filter(|r| arrival.index >= r.added()) {
-                    Some(running) => running,
-                    None => self.begin(arrival.controls)?,
-                };
-                let before = running.added();
-                while there.contains(&running.added()) {
-                    running.add()?;
+        let mut running: Option<Running> = None;
+        let mut there = BTreeMap::new();
+        let mut failed = false;
+        for Arrival { index, frame } in arrivals {
+            there.insert(index, frame);
+            if failed {
+                continue;
+            }
+            // A frame that was taken again may differ from the one taken in, so all is taken in again.
+            running = running.filter(|r| index >= r.added());
+            if let Err(error) = self.take_in(&mut running, &there) {
+                failed = true;
+                if let Some(deciding) = self.deciding.take() {
+                    // Nobody may be waiting any more.
+                    let _ = deciding.decisions.send(Err(error));
                 }
-                if looked_at && running.added() > before {
-                    self.observer.map(&running);
-                }
-                Ok(Some(running))
-            });
+            }
         }
-        running.ok().flatten().filter(|_| wanted)
+        running.filter(|r| wanted && !failed && r.added() == there.len())
     }
 
-    fn begin(&self, controls: (f64, f64)) -> Result<Running> {
-        // All frames of a polarization session have one exposure.
-        let set = frame_set(self.description, self.steps, &self.camera, &|_| controls);
-        Running::new(planned(self.folder, set, info(&self.description.plan, &self.camera))?)
+    /// Takes in all angles whose frames are there, then decides if it is time.
+    fn take_in(&mut self, running: &mut Option<Running>, there: &BTreeMap<usize, Frame>) -> Result<()> {
+        let per_angle = self.description.plan.frames_per_angle();
+        loop {
+            let added = running.as_ref().map_or(0, Running::added);
+            let next: Vec<Frame> = (added..added + per_angle).map_while(|i| there.get(&i).cloned()).collect();
+            if next.len() < per_angle {
+                return Ok(());
+            }
+            let running = match running {
+                Some(running) => {
+                    running.push(next)?;
+                    running
+                }
+                None => running.insert(self.begin(next)?),
+            };
+            while running.added() < running.frames().len() {
+                running.add()?;
+            }
+            if self.observer.wants_map() {
+                self.observer.map(running);
+            }
+            self.decide(running)?;
+        }
+    }
+
+    fn begin(&self, frames: Vec<Frame>) -> Result<Running> {
+        let set = frame_set(self.description, &self.camera, frames);
+        Running::open(planned(self.folder, set, info(&self.description.plan, &self.camera))?)
+    }
+
+    /// Says how the series goes on, once all frames that are known of it are taken in.
+    fn decide(&mut self, running: &Running) -> Result<()> {
+        let plan = &self.description.plan;
+        let (Some(wanted), Some(deciding)) = (plan.until_sigma(), &mut self.deciding) else { return Ok(()) };
+        if running.added() != deciding.known {
+            return Ok(());
+        }
+        let (so_far, decision) = decide(running, wanted, deciding.limits_deg)?;
+        self.observer.sigma(&so_far);
+        let _ = deciding.decisions.send(Ok(decision));
+        match decision {
+            Decision::Next { .. } => deciding.known += plan.frames_per_angle(),
+            Decision::End(_) => self.deciding = None,
+        }
+        Ok(())
     }
 }
 

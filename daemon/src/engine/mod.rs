@@ -9,27 +9,29 @@
 mod hands;
 mod live;
 mod meter;
+mod series;
 mod state;
 mod store;
 mod take;
 mod watch;
 
 pub use hands::{Devices, Hands, Memory};
+pub use series::{Decision, SigmaSoFar};
 pub use state::{Control, Input, State, TABLE};
 pub use take::guarded;
 pub use watch::Watch;
 
 use crate::Failure;
 use crate::console::Console;
-use crate::plan::{Plan, Step, groups};
+use crate::plan::{Plan, Role, Step, groups};
 use crate::session::{Commit, Disk, Entry, Session, SessionFile, Timing};
-use live::Live;
+use live::{Deciding, Live};
 use nacre_processing::Error;
 use nacre_processing::polarimetry::Running;
 use nacre_processing::progress::Progress;
 use std::time::{Duration, Instant};
 use store::{Message, Store};
-use take::Taker;
+use take::{Decisions, Taker};
 use tokio::runtime::Runtime;
 use tokio::sync::mpsc;
 
@@ -48,9 +50,16 @@ pub trait Observer: Progress {
     }
     /// The map so far.
     fn map(&self, _running: &Running) {}
+    /// How well a series that ends by its σ knows its orientations so far.
+    fn sigma(&self, _so_far: &SigmaSoFar) {}
 }
 
-impl Observer for Console {}
+impl Observer for Console {
+    fn sigma(&self, so_far: &SigmaSoFar) {
+        let now = so_far.sigma_deg.map_or("none".to_owned(), |s| format!("{s:.2}°"));
+        self.relabel(&format!("capturing: σ {now}, {}° wanted", so_far.until_sigma_deg));
+    }
+}
 
 /// What a run needs besides the session.
 pub struct Engine<'a> {
@@ -111,18 +120,27 @@ impl Engine<'_> {
     ) -> Result<Outcome, Failure> {
         let _ = self.control.send(Input::Start);
         let plan = &description.plan;
-        let steps = plan.steps();
+        let (chosen, ended) = (session.journal().chosen(), session.journal().ended());
+        let steps = plan.steps_with(&chosen);
         // A group lacks all of its frames or none, since it is taken in one go.
         let lacks = |group: &[Step]| vec![group.iter().any(|s| !session.has(&s.file)); group.len()];
         let missing: Vec<bool> = groups(&steps).flat_map(lacks).collect();
-        self.observer.stage("capturing", steps.len() as u64);
+        self.observer.stage("capturing", session.journal().planned(plan)[1] as u64);
         let folder = session.folder().to_path_buf();
         let camera = self.devices.camera.describe();
         let observer = self.observer;
-        let live = Live { folder: &folder, description, steps: &steps, camera: camera.clone(), observer };
+        let (decisions, mut decided) = mpsc::unbounded_channel();
+        let deciding = plan.until_sigma().filter(|_| ended.is_none()).map(|_| Deciding {
+            known: steps.iter().filter(|s| s.role == Role::Series).count(),
+            limits_deg: self.devices.stage.describe().limits_deg,
+            decisions,
+        });
+        let further = deciding.is_some();
+        let live = Live { folder: &folder, description, camera: camera.clone(), observer, deciding };
         let (out, queue) = mpsc::channel(QUEUE);
         let (arrivals, arrived) = std::sync::mpsc::channel();
-        let store = Store { session, description, steps: &steps, camera, observer, arrivals };
+        let (known, before_chosen) = (steps.clone(), chosen.clone());
+        let store = Store { session, description, steps: known, chosen: before_chosen, camera, observer, arrivals };
         let taker = Taker {
             hands: Hands::new(self.devices),
             watch: self.watch,
@@ -138,7 +156,8 @@ impl Engine<'_> {
             let following = scope.spawn(move || live.follow(arrived));
             store.announce_stored(&missing);
             let storing = scope.spawn(|| store.run(queue));
-            let taken = runtime.block_on(take_and_finish(taker, &steps, &missing, before));
+            let further = further.then_some((chosen, &mut decided));
+            let taken = runtime.block_on(take_and_finish(taker, (&steps, &missing), further, before));
             let stored = storing.join().unwrap_or_else(|_| Err(died("storing")));
             let running = following.join().unwrap_or(None);
             // What the disk says explains why the frames were not wanted any more.
@@ -156,12 +175,12 @@ impl Engine<'_> {
 /// Takes the frames, waits until they are stored, and closes the session or says why it ended.
 async fn take_and_finish(
     mut taker: Taker<'_>,
-    steps: &[Step],
-    missing: &[bool],
+    (steps, missing): (&[Step], &[bool]),
+    further: Option<(Vec<f64>, &mut Decisions)>,
     before: Timing,
 ) -> Result<Timing, Failure> {
     let begun = Instant::now();
-    let result = taker.take_all(steps, missing).await;
+    let result = taker.take_all(steps, missing, further).await;
     taker.flush().await;
     let now = timing(&taker.hands, begun.elapsed() - taker.paused);
     let timing = Timing {

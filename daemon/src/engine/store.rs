@@ -1,7 +1,7 @@
 //! The storing end of a run, on its own thread: while the bench moves on, frames are averaged, encoded and stored.
 
 use super::Observer;
-use crate::plan::{Plan, Role, Step};
+use crate::plan::{Plan, PlanKind, Role, Step};
 use crate::session::{Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
 use crate::{Failure, session};
 use nacre_drivers::CameraInfo;
@@ -41,8 +41,8 @@ pub struct Shot {
 pub struct Arrival {
     /// Its number in the series.
     pub index: usize,
-    /// Its exposure in seconds and its gain, as the camera set them.
-    pub controls: (f64, f64),
+    /// As `frames.json` describes it, with exposure and gain as the camera set them.
+    pub frame: frames::Frame,
 }
 
 /// Everything that the storing end needs to know.
@@ -51,8 +51,10 @@ pub struct Store<'a, D: Disk> {
     pub session: Session<D>,
     /// What the session is.
     pub description: &'a SessionFile,
-    /// Its steps.
-    pub steps: &'a [Step],
+    /// Its steps, as far as they are known.
+    pub steps: Vec<Step>,
+    /// Analyser angles that were added to the series.
+    pub chosen: Vec<f64>,
     /// What the camera is.
     pub camera: CameraInfo,
     /// Told of everything that is stored.
@@ -70,10 +72,7 @@ impl<D: Disk> Store<'_, D> {
         while let Some(message) = queue.blocking_recv() {
             let result = match message {
                 Message::Shot(shot) => self.shot(shot),
-                Message::Note(entry) => {
-                    self.observer.noted(&entry);
-                    self.session.record(entry).map_err(|e| self.refused(Journal::NAME, e))
-                }
+                Message::Note(entry) => self.note(entry),
                 Message::Finish(timing) => self.finish(timing),
                 Message::Flush(done) => {
                     let _ = done.send(());
@@ -87,6 +86,15 @@ impl<D: Disk> Store<'_, D> {
             }
         }
         Ok(())
+    }
+
+    fn note(&mut self, entry: Entry) -> Result<(), Failure> {
+        self.observer.noted(&entry);
+        if let Entry::Chosen { analyser_deg, .. } = entry {
+            self.chosen.push(analyser_deg);
+            self.steps = self.description.plan.steps_with(&self.chosen);
+        }
+        self.session.record(entry).map_err(|e| self.refused(Journal::NAME, e))
     }
 
     /// Tells of frames that are there already.
@@ -103,7 +111,8 @@ impl<D: Disk> Store<'_, D> {
         if self.steps[index].role == Role::Series {
             let extras = self.steps.iter().take_while(|s| s.role != Role::Series).count();
             // Nobody may be listening.
-            let _ = self.arrivals.send(Arrival { index: index - extras, controls: commit.controls() });
+            let frame = described(&self.description.plan, &self.steps, &self.steps[index], commit.controls());
+            let _ = self.arrivals.send(Arrival { index: index - extras, frame });
         }
     }
 
@@ -123,7 +132,9 @@ impl<D: Disk> Store<'_, D> {
 
     fn finish(&mut self, timing: Timing) -> Result<(), Failure> {
         let controls = |file: &str| self.session.journal().commit(file).map_or((1.0, 1.0), Commit::controls);
-        let set = frame_set(self.description, self.steps, &self.camera, &controls);
+        let series = self.steps.iter().filter(|s| s.role == Role::Series);
+        let described = |s: &Step| described(&self.description.plan, &self.steps, s, controls(&s.file));
+        let set = frame_set(self.description, &self.camera, series.map(described).collect());
         self.session.finish(&frames::save(&set), timing).map_err(|e| self.refused(frames::FILE_NAME, e))
     }
 
@@ -148,52 +159,51 @@ fn stored_factor(camera: &CameraInfo, average: u32) -> u32 {
     if average == 1 { 1 } else { (u32::from(u16::MAX) / u32::from(camera.white).max(1)).max(1) }
 }
 
-/// The session's `frames.json`. `controls` tells exposure (s) and gain of a file.
-pub fn frame_set(
-    description: &SessionFile,
-    steps: &[Step],
-    camera: &CameraInfo,
-    controls: &dyn Fn(&str) -> (f64, f64),
-) -> FrameSet {
+/// One frame of the series as `frames.json` describes it; `steps` are those of the plan.
+fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f64)) -> frames::Frame {
+    let kind = session::frames_kind(plan.kind);
+    let free = kind == Kind::Free;
+    let spot = match step.state.pattern {
+        nacre_drivers::Pattern::Disc { center_mm, diameter_mm } if free || kind == Kind::Spots => {
+            Some(Spot { center_mm, diameter_mm })
+        }
+        _ => None,
+    };
+    let dark = plan.subtracted(steps, step.state.exposure_ms).filter(|_| !has_one_exposure(plan));
+    frames::Frame {
+        file: PathBuf::from(&step.file),
+        analyser_deg: step.state.analyser_deg,
+        exposure_s: Some(exposure),
+        gain: Some(gain),
+        spot,
+        flash: free.then_some(step.state.flash),
+        dark: dark.map(PathBuf::from),
+    }
+}
+
+/// Whether one dark photograph belongs to all frames.
+fn has_one_exposure(plan: &Plan) -> bool {
+    plan.kind == PlanKind::Polarization && plan.exposures_ms.is_empty()
+}
+
+/// The session's `frames.json` with these frames.
+pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<frames::Frame>) -> FrameSet {
     let (plan, setup) = (&description.plan, &description.setup);
     let count = plan.camera.average;
     let factor = f64::from(stored_factor(camera, count));
-    let kind = session::frames_kind(plan.kind);
-    let one_exposure = kind == Kind::Polarization;
-    let series = steps.iter().filter(|s| s.role == Role::Series);
-    let frames = series.map(|s| {
-        let (exposure, gain) = controls(&s.file);
-        let free = kind == Kind::Free;
-        let spot = match s.state.pattern {
-            nacre_drivers::Pattern::Disc { center_mm, diameter_mm } if free || kind == Kind::Spots => {
-                Some(Spot { center_mm, diameter_mm })
-            }
-            _ => None,
-        };
-        let dark = plan.subtracted(steps, s.state.exposure_ms).filter(|_| !one_exposure);
-        frames::Frame {
-            file: PathBuf::from(&s.file),
-            analyser_deg: s.state.analyser_deg,
-            exposure_s: Some(exposure),
-            gain: Some(gain),
-            spot,
-            flash: free.then_some(s.state.flash),
-            dark: dark.map(PathBuf::from),
-        }
-    });
     // A mean of n frames has n times the electrons and √n times the read noise of one.
     let n = f64::from(count);
     let noise = camera.full_scale_e.zip(camera.read_noise_e);
     FrameSet {
-        kind,
-        frames: frames.collect(),
+        kind: session::frames_kind(plan.kind),
+        frames,
         transfer: Transfer::Linear,
         black: Some(f64::from(camera.black) * factor),
         white: Some(f64::from(camera.white) * factor),
         channel: None,
         layout: None,
         noise: noise.map(|(full, read)| NoiseModel { full_scale_e: full * n, read_noise_e: read * n.sqrt() }),
-        dark: plan.subtracted(steps, None).filter(|_| one_exposure).map(PathBuf::from),
+        dark: plan.subtracted(&plan.steps(), None).filter(|_| has_one_exposure(plan)).map(PathBuf::from),
         flat: None,
         wavelength_nm: setup.wavelength_nm,
         band_nm: setup.band_nm,

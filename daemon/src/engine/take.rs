@@ -1,6 +1,7 @@
 //! Takes a plan's frames: brings the bench into each state, takes what is fresh, hands it on.
 
 use super::hands::Hands;
+use super::series::Decision;
 use super::state::{Control, Input, State};
 use super::store::{Message, Shot};
 use super::watch::Watch;
@@ -10,11 +11,14 @@ use crate::session::{Commit, Entry};
 use nacre_drivers::Class;
 use nacre_processing::Error;
 use std::time::{Duration, Instant};
-use tokio::sync::mpsc::Sender;
+use tokio::sync::mpsc::{Sender, UnboundedReceiver};
 use tokio::sync::oneshot;
 
 /// A step that goes wrong in a way that may pass is tried this often in all.
 const ATTEMPTS: u32 = 3;
+
+/// How a series goes on, as it is decided.
+pub type Decisions = UnboundedReceiver<nacre_processing::Result<Decision>>;
 
 /// One run through a plan.
 pub struct Taker<'a> {
@@ -58,26 +62,59 @@ impl Taker<'_> {
     /// # Errors
     /// A device's or interlock's, with the step it belongs to; `Cancelled` when somebody stopped the run; `Cancelled` also
     /// when frames cannot be stored any more, which the other end knows more about.
-    pub async fn take_all(&mut self, steps: &[Step], missing: &[bool]) -> Result<(), Failure> {
-        let mut result = Ok(());
-        let mut first = 0;
-        for group in groups(steps) {
-            if missing[first] {
-                result = self.go_on().await;
-                if result.is_ok() {
-                    result = self.patiently(group, first).await;
-                }
-            }
-            if result.is_err() {
-                break;
-            }
-            first += group.len();
+    ///
+    /// Then, for a series that ends by its σ, `further` has the angles that were added so far, in degrees, and where to learn
+    /// how it goes on.
+    pub async fn take_all(
+        &mut self,
+        steps: &[Step],
+        missing: &[bool],
+        further: Option<(Vec<f64>, &mut Decisions)>,
+    ) -> Result<(), Failure> {
+        let mut result = self.take_known(steps, missing).await;
+        if let Some((chosen, decisions)) = further.filter(|_| result.is_ok()) {
+            result = self.take_further(chosen, decisions).await;
         }
         let dark = self.hands.dark().await;
         if dark.is_ok() {
             self.control.set_dark();
         }
         result.and(dark.map_err(Failure::from))
+    }
+
+    async fn take_known(&mut self, steps: &[Step], missing: &[bool]) -> Result<(), Failure> {
+        let mut first = 0;
+        for group in groups(steps) {
+            if missing[first] {
+                self.go_on().await?;
+                self.patiently(group, first).await?;
+            }
+            first += group.len();
+        }
+        Ok(())
+    }
+
+    /// Takes angle after angle until the series is to end.
+    async fn take_further(&mut self, mut chosen: Vec<f64>, decisions: &mut Decisions) -> Result<(), Failure> {
+        loop {
+            let decision = async {
+                let gone = || Error::input("choosing the next angle", "ended unexpectedly", "resume the session");
+                Ok(decisions.recv().await.ok_or_else(gone)??)
+            };
+            match guarded(self.watch, self.control, decision).await? {
+                Decision::Next { analyser_deg, sigma_deg } => {
+                    // The journal has it before any of its frames, so that a resumed session takes the same.
+                    self.note(Entry::Chosen { analyser_deg, sigma_deg }).await?;
+                    chosen.push(analyser_deg);
+                    let steps = self.plan.steps_with(&chosen);
+                    for i in steps.len() - self.plan.frames_per_angle()..steps.len() {
+                        self.go_on().await?;
+                        self.patiently(&steps[i..=i], i).await?;
+                    }
+                }
+                Decision::End(end) => return self.note(Entry::Ended(end)).await,
+            }
+        }
     }
 
     /// Waits while the run is paused; `Cancelled` when it is to stop.

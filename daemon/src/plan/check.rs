@@ -2,8 +2,9 @@
 
 use super::estimate::{Limits, light_on_s};
 use super::steps::groups;
-use super::{DisplayPlan, Plan, PlanKind, Step};
+use super::{AnalyserPlan, DisplayPlan, Plan, PlanKind, Step};
 use nacre_processing::Error;
+use nacre_processing::polarimetry::MAX_BRACKET;
 use std::path::Path;
 use std::time::Duration;
 
@@ -38,9 +39,13 @@ impl Plan {
     /// A sentence that names the key, what was found and what is allowed.
     pub fn check_values(&self) -> Result<(), String> {
         self.check_sections()?;
-        if let Some(analyser) = &self.analyser {
-            count("analyser.angles_deg", "angles", analyser.angles_deg.len())?;
-            analyser.angles_deg.iter().try_for_each(|a| finite("analyser.angles_deg", *a, 36_000.0))?;
+        match &self.analyser {
+            Some(AnalyserPlan::Listed(angles)) => {
+                count("analyser.angles_deg", "angles", angles.len())?;
+                angles.iter().try_for_each(|a| finite("analyser.angles_deg", *a, 36_000.0))?;
+            }
+            Some(AnalyserPlan::Until(until)) => until.check()?,
+            None => {}
         }
         positive("camera.gain", self.camera.gain)?;
         positive("camera.exposure_ms", self.camera.exposure_ms.unwrap_or(1.0))?;
@@ -72,8 +77,9 @@ impl Plan {
     /// Which sections belong to the plan's kind.
     fn check_sections(&self) -> Result<(), String> {
         let kind = super::word(self.kind);
+        let bracketed = self.kind == PlanKind::Polarization;
         for (key, given, belongs) in [
-            ("exposures_ms", !self.exposures_ms.is_empty(), self.kind == PlanKind::Exposures),
+            ("exposures_ms", !self.exposures_ms.is_empty() && !bracketed, self.kind == PlanKind::Exposures),
             ("spots", self.spots.is_some(), self.kind == PlanKind::Spots),
             ("steps", !self.steps.is_empty(), self.kind == PlanKind::Free),
         ] {
@@ -86,11 +92,17 @@ impl Plan {
             }
         }
         if self.kind == PlanKind::Polarization && self.analyser.is_none() {
-            return Err("analyser is missing, which the kind polarization needs; give analyser.angles_deg".into());
+            return Err(
+                "analyser is missing, which the kind polarization needs; give angles_deg or until_sigma_deg".into()
+            );
+        }
+        if self.until_sigma().is_some() && self.kind != PlanKind::Polarization {
+            return Err(format!("analyser.until_sigma_deg does not belong to the kind {kind}; give angles_deg"));
         }
         if self.kind == PlanKind::Free && self.analyser.is_some() {
             return Err("analyser does not belong to the kind free; give analyser_deg in each step".into());
         }
+        self.check_brackets()?;
         if self.kind == PlanKind::Exposures && (self.camera.exposure_ms.is_some() || self.camera.exposure.is_some()) {
             return Err("camera.exposure_ms does not belong to the kind exposures, which has exposures_ms".into());
         }
@@ -98,11 +110,27 @@ impl Plan {
             return Err(format!("reconstruct.method is polarization, but the plan's kind is {kind}; remove it"));
         }
         let per_angle = self.exposures_ms.len().max(self.spots.as_ref().map_or(1, |s| s.centers_mm.len())).max(1);
-        let angles = self.analyser.as_ref().map_or(1, |a| a.angles_deg.len());
+        let angles = self.analyser.as_ref().map_or(1, AnalyserPlan::most);
         match per_angle.saturating_mul(angles).max(self.steps.len()) {
             0..=MAX_STEPS => Ok(()),
             n => Err(format!("the plan has {n} frames; at most {MAX_STEPS} are taken")),
         }
+    }
+
+    /// Exposures that are taken at each angle of a polarization plan.
+    fn check_brackets(&self) -> Result<(), String> {
+        if self.kind != PlanKind::Polarization || self.exposures_ms.is_empty() {
+            return Ok(());
+        }
+        if self.camera.exposure_ms.is_some() || self.camera.exposure.is_some() {
+            return Err("camera.exposure_ms or exposure and exposures_ms are both given; keep one".into());
+        }
+        if self.exposures_ms.len() > MAX_BRACKET {
+            let n = self.exposures_ms.len();
+            return Err(format!("exposures_ms holds {n} exposures at each angle; give at most {MAX_BRACKET}"));
+        }
+        let twice = self.exposures_ms.iter().enumerate().find(|(i, ms)| self.exposures_ms[..*i].contains(ms));
+        twice.map_or(Ok(()), |(_, ms)| Err(format!("exposures_ms holds {ms} twice; average instead (camera.average)")))
     }
 
     /// Checks the plan against the devices' limits.
@@ -115,7 +143,7 @@ impl Plan {
             let problem = || format!("{key} is {value}, but the {device} takes {low} to {high}");
             if (low..=high).contains(&value) { None } else { Some(problem()) }
         };
-        let steps = self.steps();
+        let steps = self.most_steps();
         let exposures = camera.exposure_s.map(|s| 1000.0 * s);
         let of_steps = |problem: &dyn Fn(&Step) -> Option<String>| steps.iter().find_map(problem);
         let shutter = format!("extras has a dark frame, but the {} has no shutter; leave it out", camera.id);
@@ -234,5 +262,38 @@ mod tests {
             assert!(problem.contains(word), "{to}: {problem}");
         }
         assert!(toml::from_str::<Plan>(&DOCUMENTED.replace("extras", "extra")).is_err());
+    }
+
+    #[test]
+    fn a_wanted_sigma_is_checked_by_key() {
+        let plan = |analyser: &str, more: &str| -> Result<Plan, String> {
+            let text = format!("kind = \"polarization\"\nanalyser = {{ {analyser} }}\n{more}");
+            let plan: Plan = toml::from_str(&text).map_err(|e| e.to_string())?;
+            plan.check_values().map(|()| plan)
+        };
+        for (analyser, more, word) in [
+            ("until_sigma_deg = 0", "", "until_sigma_deg"),
+            ("until_sigma_deg = nan", "", "until_sigma_deg"),
+            ("until_sigma_deg = inf", "", "until_sigma_deg"),
+            ("until_sigma_deg = 1, start = 2", "", "start"),
+            ("until_sigma_deg = 1, start = 9, at_most = 8", "", "start"),
+            ("until_sigma_deg = 1, at_most = 361", "", "at_most"),
+            ("until_sigma_deg = 1, angles_deg = [0]", "", "both"),
+            ("angles_deg = [0, 60, 120], at_most = 8", "", "at_most"),
+            ("start = 4", "", "until_sigma_deg"),
+            ("until_sigma_deg = 1, sigma = 3", "", "sigma"),
+            ("until_sigma_deg = 1", "camera = { exposure_ms = 3 }\nexposures_ms = [1, 2]", "exposures_ms"),
+            ("until_sigma_deg = 1", "exposures_ms = [1, 2, 1]", "twice"),
+            ("until_sigma_deg = 1", "exposures_ms = [1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17]", "17"),
+        ] {
+            let problem = plan(analyser, more).unwrap_err();
+            assert!(problem.contains(word), "{analyser}: {problem}");
+        }
+        let whole = plan("until_sigma_deg = 0.3", "").unwrap();
+        assert_eq!((whole.steps().len(), whole.most_steps().len()), (4, 24));
+        let again: Plan = serde_json::from_value(serde_json::to_value(&whole).unwrap()).unwrap();
+        assert_eq!(again, whole);
+        let flash = "kind = \"flash\"\nanalyser = { until_sigma_deg = 0.3 }";
+        assert!(toml::from_str::<Plan>(flash).unwrap().check_values().unwrap_err().contains("until_sigma_deg"));
     }
 }

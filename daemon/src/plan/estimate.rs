@@ -1,7 +1,7 @@
 //! Time and disk that a session needs: the engine's own timeline, without the devices.
 
 use super::steps::groups;
-use super::{Plan, State};
+use super::{Plan, State, Step};
 use nacre_drivers::{CameraInfo, DisplayInfo, FlashInfo, StageInfo};
 use serde::Serialize;
 use std::time::Duration;
@@ -35,6 +35,20 @@ pub struct Estimate {
     pub exposure_s: f64,
     /// Largest size of the frames in bytes (uncompressed).
     pub bytes: u64,
+    /// For a series that ends by its σ, where everything above is the most: the least.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub least: Option<Least>,
+}
+
+/// The least time and disk that a session needs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Least {
+    /// Frames stored.
+    pub frames: usize,
+    /// As in [`Estimate`].
+    pub seconds: f64,
+    /// As in [`Estimate`].
+    pub bytes: u64,
 }
 
 /// Stops on the way to `to` from `from`: two when the angle does not lie above, one otherwise. A person turns to the
@@ -53,12 +67,18 @@ pub fn light_on_s(exposure: Duration, exposures: usize, limits: &Limits) -> f64 
 impl Plan {
     /// Time and disk for a session with this exposure time, without metering. `stands_deg` is where the stage stands.
     pub fn estimate(&self, exposure: Duration, limits: &Limits, stands_deg: f64) -> Estimate {
-        let steps = self.steps();
+        let most = self.estimate_of(&self.most_steps(), exposure, limits, stands_deg);
+        let least = self.until_sigma().map(|_| self.estimate_of(&self.steps(), exposure, limits, stands_deg));
+        let least = least.map(|e| Least { frames: e.frames, seconds: e.seconds, bytes: e.bytes });
+        Estimate { least, ..most }
+    }
+
+    fn estimate_of(&self, steps: &[Step], exposure: Duration, limits: &Limits, stands_deg: f64) -> Estimate {
         let mut time = Timeline::new(limits);
         if steps.iter().any(|s| s.state.analyser_deg.is_some()) {
             time.now += stands_deg.abs() / limits.stage.speed_deg_s + limits.stage.settling_s;
         }
-        for group in groups(&steps) {
+        for group in groups(steps) {
             time.take(&group[0].state, exposure, group.len() * self.camera.average as usize);
         }
         let camera = &limits.camera;
@@ -69,6 +89,7 @@ impl Plan {
             metering_seconds: None,
             exposure_s: exposure.as_secs_f64(),
             bytes: (steps.len() * pixels * 2) as u64,
+            least: None,
         }
     }
 }

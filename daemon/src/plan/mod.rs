@@ -1,10 +1,12 @@
 //! Capture plans: data that says what to show, rotate, expose and flash, checked and estimated before anything moves.
 
+mod analyser;
 mod check;
 mod estimate;
 mod steps;
 
-pub use estimate::{Estimate, Limits, approach, light_on_s};
+pub use analyser::{AnalyserPlan, UntilSigma};
+pub use estimate::{Estimate, Least, Limits, approach, light_on_s};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
@@ -39,7 +41,8 @@ pub struct Plan {
     /// Angles of the analyser. Kinds other than polarization do without; the analyser is then not touched.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analyser: Option<AnalyserPlan>,
-    /// Exposure times in ms, for kind exposures.
+    /// Exposure times in ms, for kind exposures; for kind polarization, taken at each angle and merged into one intensity:
+    /// what is saturated in the long ones is measured in the short ones.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exposures_ms: Vec<f64>,
     /// Where the panel lights up, for kind spots.
@@ -165,14 +168,6 @@ pub struct FreeStep {
     /// Exposure time in ms; as the plan's `camera` says when it is not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure_ms: Option<f64>,
-}
-
-/// Angles of the analyser.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct AnalyserPlan {
-    /// Degrees, in the order they are taken.
-    pub angles_deg: Vec<f64>,
 }
 
 /// Frames besides the series.

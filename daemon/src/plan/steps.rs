@@ -1,6 +1,6 @@
 //! A plan as the list of frames it asks for.
 
-use super::{Extra, FreeStep, Plan, PlanKind};
+use super::{AnalyserPlan, Extra, FreeStep, Plan, PlanKind, UntilSigma};
 use nacre_drivers::Pattern;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -51,9 +51,14 @@ impl State {
 }
 
 impl Plan {
-    /// The steps in order: extras first, so that they are there when the series is worked on.
+    /// The steps that are taken in any case, in order: extras first, so that they are there when the series is worked on.
     pub fn steps(&self) -> Vec<Step> {
-        let series = self.series();
+        self.steps_with(&[])
+    }
+
+    /// The steps of a series to which these analyser angles were added, in degrees.
+    pub fn steps_with(&self, chosen: &[f64]) -> Vec<Step> {
+        let series = self.series(chosen);
         let mut seen = BTreeSet::new();
         let exposures = series.iter().map(|s| s.exposure_ms).filter(|e| seen.insert(e.map(f64::to_bits)));
         let exposures: Vec<Option<f64>> = exposures.collect();
@@ -95,15 +100,40 @@ impl Plan {
         self.camera.exposure_ms.is_none() && self.steps().iter().any(|s| s.state.exposure_ms.is_none())
     }
 
-    fn series(&self) -> Vec<State> {
+    /// When the series ends by its σ: what is wanted.
+    pub fn until_sigma(&self) -> Option<UntilSigma> {
+        match self.analyser {
+            Some(AnalyserPlan::Until(until)) => Some(until),
+            _ => None,
+        }
+    }
+
+    /// As many steps as there can be; the angles that are not known yet are such as may be added.
+    pub fn most_steps(&self) -> Vec<Step> {
+        self.steps_with(&self.until_sigma().map_or_else(Vec::new, |until| until.likely()))
+    }
+
+    /// Frames at each analyser angle of a polarization series.
+    pub fn frames_per_angle(&self) -> usize {
+        self.exposures_ms.len().max(1)
+    }
+
+    fn series(&self, chosen: &[f64]) -> Vec<State> {
         let angles = match &self.analyser {
-            Some(analyser) => analyser.angles_deg.iter().map(|a| Some(*a)).collect(),
+            Some(analyser) => analyser.known().iter().chain(chosen).map(|a| Some(*a)).collect(),
             None => vec![None],
         };
         let flash = self.kind == PlanKind::Flash;
         let pattern = if flash { Pattern::Black } else { self.display.pattern() };
         let state = |analyser_deg| State { pattern, analyser_deg, flash, covered: false, exposure_ms: None };
         match self.kind {
+            PlanKind::Polarization if !self.exposures_ms.is_empty() => {
+                // Angle by angle, so that the exposures of one are merged as soon as they are there.
+                let exposures = |a: Option<f64>| {
+                    self.exposures_ms.iter().map(move |ms| State { exposure_ms: Some(*ms), ..state(a) })
+                };
+                angles.into_iter().flat_map(exposures).collect()
+            }
             PlanKind::Polarization | PlanKind::Flash => angles.into_iter().map(state).collect(),
             // A turn of the analyser costs less than a change of the exposure.
             PlanKind::Exposures => {
@@ -194,6 +224,20 @@ pub(super) mod tests {
         assert_eq!(plan.subtracted(&steps, Some(10.0)), Some("frames/dark_01.png"));
         assert_eq!(steps[4].state.exposure(Duration::ZERO), Duration::from_millis(10));
         assert!(!plan.is_metered());
+    }
+
+    #[test]
+    fn exposures_of_a_polarization_plan_are_taken_angle_by_angle() {
+        let plan = plan(
+            "kind = \"polarization\"\nexposures_ms = [1, 10]\nanalyser = { until_sigma_deg = 1, start = 3 }\nextras = [\"display_black\"]",
+        );
+        let steps = plan.steps_with(&[17.0]);
+        let series: Vec<_> = steps[2..].iter().map(|s| (s.state.analyser_deg, s.state.exposure_ms)).collect();
+        let wanted = [0.0, 60.0, 120.0, 17.0].map(|a| [(Some(a), Some(1.0)), (Some(a), Some(10.0))]).concat();
+        assert_eq!(series, wanted);
+        assert!(!plan.is_metered());
+        // What was chosen comes after what was known, so that files keep their names.
+        assert_eq!(steps[..8], plan.steps());
     }
 
     #[test]

@@ -30,8 +30,10 @@ pub struct PlanBody {
 pub struct Checked {
     /// Nothing is wrong with it.
     sound: bool,
-    /// Frames that it takes.
+    /// Frames that it takes, at most.
     frames: usize,
+    /// Frames that it takes in any case; fewer for a series that ends by its σ.
+    least_frames: usize,
     /// What it asks too much.
     problems: Vec<String>,
     /// The plan as JSON, however it came.
@@ -52,6 +54,10 @@ pub struct Estimated {
     exposure_assumed: bool,
     /// Largest size of the frames in bytes.
     bytes: u64,
+    /// Frames stored in any case: for a series that ends by its σ, where everything above is the most.
+    least_frames: usize,
+    /// Time in seconds for these.
+    least_seconds: f64,
 }
 
 impl PlanBody {
@@ -84,7 +90,13 @@ pub async fn schema() -> Json<serde_json::Value> {
 pub async fn check(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> Answer<Json<Checked>> {
     let plan = body.plan()?;
     let problems = plan.check_limits(&app.limits);
-    Ok(Json(Checked { sound: problems.is_empty(), frames: plan.steps().len(), problems, plan }))
+    Ok(Json(Checked {
+        sound: problems.is_empty(),
+        frames: plan.most_steps().len(),
+        least_frames: plan.steps().len(),
+        problems,
+        plan,
+    }))
 }
 
 /// Says how long a session takes and how much disk it needs.
@@ -107,5 +119,7 @@ pub async fn estimate(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -
         exposure_s: estimate.exposure_s,
         exposure_assumed: metered,
         bytes: estimate.bytes,
+        least_frames: estimate.least.map_or(estimate.frames, |l| l.frames),
+        least_seconds: estimate.least.map_or(estimate.seconds, |l| l.seconds),
     }))
 }

@@ -1,7 +1,7 @@
 //! Runs of sessions in the service: what they tell while they run.
 
 use super::events::EventLog;
-use crate::engine::{Control, Observer, State};
+use crate::engine::{Control, Observer, SigmaSoFar, State};
 use crate::plan::{Plan, Step};
 use crate::session::{Commit, Entry};
 use nacre_processing::polarimetry::{Glance, Running};
@@ -41,12 +41,21 @@ struct Inner {
     begun: Instant,
     error: Option<String>,
     map: Option<Arc<Glance>>,
+    sigma: Option<SigmaSoFar>,
 }
 
 impl Run {
     /// A run that has not begun.
     pub fn new(id: String, folder: PathBuf, plan: Plan) -> Self {
-        let inner = Inner { stage: "waiting".into(), steps: 0, done: 0, begun: Instant::now(), error: None, map: None };
+        let inner = Inner {
+            stage: "waiting".into(),
+            steps: 0,
+            done: 0,
+            begun: Instant::now(),
+            error: None,
+            map: None,
+            sigma: None,
+        };
         let created = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
         Self { id, folder, plan, created, control: Arc::default(), events: Arc::default(), inner: Mutex::new(inner) }
     }
@@ -83,6 +92,11 @@ impl Run {
     /// Says why it failed.
     pub fn fail(&self, error: String) {
         self.inner().error = Some(error);
+    }
+
+    /// How well a series that ends by its σ knows its orientations so far.
+    pub fn sigma_so_far(&self) -> Option<SigmaSoFar> {
+        self.inner().sigma
     }
 
     /// The map so far.
@@ -140,6 +154,8 @@ impl Observer for Run {
             Entry::Retried { reason } => format!("again after: {reason}"),
             Entry::Paused => "paused, with the light off".into(),
             Entry::Stopped { reason } => format!("stopped: {reason}"),
+            Entry::Chosen { analyser_deg, .. } => format!("next angle: {analyser_deg}°"),
+            Entry::Ended(end) => end.text(),
             _ => return,
         };
         self.events.push("note", &json!({ "text": text }));
@@ -147,6 +163,11 @@ impl Observer for Run {
 
     fn wants_map(&self) -> bool {
         true
+    }
+
+    fn sigma(&self, so_far: &SigmaSoFar) {
+        self.inner().sigma = Some(*so_far);
+        self.events.push("sigma", so_far);
     }
 
     fn map(&self, running: &Running) {

@@ -93,7 +93,7 @@ pub async fn frames(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<J
     let read = move || {
         let file = SessionFile::read(&folder).map_err(|e| Problem::bad(e.to_string()))?;
         let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Problem::bad(e.to_string()))?;
-        let steps = file.plan.steps();
+        let steps = file.plan.steps_with(&journal.chosen());
         let doc = |step: &crate::plan::Step| {
             let commit = journal.commit(&step.file)?;
             let (exposure_s, gain) = commit.controls();

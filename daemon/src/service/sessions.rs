@@ -7,9 +7,9 @@ use super::{App, At, Body, Params, blocking, events};
 use crate::Failure;
 use crate::capture::Capture;
 use crate::catalogue::{Cursor, Query, SessionRow};
-use crate::engine::{Input, State as RunState};
+use crate::engine::{Input, SigmaSoFar, State as RunState};
 use crate::plan::{Plan, PlanKind};
-use crate::session::{Journal, MortalDisk, SESSION_FILE, SessionFile, Timing};
+use crate::session::{Ending, Journal, MortalDisk, SESSION_FILE, SessionFile, Timing};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -36,8 +36,16 @@ pub struct SessionDoc {
     /// `idle`, `running`, `pausing`, `paused`, `resuming`, `stopping`, `aborting`, `finished` or `failed`.
     #[schema(value_type = String)]
     state: RunState,
+    /// For a series that goes on until its σ is as wanted: the most.
     frames_planned: usize,
     frames_committed: usize,
+    /// For a series that ends by its σ: `{angles, sigma_deg, until_sigma_deg, at_most, least_deg}`, what is known so far;
+    /// `least_deg` is what σ will be at least after the most angles.
+    #[schema(value_type = Option<Object>)]
+    sigma: Option<SigmaSoFar>,
+    /// Why such a series has ended: `met`, `at_most` or `cannot`.
+    #[schema(value_type = Option<String>)]
+    ended: Option<Ending>,
     /// What it does now.
     stage: Option<String>,
     /// Seconds until that is done.
@@ -108,6 +116,8 @@ impl SessionDoc {
             state: if journal.finished() { RunState::Finished } else { RunState::Idle },
             frames_planned: row.frames_planned as usize,
             frames_committed: row.frames_committed as usize,
+            sigma: journal.ended().map(|end| end.so_far),
+            ended: journal.ended().map(|end| end.why),
             stage: None,
             eta_s: None,
             error: journal.why_stopped(),
@@ -125,6 +135,7 @@ impl SessionDoc {
         self.state = run.control.state();
         self.stage = Some(run.stage().0).filter(|_| !run.is_over());
         (self.eta_s, self.error) = (run.eta_s(), run.error().or(self.error.take()));
+        self.sigma = self.sigma.or(run.sigma_so_far());
         self.frames_committed = run.committed().map_or(self.frames_committed, |n| n as usize);
     }
 
@@ -141,8 +152,10 @@ impl SessionDoc {
             created: run.created as i64,
             bytes: 0,
             state: RunState::Idle,
-            frames_planned: plan.steps().len(),
+            frames_planned: plan.most_steps().len(),
             frames_committed: 0,
+            sigma: None,
+            ended: None,
             stage: None,
             eta_s: None,
             error: None,
@@ -334,7 +347,8 @@ fn steer(app: &Arc<App>, id: &str, input: Input) -> Answer<Response> {
     }
 }
 
-/// What happens in a session, as server-sent events: `state`, `stage`, `frame`, `map`, `note`, `results`.
+/// What happens in a session, as server-sent events: `state`, `stage`, `frame`, `map`, `sigma` (of a
+/// series that ends by it), `note`, `results`.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/events", tag = "sessions", operation_id = "session_events",
     params(("id" = String, Path), ("Last-Event-ID" = Option<String>, Header, description = "Go on after this event")),
     responses((status = 200, content_type = "text/event-stream", body = String), (status = 404, body = Problem),

@@ -1,12 +1,12 @@
 //! `nacre check`: is a session folder complete, and are its files what the journal says?
 
-use super::{Journal, SESSION_FILE, SessionFile, sha256};
+use super::{Journal, SESSION_FILE, SeriesEnd, SessionFile, sha256};
 use nacre_processing::Error;
 use serde::Serialize;
 use std::path::Path;
 
 /// State of a session folder.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Condition {
     /// Frames that the plan asks for.
     pub planned: usize,
@@ -14,6 +14,9 @@ pub struct Condition {
     pub intact: usize,
     /// The capture ran to its end.
     pub finished: bool,
+    /// How a series that ends by its σ has ended.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ended: Option<SeriesEnd>,
     /// What is wrong with the rest.
     pub trouble: Vec<Trouble>,
 }
@@ -38,8 +41,9 @@ pub fn check(folder: &Path) -> Result<Condition, Error> {
     let path = folder.join(SESSION_FILE);
     let session = SessionFile::read(folder).map_err(|e| bad(&path, e.to_string()))?;
     let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| bad(folder, e.to_string()))?;
-    let mut condition = Condition { planned: 0, intact: 0, finished: journal.finished(), trouble: vec![] };
-    for step in session.plan.steps() {
+    let (finished, ended) = (journal.finished(), journal.ended());
+    let mut condition = Condition { planned: 0, intact: 0, finished, ended, trouble: vec![] };
+    for step in session.plan.steps_with(&journal.chosen()) {
         condition.planned += 1;
         let problem = match (journal.commit(&step.file), std::fs::read(folder.join(&step.file))) {
             (None, _) => Some("was not taken yet".to_owned()),

@@ -1,5 +1,7 @@
 //! The journal: JSON Lines, each with its number and a CRC over its entry.
 
+use crate::engine::SigmaSoFar;
+use crate::plan::Plan;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::io;
@@ -28,6 +30,15 @@ pub enum Entry {
         /// What went wrong.
         reason: String,
     },
+    /// The series goes on at this angle, since the wanted σ is not reached.
+    Chosen {
+        /// Where the analyser turns next, in degrees.
+        analyser_deg: f64,
+        /// σ before it, in degrees: 90 % of the pixels that carry an orientation are as good.
+        sigma_deg: Option<f64>,
+    },
+    /// A series that ends by its σ has ended.
+    Ended(SeriesEnd),
     /// The session waits, with the light off.
     Paused,
     /// The session ended early.
@@ -37,6 +48,49 @@ pub enum Entry {
     },
     /// All frames and `frames.json` are there.
     Finished(Timing),
+}
+
+/// Why a series that ends by its σ has ended, and with what.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SeriesEnd {
+    /// Why.
+    pub why: Ending,
+    /// What it knew then.
+    #[serde(flatten)]
+    pub so_far: SigmaSoFar,
+}
+
+/// Why a series that ends by its σ has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// The wanted σ is reached.
+    Met,
+    /// All angles that the plan allows are taken.
+    AtMost,
+    /// All angles that the plan allows would not be enough.
+    Cannot,
+}
+
+impl SeriesEnd {
+    /// What a person should know: what is wanted, what came, and what to do where that is less.
+    pub fn text(&self) -> String {
+        let SigmaSoFar { angles, sigma_deg, until_sigma_deg: wanted, at_most, least_deg } = self.so_far;
+        let is = sigma_deg.map_or("no pixel carries an orientation".to_owned(), |s| format!("σ is {s:.3}°"));
+        let found = format!("{is} after {angles} angles, and {wanted}° was wanted");
+        let remedy = "expose longer or several times (exposures_ms), average more, or allow more angles";
+        match self.why {
+            Ending::Met => found,
+            Ending::AtMost => format!("{found}: these are all angles that the plan allows; {remedy}"),
+            Ending::Cannot => {
+                let least =
+                    least_deg.map_or("none would carry one".to_owned(), |s| format!("it would be {s:.3}° at least"));
+                format!(
+                    "{found}: after the {at_most} that the plan allows {least}, so the series ended early; {remedy}"
+                )
+            }
+        }
+    }
 }
 
 /// Where the time of a run went.
@@ -169,6 +223,24 @@ impl Journal {
     /// All entries in order.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
+    }
+
+    /// Analyser angles that were added to the series, in degrees.
+    pub fn chosen(&self) -> Vec<f64> {
+        let angle = |e: &Entry| if let Entry::Chosen { analyser_deg, .. } = e { Some(*analyser_deg) } else { None };
+        self.entries.iter().filter_map(angle).collect()
+    }
+
+    /// How a series that ends by its σ has ended.
+    pub fn ended(&self) -> Option<SeriesEnd> {
+        self.entries.iter().find_map(|e| if let Entry::Ended(end) = e { Some(*end) } else { None })
+    }
+
+    /// Frames that the session will have: as far as is known, and at most.
+    pub fn planned(&self, plan: &Plan) -> [usize; 2] {
+        let known = plan.steps_with(&self.chosen()).len();
+        let open = plan.until_sigma().is_some() && self.ended().is_none() && !self.finished();
+        [known, if open { plan.most_steps().len() } else { known }]
     }
 
     /// Why it ended early, if that is the last thing that happened.

@@ -12,7 +12,7 @@ mod power_loss;
 
 pub use check::{Condition, Trouble, check};
 pub use disk::{Disk, MortalDisk, RealDisk};
-pub use journal::{Commit, Entry, Journal, Timing};
+pub use journal::{Commit, Ending, Entry, Journal, SeriesEnd, Timing};
 
 use crate::plan::{Plan, PlanKind};
 use nacre_processing::frames::{Geometry, Kind};

@@ -1,9 +1,12 @@
 //! From file values to light.
 
-use super::{FrameSet, LoadedFrames, Transfer};
-use crate::Result;
+use super::{Frame, FrameSet, LoadedFrames, Transfer};
 use crate::image::{Depth, Raster, Samples, read};
-use std::path::Path;
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Most dark photographs that belong to single frames of a set; they are all kept.
+const MAX_DARKS: usize = 16;
 
 /// Turns the values of one set's files into light between 0 (black) and 1 (white). 8 and 16 bit go through a table.
 pub struct Linearizer {
@@ -13,7 +16,10 @@ pub struct Linearizer {
     white: f32,
     table: Vec<f32>,
     channel: usize,
+    /// Subtracted from frames that name no dark photograph of their own.
     dark: Vec<f32>,
+    /// Those that frames name.
+    darks: Vec<(PathBuf, Vec<f32>)>,
 }
 
 /// One decoded photograph, seen as rows of light.
@@ -21,10 +27,13 @@ pub struct LinearFrame<'a> {
     linearizer: &'a Linearizer,
     raster: Raster,
     scale: f32,
+    /// File value from which a pixel counts as saturated.
+    limit: f32,
+    dark: &'a [f32],
 }
 
 impl Linearizer {
-    /// For a checked set; reads its dark frame if it has one.
+    /// For a checked set; reads its dark photographs if it has any.
     pub fn new(frames: &LoadedFrames) -> Result<Self> {
         let set = &frames.set;
         let (black, white) = levels(set, frames.info.depth);
@@ -36,6 +45,7 @@ impl Linearizer {
             table: Vec::new(),
             channel: set.channel.map_or(0, |c| c.index()),
             dark: Vec::new(),
+            darks: Vec::new(),
         };
         new.table = match frames.info.depth {
             Depth::U8 => (0..=255).map(|v| new.light(v as f32)).collect(),
@@ -45,7 +55,29 @@ impl Linearizer {
         if let Some(dark) = &set.dark {
             new.dark = new.plane(&frames.file(dark))?;
         }
+        new.learn(frames, &set.frames)?;
         Ok(new)
+    }
+
+    /// Reads dark photographs that these frames name and that are not known yet.
+    ///
+    /// # Errors
+    /// `Input` when one cannot be read, or for more than 16 in all.
+    pub fn learn(&mut self, frames: &LoadedFrames, new: &[Frame]) -> Result<()> {
+        for dark in new.iter().filter_map(|f| f.dark.as_ref()) {
+            if self.darks.iter().any(|(name, _)| name == dark) {
+                continue;
+            }
+            if self.darks.len() == MAX_DARKS {
+                let problem = format!("names more than {MAX_DARKS} dark photographs");
+                return Err(Error::file(&frames.path, problem, "use one for all frames of the same exposure"));
+            }
+            let common = std::mem::take(&mut self.dark);
+            let plane = self.plane(&frames.file(dark));
+            self.dark = common;
+            self.darks.push((dark.clone(), plane?));
+        }
+        Ok(())
     }
 
     /// Distance between two codes in units of white minus black; 0 for floating point.
@@ -55,7 +87,15 @@ impl Linearizer {
 
     /// Decodes a photograph; its light is multiplied by `scale`.
     pub fn read(&self, path: &Path, scale: f64) -> Result<LinearFrame<'_>> {
-        Ok(LinearFrame { linearizer: self, raster: read(path)?, scale: scale as f32 })
+        let raster = read(path)?;
+        Ok(LinearFrame { linearizer: self, raster, scale: scale as f32, limit: self.white, dark: &self.dark })
+    }
+
+    /// Decodes a frame of the set: light per exposure and gain, less the dark photograph that belongs to it.
+    pub fn frame(&self, frames: &LoadedFrames, frame: &Frame) -> Result<LinearFrame<'_>> {
+        let own = self.darks.iter().find(|(name, _)| Some(name) == frame.dark.as_ref());
+        let decoded = self.read(&frames.file(&frame.file), frame.scale())?;
+        Ok(LinearFrame { dark: own.map_or(&self.dark, |(_, plane)| plane), ..decoded })
     }
 
     /// All light of one photograph, row by row.
@@ -79,6 +119,13 @@ fn levels(set: &FrameSet, depth: Depth) -> (f32, f32) {
 }
 
 impl LinearFrame<'_> {
+    /// Counts pixels as saturated that are nearer to white than `margin` (of white minus black, in light).
+    pub fn below_white(mut self, margin: f64) -> Self {
+        let l = self.linearizer;
+        self.limit = l.white - (margin / l.transfer.slope(1.0)) as f32 / l.factor;
+        self
+    }
+
     /// Light of row `y`; `bad[x]` is set to 1 where the pixel is saturated or not a number.
     pub fn row(&self, y: usize, light: &mut [f32], bad: &mut [u8]) {
         self.strided(y, 0, 1, light, bad);
@@ -90,38 +137,30 @@ impl LinearFrame<'_> {
         let first = (y * r.width + start) * r.channels + l.channel;
         let step = stride * r.channels;
         match &r.samples {
-            Samples::U8(v) => table(&v[first..], step, l, self.scale, light, bad, |v| usize::from(*v)),
-            Samples::U16(v) => table(&v[first..], step, l, self.scale, light, bad, |v| usize::from(*v)),
+            Samples::U8(v) => table(&v[first..], step, self, light, bad, |v| usize::from(*v)),
+            Samples::U16(v) => table(&v[first..], step, self, light, bad, |v| usize::from(*v)),
             Samples::F32(v) => {
                 for ((out, bad), value) in light.iter_mut().zip(bad).zip(v[first..].iter().step_by(step)) {
                     // Stored as 0 to keep the sums finite.
-                    let unusable = !value.is_finite() || *value >= l.white;
+                    let unusable = !value.is_finite() || *value >= self.limit;
                     *bad |= u8::from(unusable);
                     *out = if unusable { 0.0 } else { l.light(*value) * self.scale };
                 }
             }
         }
-        if !l.dark.is_empty() {
-            let dark = l.dark[y * r.width + start..].iter().step_by(stride);
+        if !self.dark.is_empty() {
+            let dark = self.dark[y * r.width + start..].iter().step_by(stride);
             light.iter_mut().zip(dark).for_each(|(v, d)| *v -= d * self.scale);
         }
     }
 }
 
 /// The common case, 8 and 16 bit: a lookup, and saturation where the value reaches white.
-fn table<T>(
-    v: &[T],
-    step: usize,
-    l: &Linearizer,
-    scale: f32,
-    light: &mut [f32],
-    bad: &mut [u8],
-    index: impl Fn(&T) -> usize,
-) {
-    let saturated = l.white.ceil() as usize;
+fn table<T>(v: &[T], step: usize, frame: &LinearFrame, light: &mut [f32], bad: &mut [u8], index: impl Fn(&T) -> usize) {
+    let (saturated, l) = (frame.limit.ceil() as usize, frame.linearizer);
     for ((out, bad), value) in light.iter_mut().zip(bad).zip(v.iter().step_by(step)) {
         let value = index(value);
         *bad |= u8::from(value >= saturated);
-        *out = l.table[value] * scale;
+        *out = l.table[value] * frame.scale;
     }
 }

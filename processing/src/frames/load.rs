@@ -160,8 +160,7 @@ fn check_light(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) 
     let by_frame = matches!(set.kind, Kind::Exposures | Kind::Flash | Kind::Spots | Kind::Free);
     for (i, frame) in set.frames.iter().enumerate() {
         let key = |name: &str| format!("frames[{i}].{name}");
-        let present =
-            [("spot", frame.spot.is_some()), ("flash", frame.flash.is_some()), ("dark", frame.dark.is_some())];
+        let present = [("spot", frame.spot.is_some()), ("flash", frame.flash.is_some())];
         if let Some((name, _)) = present.iter().find(|p| p.1 && !by_frame) {
             return bad(&key(name), "does not belong to this kind".into(), "remove it or change kind");
         }

@@ -99,7 +99,8 @@ pub struct Frame {
     /// Whether the flash was on (default: in sets of kind flash).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flash: Option<bool>,
-    /// Photograph with the light off at this frame's exposure, where the set has several exposures.
+    /// Photograph with the light off at this frame's exposure, where the set has several exposures; subtracted from this
+    /// frame in place of the set's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark: Option<PathBuf>,
 }

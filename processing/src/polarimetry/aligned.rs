@@ -1,9 +1,9 @@
 //! Photographs that a wedged analyser or a loose stage has shifted against each other, laid over each other again.
 
-use super::reconstruct::View;
-use super::{Fit, FrameNoise};
+use super::FrameNoise;
+use super::merge::Merge;
+use super::running::{Running, Sums, noise_of_bracket, read};
 use crate::Result;
-use crate::frames::{Linearizer, LoadedFrames};
 use crate::image::registration::{Registrar, Registration, Resampler, Shift};
 use crate::progress::Progress;
 use serde::Serialize;
@@ -46,26 +46,24 @@ pub(super) fn alignment(registrar: Option<&Registrar>, angles: &[f64]) -> Option
     })
 }
 
-/// Reads all photographs again and folds them into a new fit, each moved back by its shift.
-pub(super) fn fit_moved_back(
-    frames: &LoadedFrames,
-    linearizer: &Linearizer,
-    views: &[View],
-    shifts: &[[f64; 2]],
-    [width, height]: [usize; 2],
-    progress: &dyn Progress,
-) -> Result<Fit> {
+/// Reads all photographs again and folds them into new sums, each moved back by its view's shift.
+pub(super) fn fit_moved_back(running: &Running, shifts: &[[f64; 2]], progress: &dyn Progress) -> Result<Sums> {
+    let Running { frames, linearizer, brackets, views, .. } = running;
+    let (width, height) = (frames.info.width, frames.info.height);
     progress.stage("moving photographs back", views.len() as u64);
-    let mut fit = Fit::new(width, height);
+    let mut sums = Sums::new(matches!(running.sums, Sums::Weighted(_)), width, height);
     for (view, shift) in views.iter().zip(shifts) {
         progress.check()?;
-        let frame = &frames.set.frames[view.frame];
-        let photograph = linearizer.read(&frames.file(&frame.file), frame.scale())?;
+        let bracket = &brackets[view.bracket];
+        let photographs = read(frames, linearizer, bracket)?;
         let back = Resampler::new(*shift, width, height);
-        fit.add(view.angle, |y, values, bad| back.row(y, |y, v, b| photograph.row(y, v, b), values, bad));
+        let merge = Merge::new(noise_of_bracket(frames, linearizer, bracket)).scaled(back.noise_factor());
+        sums.add(view.angle, &merge, |k, y, values, bad| {
+            back.row(y, |y, v, b| photographs[k].row(y, v, b), values, bad);
+        });
         progress.step();
     }
-    Ok(fit)
+    Ok(sums)
 }
 
 /// What resampling leaves of the noise that a camera is said to have.

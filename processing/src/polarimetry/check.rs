@@ -193,7 +193,16 @@ mod tests {
         let n = points.len();
         let s0 = vec![1.0_f32; n];
         let (s1, s2) = (points.iter().map(|p| p[0] as f32).collect(), points.iter().map(|p| p[1] as f32).collect());
-        let maps = StokesMaps { width: n, height: 1, residual: s0.clone(), correlation: s0.clone(), s0, s1, s2 };
+        let maps = StokesMaps {
+            width: n,
+            height: 1,
+            residual: s0.clone(),
+            correlation: s0.clone(),
+            covariance: vec![],
+            s0,
+            s1,
+            s2,
+        };
         let map = OrientationMaps { width: n, height: 1, orientation: maps.s0.clone(), sigma: vec![0.001; n] };
         check_circle(&maps, &map).unwrap()
     }

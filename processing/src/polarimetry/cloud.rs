@@ -26,7 +26,7 @@ const INSIDE: usize = 1000;
 
 /// At most `count` pixels, evenly over the image, that are bright enough to have a polarization.
 pub fn cloud(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: usize) -> Vec<CloudPoint> {
-    let covariance = Covariance::new(design, noise);
+    let covariance = Covariance::new(design, noise, &maps.covariance);
     let stride = stride(maps.s0.len(), count);
     let mut bright: Vec<f32> = maps.s0.iter().step_by(stride).copied().filter(|v| v.is_finite()).collect();
     if bright.is_empty() {
@@ -72,8 +72,8 @@ fn stride(pixels: usize, count: usize) -> usize {
 
 fn point(maps: &StokesMaps, covariance: &Covariance, i: usize) -> Option<CloudPoint> {
     let (a, c, s) = (0.5 * maps.s0[i], 0.5 * maps.s1[i], 0.5 * maps.s2[i]);
-    let [_, _, brightness] = covariance.of_mean(a, c, s);
-    let v = covariance.of_ratios(a, c, s).map(f64::from);
+    let brightness = covariance.of_mean(i, [a, c, s]);
+    let v = covariance.of_ratios(i, [a, c, s]).map(f64::from);
     let at = [f64::from(c / a), f64::from(s / a)];
     let (square, determinant) = (at[0] * at[0] + at[1] * at[1], v[0] * v[2] - v[1] * v[1]);
     let along = (at[0] * at[0] * v[0] + 2.0 * at[0] * at[1] * v[1] + at[1] * at[1] * v[2]) / square.max(1e-300);

@@ -30,10 +30,13 @@ pub struct StokesMaps {
     pub s1: Vec<f32>,
     /// S2.
     pub s2: Vec<f32>,
-    /// Residual sum of squares of the fit.
+    /// Residual sum of squares of the fit; where `covariance` is there, each square over its variance (χ²).
     pub residual: Vec<f32>,
     /// Normalised correlation between fit and measured intensities (2018 paper, section 7.3), 0 to 1.
     pub correlation: Vec<f32>,
+    /// Covariances AA, AC, AS, CC, CS and SS of (A, C, S) = (S0, S1, S2)/2 where variances differ from pixel to pixel, since
+    /// exposures were merged; empty where the noise of the frames tells them.
+    pub covariance: Vec<[f32; 6]>,
 }
 
 impl Fit {
@@ -131,7 +134,7 @@ impl Fit {
             },
         );
         let Self { pivot: s0, cos: s1, sin: s2, square: residual, .. } = self;
-        StokesMaps { width: self.width, height, s0, s1, s2, residual, correlation }
+        StokesMaps { width: self.width, height, s0, s1, s2, residual, correlation, covariance: vec![] }
     }
 }
 

@@ -36,10 +36,10 @@ pub(super) fn locate(
         (_, Some(center)) => Place::Circle(Circle::new(center, &model.curve)),
         (_, None) => Place::Curve(Box::new(Table::new(model.curve))),
     };
-    let covariance = Covariance::new(design, noise);
-    let misfit = Misfit::new(design, noise);
-    let mut orientation = vec![0.0_f32; maps.s0.len()];
     let mut sigma = std::mem::take(&mut maps.residual);
+    let covariance = Covariance::new(design, noise, &maps.covariance);
+    let misfit = Misfit::new(design, noise, maps);
+    let mut orientation = vec![0.0_f32; maps.s0.len()];
     const BLOCK: usize = 4096;
     let blocks = orientation.par_chunks_mut(BLOCK).zip(sigma.par_chunks_mut(BLOCK)).enumerate();
     blocks.for_each(|(block, (theta, sigma))| {
@@ -47,7 +47,7 @@ pub(super) fn locate(
             let p = block * BLOCK + i;
             let (a, c, s) = (0.5 * maps.s0[p], 0.5 * maps.s1[p], 0.5 * maps.s2[p]);
             let widened = misfit.factor(a, sigma[i]);
-            let variance = covariance.of_ratios(a, c, s).map(|v| v * widened);
+            let variance = covariance.of_ratios(p, [a, c, s]).map(|v| v * widened);
             let (at, found) = match &place {
                 Place::Circle(circle) => circle.locate([c / a, s / a], variance),
                 Place::Curve(table) => table.locate([c / a, s / a], variance),

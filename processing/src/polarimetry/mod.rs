@@ -19,6 +19,8 @@
 //! ```
 
 mod aligned;
+#[cfg(test)]
+mod bracket_tests;
 mod check;
 mod choose;
 #[cfg(test)]
@@ -33,16 +35,23 @@ mod fit;
 mod jones;
 mod locate;
 mod look;
+mod merge;
 mod models;
 mod noise;
 mod orient;
 mod output;
 mod period;
+mod precision;
+#[cfg(test)]
+mod precision_tests;
 mod reconstruct;
 mod report;
+mod running;
 mod search;
 mod stokes;
 pub mod synthetic;
+mod views;
+mod weighted;
 
 pub use aligned::Alignment;
 pub use check::{CircleCheck, check_circle};
@@ -56,7 +65,10 @@ pub use models::Model;
 pub use noise::{FrameNoise, NoiseModel, NoiseSource, estimate_noise};
 pub use orient::{MASK_SNR, OrientationMaps, angle_difference, orient};
 pub use period::{PeriodMaps, PeriodScale, polarization_of, relative_period};
+pub use precision::Precision;
 pub(crate) use reconstruct::{CLOUD, orient_with};
-pub use reconstruct::{Options, Running, reconstruct};
+pub use reconstruct::{Options, reconstruct};
 pub use report::Report;
+pub use running::Running;
 pub use stokes::Stokes;
+pub use views::MAX_BRACKET;

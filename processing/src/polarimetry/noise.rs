@@ -49,14 +49,20 @@ impl NoiseModel {
     }
 }
 
-/// Covariance of the fitted (A, C, S) as a linear function of the fitted values, per pixel.
-pub(super) struct Covariance {
-    /// `[const, A, C, S]` coefficients of the covariances AA, AC, AS, CC, CS and SS.
-    coefficients: [[f32; 4]; 6],
+/// Covariance of the fitted (A, C, S) per pixel.
+pub(super) enum Covariance<'a> {
+    /// A linear function of the fitted values: `[const, A, C, S]` coefficients of AA, AC, AS, CC, CS and SS.
+    Alike([[f32; 4]; 6]),
+    /// Each pixel's own.
+    Each(&'a [[f32; 6]]),
 }
 
-impl Covariance {
-    pub(super) fn new(design: &Design, noise: &[FrameNoise]) -> Self {
+impl<'a> Covariance<'a> {
+    /// Of maps: `own` is their covariance, which may be empty.
+    pub(super) fn new(design: &Design, noise: &[FrameNoise], own: &'a [[f32; 6]]) -> Self {
+        if !own.is_empty() {
+            return Self::Each(own);
+        }
         let mut coefficients = [[0.0_f64; 4]; 6];
         for (x, frame) in design.rows.iter().zip(noise) {
             let m = design.inverse * x;
@@ -68,27 +74,35 @@ impl Covariance {
                 }
             }
         }
-        Self { coefficients: coefficients.map(|row| row.map(|v| v as f32)) }
+        Self::Alike(coefficients.map(|row| row.map(|v| v as f32)))
     }
 
-    /// `[var C, cov(C, S), var S]` at one pixel.
+    /// AA, AC, AS, CC, CS and SS at pixel `i`.
     #[inline]
-    pub(super) fn at(&self, a: f32, c: f32, s: f32) -> [f32; 3] {
-        let value = |k: &[f32; 4]| k[0] + k[1] * a + k[2] * c + k[3] * s;
-        [value(&self.coefficients[3]), value(&self.coefficients[4]), value(&self.coefficients[5])]
+    fn all(&self, i: usize, [a, c, s]: [f32; 3]) -> [f32; 6] {
+        match self {
+            Self::Alike(coefficients) => coefficients.map(|k| k[0] + k[1] * a + k[2] * c + k[3] * s),
+            Self::Each(own) => own[i],
+        }
     }
 
-    /// `[cov(A, C), cov(A, S), var A]` at one pixel.
+    /// `[var C, cov(C, S), var S]` at pixel `i`.
     #[inline]
-    pub(super) fn of_mean(&self, a: f32, c: f32, s: f32) -> [f32; 3] {
-        let value = |k: &[f32; 4]| k[0] + k[1] * a + k[2] * c + k[3] * s;
-        [value(&self.coefficients[1]), value(&self.coefficients[2]), value(&self.coefficients[0])]
+    pub(super) fn at(&self, i: usize, fitted: [f32; 3]) -> [f32; 3] {
+        let [_, _, _, cc, cs, ss] = self.all(i, fitted);
+        [cc, cs, ss]
     }
 
-    /// `[var C/A, cov(C/A, S/A), var S/A]` at one pixel, to first order.
+    /// var A at pixel `i`.
     #[inline]
-    pub(super) fn of_ratios(&self, a: f32, c: f32, s: f32) -> [f32; 3] {
-        let ([cc, cs, ss], [ac, as_, aa]) = (self.at(a, c, s), self.of_mean(a, c, s));
+    pub(super) fn of_mean(&self, i: usize, fitted: [f32; 3]) -> f32 {
+        self.all(i, fitted)[0]
+    }
+
+    /// `[var C/A, cov(C/A, S/A), var S/A]` at pixel `i`, to first order.
+    #[inline]
+    pub(super) fn of_ratios(&self, i: usize, [a, c, s]: [f32; 3]) -> [f32; 3] {
+        let [aa, ac, as_, cc, cs, ss] = self.all(i, [a, c, s]);
         let (x, y, per) = (c / a, s / a, 1.0 / (a * a));
         [
             (cc - 2.0 * x * ac + x * x * aa) * per,
@@ -131,7 +145,7 @@ pub fn estimate_noise(maps: &StokesMaps, design: &Design) -> Option<FrameNoise> 
 }
 
 /// Median of χ² (Wilson and Hilferty's cube).
-fn median_chi_square(freedom: usize) -> f64 {
+pub(super) fn median_chi_square(freedom: usize) -> f64 {
     chi_square_quantile(freedom, 0.0)
 }
 

@@ -33,10 +33,10 @@ pub struct OrientationMaps {
 ///
 /// Consumes the residual map: σ takes its place in memory.
 pub fn orient(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], offset: f64) -> OrientationMaps {
-    let covariance = Covariance::new(design, noise);
-    let misfit = Misfit::new(design, noise);
-    let mut orientation = vec![0.0_f32; maps.s0.len()];
     let mut sigma = std::mem::take(&mut maps.residual);
+    let covariance = Covariance::new(design, noise, &maps.covariance);
+    let misfit = Misfit::new(design, noise, maps);
+    let mut orientation = vec![0.0_f32; maps.s0.len()];
     const BLOCK: usize = 4096;
     orientation.par_chunks_mut(BLOCK).zip(sigma.par_chunks_mut(BLOCK)).enumerate().for_each(
         |(block, (theta, sigma))| {
@@ -44,7 +44,7 @@ pub fn orient(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], offs
             for i in 0..theta.len() {
                 let p = start + i;
                 let (a, c, s) = (0.5 * maps.s0[p], 0.5 * maps.s1[p], 0.5 * maps.s2[p]);
-                let [vc, vcs, vs] = covariance.at(a, c, s);
+                let [vc, vcs, vs] = covariance.at(p, [a, c, s]);
                 let modulation = c * c + s * s;
                 let across = ((s * s * vc - 2.0 * s * c * vcs + c * c * vs) / modulation).max(0.0);
                 let widened = (across * misfit.factor(a, sigma[i])).sqrt();
@@ -67,11 +67,13 @@ pub(super) struct Misfit {
 }
 
 impl Misfit {
-    pub(super) fn new(design: &Design, noise: &[FrameNoise]) -> Self {
+    pub(super) fn new(design: &Design, noise: &[FrameNoise], maps: &StokesMaps) -> Self {
         let (freedom, n) = (design.freedom(), noise.len().max(1) as f64);
         let shot = (noise.iter().map(|f| f.shot).sum::<f64>() / n) as f32;
         let floor = (noise.iter().map(|f| f.floor).sum::<f64>() / n) as f32;
         let limit = if freedom > 0 { chi_square_quantile(freedom, MISFIT_Z) as f32 } else { f32::INFINITY };
+        // Of weighted maps the residual is χ² already.
+        let (shot, floor) = if maps.covariance.is_empty() { (shot, floor) } else { (0.0, 1.0) };
         Self { freedom: freedom.max(1) as f32, limit, shot, floor }
     }
 

@@ -1,22 +1,23 @@
 //! The whole job: a set of photographs to maps, pictures and a report in a new folder.
 
-use super::aligned::{alignment, fit_moved_back, smoothed_noise};
+use super::aligned::smoothed_noise;
 use super::choose::{Choice, choose};
 use super::cloud::cloud;
 use super::locate::locate;
-use super::noise::ASSUMED;
-use super::report::{Pixels, Report, Seconds};
+use super::merge::Merge;
+use super::report::{Pixels, Report};
+use super::running::noise_of_bracket;
+use super::views::View;
+use super::weighted::{scale_variances, variance_factor};
 use super::{
-    CircleCheck, Design, Fit, FrameNoise, MASK_SNR, Model, NoiseSource, OrientationMaps, StokesMaps, check_circle,
+    CircleCheck, Design, FrameNoise, MASK_SNR, Model, NoiseSource, OrientationMaps, Running, StokesMaps, check_circle,
     estimate_noise, orient,
 };
-use crate::frames::{Kind, LinearFrame, Linearizer, LoadedFrames, load};
+use crate::frames::{Linearizer, LoadedFrames, load};
 use crate::image::OutputFolder;
-use crate::image::registration::Registrar;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::path::Path;
-use std::time::Instant;
 
 /// What the user may choose.
 #[derive(Clone, Copy, Debug, Default)]
@@ -32,7 +33,8 @@ pub struct Options {
 /// Reconstructs the orientation map of `input` (a session folder or `frames.json` of kind polarization or
 /// division_of_focal_plane) into the new folder `out`.
 ///
-/// Memory: 6 floats per pixel and two decoded photographs, whatever the number of frames.
+/// Memory: 6 floats per pixel and two decoded photographs, whatever the number of frames; where several exposures at each
+/// angle are merged, 22 floats and the photographs at two angles.
 ///
 /// # Errors
 /// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which
@@ -46,141 +48,11 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
 }
 
 impl Options {
-    fn check(&self) -> Result<()> {
+    pub(super) fn check(&self) -> Result<()> {
         if self.offset_deg.is_finite() {
             return Ok(());
         }
         Err(Error::input("offset", format!("{} is no angle", self.offset_deg), "give finite degrees"))
-    }
-}
-
-/// Registration keeps windows of every photograph, so longer series are not registered: memory stays bounded.
-const REGISTERED: usize = 24;
-
-/// A reconstruction that takes its photographs one by one, in order, as they arrive: the result is the same to the
-/// byte as that of [`reconstruct`].
-pub struct Running {
-    pub(super) frames: LoadedFrames,
-    pub(super) linearizer: Linearizer,
-    pub(super) views: Vec<View>,
-    design: Design,
-    pub(super) fit: Fit,
-    /// Watches how the photographs lie against each other; a sensor that takes all angles at once needs none.
-    registrar: Option<Registrar>,
-    /// Photographs taken in.
-    added: usize,
-    read_and_fit_s: f64,
-}
-
-impl Running {
-    /// Begins; the set's dark photograph must be there already.
-    ///
-    /// # Errors
-    /// `Input` when the set is of another kind or its angles cannot tell an orientation.
-    pub fn new(frames: LoadedFrames) -> Result<Self> {
-        let views = views(&frames)?;
-        let design = Design::new(&views.iter().map(|v| v.angle).collect::<Vec<_>>())?;
-        let linearizer = Linearizer::new(&frames)?;
-        let block = views.first().map_or(1, |v| v.block);
-        let fit = Fit::new(frames.info.width / block, frames.info.height / block);
-        let registered = block == 1 && frames.set.frames.len() <= REGISTERED;
-        let registrar = registered.then(|| Registrar::new(frames.info.width, frames.info.height));
-        Ok(Self { frames, linearizer, views, design, fit, registrar, added: 0, read_and_fit_s: 0.0 })
-    }
-
-    /// Photographs taken in so far; the next one to add is the set's with this number.
-    pub fn added(&self) -> usize {
-        self.added
-    }
-
-    /// Takes in the next photograph, which must be there.
-    ///
-    /// # Errors
-    /// `Input` when it cannot be read or there is none left.
-    pub fn add(&mut self) -> Result<()> {
-        let begun = Instant::now();
-        let photograph = read(&self.frames, &self.linearizer, self.added)?;
-        fold(&mut self.fit, &mut self.registrar, &self.views, self.added, &photograph);
-        self.added += 1;
-        self.read_and_fit_s += begun.elapsed().as_secs_f64();
-        Ok(())
-    }
-
-    /// Takes in the rest, two at a time: both are decoded at once, then added in order, so that the result does not
-    /// depend on timing.
-    fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
-        let (begun, all) = (Instant::now(), self.frames.set.frames.len());
-        progress.stage("reading and fitting", all as u64);
-        let Self { frames, linearizer, views, fit, registrar, added, .. } = self;
-        while *added < all {
-            progress.check()?;
-            let first = *added;
-            let second = || (first + 1 < all).then(|| read(frames, linearizer, first + 1));
-            let (a, b) = rayon::join(|| read(frames, linearizer, first), second);
-            for photograph in [Some(a), b].into_iter().flatten() {
-                fold(fit, registrar, views, *added, &photograph?);
-                *added += 1;
-                progress.step();
-            }
-        }
-        self.read_and_fit_s += begun.elapsed().as_secs_f64();
-        Ok(())
-    }
-
-    /// Solves and writes maps, pictures and report into `folder`.
-    ///
-    /// # Errors
-    /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`. Nothing is left behind.
-    pub fn finish(self, folder: OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
-        options.check()?;
-        let Self { frames, linearizer, views, design, mut fit, registrar, added, read_and_fit_s } = self;
-        if added != frames.set.frames.len() {
-            let problem = format!("only {added} of its {} photographs were taken", frames.set.frames.len());
-            return Err(Error::file(&frames.path, problem, "take the rest first"));
-        }
-        let start = Instant::now();
-        let size = [frames.info.width, frames.info.height];
-        let angles: Vec<f64> = views.iter().map(|v| v.angle).collect();
-        let alignment = alignment(registrar.as_ref(), &angles);
-        drop(registrar);
-        let moved = alignment.as_ref().filter(|a| a.corrected).map(|a| a.shifts_px.as_slice());
-        if let Some(shifts) = moved {
-            fit = fit_moved_back(&frames, &linearizer, &views, shifts, size, progress)?;
-        }
-        let mut maps = fit.solve(&design);
-        check_light(&frames, &maps, &linearizer)?;
-        let (mut noise, source) = noise_of(&frames, &linearizer, &views, &maps, &design);
-        if let Some(shifts) = moved.filter(|_| source != NoiseSource::Estimated) {
-            smoothed_noise(&mut noise, shifts, size);
-        }
-        let Solved { map, circle, choice, points } =
-            solve_model(&mut maps, &design, &noise, options.model, options.offset_deg.to_radians());
-        divide_by_flat(&frames, &linearizer, &mut maps)?;
-        let pixels = Pixels::count(&maps, &map);
-        let solved = start.elapsed().as_secs_f64();
-
-        let mut report = Report::new(
-            &frames,
-            options,
-            &design,
-            (&noise, source),
-            pixels,
-            circle,
-            choice.as_ref().map(|c| (c, points)),
-        );
-        report.registration = alignment;
-        super::output::write_maps(&folder, &frames, &maps, &map, progress)?;
-        let written = start.elapsed().as_secs_f64();
-        report.seconds = Seconds {
-            read_and_fit: read_and_fit_s,
-            solve: solved,
-            write: written - solved,
-            total: read_and_fit_s + written,
-        };
-        folder.write("report.json", report.json().as_bytes())?;
-        progress.check()?;
-        folder.commit()?;
-        Ok(report)
     }
 }
 
@@ -237,67 +109,13 @@ fn solve_on(
     Solved { map, circle, choice, points: points.len() }
 }
 
-fn read<'a>(frames: &LoadedFrames, linearizer: &'a Linearizer, i: usize) -> Result<LinearFrame<'a>> {
-    let Some(frame) = frames.set.frames.get(i) else {
-        return Err(Error::file(&frames.path, "has no photograph left", "report this"));
-    };
-    linearizer.read(&frames.file(&frame.file), frame.scale())
-}
-
-/// Adds photograph `i`, which is one view, or four of a polarization sensor.
-fn fold(fit: &mut Fit, registrar: &mut Option<Registrar>, views: &[View], i: usize, frame: &LinearFrame) {
-    let per_frame = views.first().map_or(1, |v| v.block * v.block);
-    for view in &views[i * per_frame..(i + 1) * per_frame] {
-        let ([x, y], block) = (view.position, view.block);
-        fit.add(view.angle, |row, light, bad| frame.strided(row * block + y, x, block, light, bad));
-    }
-    if let Some(registrar) = registrar {
-        registrar.add(|row, light, bad| frame.row(row, light, bad));
-    }
-}
-
-/// One intensity image at one analyser angle: a whole photograph, or one position of its 2×2 blocks.
-pub(super) struct View {
-    pub(super) frame: usize,
-    /// `(x, y)` inside the block and the block's size.
-    pub(super) position: [usize; 2],
-    pub(super) block: usize,
-    pub(super) angle: f64,
-}
-
-pub(super) fn views(frames: &LoadedFrames) -> Result<Vec<View>> {
-    let set = &frames.set;
-    let indexed = set.frames.iter().enumerate();
-    Ok(match (set.kind, set.layout) {
-        (Kind::Polarization, _) => indexed
-            .map(|(frame, f)| {
-                let angle = f.analyser_deg.unwrap_or_default().to_radians();
-                View { frame, position: [0, 0], block: 1, angle }
-            })
-            .collect(),
-        (Kind::DivisionOfFocalPlane, Some(layout)) => indexed
-            .flat_map(|(frame, _)| (0..4).map(move |k| (frame, [k % 2, k / 2])))
-            .map(|(frame, position)| View {
-                frame,
-                position,
-                block: 2,
-                angle: layout[position[1]][position[0]].to_radians(),
-            })
-            .collect(),
-        _ => {
-            let problem = "holds photographs of another kind than polarization or division_of_focal_plane";
-            return Err(Error::file(&frames.path, problem, "give the analyser angles, see `nacre schema frames`"));
-        }
-    })
-}
-
 /// Refuses sets in which no pixel can be used at all.
-fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: &Linearizer) -> Result<()> {
+pub(super) fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: &Linearizer) -> Result<()> {
     let usable = maps.s0.iter().filter(|v| v.is_finite()).count();
     if usable == 0 {
         return Err(Error::file(
             &frames.path,
-            "every pixel is saturated in at least one photograph",
+            "every pixel is saturated at one angle at least",
             "expose less, or correct \"white\"",
         ));
     }
@@ -313,36 +131,63 @@ fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: &Linearizer
     Ok(())
 }
 
-/// Noise of every view: as given, or from the residuals, or assumed.
+/// Noise of every view: as given, or from the residuals, or assumed. Maps of merged exposures know their variances, which
+/// are corrected by the residuals where no noise is given. `shifts` in pixels were undone, which smooths.
 pub(super) fn noise_of(
     frames: &LoadedFrames,
     linearizer: &Linearizer,
+    brackets: &[Vec<usize>],
     views: &[View],
-    maps: &StokesMaps,
+    maps: &mut StokesMaps,
     design: &Design,
+    shifts: Option<&[[f64; 2]]>,
 ) -> (Vec<FrameNoise>, NoiseSource) {
-    let set = &frames.set;
-    // The steepest part of the transfer curve, so that quantisation is never taken too small.
-    let step = linearizer.step() * set.transfer.slope(1.0);
-    let of_camera = |camera: super::NoiseModel| {
-        let frame = |v: &View| &set.frames[v.frame];
-        views.iter().map(|v| camera.frame(frame(v).gain.unwrap_or(1.0), frame(v).scale(), step)).collect()
+    let of_camera = || {
+        let view = |v: &View| Merge::together(&noise_of_bracket(frames, linearizer, &brackets[v.bracket]));
+        let mut noise: Vec<FrameNoise> = views.iter().map(view).collect();
+        if let Some(shifts) = shifts {
+            smoothed_noise(&mut noise, shifts, [maps.width, maps.height]);
+        }
+        noise
     };
-    if let Some(camera) = set.noise {
-        return (of_camera(camera), NoiseSource::Given);
+    if frames.set.noise.is_some() {
+        return (of_camera(), NoiseSource::Given);
+    }
+    if !maps.covariance.is_empty() {
+        let Some(factor) = variance_factor(maps, design) else { return (of_camera(), NoiseSource::Assumed) };
+        let scaled = |n: FrameNoise| FrameNoise { shot: n.shot * factor, floor: n.floor * factor };
+        let noise = of_camera().into_iter().map(scaled).collect();
+        scale_variances(maps, factor);
+        return (noise, NoiseSource::Estimated);
     }
     match estimate_noise(maps, design) {
         Some(mut noise) => {
-            let scale = set.frames.iter().map(|f| f.scale()).sum::<f64>() / set.frames.len() as f64;
+            let step = linearizer.step() * frames.set.transfer.slope(1.0);
+            let all = &frames.set.frames;
+            let scale = all.iter().map(|f| f.scale()).sum::<f64>() / all.len() as f64;
             noise.floor = noise.floor.max((step * scale).powi(2) / 12.0);
             (vec![noise; views.len()], NoiseSource::Estimated)
         }
-        None => (of_camera(ASSUMED), NoiseSource::Assumed),
+        None => (of_camera(), NoiseSource::Assumed),
     }
 }
 
+/// The report, but for what took how long.
+pub(super) fn reported(
+    frames: &LoadedFrames,
+    options: &Options,
+    design: &Design,
+    noise: (&[FrameNoise], NoiseSource),
+    maps: &StokesMaps,
+    solved: &Solved,
+) -> Report {
+    let choice = solved.choice.as_ref().map(|c| (c, solved.points));
+    let pixels = Pixels::count(maps, &solved.map);
+    Report::new(frames, options, design, noise, pixels, solved.circle, choice)
+}
+
 /// Evens out illumination and vignetting: a common factor per pixel that no orientation depends on.
-fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<()> {
+pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<()> {
     let Some(flat) = &frames.set.flat else { return Ok(()) };
     let light = linearizer.plane(&frames.file(flat))?;
     let (block, width) = (frames.info.width / maps.width, frames.info.width);

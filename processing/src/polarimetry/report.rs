@@ -31,7 +31,10 @@ pub struct Report {
     pub models: Vec<ModelReport>,
     /// Does the sinusoid explain the data?
     pub circle: Option<CircleCheck>,
-    /// How the photographs lie against each other; none for a sensor that takes all angles at once and for more than 24.
+    /// Analyser positions at which several exposures were merged.
+    pub brackets: usize,
+    /// How the photographs lie against each other, one entry for each analyser position; none for a sensor that takes all
+    /// angles at once and for more than 24.
     pub registration: Option<Alignment>,
     /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
     pub offset_deg: f64,
@@ -128,6 +131,7 @@ impl Report {
             pixels,
             noise: NoiseReport { source, shot: mean(|n| n.shot), floor: mean(|n| n.floor) },
             circle,
+            brackets: 0,
             registration: None,
             offset_deg: options.offset_deg,
             analyser_deg: match set.layout {
@@ -138,6 +142,11 @@ impl Report {
             frames: set.frames.iter().map(|f| f.file.display().to_string()).collect(),
             seconds: Seconds::default(),
         }
+    }
+
+    /// Wall time in seconds: of reading and fitting, and from then on until all was solved and written.
+    pub(super) fn took(&mut self, read_and_fit: f64, solve: f64, written: f64) {
+        self.seconds = Seconds { read_and_fit, solve, write: written - solve, total: read_and_fit + written };
     }
 
     /// The report as JSON.

@@ -1,0 +1,282 @@
+//! A reconstruction on its way: photographs are folded into sums as they come.
+
+use super::aligned::{alignment, fit_moved_back};
+use super::merge::{Merge, clear_of_white};
+use super::noise::ASSUMED;
+use super::reconstruct::{check_light, divide_by_flat, noise_of, reported, solve_model};
+use super::views::{View, brackets, views};
+use super::weighted::WeightedFit;
+use super::{Alignment, Design, Fit, FrameNoise, NoiseSource, Options, Report, StokesMaps};
+use crate::frames::{Frame, LinearFrame, Linearizer, LoadedFrames};
+use crate::image::OutputFolder;
+use crate::image::registration::Registrar;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// Registration keeps windows of every view, so longer series are not registered: memory stays bounded.
+const REGISTERED: usize = 24;
+
+/// A reconstruction that takes its photographs one by one, in order, as they arrive: the result is the same to the
+/// byte as that of [`reconstruct`](super::reconstruct).
+pub struct Running {
+    pub(super) frames: LoadedFrames,
+    pub(super) linearizer: Linearizer,
+    /// Numbers of the photographs that are merged into one view each.
+    pub(super) brackets: Vec<Vec<usize>>,
+    pub(super) views: Vec<View>,
+    pub(super) sums: Sums,
+    /// Watches how the photographs lie against each other; a sensor that takes all angles at once needs none.
+    registrar: Option<Registrar>,
+    /// Brackets taken in.
+    added: usize,
+    read_and_fit_s: f64,
+}
+
+/// What is kept of the photographs.
+pub(super) enum Sums {
+    /// All pixels of a view are alike.
+    Alike(Fit),
+    /// Exposures were merged, so that variances differ from pixel to pixel.
+    Weighted(WeightedFit),
+}
+
+impl Sums {
+    pub(super) fn new(weighted: bool, width: usize, height: usize) -> Self {
+        if weighted { Self::Weighted(WeightedFit::new(width, height)) } else { Self::Alike(Fit::new(width, height)) }
+    }
+
+    pub(super) fn width(&self) -> usize {
+        match self {
+            Self::Alike(fit) => fit.width(),
+            Self::Weighted(fit) => fit.width(),
+        }
+    }
+
+    /// Views added.
+    pub(super) fn views(&self) -> usize {
+        match self {
+            Self::Alike(fit) => fit.frames(),
+            Self::Weighted(fit) => fit.frames(),
+        }
+    }
+
+    pub(super) fn thinned(&self, step: usize) -> Self {
+        match self {
+            Self::Alike(fit) => Self::Alike(fit.thinned(step)),
+            Self::Weighted(fit) => Self::Weighted(fit.thinned(step)),
+        }
+    }
+
+    pub(super) fn solve(self, design: &Design) -> StokesMaps {
+        match self {
+            Self::Alike(fit) => fit.solve(design),
+            Self::Weighted(fit) => fit.solve(),
+        }
+    }
+
+    /// Folds in one view. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
+    pub(super) fn add(&mut self, angle: f64, merge: &Merge, row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
+        match self {
+            Self::Alike(fit) => fit.add(angle, |y, light, bad| row(0, y, light, bad)),
+            Self::Weighted(fit) => fit.add(angle, |y, light, variances, bad| {
+                merge.row(|k, light, bad| row(k, y, light, bad), light, variances, bad);
+            }),
+        }
+    }
+}
+
+impl Running {
+    /// Begins with a set whose photographs are all there, or will be when they are asked for.
+    ///
+    /// # Errors
+    /// `Input` when the set is of another kind or its angles cannot tell an orientation.
+    pub fn new(frames: LoadedFrames) -> Result<Self> {
+        let running = Self::open(frames)?;
+        running.design()?;
+        Ok(running)
+    }
+
+    /// Begins with the first photographs of a series that goes on ([`Self::push`]): those at the first analyser angle. Dark
+    /// photographs must be there already.
+    ///
+    /// # Errors
+    /// `Input` when the set is of another kind.
+    pub fn open(frames: LoadedFrames) -> Result<Self> {
+        let brackets = brackets(&frames.set.frames);
+        let views = views(&frames, &brackets)?;
+        let linearizer = Linearizer::new(&frames)?;
+        let block = views.first().map_or(1, |v| v.block);
+        let size = [frames.info.width / block, frames.info.height / block];
+        let sums = Sums::new(brackets.iter().any(|b| b.len() > 1), size[0], size[1]);
+        let registered = block == 1 && views.len() <= REGISTERED;
+        let registrar = registered.then(|| Registrar::new(size[0], size[1]));
+        Ok(Self { frames, linearizer, brackets, views, sums, registrar, added: 0, read_and_fit_s: 0.0 })
+    }
+
+    /// More photographs of the series: all those at its next analyser angle. They are taken in by [`Self::add`].
+    ///
+    /// # Errors
+    /// `Input` when a dark photograph of theirs cannot be read.
+    pub fn push(&mut self, photographs: Vec<Frame>) -> Result<()> {
+        self.linearizer.learn(&self.frames, &photographs)?;
+        let first = self.frames.set.frames.len();
+        self.brackets.extend(brackets(&photographs).into_iter().map(|b| b.into_iter().map(|k| first + k).collect()));
+        self.frames.set.frames.extend(photographs);
+        self.views = views(&self.frames, &self.brackets)?;
+        if self.views.len() > REGISTERED {
+            self.registrar = None;
+        }
+        Ok(())
+    }
+
+    /// Photographs taken in so far.
+    pub fn added(&self) -> usize {
+        self.brackets[..self.added].iter().map(Vec::len).sum()
+    }
+
+    /// The set so far.
+    pub fn frames(&self) -> &[Frame] {
+        &self.frames.set.frames
+    }
+
+    fn design(&self) -> Result<Design> {
+        Design::new(&self.views.iter().map(|v| v.angle).collect::<Vec<_>>())
+    }
+
+    /// Takes in the next photograph, or all exposures at the next angle, which must be there.
+    ///
+    /// # Errors
+    /// `Input` when it cannot be read or there is none left.
+    pub fn add(&mut self) -> Result<()> {
+        let begun = Instant::now();
+        let Self { frames, linearizer, brackets, views, sums, registrar, added, .. } = self;
+        let bracket = brackets.get(*added).map_or(&[][..], |b| b);
+        let photographs = read(frames, linearizer, bracket)?;
+        let merge = Merge::new(noise_of_bracket(frames, linearizer, bracket));
+        fold(sums, registrar, views, *added, &photographs, &merge);
+        self.added += 1;
+        self.read_and_fit_s += begun.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Takes in the rest, two views at a time: both are decoded at once, then added in order, so that the result does not
+    /// depend on timing.
+    pub(super) fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
+        let (begun, all) = (Instant::now(), self.brackets.len());
+        progress.stage("reading and fitting", all as u64);
+        let Self { frames, linearizer, brackets, views, sums, registrar, added, .. } = self;
+        while *added < all {
+            progress.check()?;
+            let first = *added;
+            let second = || (first + 1 < all).then(|| read(frames, linearizer, &brackets[first + 1]));
+            let (a, b) = rayon::join(|| read(frames, linearizer, &brackets[first]), second);
+            for photographs in [Some(a), b].into_iter().flatten() {
+                let merge = Merge::new(noise_of_bracket(frames, linearizer, &brackets[*added]));
+                fold(sums, registrar, views, *added, &photographs?, &merge);
+                *added += 1;
+                progress.step();
+            }
+        }
+        self.read_and_fit_s += begun.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Solves and writes maps, pictures and report into `folder`.
+    ///
+    /// # Errors
+    /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`. Nothing is left behind.
+    pub fn finish(mut self, folder: OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
+        options.check()?;
+        if self.added != self.brackets.len() {
+            let problem = format!("only {} of its {} photographs were taken", self.added(), self.frames().len());
+            return Err(Error::file(&self.frames.path, problem, "take the rest first"));
+        }
+        let design = self.design()?;
+        let start = Instant::now();
+        let alignment = self.align(progress)?;
+        let Self { frames, linearizer, brackets, views, sums, read_and_fit_s, .. } = self;
+        let mut maps = sums.solve(&design);
+        check_light(&frames, &maps, &linearizer)?;
+        let shifts = alignment.as_ref().filter(|a| a.corrected).map(|a| a.shifts_px.as_slice());
+        let (noise, source) = noise_of(&frames, &linearizer, &brackets, &views, &mut maps, &design, shifts);
+        let solved = solve_model(&mut maps, &design, &noise, options.model, options.offset_deg.to_radians());
+        divide_by_flat(&frames, &linearizer, &mut maps)?;
+        let mut report = reported(&frames, options, &design, (&noise, source), &maps, &solved);
+        report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
+        report.registration = alignment;
+        let solve_s = start.elapsed().as_secs_f64();
+        super::output::write_maps(&folder, &frames, &maps, &solved.map, progress)?;
+        report.took(read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
+        folder.write("report.json", report.json().as_bytes())?;
+        progress.check()?;
+        folder.commit()?;
+        Ok(report)
+    }
+
+    /// How the views lie against each other; the fit is made anew with views moved back where that is worth it.
+    fn align(&mut self, progress: &dyn Progress) -> Result<Option<Alignment>> {
+        let angles: Vec<f64> = self.views.iter().map(|v| v.angle).collect();
+        let alignment = alignment(self.registrar.take().as_ref(), &angles);
+        if let Some(found) = alignment.as_ref().filter(|a| a.corrected) {
+            self.sums = fit_moved_back(self, &found.shifts_px, progress)?;
+        }
+        Ok(alignment)
+    }
+
+    /// Noise of the maps so far.
+    pub(super) fn noise(&self, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
+        let views = &self.views[..self.sums.views()];
+        noise_of(&self.frames, &self.linearizer, &self.brackets, views, maps, design, None)
+    }
+}
+
+/// Decodes the photographs of a bracket. All but the shortest exposure keep a distance to white, if there are several.
+pub(super) fn read<'a>(
+    frames: &LoadedFrames,
+    linearizer: &'a Linearizer,
+    bracket: &[usize],
+) -> Result<Vec<LinearFrame<'a>>> {
+    if bracket.is_empty() {
+        return Err(Error::file(&frames.path, "has no photograph left", "report this"));
+    }
+    let margins = clear_of_white(frames, linearizer, bracket);
+    let one = |(k, margin): (&usize, f64)| {
+        let decoded = linearizer.frame(frames, &frames.set.frames[*k])?;
+        Ok(if margin > 0.0 { decoded.below_white(margin) } else { decoded })
+    };
+    bracket.par_iter().zip(margins).map(one).collect()
+}
+
+/// Noise of the photographs of a bracket: the camera's, or that of a modest one.
+pub(super) fn noise_of_bracket(frames: &LoadedFrames, linearizer: &Linearizer, bracket: &[usize]) -> Vec<FrameNoise> {
+    let camera = frames.set.noise.unwrap_or(ASSUMED);
+    // The steepest part of the transfer curve, so that quantisation is never taken too small.
+    let step = linearizer.step() * frames.set.transfer.slope(1.0);
+    let frame = |k: &usize| &frames.set.frames[*k];
+    bracket.iter().map(|k| camera.frame(frame(k).gain.unwrap_or(1.0), frame(k).scale(), step)).collect()
+}
+
+/// Adds the photographs of bracket `i`, which are one view, or four of a polarization sensor.
+fn fold(
+    sums: &mut Sums,
+    registrar: &mut Option<Registrar>,
+    views: &[View],
+    i: usize,
+    photographs: &[LinearFrame],
+    merge: &Merge,
+) {
+    for view in views.iter().filter(|v| v.bracket == i) {
+        let ([x, y], block) = (view.position, view.block);
+        sums.add(view.angle, merge, |k, row, light, bad| photographs[k].strided(row * block + y, x, block, light, bad));
+    }
+    let Some(registrar) = registrar else { return };
+    match photographs {
+        [one] => registrar.add(|row, light, bad| one.row(row, light, bad)),
+        several => registrar.add(|y, light, bad| {
+            let mut variances = vec![0.0; light.len()];
+            merge.row(|k, light, bad| several[k].row(y, light, bad), light, &mut variances, bad);
+        }),
+    }
+}
