@@ -1,14 +1,15 @@
 //! The whole job: a set of photographs to maps, pictures and a report in a new folder.
 
-use super::aligned::{alignment, fit_moved_back, smoothed_noise};
+use super::aligned::{alignment, correlated, fit_moved_back, smoothed_noise};
 use super::choose::{Choice, choose};
 use super::cloud::cloud;
 use super::locate::locate;
 use super::noise::ASSUMED;
+use super::output::Writer;
 use super::report::{Pixels, Report, Seconds};
 use super::{
-    CircleCheck, Design, Fit, FrameNoise, MASK_SNR, Model, NoiseSource, OrientationMaps, StokesMaps, check_circle,
-    estimate_noise, orient,
+    CircleCheck, Design, Fit, FrameNoise, MASK_SNR, Model, NoiseSource, OrientationMaps, PeriodMethod, Smoothing,
+    StokesMaps, check_circle, estimate_noise, orient, smooth,
 };
 use crate::frames::{Kind, LinearFrame, Linearizer, LoadedFrames, load};
 use crate::image::OutputFolder;
@@ -19,12 +20,18 @@ use std::path::Path;
 use std::time::Instant;
 
 /// What the user may choose.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Options {
     /// The model.
     pub model: Model,
     /// Added to every orientation, to fix the gauge (degrees).
     pub offset_deg: f64,
+    /// How orientations are smoothed in pictures.
+    pub smooth: Smoothing,
+    /// Smooth the map itself as well.
+    pub smooth_maps: bool,
+    /// Makes a map of periods, too.
+    pub period: Option<PeriodMethod>,
     /// Replace results that are already there.
     pub overwrite: bool,
 }
@@ -32,25 +39,30 @@ pub struct Options {
 /// Reconstructs the orientation map of `input` (a session folder or `frames.json` of kind polarization or
 /// division_of_focal_plane) into the new folder `out`.
 ///
-/// Memory: 6 floats per pixel and two decoded photographs, whatever the number of frames.
+/// Memory: 6 floats per pixel and two decoded photographs, whatever the number of frames; 10 while the picture is smoothed.
 ///
 /// # Errors
 /// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which
 /// nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
-    options.check()?;
     let mut running = Running::new(load(input)?)?;
+    options.check(&running.frames)?;
     let folder = OutputFolder::begin(out, options.overwrite)?;
     running.add_all(progress)?;
     running.finish(folder, options, progress)
 }
 
 impl Options {
-    fn check(&self) -> Result<()> {
-        if self.offset_deg.is_finite() {
-            return Ok(());
+    /// Refuses what makes no sense, before anything is done; returns how periods are told, with the photographs' wavelength.
+    fn check(&self, frames: &LoadedFrames) -> Result<Option<PeriodMethod>> {
+        if !self.offset_deg.is_finite() {
+            return Err(Error::input("offset", format!("{} is no angle", self.offset_deg), "give finite degrees"));
         }
-        Err(Error::input("offset", format!("{} is no angle", self.offset_deg), "give finite degrees"))
+        if self.smooth_maps && self.smooth == Smoothing::NONE {
+            let problem = "the map is to be smoothed, but the smoothing is none";
+            return Err(Error::input("smoothing", problem, "choose light, strong or a number of rounds"));
+        }
+        self.period.as_ref().map(|p| p.completed(frames.set.wavelength_nm)).transpose()
     }
 }
 
@@ -132,7 +144,7 @@ impl Running {
     /// # Errors
     /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`. Nothing is left behind.
     pub fn finish(self, folder: OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
-        options.check()?;
+        let period = options.check(&self.frames)?;
         let Self { frames, linearizer, views, design, mut fit, registrar, added, read_and_fit_s } = self;
         if added != frames.set.frames.len() {
             let problem = format!("only {added} of its {} photographs were taken", frames.set.frames.len());
@@ -153,9 +165,16 @@ impl Running {
         if let Some(shifts) = moved.filter(|_| source != NoiseSource::Estimated) {
             smoothed_noise(&mut noise, shifts, size);
         }
-        let Solved { map, circle, choice, points } =
+        let shared = moved.map_or(1.0, |shifts| correlated(shifts, size));
+        let Solved { mut map, circle, choice, points } =
             solve_model(&mut maps, &design, &noise, options.model, options.offset_deg.to_radians());
         divide_by_flat(&frames, &linearizer, &mut maps)?;
+        // From the pixels as measured: their σ is that of the polarization, too.
+        let periods = period.map(|p| p.tell(&maps, &map)).transpose()?;
+        progress.check()?;
+        if options.smooth_maps {
+            map = smooth(&map, options.smooth, shared, progress)?;
+        }
         let pixels = Pixels::count(&maps, &map);
         let solved = start.elapsed().as_secs_f64();
 
@@ -169,7 +188,13 @@ impl Running {
             choice.as_ref().map(|c| (c, points)),
         );
         report.registration = alignment;
-        super::output::write_maps(&folder, &frames, &maps, &map, progress)?;
+        let writer = Writer { folder: &folder, frames: &frames, options, progress };
+        if let Some((found, said, warnings)) = periods {
+            writer.periods(&found, &said.method)?;
+            report.warnings.extend(warnings);
+            report.period = Some(said);
+        }
+        writer.maps(maps, &map)?;
         let written = start.elapsed().as_secs_f64();
         report.seconds = Seconds {
             read_and_fit: read_and_fit_s,
