@@ -137,7 +137,9 @@ impl Writer<'_> {
         if let Some(smoothed) = &smoothed {
             let mut attributes = self.attributes(width, "orientation: rad");
             attributes.push(("smoothing", Attribute::Text(smooth.to_string())));
-            self.exr("smoothed.exr", [width, height], &["orientation"], &attributes, &|_, y, row| copy(smoothed, y, row))?;
+            self.exr("smoothed.exr", [width, height], &["orientation"], &attributes, &|_, y, row| {
+                copy(smoothed, y, row)
+            })?;
         }
         let title = match smooth {
             Smoothing::NONE => "Orientation".to_owned(),

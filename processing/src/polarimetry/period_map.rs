@@ -84,7 +84,8 @@ impl FromStr for Metal {
             let index = Complex::new(n.trim().parse().ok()?, k.trim().parse().ok()?);
             ((0.0..=20.0).contains(&index.re) && (1e-3..=50.0).contains(&index.im)).then_some(index)
         };
-        let problem = || format!("found {text:?}; give aluminium, silver, gold, chromium or an index N,K such as 1.0,6.5");
+        let problem =
+            || format!("found {text:?}; give aluminium, silver, gold, chromium or an index N,K such as 1.0,6.5");
         named.or_else(given).map(Self).ok_or_else(problem)
     }
 }

@@ -54,7 +54,10 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
 
 impl Options {
     /// Refuses what makes no sense, before anything is done; returns how periods are told, with the photographs' wavelength.
-    fn check(&self, frames: &LoadedFrames) -> Result<Option<PeriodMethod>> {
+    ///
+    /// # Errors
+    /// `Input`, for numbers that make no sense and for a wavelength that nothing says.
+    pub fn check(&self, frames: &LoadedFrames) -> Result<Option<PeriodMethod>> {
         if !self.offset_deg.is_finite() {
             return Err(Error::input("offset", format!("{} is no angle", self.offset_deg), "give finite degrees"));
         }

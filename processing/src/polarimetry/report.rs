@@ -2,7 +2,9 @@
 
 use super::choose::Choice;
 use super::smooth::SPACE_SIGMA_PX;
-use super::{Alignment, CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, Options, PeriodReport, Smoothing};
+use super::{
+    Alignment, CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, Options, PeriodReport, Smoothing,
+};
 use crate::frames::LoadedFrames;
 use serde::Serialize;
 

@@ -317,7 +317,8 @@ impl<const PLANES: usize> Window<'_, PLANES> {
         let mut median = [0, 1].map(|plane| {
             let mut values: [Lane; 9] = std::array::from_fn(|k| {
                 std::array::from_fn(|i| {
-                    let opposite = if around[8 - k][2][i] > 0.0 { around[8 - k][plane][i] } else { around[4][plane][i] };
+                    let opposite =
+                        if around[8 - k][2][i] > 0.0 { around[8 - k][plane][i] } else { around[4][plane][i] };
                     if around[k][2][i] > 0.0 { around[k][plane][i] } else { opposite }
                 })
             });
@@ -357,6 +358,23 @@ fn flatter(here: &[&Lane; 3], before: &[&Lane; 3], after: &[&Lane; 3]) -> Lane {
 
 /// Exchanges after which the middle of nine values is their median (Paeth, Graphics Gems, 1990).
 const MEDIAN_OF_9: [(usize, usize); 19] = [
-    (1, 2), (4, 5), (7, 8), (0, 1), (3, 4), (6, 7), (1, 2), (4, 5), (7, 8), (0, 3),
-    (5, 8), (4, 7), (3, 6), (1, 4), (2, 5), (4, 7), (4, 2), (6, 4), (4, 2),
+    (1, 2),
+    (4, 5),
+    (7, 8),
+    (0, 1),
+    (3, 4),
+    (6, 7),
+    (1, 2),
+    (4, 5),
+    (7, 8),
+    (0, 3),
+    (5, 8),
+    (4, 7),
+    (3, 6),
+    (1, 4),
+    (2, 5),
+    (4, 7),
+    (4, 2),
+    (6, 4),
+    (4, 2),
 ];

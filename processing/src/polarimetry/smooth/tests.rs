@@ -94,7 +94,8 @@ fn sigma_is_a_third_too_small_at_worst() {
 #[test]
 fn noise_that_neighbours_share_counts() {
     let map = noisy(|_, _| 1.0, |_, _| 0.03, 1);
-    let [alone, shared] = [1.0, 2.0].map(|c| smooth(&map, Smoothing::LIGHT, c, &Silent).unwrap().sigma[SIDE * SIDE / 2]);
+    let [alone, shared] =
+        [1.0, 2.0].map(|c| smooth(&map, Smoothing::LIGHT, c, &Silent).unwrap().sigma[SIDE * SIDE / 2]);
     assert!((shared / alone - 2f32.sqrt()).abs() < 1e-3);
 }
 
@@ -114,7 +115,10 @@ fn edges_stay() {
         for smoothing in [Smoothing::LIGHT, Smoothing::STRONG] {
             let smoothed = smoothed_orientation(&map, smoothing, &Silent).unwrap();
             let errors = errors(&smoothed, truth);
-            let wrong: Vec<_> = (0..errors.len()).filter(|i| errors[*i] > 0.4 * f64::from(apart)).map(|i| (i % SIDE, i / SIDE)).collect();
+            let wrong: Vec<_> = (0..errors.len())
+                .filter(|i| errors[*i] > 0.4 * f64::from(apart))
+                .map(|i| (i % SIDE, i / SIDE))
+                .collect();
             let corner = |(x, y): &(usize, usize)| [16, 47].contains(x) && [16, 47].contains(y);
             assert!(wrong.iter().all(corner), "{apart} {smoothing}: {wrong:?}");
             let rest: f64 = errors.iter().filter(|e| **e <= 0.4 * f64::from(apart)).sum();
@@ -164,7 +168,11 @@ fn orientations_wrap() {
     assert!(errors(&smoothed, |_, _| 0.0).iter().all(|e| *e < 0.015));
     let small = OrientationMaps { width: 2, height: 1, orientation: vec![0.05, 3.1], sigma: vec![0.1, 0.1] };
     let found = smooth(&small, rounds(1), 1.0, &Silent).unwrap();
-    assert!(found.orientation.iter().all(|t| angle_difference((*t).into(), 0.0).abs() < 0.03), "{:?}", found.orientation);
+    assert!(
+        found.orientation.iter().all(|t| angle_difference((*t).into(), 0.0).abs() < 0.03),
+        "{:?}",
+        found.orientation
+    );
     assert!(found.sigma.iter().all(|s| (s / 0.0707 - 1.0).abs() < 0.05), "{:?}", found.sigma);
 }
 
