@@ -64,16 +64,22 @@ pub struct Polarization {
     #[arg(long, value_name = "MIN,MAX", value_parser = range, requires = "depth_um")]
     contrast_period: Option<[f64; 2]>,
     /// Assumed depth of the grating, peak to peak, in µm.
-    #[arg(long, value_name = "UM", requires = "contrast_period")]
+    #[arg(long, value_name = "UM", requires = "contrast_period", conflicts_with = "relative_period")]
     depth_um: Option<f64>,
     /// Assumed metal: aluminium, silver, gold, chromium (near 560 nm), or its refractive index N,K.
-    #[arg(long, default_value = "aluminium", requires = "contrast_period")]
+    #[arg(long, default_value = "aluminium", requires = "contrast_period", conflicts_with = "relative_period")]
     metal: Metal,
     /// Assumed refractive index of what lies on the metal.
-    #[arg(long, default_value_t = 1.0, value_name = "N", requires = "contrast_period")]
+    #[arg(
+        long,
+        default_value_t = 1.0,
+        value_name = "N",
+        requires = "contrast_period",
+        conflicts_with = "relative_period"
+    )]
     index_above: f64,
     /// Wavelength in nm, where the photographs do not say theirs.
-    #[arg(long, value_name = "NM", requires = "contrast_period")]
+    #[arg(long, value_name = "NM", requires = "contrast_period", conflicts_with = "relative_period")]
     wavelength_nm: Option<f64>,
     /// Largest acceptable error of a typical orientation in degrees, noise and model together; the results are
     /// written in any case, but the exit code is 1 when the estimate is larger or cannot be made.

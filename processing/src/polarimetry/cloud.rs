@@ -58,7 +58,7 @@ fn is_edge(maps: &StokesMaps, i: usize, here: &CloudPoint) -> bool {
         // Of the second difference the variance is six times that of a pixel.
         let square = (wa * dx * dx + 2.0 * wb * dx * dy + wc * dy * dy) / 6.0;
         // A dark neighbour, or a saturated one, has no polarization and is an edge as well.
-        !(square < JUMP * JUMP)
+        square.is_nan() || square >= JUMP * JUMP
     };
     let inner = x > 0 && x + 1 < width && y > 0 && y + 1 < height;
     inner && (jumps(i - 1, i + 1) || jumps(i - width, i + width))

@@ -7,10 +7,16 @@ use std::f32::consts::PI;
 
 /// Pixels that are computed together.
 const LANES: usize = 64;
-/// Reach of the window in pixels: twice the Gaussian's σ; what lies beyond has 14 % of the weight.
+/// Reach of the window in pixels, twice the σ of the weight over distance.
 const REACH: usize = 6;
 /// Distance in pixels over which slopes are taken.
 const BASE: usize = 3;
+/// A slope counts if its difference over `BASE` pixels is so many variances of a pixel's noise: in the first round, and in later
+/// ones, where hardly any noise is left.
+const CERTAIN: f32 = 20.0;
+const CERTAIN_LATER: f32 = 2.0;
+/// Two steps in a row make a slope if the square of one is less than so many times the other's.
+const ALIKE: f32 = 4.0;
 /// Variance of the median of nine independent values over that of their mean.
 const MEDIAN_NOISE: f32 = 1.5;
 /// Side of the square that a pixel is, as a variance.
@@ -88,42 +94,73 @@ fn area(xx: f32, xy: f32, yy: f32) -> f32 {
 
 /// The weights.
 pub(super) struct Filter {
-    /// (down, right, weight) over distance, within a circle.
+    /// (down, right, squared distance) within the window.
     taps: Vec<(usize, usize, f32)>,
-    /// Variance over orientations of the median pixel, in rad², and its limits.
-    angle: f32,
+    /// Variance of the median pixel in rad².
+    noise: f32,
+    /// Variance of the weight over orientations over that of the noise, and its limits in rad².
+    wider: f32,
     limits: [f32; 2],
+    /// Rounds that there will be.
+    rounds: f32,
+}
+
+/// Which round it is: the first has the pixels' own σ, later ones have less noise in what they see.
+#[derive(Clone, Copy)]
+pub(super) struct Round {
+    /// From 0.
+    pub number: u32,
+    /// How much larger the variance per area is than the pixels' own variances say.
+    pub correlated: f32,
 }
 
 impl Filter {
-    /// `space` in px; `angle` in rad for the median pixel, where it lies within the limits, and in proportion to σ for others.
-    pub(super) fn new(space: f32, angle: f32, limits: [f32; 2]) -> Self {
+    /// For a map whose median pixel has `sigma` rad; the weight over orientations is `times` as wide as a pixel's σ, within limits
+    /// in rad.
+    pub(super) fn new(sigma: f32, times: f32, limits: [f32; 2], rounds: u32) -> Self {
         let reach = REACH as i32;
         let places = (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x)));
-        let inside = places.filter(|(y, x)| x * x + y * y <= reach * reach);
-        let weight = |(y, x): (i32, i32)| (-((x * x + y * y) as f32) / (2.0 * space * space)).exp();
-        let taps = inside.map(|(y, x)| ((y + reach) as usize, (x + reach) as usize, weight((y, x)))).collect();
-        Self { taps, angle: angle * angle, limits: limits.map(|l| l * l) }
+        let inside = places.filter(|(y, x)| x * x + y * y < reach * reach);
+        let tap = |(y, x): (i32, i32)| ((y + reach) as usize, (x + reach) as usize, (x * x + y * y) as f32);
+        let noise = sigma * sigma;
+        let limits = limits.map(|l| l * l);
+        Self { taps: inside.map(tap).collect(), noise, wider: times * times, limits, rounds: rounds as f32 }
     }
 
-    /// 1/8σ² of the weight over orientations for a pixel of this reliability, where they slope by so much, in rad² per px². On a
-    /// slope the window must reach as far as elsewhere, or the slope turns into stairs.
+    /// For the pixels of a window: 1/8σ² of the weight over orientations and 1/4σ² of that over distance.
+    ///
+    /// Where orientations slope, the window shrinks until all rounds together reach over no more than the noise: a mean over
+    /// more would be off at borders and where the slope bends.
     #[inline(always)]
-    fn steepness(&self, reliability: f32, slope: f32) -> f32 {
-        const WINDOW: f32 = (REACH * REACH) as f32;
-        let variance = self.angle / reliability + WINDOW * slope;
+    fn widths<const PLANES: usize>(&self, window: &Window<PLANES>, round: Round) -> [Lane; 2] {
+        const WIDEST: f32 = 1.0 / (REACH * REACH) as f32;
+        let reliability = window.at(REACH, REACH)[2];
+        let [across, down] = window.slopes();
+        let certain = if round.number == 0 { CERTAIN } else { CERTAIN_LATER };
         let [low, high] = self.limits;
-        let variance = if variance < high { variance } else { high };
-        0.125 / if variance > low { variance } else { low }
+        let mut widths = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            let noise = self.noise / if reliability[i] > 0.0 { reliability[i] } else { 1.0 };
+            let variance = self.wider * noise;
+            let variance = if variance < high { variance } else { high };
+            widths[0][i] = 0.125 / if variance > low { variance } else { low };
+            // sin 2Δ ≈ 2Δ.
+            let least = 4.0 * certain * noise;
+            let across = if across[i] > least { across[i] } else { 0.0 };
+            let down = if down[i] > least { down[i] } else { 0.0 };
+            let slope = (across + down) / (4 * BASE * BASE) as f32;
+            let narrow = 0.25 * self.rounds * slope / noise;
+            widths[1][i] = if narrow > WIDEST { narrow } else { WIDEST };
+        }
+        widths
     }
 
-    /// One round. `first` is given in the first one: how much larger the variance per area is than the pixels' own variances
-    /// say.
+    /// One round.
     pub(super) fn apply<const PLANES: usize>(
         &self,
         from: &Field<PLANES>,
         to: &mut Field<PLANES>,
-        first: Option<f32>,
+        round: Round,
         progress: &dyn Progress,
     ) {
         let (stride, columns) = (from.stride, from.width.div_ceil(LANES));
@@ -135,43 +172,45 @@ impl Filter {
             for x in (0..columns).map(|column| column * LANES) {
                 // The corner of the window; its middle is REACH farther in both directions.
                 let window = Window { from, y, x };
-                match first {
-                    Some(correlated) => self.mean::<PLANES, true>(&window, correlated, row),
-                    None => self.mean::<PLANES, false>(&window, 1.0, row),
+                if round.number == 0 {
+                    self.mean::<PLANES, true>(&window, round, row);
+                } else {
+                    self.mean::<PLANES, false>(&window, round, row);
                 }
             }
         });
     }
 
-    fn mean<const PLANES: usize, const FIRST: bool>(&self, window: &Window<PLANES>, correlated: f32, row: &mut [f32]) {
+    fn mean<const PLANES: usize, const FIRST: bool>(&self, window: &Window<PLANES>, round: Round, row: &mut [f32]) {
         let stride = window.from.stride;
         let here = window.at(REACH, REACH);
         if *here[2] == [0.0; LANES] {
             return;
         }
         let [c, s] = window.median();
-        let (slope, mut steep) = (window.slope(), [0.0; LANES]);
-        for i in 0..LANES {
-            steep[i] = self.steepness(here[2][i], slope[i]);
-        }
-        let pivot = [c, s, steep];
+        let [steep, narrow] = self.widths(window, round);
+        let pivot = Pivot { c, s, steep, narrow };
         let mut sums = [[0.0_f32; LANES]; PLANES];
-        for &(dy, dx, space) in &self.taps {
+        for &(dy, dx, square) in &self.taps {
             let pixel = window.at(dy, dx);
-            let weight = weights(&pivot, space, [pixel[0], pixel[1], pixel[2]]);
+            let weight = weights(&pivot, square, [pixel[0], pixel[1], pixel[2]]);
             add(&mut sums[0], &weight, pixel[0]);
             add(&mut sums[1], &weight, pixel[1]);
             sums[2].iter_mut().zip(&weight).for_each(|(sum, w)| *sum += w);
             if PLANES == TRACKED {
                 let offset = [dx as f32 - REACH as f32, dy as f32 - REACH as f32];
                 track::<PLANES, FIRST>(&mut sums, &weight, offset, &pixel);
-                follow(&mut sums[10], &pivot, space, [pixel[0], pixel[1], pixel[2]]);
+                follow(&mut sums[10], &pivot, square, [pixel[0], pixel[1], pixel[2]]);
             }
         }
         for i in 0..LANES {
-            let before = std::array::from_fn(|k| here[k][i]);
-            let mean = finish::<PLANES, FIRST>(std::array::from_fn(|k| sums[k][i]), before, correlated);
-            // Where nothing agrees with the median, the pixel stays.
+            let before: [f32; PLANES] = std::array::from_fn(|k| here[k][i]);
+            let sum: [f32; PLANES] = std::array::from_fn(|k| sums[k][i]);
+            let mean = if sum[2] > 0.0 {
+                finish::<PLANES, FIRST>(sum, before, round.correlated)
+            } else {
+                replaced::<PLANES, FIRST>(before, [pivot.c[i], pivot.s[i]])
+            };
             let known = here[2][i] > 0.0 && mean[0].is_finite() && mean[1].is_finite();
             for k in 0..PLANES {
                 row[k * stride + REACH + window.x + i] = if k == 2 || !known { here[k][i] } else { mean[k] };
@@ -180,17 +219,37 @@ impl Filter {
     }
 }
 
-/// Weights of pixels (cos 2θ, sin 2θ, reliability) about a pivot. That over the difference Δ of two orientations is
-/// `(1 - (1 - cos 2Δ) / 8σ²)²`, Tukey's biweight: as bent at 0 as the Gaussian `exp(-Δ²/2σ²)`, but nothing at all from 2.2 σ on,
-/// where the Gaussian's 9 % leak over edges round by round (Black et al., Robust anisotropic diffusion, 1998).
+/// What the pixels of a window are compared with, and how strictly.
+struct Pivot {
+    c: Lane,
+    s: Lane,
+    /// 1/8σ² over orientations.
+    steep: Lane,
+    /// 1/4σ² over distance.
+    narrow: Lane,
+}
+
+impl Pivot {
+    /// Roots of the weights over distance and over orientations, and cos 2Δ, for pixel `i` of the lane.
+    #[inline(always)]
+    fn roots(&self, i: usize, square: f32, c: f32, s: f32) -> [f32; 3] {
+        let cos = c * self.c[i] + s * self.s[i];
+        let (near, alike) = (1.0 - square * self.narrow[i], 1.0 - self.steep[i] * (1.0 - cos));
+        [if near > 0.0 { near } else { 0.0 }, if alike > 0.0 { alike } else { 0.0 }, cos]
+    }
+}
+
+/// Weights of pixels (cos 2θ, sin 2θ, reliability) at this squared distance. Both that over distance d, `(1 - d²/4σ²)²`, and that
+/// over the difference Δ of orientations, `(1 - (1 - cos 2Δ)/8σ²)²`, are Tukey's biweight: as bent at 0 as the Gaussian, but
+/// nothing at all from about 2 σ on, where the Gaussian's 14 % leak over edges round by round (Black et al., Robust anisotropic
+/// diffusion, 1998).
 #[inline(always)]
-fn weights([pc, ps, steep]: &[Lane; 3], space: f32, [c, s, reliability]: [&Lane; 3]) -> Lane {
+fn weights(pivot: &Pivot, square: f32, [c, s, reliability]: [&Lane; 3]) -> Lane {
     let mut weight = [0.0; LANES];
     for i in 0..LANES {
-        let cos = c[i] * pc[i] + s[i] * ps[i];
-        let root = 1.0 - steep[i] * (1.0 - cos);
-        let root = if root > 0.0 { root } else { 0.0 };
-        weight[i] = root * root * (space * reliability[i]);
+        let [near, alike, _] = pivot.roots(i, square, c[i], s[i]);
+        let root = near * alike;
+        weight[i] = root * root * reliability[i];
     }
     weight
 }
@@ -226,13 +285,23 @@ fn track<const PLANES: usize, const FIRST: bool>(
 /// Adds how much the mean follows its pivot: `Σ -w'(Δ)·Δ`, which is Σw where orientations slope so much that the pivot alone
 /// decides which of them count.
 #[inline(always)]
-fn follow(sum: &mut Lane, [pc, ps, steep]: &[Lane; 3], space: f32, [c, s, reliability]: [&Lane; 3]) {
+fn follow(sum: &mut Lane, pivot: &Pivot, square: f32, [c, s, reliability]: [&Lane; 3]) {
     for i in 0..LANES {
-        let cos = c[i] * pc[i] + s[i] * ps[i];
-        let root = 1.0 - steep[i] * (1.0 - cos);
-        let root = if root > 0.0 { root } else { 0.0 };
-        sum[i] += 2.0 * steep[i] * root * (1.0 - cos * cos) * (space * reliability[i]);
+        let [near, alike, cos] = pivot.roots(i, square, c[i], s[i]);
+        sum[i] += 2.0 * pivot.steep[i] * near * near * alike * (1.0 - cos * cos) * reliability[i];
     }
+}
+
+/// A pixel that agrees with nothing around it: the median's orientation with what σ followed from before.
+#[inline(always)]
+fn replaced<const PLANES: usize, const FIRST: bool>(before: [f32; PLANES], [c, s]: [f32; 2]) -> [f32; PLANES] {
+    let mut pixel = before;
+    (pixel[0], pixel[1]) = (c, s);
+    if PLANES == TRACKED && FIRST {
+        pixel[8] *= before[9] * area(0.0, 0.0, 0.0);
+        pixel[9] = 1.0 / before[9];
+    }
+    pixel
 }
 
 /// From sums to a pixel, which was `before`.
@@ -295,23 +364,23 @@ impl<const PLANES: usize> Window<'_, PLANES> {
         std::array::from_fn(|k| row[k * self.from.stride + self.x + dx..].first_chunk().unwrap_or(&NONE))
     }
 
-    /// Slope of the orientations in rad² per px².
+    /// Squares of sin 2Δ over `BASE` pixels, across and down.
     #[inline(always)]
-    fn slope(&self) -> Lane {
+    fn slopes(&self) -> [Lane; 2] {
         let values = |dy: usize, dx: usize| {
             let pixel = self.at(dy, dx);
             [pixel[0], pixel[1], pixel[2]]
         };
-        let here = values(REACH, REACH);
-        let across = flatter(&here, &values(REACH, REACH - BASE), &values(REACH, REACH + BASE));
-        let down = flatter(&here, &values(REACH - BASE, REACH), &values(REACH + BASE, REACH));
-        // sin 2Δ ≈ 2Δ.
-        std::array::from_fn(|i| (across[i] + down[i]) / (4 * BASE * BASE) as f32)
+        let (middle, far) = (REACH, 2 * BASE);
+        let across = [middle - far, middle - BASE, middle, middle + BASE, middle + far].map(|dx| values(middle, dx));
+        let down = [middle - far, middle - BASE, middle, middle + BASE, middle + far].map(|dy| values(dy, middle));
+        [flatter(&across), flatter(&down)]
     }
 
     /// Median of cos 2θ and of sin 2θ over 3×3 pixels, scaled to length 1. For a masked pixel stands the one opposite, or else
     /// the middle.
     #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "so that it becomes vector instructions")]
     fn median(&self) -> [Lane; 2] {
         let around: [[&Lane; PLANES]; 9] = std::array::from_fn(|k| self.at(REACH - 1 + k / 3, REACH - 1 + k % 3));
         let mut median = [0, 1].map(|plane| {
@@ -339,19 +408,24 @@ impl<const PLANES: usize> Window<'_, PLANES> {
     }
 }
 
-/// The slope between pixels `before` and `after` their middle, in sin 2Δ over both their distances, squared: that of the flatter
-/// side, and none at a ridge, so that an edge has none either. A masked side does not count.
+/// The square of sin 2Δ from one of five pixels to the next where two steps in a row are alike: an edge or noise is no slope.
 #[inline(always)]
-fn flatter(here: &[&Lane; 3], before: &[&Lane; 3], after: &[&Lane; 3]) -> Lane {
+fn flatter(pixels: &[[&Lane; 3]; 5]) -> Lane {
     let mut square = [0.0; LANES];
     for i in 0..LANES {
-        let sine = |p: &[&Lane; 3], q: &[&Lane; 3]| q[1][i] * p[0][i] - q[0][i] * p[1][i];
-        let (left, right) = (sine(before, here), sine(here, after));
-        let left = if before[2][i] > 0.0 { left } else { right };
-        let right = if after[2][i] > 0.0 { right } else { left };
-        let product = left * right;
-        let (l, r) = (left * left, right * right);
-        square[i] = if product > 0.0 { if l < r { l } else { r } } else { 0.0 };
+        let sine = |k: usize| {
+            let [[c, s, r], [d, t, q]] = [k, k + 1].map(|k| pixels[k].map(|plane| plane[i]));
+            if r * q > 0.0 { t * c - d * s } else { 0.0 }
+        };
+        let pair = |a: f32, b: f32| {
+            let (l, r) = (a * a, b * b);
+            let (least, most) = if l < r { (l, r) } else { (r, l) };
+            if a * b > 0.0 && most < ALIKE * least { least } else { 0.0 }
+        };
+        let [p, q, r, s] = [sine(0), sine(1), sine(2), sine(3)];
+        let [left, middle, right] = [pair(p, q), pair(q, r), pair(r, s)];
+        let beside = if left > right { left } else { right };
+        square[i] = if middle > beside { middle } else { beside };
     }
     square
 }

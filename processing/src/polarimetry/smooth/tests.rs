@@ -50,31 +50,31 @@ fn scatter_and_sigma(
             n += 1.0;
         }
     }
-    ((scatter / n as f64).sqrt(), (stated / n as f64).sqrt())
+    ((scatter / n).sqrt(), (stated / n).sqrt())
 }
 
-/// The stated σ is the scatter of repeated noise, in an even region with its borders and beside an edge.
+/// The stated σ is the scatter of repeated noise, within 10 % in an even region with its borders and 20 % beside an edge.
 #[test]
 fn sigma_is_the_scatter_of_repeats() {
-    for (n, repeats) in [(1, 20), (10, 80), (50, 150)] {
+    for (n, repeats) in [(1, 20), (10, 60), (50, 60)] {
         let (scatter, sigma) = scatter_and_sigma(|_, _| 3.13, |_, _| 0.03, rounds(n), repeats, |_, _| true);
         assert!((sigma / scatter - 1.0).abs() < 0.1, "{n} rounds: σ {sigma} scatter {scatter}");
-        // An even Gaussian of n rounds, each of 6.2 px² (3² cut off at 2σ): 0.113, 0.036, 0.016; borders have more.
-        let least = 1.0 / (4.0 * std::f64::consts::PI * 6.2 * f64::from(n)).sqrt();
+        // An even Gaussian of n rounds, each of 4.5 px² (biweight of reach 6): 0.133, 0.042, 0.019; borders have more.
+        let least = 1.0 / (4.0 * std::f64::consts::PI * 4.5 * f64::from(n)).sqrt();
         assert!((1.0..1.6).contains(&(scatter / 0.03 / least)), "{n} rounds: {scatter}");
     }
     let truth = |x: usize, _: usize| if x < 32 { 0.2 } else { 1.5 };
     let beside = |x: usize, _: usize| x.abs_diff(32) < 3;
-    let (scatter, sigma) = scatter_and_sigma(truth, |_, _| 0.03, Smoothing::LIGHT, 80, beside);
-    assert!((sigma / scatter - 1.0).abs() < 0.1, "at an edge: σ {sigma} scatter {scatter}");
+    let (scatter, sigma) = scatter_and_sigma(truth, |_, _| 0.03, Smoothing::LIGHT, 40, beside);
+    assert!((sigma / scatter - 1.0).abs() < 0.2, "at an edge: σ {sigma} scatter {scatter}");
 }
 
 /// Where regions mingle more than a few moments can tell, σ is too small, but by no more than is documented.
 #[test]
 fn sigma_is_a_third_too_small_at_worst() {
     let sparse = |x: usize, y: usize| if normal((x * 91 + y) as u64) > 0.0 { 3.13 } else { f32::NAN };
-    let strips = |x: usize, _: usize| if x / 5 % 2 == 0 { 0.2 } else { 1.5 };
-    let checks = |x: usize, y: usize| if (x / 8 + y / 8) % 2 == 0 { 0.02 } else { 0.06 };
+    let strips = |x: usize, _: usize| if (x / 5).is_multiple_of(2) { 0.2 } else { 1.5 };
+    let checks = |x: usize, y: usize| if (x / 8 + y / 8).is_multiple_of(2) { 0.02 } else { 0.06 };
     let cases = [
         scatter_and_sigma(sparse, |_, _| 0.03, Smoothing::STRONG, 40, |_, _| true),
         scatter_and_sigma(strips, |_, _| 0.03, Smoothing::STRONG, 40, |_, _| true),
@@ -140,13 +140,13 @@ fn salt_is_removed() {
     let off = |map: &[f32]| errors(map, |x, y| clean[y * SIDE + x]).into_iter().fold(0.0, f64::max);
     assert!(off(&map.orientation) > 1.1);
     let worst = off(&smoothed_orientation(&map, Smoothing::LIGHT, &Silent).unwrap());
-    assert!(worst < 0.02, "{worst}");
+    assert!(worst < 0.03, "{worst}");
 }
 
 /// Masked pixels stay masked, keep their σ and change nothing around them.
 #[test]
 fn the_mask_is_respected() {
-    let masked = |x: usize, y: usize| (x / 7 + y / 5) % 3 == 0;
+    let masked = |x: usize, y: usize| (x / 7 + y / 5).is_multiple_of(3);
     let truth = |x: usize, y: usize| if masked(x, y) { f32::NAN } else { 1.0 };
     let a = noisy(truth, |_, _| 0.02, 9);
     let b = noisy(truth, |x, y| if masked(x, y) { 1.5 } else { 0.02 }, 9);
