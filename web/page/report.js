@@ -1,11 +1,11 @@
 // What the report says about a result, in the order in which it matters.
 
 import { facts, figures, h } from "./dom.js";
-import { count, degrees, duration, fixed, percent, words } from "./format.js";
+import { count, degrees, duration, fixed, percent, significant, words } from "./format.js";
 
 /** Warnings, the figures that count, and the rest as facts. */
 export function reportView(report) {
-  const { pixels = {}, noise, circle, models = [], seconds = {} } = report;
+  const { pixels = {}, noise, circle, models = [], seconds = {}, smoothing, period } = report;
   const share = (n) => (n === undefined ? null : `${percent(n / pixels.all, 2)} (${count(n)})`);
   const warnings = report.warnings ?? [];
   return h("div", { class: "stack" },
@@ -27,6 +27,11 @@ export function reportView(report) {
       ["Bias of the model", circle && (circle.bias_deg === null ? "cannot be told" : degrees(circle.bias_deg))],
       ["Modulation varies", circle && `by ${percent(circle.spread)}; noise explains ${percent(circle.spread_of_noise)}`],
       ["Not in view", circle && `${fixed(circle.gap_deg, 0)}° of the half turn`],
+      ["Smoothing", smoothing && smoothing.strength !== "none" && `${smoothing.strength}, ${smoothing.rounds} rounds; ${smoothing.map ? "of the map and its σ" : "of pictures only"}`],
+      ["Period, median", period?.median_um && `${fixed(period.median_um, 3)} µm, ${period.heuristic ? "heuristic" : "for the assumed surface"}`],
+      ["σ of the period", period?.sigma_median_um && `${significant(period.sigma_median_um, 2)} µm, from noise alone`],
+      ["Periods told apart", period?.unique_um?.length && `${period.unique_um.map(([a, b]) => `${fixed(a, 2)}–${fixed(b, 2)}`).join(", ")} µm`],
+      ["Period ambiguous", period && share(period.ambiguous)],
       ["Noise", noise && words(noise.source)],
       ["Offset", degrees(report.offset_deg)],
       ["Analyser", report.analyser_deg && `${report.analyser_deg.length} angles: ${report.analyser_deg.slice(0, 24).map((a) => fixed(a, Number.isInteger(a) ? 0 : 1)).join(", ")}${report.analyser_deg.length > 24 ? " …" : ""}`],

@@ -6,12 +6,16 @@ import { complain, problemMessage, tell } from "./feedback.js";
 import { degrees, fixed, percent, significant } from "./format.js";
 import { bar, maskedKey, wheel } from "./legend.js";
 import { MapView } from "./mapview.js";
+import { optionFields } from "./options.js";
 import { pixelChart } from "./pixelchart.js";
 import { reportView } from "./report.js";
 
 const MAPS = [["orientation", "Orientation"], ["sigma", "σ"], ["dolp", "DoLP"], ["mask", "Mask"], ["s0", "S0"], ["aolp", "AoLP"]];
+const SMOOTHED = ["smoothed", "Smoothed"];
+const PERIOD = ["period", "Period"];
 const MEANING = {
   orientation: "Direction of the grating vector, across the grooves, anticlockwise from image right, up to one offset that all pixels share.",
+  smoothed: "The orientations after the bilateral filter, for the eye: measure on the map beside it.",
   sigma: "Standard deviation of the orientation, from camera noise.",
   dolp: "Degree of linear polarization.",
   mask: "White where there is an orientation: not saturated, and σ at most 7.2°.",
@@ -72,6 +76,8 @@ async function showProgress(main, job, signal) {
 function showMaps(main, job, signal) {
   const { report } = job;
   const base = `/reconstructions/${job.id}`;
+  const smoothed = report.smoothing && report.smoothing.strength !== "none" && !report.smoothing.map;
+  const maps = [...MAPS.slice(0, 1), ...(smoothed ? [SMOOTHED] : []), ...(report.period ? [PERIOD] : []), ...MAPS.slice(1)];
   let shown = "orientation";
   const canvas = h("canvas", { id: "result-map", class: "map", tabindex: 0, role: "application", "aria-roledescription": "map" });
   const where = h("output", { class: "where" });
@@ -79,7 +85,7 @@ function showMaps(main, job, signal) {
   const meaning = h("p", { class: "soft" });
   const rose = wheel();
   const links = FORMATS.map(([ending, label]) => h("a", { class: "button", "data-download": ending }, label));
-  const choice = segments("Map", MAPS, shown, (key) => { shown = key; change(); });
+  const choice = segments("Map", maps, shown, (key) => { shown = key; change(); });
   const zoom = (label, text, call) => h("button", { type: "button", class: "icon", "aria-label": label, title: label, onclick: call }, text);
 
   let asked = 0;
@@ -98,14 +104,14 @@ function showMaps(main, job, signal) {
   }, { signal });
 
   function paintLegend(range) {
-    if (shown === "orientation" || shown === "aolp") legend.replaceChildren(rose, maskedKey());
+    if (["orientation", "smoothed", "aolp"].includes(shown)) legend.replaceChildren(rose, maskedKey());
     else if (shown === "mask") legend.replaceChildren(h("p", { class: "row" }, h("span", { class: "swatch white" }), "valid"), h("p", { class: "row" }, h("span", { class: "swatch black" }), "masked"));
-    else legend.replaceChildren(bar(range, shown === "sigma" ? "°" : "", shown === "s0"), ...(shown === "s0" ? [] : [maskedKey()]));
+    else legend.replaceChildren(bar(range, { sigma: "°", period: " µm" }[shown] ?? "", shown === "s0"), ...(shown === "s0" ? [] : [maskedKey()]));
     rose.refresh();
   }
   function change() {
-    say(meaning, MEANING[shown]);
-    canvas.setAttribute("aria-label", `${MAPS.find(([key]) => key === shown)[1]} map. Arrows move it, plus and minus zoom, 0 shows all, Enter picks the middle, Shift with arrows goes from pixel to pixel.`);
+    say(meaning, shown === "period" ? periodMeaning(report.period) : MEANING[shown]);
+    canvas.setAttribute("aria-label", `${maps.find(([key]) => key === shown)[1]} map. Arrows move it, plus and minus zoom, 0 shows all, Enter picks the middle, Shift with arrows goes from pixel to pixel.`);
     paintLegend(null);
     for (const link of links) makeDownload(link, `${base}/maps/${shown}.${link.dataset.download}`, `${job.id}-${shown}.${link.dataset.download}`, complain);
     view.reload();
@@ -120,7 +126,7 @@ function showMaps(main, job, signal) {
       if (mine !== asked) return;
       view.mark(x, y, pixel.orientation_deg);
       rose.mark(pixel.orientation_deg);
-      detail.replaceChildren(h("p", { class: "verdict" }, verdict(pixel)), pixelChart(pixel),
+      detail.replaceChildren(h("p", { class: "verdict" }, verdict(pixel)), report.period && !pixel.masked ? h("p", {}, periodVerdict(pixel, report.period)) : "", pixelChart(pixel),
         h("p", { class: "soft" }, `x ${x}, y ${y} · S0 ${significant(pixel.s0)} · S1 ${significant(pixel.s1)} · S2 ${significant(pixel.s2)} · DoLP ${fixed(pixel.dolp, 3)} · residual ${significant(pixel.residual_rms, 2)} rms`));
     } catch (problem) {
       if (mine === asked && problem.name !== "AbortError") detail.replaceChildren(problemMessage(problem));
@@ -128,16 +134,16 @@ function showMaps(main, job, signal) {
   }
 
   addEventListener("themechange", () => rose.refresh(), { signal });
-  const again = h("button", { type: "button", onclick: async () => {
+  const options = optionFields(report);
+  const again = h("button", { type: "button", id: "again", onclick: async () => {
     try {
-      const next = await post("/reconstructions", { session: job.session, upload: job.upload, method: "polarization", model: "auto", offset_deg: offset.valueAsNumber || 0 });
-      tell("Reconstructing with the new offset.");
+      const next = await post("/reconstructions", { session: job.session, upload: job.upload, ...options.request() });
+      tell("Reconstructing anew.");
       location.hash = `#/result/${next.id}`;
     } catch (problem) {
       complain(problem);
     }
   } }, "Reconstruct again");
-  const offset = h("input", { id: "offset", type: "number", step: "any", value: report.offset_deg ?? 0 });
 
   const title = h("h1", { class: "grow" }, "Result");
   nameOf(job, signal).then((name) => name && say(title, name));
@@ -152,11 +158,22 @@ function showMaps(main, job, signal) {
       h("div", { class: "stack" },
         panel("Pixel", null, detail),
         panel("Report", null, reportView(report)),
-        panel("Offset", null, h("p", { class: "soft" }, "The method leaves one offset open. Set it where one orientation is known."),
-          h("div", { class: "row end" }, h("div", { class: "field" }, h("label", { for: "offset" }, "Offset (°)"), offset), again)))));
+        panel("Options", null, options.element, h("div", { class: "row end" }, again)))));
   change();
   // For tests and the console: what the map shows can be moved by script.
   canvas.view = view;
+}
+
+/** What the map of periods is worth. */
+function periodMeaning({ heuristic, method }) {
+  if (heuristic) return "Heuristic periods from the brightness: only their order has a meaning, and only where light and reflectance are even.";
+  return `Periods from the polarization, if the surface is ${method.metal}, ${significant(1000 * method.depth_um)} nm deep, under an index of ${method.index_above}, at ${significant(method.wavelength_nm)} nm. Masked where none or several would answer.`;
+}
+
+/** The period of a pixel in words. */
+function periodVerdict(pixel, { heuristic }) {
+  if (pixel.period_um === null) return "No period can be told.";
+  return heuristic ? `Heuristic period ${fixed(pixel.period_um, 3)} µm.` : `Period ${fixed(pixel.period_um, 3)} ± ${significant(pixel.period_sigma_um, 2)} µm (noise alone) for the assumed surface.`;
 }
 
 /** What the session is called; only a heading, so that a session deleted meanwhile is no problem. */

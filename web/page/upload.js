@@ -4,7 +4,7 @@ import { post, send } from "./api.js";
 import { field, h, number, panel, say, select } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
-import { MODELS } from "./plan.js";
+import { optionFields } from "./options.js";
 
 const LIKELY = /\.(png|tiff?|jpe?g|exr)$/i;
 
@@ -24,8 +24,7 @@ export async function uploadPage(main, { signal }) {
   const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
   const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
   let chosen = false;
-  const model = select(MODELS, "auto", { id: "upload-model" });
-  const offset = number({ id: "upload-offset", value: 0 });
+  const options = optionFields();
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
   const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
@@ -35,7 +34,7 @@ export async function uploadPage(main, { signal }) {
     h("div", { class: "columns planning" },
       panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, table))),
       h("div", { class: "stack" },
-        panel("Reconstruction", null, h("div", { class: "stack" }, h("div", { class: "stack" }, field("Values", transfer), field("Channel", channel, { hint: "Colour files need one" }), field("Model", model), field("Offset (°)", offset)), problems, progress)))));
+        panel("Reconstruction", null, h("div", { class: "stack" }, h("div", { class: "stack" }, field("Values", transfer), field("Channel", channel, { hint: "Colour files need one" }), options.element), problems, progress)))));
 
   function add(files) {
     const names = new Set(photographs.map((p) => p.file.name));
@@ -83,7 +82,7 @@ export async function uploadPage(main, { signal }) {
     for (const { file } of photographs) form.append("file", file, file.name);
     try {
       const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
-      const job = await post("/reconstructions", { session: null, upload: upload.id, method: "polarization", model: model.value, offset_deg: offset.valueAsNumber || 0 });
+      const job = await post("/reconstructions", { session: null, upload: upload.id, ...options.request() });
       location.hash = `#/result/${job.id}`;
     } catch (problem) {
       if (problem.name === "AbortError") return;

@@ -55,6 +55,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("legend.js", SCRIPT),
     row!("mapview.js", SCRIPT),
     row!("new.js", SCRIPT),
+    row!("options.js", SCRIPT),
     row!("patterns.js", SCRIPT),
     row!("pixelchart.js", SCRIPT),
     row!("plan.js", SCRIPT),

@@ -21,6 +21,7 @@ mod worker;
 use crate::Failure;
 use live::Live;
 use nacre_processing::Error;
+use nacre_processing::polarimetry::{Model, Options, PeriodMethod, Smoothing};
 use nacre_processing::progress::Progress;
 use record::Record;
 use serde::{Deserialize, Serialize};
@@ -52,6 +53,29 @@ pub struct Spec {
     pub model: String,
     /// Added to every orientation.
     pub offset_deg: f64,
+    /// How orientations are smoothed in pictures. Jobs of earlier versions say nothing of it and of what follows.
+    #[serde(default)]
+    pub smooth: Smoothing,
+    /// Smooth the map itself as well.
+    #[serde(default)]
+    pub smooth_maps: bool,
+    /// From what periods are told, if they are.
+    #[serde(default)]
+    pub period: Option<PeriodMethod>,
+}
+
+impl Spec {
+    /// As the reconstruction takes it, with the model of its name.
+    pub fn options(&self, model: Model) -> Options {
+        Options {
+            model,
+            offset_deg: self.offset_deg,
+            smooth: self.smooth,
+            smooth_maps: self.smooth_maps,
+            period: self.period.clone(),
+            overwrite: true,
+        }
+    }
 }
 
 /// Where a job is in its life.

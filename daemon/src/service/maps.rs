@@ -24,6 +24,9 @@ pub fn source(name: &str) -> Option<(&'static str, &'static str)> {
         "mask" => ("orientation.exr", "mask"),
         "aolp" => ("aolp.exr", "aolp"),
         "dolp" => ("aolp.exr", "dolp"),
+        "smoothed" => ("smoothed.exr", "orientation"),
+        "period" => ("period.exr", "period"),
+        "period_sigma" => ("period.exr", "sigma"),
         "s0" => ("stokes.exr", "S0"),
         _ => return None,
     })
@@ -34,8 +37,11 @@ pub fn source(name: &str) -> Option<(&'static str, &'static str)> {
 /// # Errors
 /// `not-found` when there is no such map.
 pub fn plane(folder: &Path, name: &str) -> Answer<(Vec<f32>, usize)> {
-    let missing =
-        || Problem::not_found(format!("map {name:?}")).remedy("there are orientation, sigma, dolp, mask, aolp and s0");
+    let missing = || {
+        Problem::not_found(format!("map {name:?}")).remedy(
+            "there are orientation, sigma, dolp, mask, aolp and s0; smoothed and period where they were asked for",
+        )
+    };
     let (file, channel) = source(name).ok_or_else(missing)?;
     let mut map = read_exr(&folder.join(file)).map_err(|_| missing())?;
     let plane = map.channels.remove(channel).ok_or_else(missing)?;
@@ -73,17 +79,18 @@ pub fn picture(name: &str, plane: &[f32], width: usize, view: &View, encode: &En
     encode(columns, rows, 3, &bytes).map_err(|e| e.to_string())
 }
 
-/// Values of the darkest and the lightest colour: σ and DoLP from 0, so that pictures can be compared.
+/// Values of the darkest and the lightest colour: σ and DoLP from 0, so that pictures can be compared; all periods within the
+/// range that they fill.
 pub fn range(name: &str, plane: &[f32]) -> [f32; 2] {
     let mut sorted: Vec<f32> = plane.iter().copied().filter(|v| v.is_finite()).step_by(17).collect();
     sorted.sort_unstable_by(f32::total_cmp);
     let at = |q: f64| sorted.get(((sorted.len().max(1) - 1) as f64 * q) as usize).copied().unwrap_or(0.0);
-    [if name == "s0" { at(0.01) } else { 0.0 }, at(0.99)]
+    [if matches!(name, "s0" | "period") { at(0.01) } else { 0.0 }, at(0.99)]
 }
 
 fn colors(name: &str, plane: &[f32]) -> Box<dyn Fn(f32) -> Rgb> {
     match name {
-        "orientation" | "aolp" => Box::new(|v| if v.is_finite() { orientation_color(v) } else { MASKED }),
+        "orientation" | "smoothed" | "aolp" => Box::new(|v| if v.is_finite() { orientation_color(v) } else { MASKED }),
         "mask" => Box::new(|v| if v > 0.5 { [240, 240, 240] } else { MASKED }),
         _ => {
             let [low, high] = range(name, plane);

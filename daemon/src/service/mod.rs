@@ -38,7 +38,7 @@ use bench::Bench;
 use config::Config;
 use metrics::Metrics;
 use nacre_processing::Error;
-use nacre_processing::polarimetry::{self, Model, Options};
+use nacre_processing::polarimetry::{self, Model};
 use nacre_processing::progress::Progress;
 use problem::{Answer, Kind, Problem};
 use runs::Run;
@@ -266,7 +266,7 @@ fn work(data: PathBuf) -> Work {
             _ => return Err(Error::input("reconstruction", "names no photographs", "ask again").into()),
         };
         let model: Model = spec.model.parse().map_err(|e: String| Error::input("reconstruction", e, "ask again"))?;
-        let options = Options { model, offset_deg: spec.offset_deg, overwrite: true };
+        let options = spec.options(model);
         polarimetry::reconstruct(&input, &data.join("reconstructions").join(&spec.id), &options, progress)?;
         Ok(())
     })

@@ -9,7 +9,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
-use nacre_processing::polarimetry::Model;
+use nacre_processing::polarimetry::{Model, PeriodMethod, Smoothing};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -29,6 +29,17 @@ pub struct Request {
     model: Option<String>,
     /// Added to every orientation.
     offset_deg: Option<f64>,
+    /// Smoothing of orientations in pictures and in the map `smoothed`: `none`, `light` (the default), `strong` or a number of
+    /// rounds.
+    #[schema(value_type = Option<String>, example = "light")]
+    smooth: Option<Smoothing>,
+    /// Smooth the map itself and its σ as well.
+    smooth_maps: Option<bool>,
+    /// Makes a map of periods: `{"from": "brightness", "range_um": [0.7, 2.0]}` (heuristic), or `{"from": "contrast",
+    /// "range_um": [1.2, 3.0], "depth_um": 0.1, "metal": "aluminium", "index_above": 1, "wavelength_nm": 560}` (for an assumed
+    /// surface; the last three can be left out).
+    #[schema(value_type = Option<Object>)]
+    period: Option<PeriodMethod>,
 }
 
 /// A reconstruction.
@@ -178,13 +189,23 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         let job = app.job(&id).await?;
         return Ok(accepted(app.describe(job, false)));
     }
-    let spec = Spec { id: super::new_id(), session: body.session, upload: body.upload, model, offset_deg };
+    let spec = Spec {
+        id: super::new_id(),
+        session: body.session,
+        upload: body.upload,
+        model,
+        offset_deg,
+        smooth: body.smooth.unwrap_or_default(),
+        smooth_maps: body.smooth_maps.unwrap_or(false),
+        period: body.period,
+    };
     let input = app.input_of(&spec)?;
     if !input.join(FILE_NAME).exists() {
         return Err(Problem::not_found("complete set of photographs there").remedy("finish the session first"));
     }
     // Refused here rather than by the job, so that whoever asks learns it at once.
-    blocking(move || Ok(load(&input).map(drop)?)).await?;
+    let options = spec.options(Model::Auto);
+    blocking(move || Ok(options.check(&load(&input)?).map(drop)?)).await?;
     let job = app.jobs.submit(spec).await?;
     app.remember(key, &job.id);
     Ok(accepted(app.describe(job, false)))

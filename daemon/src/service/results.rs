@@ -61,6 +61,10 @@ pub struct Pixel {
     orientation_deg: Option<f64>,
     sigma_deg: Option<f64>,
     dolp: Option<f64>,
+    /// None where masked, or when there is no map of periods.
+    period_um: Option<f64>,
+    /// From noise alone; none for heuristic periods.
+    period_sigma_um: Option<f64>,
     masked: bool,
     saturated: bool,
 }
@@ -73,7 +77,7 @@ pub struct FitPoint {
 }
 
 /// A map: `NAME.png` for a picture (of a region), `NAME.exr`, `NAME.csv` or `NAME.npy` for its numbers; NAME is
-/// orientation, sigma, dolp, mask, aolp or s0.
+/// orientation, sigma, dolp, mask, aolp or s0; smoothed, period and period_sigma where they were asked for.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/maps/{file}", tag = "reconstructions", operation_id = "map",
     params(("id" = String, Path), ("file" = String, Path, description = "For instance orientation.png"), Region),
     responses((status = 200, content(([u8] = "image/png"), ([u8] = "application/octet-stream"), (String = "text/csv"))),
@@ -146,6 +150,9 @@ fn read_pixel(place: &Place, x: usize, y: usize) -> Answer<Pixel> {
         Ok(v.is_finite().then_some(f64::from(v)))
     };
     let (orientation, sigma, dolp) = (value("orientation")?, value("sigma")?, value("dolp")?);
+    let periods = place.results.join("period.exr").exists();
+    let period = |name: &str| if periods { value(name) } else { Ok(None) };
+    let (period_um, period_sigma_um) = (period("period")?, period("period_sigma")?);
     let found = probe(&load(&place.input)?, x, y)?;
     let curve = |k: u32| {
         let deg = 2.0 * f64::from(k);
@@ -165,6 +172,8 @@ fn read_pixel(place: &Place, x: usize, y: usize) -> Answer<Pixel> {
         orientation_deg: orientation.map(f64::to_degrees),
         sigma_deg: sigma.map(f64::to_degrees),
         dolp,
+        period_um,
+        period_sigma_um,
         masked: orientation.is_none(),
     })
 }

@@ -73,3 +73,9 @@ pub(super) fn smoothed_noise(noise: &mut [FrameNoise], shifts: &[[f64; 2]], [wid
         (noise.shot, noise.floor) = (noise.shot * factor, noise.floor * factor);
     }
 }
+
+/// How much larger the variance of a mean over many pixels is than the resampled pixels' own noise says, since they share it.
+pub(super) fn correlated(shifts: &[[f64; 2]], [width, height]: [usize; 2]) -> f64 {
+    let left = |shift: &[f64; 2]| Resampler::new(*shift, width, height).noise_factor();
+    shifts.len().max(1) as f64 / shifts.iter().map(left).sum::<f64>().max(f64::MIN_POSITIVE)
+}

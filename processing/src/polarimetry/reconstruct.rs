@@ -10,8 +10,8 @@ use super::running::noise_of_bracket;
 use super::views::View;
 use super::weighted::{scale_variances, variance_factor};
 use super::{
-    CircleCheck, Design, FrameNoise, MASK_SNR, Model, NoiseSource, OrientationMaps, Running, StokesMaps, check_circle,
-    estimate_noise, orient,
+    CircleCheck, Design, FrameNoise, MASK_SNR, Model, NoiseSource, OrientationMaps, PeriodMethod, Running, Smoothing,
+    StokesMaps, check_circle, estimate_noise, orient,
 };
 use crate::frames::{Linearizer, LoadedFrames, load};
 use crate::image::OutputFolder;
@@ -20,12 +20,18 @@ use crate::{Error, Result};
 use std::path::Path;
 
 /// What the user may choose.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Options {
     /// The model.
     pub model: Model,
     /// Added to every orientation, to fix the gauge (degrees).
     pub offset_deg: f64,
+    /// How orientations are smoothed in pictures.
+    pub smooth: Smoothing,
+    /// Smooth the map itself as well.
+    pub smooth_maps: bool,
+    /// Makes a map of periods, too.
+    pub period: Option<PeriodMethod>,
     /// Replace results that are already there.
     pub overwrite: bool,
 }
@@ -34,25 +40,33 @@ pub struct Options {
 /// division_of_focal_plane) into the new folder `out`.
 ///
 /// Memory: 6 floats per pixel and two decoded photographs, whatever the number of frames; where several exposures at each
-/// angle are merged, 22 floats and the photographs at two angles.
+/// angle are merged, 22 floats and the photographs at two angles; 10 while the picture is smoothed.
 ///
 /// # Errors
 /// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which
 /// nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
-    options.check()?;
     let mut running = Running::new(load(input)?)?;
+    options.check(&running.frames)?;
     let folder = OutputFolder::begin(out, options.overwrite)?;
     running.add_all(progress)?;
     running.finish(folder, options, progress)
 }
 
 impl Options {
-    pub(super) fn check(&self) -> Result<()> {
-        if self.offset_deg.is_finite() {
-            return Ok(());
+    /// Refuses what makes no sense, before anything is done; returns how periods are told, with the photographs' wavelength.
+    ///
+    /// # Errors
+    /// `Input`, for numbers that make no sense and for a wavelength that nothing says.
+    pub fn check(&self, frames: &LoadedFrames) -> Result<Option<PeriodMethod>> {
+        if !self.offset_deg.is_finite() {
+            return Err(Error::input("offset", format!("{} is no angle", self.offset_deg), "give finite degrees"));
         }
-        Err(Error::input("offset", format!("{} is no angle", self.offset_deg), "give finite degrees"))
+        if self.smooth_maps && self.smooth == Smoothing::NONE {
+            let problem = "the map is to be smoothed, but the smoothing is none";
+            return Err(Error::input("smoothing", problem, "choose light, strong or a number of rounds"));
+        }
+        self.period.as_ref().map(|p| p.completed(frames.set.wavelength_nm)).transpose()
     }
 }
 

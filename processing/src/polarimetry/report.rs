@@ -1,7 +1,10 @@
 //! `report.json`: what was done, why, and how good the result is.
 
 use super::choose::Choice;
-use super::{Alignment, CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, Options};
+use super::smooth::SPACE_SIGMA_PX;
+use super::{
+    Alignment, CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, Options, PeriodReport, Smoothing,
+};
 use crate::frames::LoadedFrames;
 use serde::Serialize;
 
@@ -36,6 +39,10 @@ pub struct Report {
     /// How the photographs lie against each other, one entry for each analyser position; none for a sensor that takes all
     /// angles at once and for more than 24.
     pub registration: Option<Alignment>,
+    /// How orientations were smoothed, in pictures or also in the map.
+    pub smoothing: SmoothingReport,
+    /// The map of periods, if one was asked for.
+    pub period: Option<PeriodReport>,
     /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
     pub offset_deg: f64,
     /// Analyser angles in the order of the frames.
@@ -65,6 +72,19 @@ pub struct Pixels {
     pub sigma_p90_deg: Option<f64>,
     /// Mean normalised correlation between fit and measurement over valid pixels.
     pub correlation_mean: Option<f64>,
+}
+
+/// How orientations were smoothed.
+#[derive(Clone, Debug, Serialize)]
+pub struct SmoothingReport {
+    /// `none`, `light`, `strong` or a number of rounds.
+    pub strength: Smoothing,
+    /// How often the filter was applied.
+    pub rounds: u32,
+    /// Standard deviation of one round's weight over distance, in pixels.
+    pub space_sigma_px: f32,
+    /// `orientation.exr` is smoothed as well, with its σ, so that all numbers here are those of the smoothed map.
+    pub map: bool,
 }
 
 /// Noise of an average frame: variance = `shot` · I + `floor`, in linear units.
@@ -113,6 +133,13 @@ impl Report {
         if pixels.valid == 0 {
             warnings.push("no pixel shows enough modulation to carry an orientation: the map is empty".into());
         }
+        if options.smooth_maps {
+            warnings.push(
+                "the map itself is smoothed, as asked for: its pixels are not independent, and what σ states is their noise, not \
+                 what smoothing rounds off"
+                    .into(),
+            );
+        }
         if source == NoiseSource::Assumed {
             warnings.push("three angles leave no residual and no noise is given, so σ assumes a modest camera".into());
         }
@@ -133,6 +160,13 @@ impl Report {
             circle,
             brackets: 0,
             registration: None,
+            smoothing: SmoothingReport {
+                strength: options.smooth,
+                rounds: options.smooth.rounds(),
+                space_sigma_px: SPACE_SIGMA_PX,
+                map: options.smooth_maps,
+            },
+            period: None,
             offset_deg: options.offset_deg,
             analyser_deg: match set.layout {
                 Some(layout) => layout.concat().repeat(set.frames.len()),

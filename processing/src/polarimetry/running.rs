@@ -1,12 +1,13 @@
 //! A reconstruction on its way: photographs are folded into sums as they come.
 
-use super::aligned::{alignment, fit_moved_back};
+use super::aligned::{alignment, correlated, fit_moved_back};
 use super::merge::{Merge, clear_of_white};
 use super::noise::ASSUMED;
+use super::output::Writer;
 use super::reconstruct::{check_light, divide_by_flat, noise_of, reported, solve_model};
 use super::views::{View, brackets, views};
 use super::weighted::WeightedFit;
-use super::{Alignment, Design, Fit, FrameNoise, NoiseSource, Options, Report, StokesMaps};
+use super::{Alignment, Design, Fit, FrameNoise, NoiseSource, Options, Report, StokesMaps, smooth};
 use crate::frames::{Frame, LinearFrame, Linearizer, LoadedFrames};
 use crate::image::OutputFolder;
 use crate::image::registration::Registrar;
@@ -188,7 +189,7 @@ impl Running {
     /// # Errors
     /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`. Nothing is left behind.
     pub fn finish(mut self, folder: OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
-        options.check()?;
+        let period = options.check(&self.frames)?;
         if self.added != self.brackets.len() {
             let problem = format!("only {} of its {} photographs were taken", self.added(), self.frames().len());
             return Err(Error::file(&self.frames.path, problem, "take the rest first"));
@@ -201,13 +202,26 @@ impl Running {
         check_light(&frames, &maps, &linearizer)?;
         let shifts = alignment.as_ref().filter(|a| a.corrected).map(|a| a.shifts_px.as_slice());
         let (noise, source) = noise_of(&frames, &linearizer, &brackets, &views, &mut maps, &design, shifts);
-        let solved = solve_model(&mut maps, &design, &noise, options.model, options.offset_deg.to_radians());
+        let mut solved = solve_model(&mut maps, &design, &noise, options.model, options.offset_deg.to_radians());
         divide_by_flat(&frames, &linearizer, &mut maps)?;
+        // From the pixels as measured: their σ is that of the polarization, too.
+        let periods = period.map(|p| p.tell(&maps, &solved.map)).transpose()?;
+        progress.check()?;
+        if options.smooth_maps {
+            let shared = shifts.map_or(1.0, |shifts| correlated(shifts, [frames.info.width, frames.info.height]));
+            solved.map = smooth(&solved.map, options.smooth, shared, progress)?;
+        }
         let mut report = reported(&frames, options, &design, (&noise, source), &maps, &solved);
         report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
         report.registration = alignment;
         let solve_s = start.elapsed().as_secs_f64();
-        super::output::write_maps(&folder, &frames, &maps, &solved.map, progress)?;
+        let writer = Writer { folder: &folder, frames: &frames, options, progress };
+        if let Some((found, said, warnings)) = periods {
+            writer.periods(&found, &said.method)?;
+            report.warnings.extend(warnings);
+            report.period = Some(said);
+        }
+        writer.maps(maps, &solved.map)?;
         report.took(read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
         folder.write("report.json", report.json().as_bytes())?;
         progress.check()?;

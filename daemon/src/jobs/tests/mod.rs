@@ -35,6 +35,9 @@ fn spec(model: &str) -> Spec {
         upload: None,
         model: model.into(),
         offset_deg: 1.25,
+        smooth: Smoothing::LIGHT,
+        smooth_maps: false,
+        period: None,
     }
 }
 

@@ -1,0 +1,60 @@
+// The options of a reconstruction: model, offset, smoothing, periods.
+
+import { field, h, number, select } from "./dom.js";
+import { MODELS } from "./plan.js";
+
+const SMOOTHINGS = [["none", "None"], ["light", "Light (10 rounds)"], ["strong", "Strong (50 rounds)"]];
+const PERIODS = [
+  ["", "None"],
+  ["contrast", "From the polarization, for an assumed surface"],
+  ["brightness", "From the brightness (heuristic, relative)"],
+];
+const METALS = ["aluminium", "silver", "gold", "chromium"].map((metal) => [metal, metal]);
+
+/** The fields, as an earlier report left them if there is one; `request()` is their part of what is asked of the service. */
+export function optionFields(report = {}) {
+  const { method = {} } = report.period ?? {};
+  const [low, high] = method.range_um ?? [0.7, 2];
+  const model = select(MODELS, "auto", { id: "model" });
+  const offset = number({ id: "offset", value: report.offset_deg ?? 0 });
+  const given = report.smoothing?.strength ?? "light";
+  const known = SMOOTHINGS.some(([value]) => value === given);
+  const smooth = select(known ? SMOOTHINGS : [...SMOOTHINGS, [given, `${given} rounds`]], given, { id: "smooth" });
+  const maps = h("input", { type: "checkbox", id: "smooth-maps", checked: report.smoothing?.map ?? false });
+  const mapsRow = h("label", { class: "check" }, maps, h("span", {}, "Smooth the map itself and its σ as well"));
+  const from = select(PERIODS, method.from ?? "", { id: "period-from", onchange: paint });
+  const shortest = number({ id: "period-low", value: low, min: 0 });
+  const longest = number({ id: "period-high", value: high, min: 0 });
+  const depth = number({ id: "period-depth", value: method.depth_um ?? 0.1, min: 0 });
+  const metal = select(METALS.some(([m]) => m === method.metal) || !method.metal ? METALS : [...METALS, [method.metal, method.metal]],
+    method.metal ?? "aluminium", { id: "period-metal" });
+  const above = number({ id: "period-above", value: method.index_above ?? 1, min: 1 });
+  const wavelength = number({ id: "period-wavelength", value: method.wavelength_nm ?? "", min: 0 });
+  const range = h("div", { class: "fields" }, field("Shortest (µm)", shortest), field("Longest (µm)", longest));
+  const assumed = h("div", { class: "fields" }, field("Assumed depth (µm)", depth, { hint: "Peak to peak; 10 % of it are 11 to 18 % of the period" }),
+    field("Assumed metal", metal), field("Index above it", above), field("Wavelength (nm)", wavelength, { hint: "Empty: as the photographs say" }));
+  function paint() {
+    range.hidden = from.value === "";
+    assumed.hidden = from.value !== "contrast";
+  }
+  smooth.addEventListener("change", () => (mapsRow.hidden = smooth.value === "none"));
+  mapsRow.hidden = smooth.value === "none";
+  paint();
+  const element = h("div", { class: "stack" }, h("div", { class: "fields" }, field("Model", model),
+    field("Offset (°)", offset, { hint: "The method leaves one open; set it where one orientation is known" })),
+    field("Smoothing of pictures", smooth), mapsRow, field("Periods", from), range, assumed);
+  function period() {
+    const range_um = [shortest.valueAsNumber, longest.valueAsNumber];
+    if (from.value === "") return null;
+    if (from.value === "brightness") return { from: "brightness", range_um };
+    const asked = { from: "contrast", range_um, depth_um: depth.valueAsNumber, metal: metal.value, index_above: above.valueAsNumber };
+    return Number.isFinite(wavelength.valueAsNumber) ? { ...asked, wavelength_nm: wavelength.valueAsNumber } : asked;
+  }
+  return {
+    element,
+    request: () => ({
+      method: "polarization", model: model.value, offset_deg: offset.valueAsNumber || 0, smooth: smooth.value,
+      smooth_maps: maps.checked && smooth.value !== "none", period: period(),
+    }),
+  };
+}
