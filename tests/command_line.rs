@@ -35,7 +35,7 @@ fn a_birefringent_film_is_found_and_the_sinusoid_warned_of() {
     let json = run.json();
     let (mean, report) = (json["error"]["mean_deg"].as_f64().unwrap(), &json["report"]);
     assert!(mean < 1.0 && report["model"].as_str().unwrap().starts_with("curve"), "{mean} {report}");
-    let film = &report["models"].as_array().unwrap().iter().find(|m| m["model"] == "curve").unwrap()["film"];
+    let film = &report["models"].as_array().unwrap().iter().find(|m| !m["film"].is_null()).unwrap()["film"];
     assert!((film["retardance_deg"].as_f64().unwrap() - 10.0).abs() < 1.0, "{film}");
     assert!((film["axis_deg"].as_f64().unwrap() - 20.0).abs() < 5.0, "{film}");
 

@@ -169,6 +169,7 @@ async fn open(
             distance_mm: bench.geometry.distance_mm,
             baseline_mm: bench.geometry.baseline_mm,
             pixel_um: Some(all.pixel_um),
+            camera_px: None,
         }),
     };
     let mut ids = ids;

@@ -202,6 +202,7 @@ fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {
         wavelength_nm: None,
         band_nm: None,
         geometry: None,
+        material: None,
     })
 }
 

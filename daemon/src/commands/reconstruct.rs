@@ -3,7 +3,9 @@
 use crate::Failure;
 use crate::console::Console;
 use clap::Subcommand;
-use nacre_processing::polarimetry::{self, Metal, Model, Options, PeriodMethod, PeriodReport, Report, Smoothing};
+use nacre_processing::polarimetry::{
+    self, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report, Smoothing,
+};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -42,6 +44,10 @@ pub struct Polarization {
     /// place on the curve of the fitted film.
     #[arg(long, default_value = "auto", value_name = "MODEL")]
     model: Model,
+    /// auto takes out what oblique incidence does, where the photographs say where the camera stood and fit better with
+    /// it; off never does.
+    #[arg(long, default_value = "off", value_name = "auto|off")]
+    oblique: Oblique,
     /// Degrees added to every orientation, where one is known.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     offset_deg: f64,
@@ -95,6 +101,7 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
     let Reconstruct::Polarization(args) = command;
     let options = Options {
         model: args.model,
+        oblique: args.oblique,
         offset_deg: args.offset_deg,
         smooth: args.smooth,
         smooth_maps: args.smooth_maps,

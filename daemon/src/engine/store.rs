@@ -6,7 +6,7 @@ use crate::session::{Commit, Disk, Entry, Journal, Session, SessionFile, Timing}
 use crate::{Failure, session};
 use nacre_drivers::CameraInfo;
 use nacre_processing::Error;
-use nacre_processing::frames::{self, FrameSet, Kind, Spot, Transfer};
+use nacre_processing::frames::{self, FrameSet, Geometry, Kind, Spot, Transfer};
 use nacre_processing::image::encode_png16_gray;
 use nacre_processing::polarimetry::NoiseModel;
 use std::path::PathBuf;
@@ -207,8 +207,17 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<fra
         flat: None,
         wavelength_nm: setup.wavelength_nm,
         band_nm: setup.band_nm,
-        geometry: setup.geometry,
+        geometry: setup.geometry.map(|geometry| over(geometry, plan, camera)),
+        material: None,
     }
+}
+
+/// The same distances, with the place of the camera over the region of interest.
+fn over(geometry: Geometry, plan: &Plan, camera: &CameraInfo) -> Geometry {
+    let (Some([left, top, ..]), Some(pixel_um)) = (plan.camera.roi, geometry.pixel_um) else { return geometry };
+    let middle = [camera.width, camera.height].map(|side| 0.5 * side as f64);
+    let below = middle[0] - 500.0 * geometry.baseline_mm / pixel_um;
+    Geometry { camera_px: Some([below - f64::from(left), middle[1] - f64::from(top)]), ..geometry }
 }
 
 impl Commit {

@@ -1,6 +1,6 @@
 //! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
 
-use super::{FILE_NAME, FrameSet, Kind, Spot, Transfer};
+use super::{FILE_NAME, FrameSet, Geometry, Kind, Spot, Transfer};
 use crate::image::{Info, info};
 use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
@@ -143,6 +143,17 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
         && n.read_noise_e < 0.0
     {
         return bad("noise.read_noise_e", format!("{} is negative", n.read_noise_e), "correct the number");
+    }
+    if let Some(Geometry { distance_mm, baseline_mm, pixel_um, camera_px }) = set.geometry {
+        positive("geometry.distance_mm", Some(distance_mm))?;
+        positive("geometry.pixel_um", pixel_um)?;
+        let near = |v: f64| v.abs() <= 1e6;
+        if !near(baseline_mm) || !camera_px.is_none_or(|at| at.into_iter().all(near)) {
+            return bad("geometry", format!("{baseline_mm} mm, {camera_px:?} is no place"), "correct the numbers");
+        }
+    }
+    if let Some(problem) = set.material.and_then(|m| m.problem()) {
+        return bad("material", problem.into(), "correct the numbers");
     }
     match (set.kind, set.layout) {
         (Kind::DivisionOfFocalPlane, None) => {

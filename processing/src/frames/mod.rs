@@ -7,7 +7,7 @@ mod load;
 pub use linear::{LinearFrame, Linearizer};
 pub use load::{LoadedFrames, check, load, planned, save};
 
-use crate::polarimetry::NoiseModel;
+use crate::polarimetry::{Material, NoiseModel};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -58,6 +58,9 @@ pub struct FrameSet {
     /// Where sample, light and camera stood.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<Geometry>,
+    /// What the sample is made of (default: a film of index 1.5 on aluminium).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub material: Option<Material>,
 }
 
 /// What varies between the photographs of a set.
@@ -150,6 +153,10 @@ pub struct Geometry {
     /// Size of a pixel on the sample, in µm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixel_um: Option<f64>,
+    /// Pixel of the photographs that the camera stands over, from the left and from the top (default: half the baseline to
+    /// the left of the middle).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_px: Option<[f64; 2]>,
 }
 
 impl Frame {

@@ -76,6 +76,7 @@ pub(super) fn photograph(folder: &Path, angles: usize, exposures: &[f64], noise:
         wavelength_nm: None,
         band_nm: None,
         geometry: None,
+        material: None,
     };
     write_set(folder, &set);
     angles

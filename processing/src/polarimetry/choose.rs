@@ -3,11 +3,14 @@
 use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::curve_fit::Path;
-use super::models::{Candidate, Model, candidates, orientation};
+use super::models::{Candidate, Evidence, Model, candidates, orientation};
+use super::search::{Begin, curves};
 use serde::Serialize;
 
-/// A model that is less likely than the best by no more than this (-2 ln likelihood; 10 is 150 : 1) may be true as well.
+/// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
+/// standard deviations of chance, may be true as well: the simplest of these is taken.
 const UNDECIDED: f64 = 10.0;
+const UNDECIDED_SIGMA: f64 = 2.0;
 
 /// Points that scatter farther from every curve than this share of the curve's size, and than twice their noise, form no
 /// curve at all.
@@ -35,9 +38,13 @@ pub(super) struct Choice {
     pub candidates: Vec<Candidate>,
     /// Evidence of each, less that of the best: 0 is the likeliest.
     pub behind: Vec<f64>,
+    /// Standard deviation that its difference from the chosen one has by chance.
+    pub chance: Vec<f64>,
     /// Mean difference of its orientations from those of the chosen one, in rad.
     pub differences: Vec<f64>,
     pub chosen: usize,
+    /// -2 ln likelihood of the points under the chosen one, its parameters paid for.
+    pub likelihood: f64,
     /// How much larger than the noise the scatter about the chosen curve is, as a variance.
     pub widened: f64,
     pub reason: String,
@@ -48,16 +55,21 @@ pub(super) struct Choice {
 }
 
 /// Chooses among models by points that carry modulation; None when there are fewer than 100.
-pub(super) fn choose(points: &[CloudPoint], wanted: Model) -> Option<Choice> {
+pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> Option<Choice> {
     if points.len() < 100 {
         return None;
     }
-    let simple = candidates(points, false);
-    let enough = wanted == Model::Auto && (sinusoid_is_enough(&simple, points.len()) || points.len() < CURVE_POINTS);
-    let candidates =
-        if matches!(wanted, Model::Auto | Model::Curve) && !enough { candidates(points, true) } else { simple };
-    let widened = candidates.iter().map(|c| c.widened(points.len())).fold(f64::INFINITY, f64::min);
-    let evidence: Vec<f64> = candidates.iter().map(|c| c.evidence(points, widened)).collect();
+    let mut candidates = candidates(points);
+    let enough = wanted == Model::Auto && sinusoid_is_enough(&candidates, points.len());
+    let few = wanted == Model::Auto && points.len() < CURVE_POINTS;
+    let least = |all: &[Candidate]| all.iter().map(|c| c.widened(points.len())).fold(f64::INFINITY, f64::min);
+    if matches!(wanted, Model::Auto | Model::Curve) && !enough && !few {
+        let circle = candidates.last()?.curve;
+        candidates.extend(curves(points, &circle, begin));
+    }
+    let widened = least(&candidates);
+    let each: Vec<Evidence> = candidates.iter().map(|c| c.evidence(points, widened)).collect();
+    let evidence: Vec<f64> = each.iter().map(|e| e.total).collect();
     let likeliest = |model: Option<Model>| {
         (0..candidates.len())
             .filter(|k| model.is_none_or(|m| candidates[*k].model == m))
@@ -69,20 +81,31 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model) -> Option<Choice> {
     let explained = explains(&candidates[best], points);
     let chosen = match wanted {
         Model::Auto if !explained => likeliest(Some(Model::Sinusoid))?,
-        Model::Auto => (0..candidates.len()).find(|k| evidence[*k] <= evidence[best] + unmodelled)?,
+        Model::Auto => (0..candidates.len()).find(|k| {
+            let chance = UNDECIDED_SIGMA * each[*k].chance(&each[best]);
+            evidence[*k] <= evidence[best] + unmodelled.max(chance)
+        })?,
         model => likeliest(Some(model))?,
     };
+    let chance: Vec<f64> = each.iter().map(|e| e.chance(&each[chosen])).collect();
     let behind: Vec<f64> = evidence.iter().map(|e| e - evidence[best]).collect();
     let differences: Vec<f64> = candidates.iter().map(|c| difference(c, &candidates[chosen], points)).collect();
-    // Whatever may be true as well, the likeliest among it.
-    let rivals = (0..candidates.len()).filter(|k| behind[*k] < UNDECIDED.max(unmodelled)).map(|k| differences[k]);
+    // Whatever may be true as well costs its difference as often as it is true.
+    let of_rival = |k: usize| {
+        let ahead = behind[k] - behind[chosen] - unmodelled;
+        let odds = 0.5 * libm::erfc(ahead / chance[k].max(0.5 * UNDECIDED) / std::f64::consts::SQRT_2);
+        odds.sqrt() * differences[k]
+    };
+    let rivals = (0..candidates.len()).map(of_rival).fold(0.0, f64::max);
     let widened_here = candidates[chosen].widened(points.len());
-    let error = (explained && widened_here < UNEXPLAINED)
-        .then(|| candidates[chosen].uncertain.hypot(rivals.fold(0.0, f64::max)));
+    let known = explained && widened_here < UNEXPLAINED && candidates[chosen].curve.mirror.is_none();
+    let error = known.then(|| candidates[chosen].uncertain.hypot(rivals));
     Some(Choice {
         widened: candidates[chosen].widened(points.len()),
         reason: reason(wanted, &candidates, &behind, chosen, explained, enough),
+        likelihood: evidence[chosen],
         candidates,
+        chance,
         behind,
         differences,
         chosen,
@@ -198,10 +221,20 @@ pub struct FilmReport {
 }
 
 impl Choice {
+    /// The films of the curves among the candidates.
+    pub fn films(&self) -> Vec<super::curve::Film> {
+        self.candidates.iter().filter_map(|c| c.film).collect()
+    }
+
+    /// Scatter of the points about the curve over their noise, as a ratio of standard deviations.
+    pub fn scatter(&self) -> f64 {
+        self.widened.sqrt()
+    }
+
     /// What belongs in front of a user.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = vec![];
-        let scatter = self.widened.sqrt();
+        let scatter = self.scatter();
         if !self.explained {
             warnings.push(format!(
                 "the points (S1/S0, S2/S0) lie {scatter:.0} times farther from the curve of this model than their noise: it does \
@@ -213,15 +246,27 @@ impl Choice {
                  periods, a wrong analyser angle or photographs that do not match; how far orientations are wrong in all cannot be told"
             ));
         }
-        let rivals = self.behind.iter().zip(&self.differences).filter(|(behind, _)| **behind < UNDECIDED);
-        let difference = rivals.map(|(_, d)| *d).fold(0.0, f64::max).to_degrees();
+        if self.candidates[self.chosen].curve.mirror.is_some() {
+            warnings.push(
+                "metal without a grating is in view, and masked; what it and gratings reflect at the film's front differs, so how \
+                 far orientations are wrong in all cannot be told (up to 0.8° in simulation)"
+                    .into(),
+            );
+        }
+        let undecided = |k: &usize| {
+            let behind = self.behind[*k] - self.behind[self.chosen];
+            behind < UNDECIDED.max(UNDECIDED_SIGMA * self.chance[*k])
+        };
+        let rivals = (0..self.behind.len()).filter(undecided).map(|k| self.differences[k]);
+        let difference = rivals.fold(0.0, f64::max).to_degrees();
         if difference > 0.5 {
             warnings.push(format!(
                 "another model explains the data as well, with orientations that differ by {difference:.1}° on average: see models"
             ));
         }
         let chosen = &self.candidates[self.chosen];
-        if self.behind[self.chosen] > UNDECIDED && self.error.is_some() {
+        let undecided = UNDECIDED.max(UNDECIDED_SIGMA * self.chance[self.best()]);
+        if self.behind[self.chosen] > undecided && self.error.is_some() {
             warnings.push(format!(
                 "{} is not the likeliest model: another one gives orientations that differ by {:.1}° on average",
                 chosen.name(),
@@ -274,7 +319,7 @@ impl Candidate {
     }
 
     /// Root mean square distance of the curve from its middle.
-    fn size(&self) -> f64 {
+    pub(super) fn size(&self) -> f64 {
         let at: Vec<[f64; 2]> = (0..64).map(|k| self.curve.at(std::f64::consts::PI * f64::from(k) / 64.0)).collect();
         let middle = [0, 1].map(|k| at.iter().map(|p| p[k]).sum::<f64>() / 64.0);
         (at.iter().map(|p| (p[0] - middle[0]).powi(2) + (p[1] - middle[1]).powi(2)).sum::<f64>() / 64.0).sqrt()

@@ -4,6 +4,8 @@ use super::choose::{Choice, choose};
 use super::cloud::{CloudPoint, cloud};
 use super::curve_fit::Path;
 use super::models::{Candidate, Model, orientation};
+use super::reconstruct::{Asked, solve_model};
+use super::search::Begin;
 use super::synthetic::{Series, Spread, Synthetic, even_angles, uniform};
 use super::{MASK_SNR, angle_difference};
 use num_complex::Complex;
@@ -25,22 +27,25 @@ fn compared(scene: &Synthetic, pixels: usize, seed: u64) -> (Choice, Vec<f64>) {
     assert_eq!(points.len(), truth.len());
     let pairs: Vec<_> = points.into_iter().zip(truth).filter(|(p, _)| p.snr >= f64::from(MASK_SNR)).collect();
     let points: Vec<_> = pairs.iter().map(|(p, _)| *p).collect();
-    let choice = choose(&points, Model::Auto).unwrap();
+    let choice = choose(&points, Model::Auto, Begin::Anywhere).unwrap();
     let errors = choice.candidates.iter().map(|c| error(c, &pairs)).collect();
     (choice, errors)
 }
 
 fn told(choice: &Choice, errors: &[f64]) -> String {
-    let each = choice.candidates.iter().zip(errors).zip(&choice.behind).zip(&choice.differences);
-    let line = |(((c, error), behind), difference): (((&Candidate, &f64), &f64), &f64)| {
+    let line = |k: usize| {
+        let c = &choice.candidates[k];
         let film = c.film.map(|f| f.canonical().to_array().map(|v| (v * 1e3).round() / 1e3));
-        let (uncertain, difference) = (c.uncertain.to_degrees(), difference.to_degrees());
+        let (uncertain, difference) = (c.uncertain.to_degrees(), choice.differences[k].to_degrees());
         format!(
-            "  {} error {error:.3}° differs {difference:.3}° uncertain {uncertain:.3}° behind {behind:.1} {film:?}\n",
-            c.name()
+            "  {} error {:.3}° differs {difference:.3}° uncertain {uncertain:.3}° behind {:.1} ± {:.1} {film:?}\n",
+            c.name(),
+            errors[k],
+            choice.behind[k],
+            choice.chance[k]
         )
     };
-    each.map(line).collect()
+    (0..errors.len()).map(line).collect()
 }
 
 /// The scenes that the paper's pre-normalization fails on: films of any axis, reflectance that varies by ±40 %.
@@ -66,13 +71,18 @@ fn hard_scenes_are_right() {
                 angles: even_angles(angles),
                 ..Synthetic::default()
             };
-            let (choice, errors) = compared(&scene, 100_000, seed);
+            let (choice, errors) = compared(&scene, if std::env::var("N").is_ok() { 100_000 } else { 40_000 }, seed);
             let found = errors[choice.chosen];
             println!(
                 "r {r} ζ {zeta}° Δn {retardance}° {spread:?}: {found:.3}° by {}",
                 choice.candidates[choice.chosen].name()
             );
-            assert!(found <= most, "seed {seed} {scene:?}\n{}", told(&choice, &errors));
+            assert!(
+                found <= most,
+                "seed {seed} {scene:?}
+{}",
+                told(&choice, &errors)
+            );
         }
     }
 }
@@ -135,7 +145,7 @@ fn sigma_is_the_scatter_everywhere() {
         };
         let Series { mut maps, design, noise, truth } = scene.photograph(PIXELS, 11).unwrap();
         let points = cloud(&maps, &design, &noise, PIXELS);
-        let solved = super::reconstruct::solve_model(&mut maps, &design, &noise, Model::Auto, 0.0);
+        let solved = solve_model(&mut maps, &design, &noise, &Asked::of(Model::Auto));
         let choice = solved.choice.unwrap();
         let found = super::compare(&solved.map.orientation, &solved.map.sigma, &truth, |_| true).unwrap();
         let rows: Vec<[f64; 4]> = (0..PIXELS)

@@ -6,6 +6,8 @@ use super::{Design, FrameNoise, StokesMaps};
 /// A pixel's polarization with its covariance.
 #[derive(Clone, Copy, Debug)]
 pub struct CloudPoint {
+    /// Which pixel of the maps it is.
+    pub pixel: usize,
     /// S1/S0 and S2/S0.
     pub at: [f64; 2],
     /// Variance of the first, covariance, variance of the second.
@@ -45,8 +47,8 @@ pub fn cloud(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: us
     inside
 }
 
-/// Whether the polarization jumps at this pixel, so that the lens mixes two orientations in it: its second difference
-/// along the row or the column is more than noise.
+/// Whether the polarization jumps at this pixel, so that the lens mixes two surfaces in it: its second difference along the row
+/// or the column is more than noise.
 fn is_edge(maps: &StokesMaps, i: usize, here: &CloudPoint) -> bool {
     let (width, height) = (maps.width, maps.height);
     let (x, y) = (i % width, i / width);
@@ -78,7 +80,7 @@ fn point(maps: &StokesMaps, covariance: &Covariance, i: usize) -> Option<CloudPo
     let (square, determinant) = (at[0] * at[0] + at[1] * at[1], v[0] * v[2] - v[1] * v[1]);
     let along = (at[0] * at[0] * v[0] + 2.0 * at[0] * at[1] * v[1] + at[1] * at[1] * v[2]) / square.max(1e-300);
     let good = f64::from(a) > BRIGHT_SNR * f64::from(brightness).sqrt() && determinant > 0.0 && at[0].is_finite();
-    good.then(|| CloudPoint { at, covariance: v, snr: (square / along.max(1e-300)).sqrt() })
+    good.then(|| CloudPoint { pixel: i, at, covariance: v, snr: (square / along.max(1e-300)).sqrt() })
 }
 
 impl CloudPoint {

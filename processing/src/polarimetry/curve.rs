@@ -23,24 +23,34 @@ pub struct Film {
     pub front: Complex<f64>,
     /// How much more than a quarter wave the retarder in front of the panel delays, in rad.
     pub source_error: f64,
+    /// By what share the front reflection is less, relative to the light from below, over metal without a grating: a grating
+    /// sends part of its light into other orders.
+    pub shade: f64,
 }
 
 /// Number of parameters of [`Film`].
-pub const PARAMETERS: usize = 7;
+pub const PARAMETERS: usize = 8;
 
 impl Film {
     /// R = 1, and no film.
-    pub const NONE: Self =
-        Self { ln_r: 0.0, zeta: 0.0, retardance: 0.0, axis: 0.0, front: Complex::new(0.0, 0.0), source_error: 0.0 };
+    pub const NONE: Self = Self {
+        ln_r: 0.0,
+        zeta: 0.0,
+        retardance: 0.0,
+        axis: 0.0,
+        front: Complex::new(0.0, 0.0),
+        source_error: 0.0,
+        shade: 0.0,
+    };
 
     /// All parameters in the order of the fields.
     pub fn to_array(self) -> [f64; PARAMETERS] {
-        [self.ln_r, self.zeta, self.retardance, self.axis, self.front.re, self.front.im, self.source_error]
+        [self.ln_r, self.zeta, self.retardance, self.axis, self.front.re, self.front.im, self.source_error, self.shade]
     }
 
     /// The inverse of [`Film::to_array`].
-    pub fn from_array([ln_r, zeta, retardance, axis, re, im, source_error]: [f64; PARAMETERS]) -> Self {
-        Self { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error }
+    pub fn from_array([ln_r, zeta, retardance, axis, re, im, source_error, shade]: [f64; PARAMETERS]) -> Self {
+        Self { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, shade }
     }
 
     /// The same film with ζ from 0 to 180°, the retardance positive and the axis from 0 to 180°, using the gauge
@@ -61,20 +71,33 @@ impl Film {
         film
     }
 
+    /// `1`, `a = (R-1)/2` and `b = -(1+R)/2`, all divided by 1 + r, so that no r overflows: the points are ratios.
+    pub(super) fn amplitudes(&self) -> (f64, Complex<f64>, Complex<f64>) {
+        let (small, large) = (1.0 / (1.0 + self.ln_r.exp()), 1.0 / (1.0 + (-self.ln_r).exp()));
+        let ratio = Complex::from_polar(large, self.zeta);
+        (small, 0.5 * (ratio - small), -0.5 * (ratio + small))
+    }
+
     /// The curve.
     pub fn curve(&self) -> Curve {
         let light = Jones::retarder(FRAC_PI_4, FRAC_PI_2 + self.source_error).apply(JonesVector::linear(0.0));
         let film = Jones::retarder(self.axis, self.retardance);
-        // Divided by 1 + r, so that no r overflows; the points are ratios.
-        let (small, large) = (1.0 / (1.0 + self.ln_r.exp()), 1.0 / (1.0 + (-self.ln_r).exp()));
-        let ratio = Complex::from_polar(large, self.zeta);
-        let (a, b) = (0.5 * (ratio - small), -0.5 * (ratio + small));
+        let (small, a, b) = self.amplitudes();
         let inside = film.apply(light);
         let [x, y] = inside.0;
         let constant = film.apply(inside.scaled(a)).plus(light.scaled(self.front * small));
         let cos = film.apply(JonesVector([x, -y]).scaled(b));
         let sin = film.apply(JonesVector([y, x]).scaled(b));
         Curve::of_field(constant, cos, sin)
+    }
+
+    /// The same with the point of metal without a grating under the same film, which acts as R = -1.
+    pub fn curve_and_mirror(&self) -> Curve {
+        let light = Jones::retarder(FRAC_PI_4, FRAC_PI_2 + self.source_error).apply(JonesVector::linear(0.0));
+        let film = Jones::retarder(self.axis, self.retardance);
+        let back =
+            film.apply(film.apply(light)).scaled((-1.0).into()).plus(light.scaled(self.front * (1.0 - self.shade)));
+        self.curve().with_mirror(back)
     }
 }
 
@@ -83,6 +106,8 @@ impl Film {
 pub struct Curve {
     /// Coefficients of 1, cos 2θ, sin 2θ, cos 4θ and sin 4θ in S0, S1 and S2.
     stokes: [[f64; 5]; 3],
+    /// Where metal without a grating lies, if there is any in view.
+    pub mirror: Option<[f64; 2]>,
 }
 
 impl Curve {
@@ -90,11 +115,18 @@ impl Curve {
     pub fn circle(center: [f64; 2], radius: f64) -> Self {
         Self {
             stokes: [[1.0, 0.0, 0.0, 0.0, 0.0], [center[0], radius, 0.0, 0.0, 0.0], [center[1], 0.0, radius, 0.0, 0.0]],
+            mirror: None,
         }
     }
 
+    /// The same with the field of metal without a grating.
+    pub(super) fn with_mirror(self, field: JonesVector) -> Self {
+        let s = field.stokes();
+        Self { mirror: Some([s.s1 / s.s0, s.s2 / s.s0]), ..self }
+    }
+
     /// Of the field `u + v cos 2θ + w sin 2θ`.
-    fn of_field(u: JonesVector, v: JonesVector, w: JonesVector) -> Self {
+    pub(super) fn of_field(u: JonesVector, v: JonesVector, w: JonesVector) -> Self {
         let (uu, vv, ww) = (product(u, u), product(v, v), product(w, w));
         let (uv, uw, vw) = (product(u, v), product(u, w), product(v, w));
         Self {
@@ -108,6 +140,7 @@ impl Curve {
                     vw[j],
                 ]
             }),
+            mirror: None,
         }
     }
 
@@ -125,7 +158,12 @@ impl Curve {
     /// The point of orientation `theta` (rad) and how it moves with it.
     #[inline]
     pub fn with_tangent(&self, theta: f64) -> ([f64; 2], [f64; 2]) {
-        let (s, c) = (2.0 * theta).sin_cos();
+        self.at_turn((2.0 * theta).sin_cos())
+    }
+
+    /// The same, given sine and cosine of 2θ.
+    #[inline]
+    pub(super) fn at_turn(&self, (s, c): (f64, f64)) -> ([f64; 2], [f64; 2]) {
         let (s2, c2) = (2.0 * s * c, c * c - s * s);
         let value = |k: &[f64; 5]| k[0] + k[1] * c + k[2] * s + k[3] * c2 + k[4] * s2;
         let slope = |k: &[f64; 5]| 2.0 * (k[2] * c - k[1] * s) + 4.0 * (k[4] * c2 - k[3] * s2);
@@ -156,7 +194,7 @@ mod tests {
             ln_r in -9.0..9.0f64, zeta in -3.1..3.1f64, retardance in 0.0..1.5f64, axis in 0.0..3.1f64,
             re in -0.3..0.3f64, im in -0.3..0.3f64, source_error in -0.2..0.2f64, theta in 0.0..3.1f64,
         ) {
-            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error };
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, shade: 0.0 };
             let scene = Synthetic {
                 ratio: Complex::from_polar(ln_r.exp(), zeta), retardance, axis, front: film.front, source_error,
                 ..Synthetic::default()
@@ -178,7 +216,7 @@ mod tests {
         #[test]
         fn the_inverse_ratio_is_turned_by_90_degrees(ln_r in -1.0..1.0f64, zeta in -3.1..3.1f64, retardance in 0.0..0.5f64,
             axis in 0.0..3.1f64, theta in 0.0..3.1f64) {
-            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(0.0, 0.0), source_error: 0.0 };
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(0.0, 0.0), source_error: 0.0, shade: 0.0 };
             let other = Film { ln_r: -ln_r, zeta: -zeta, ..film };
             let (a, b) = (film.curve().at(theta), other.curve().at(theta + FRAC_PI_2));
             prop_assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9);
@@ -188,7 +226,7 @@ mod tests {
         #[test]
         fn the_canonical_film_has_the_same_curve(ln_r in -1.0..1.0f64, zeta in -9.0..9.0f64, retardance in -0.5..0.5f64,
             axis in -3.1..9.1f64, re in -0.3..0.3f64, im in -0.3..0.3f64, theta in 0.0..3.1f64) {
-            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error: 0.1 };
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error: 0.1, shade: 0.0 };
             let same = film.canonical();
             prop_assert!(same.retardance >= 0.0 && (0.0..=PI).contains(&same.zeta) && (0.0..=PI).contains(&same.axis));
             let turned = (film.zeta + PI).rem_euclid(TAU) < PI;

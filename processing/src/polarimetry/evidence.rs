@@ -7,6 +7,7 @@
 use super::cloud::CloudPoint;
 use super::curve::Curve;
 use super::curve_fit::{CAUCHY, Foot, Path, scale_of};
+use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Stretches of the curve whose lengths are added up.
@@ -16,18 +17,35 @@ const NODES: usize = 512;
 /// m-spacings), so nothing is assumed about which orientations are in view; but noise along the curve keeps any place
 /// from being more crowded than it can be.
 pub fn misfit(points: &[CloudPoint], curve: &Curve) -> f64 {
+    terms(points, curve).iter().sum()
+}
+
+/// The same point by point.
+pub fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
     let path = Path::new(*curve);
-    let feet: Vec<Foot> = points.iter().map(|p| path.foot(p)).collect();
-    let across: f64 = feet
+    let feet: Vec<Foot> = points.par_iter().with_min_len(512).map(|p| path.foot(p)).collect();
+    let limit = CAUCHY * CAUCHY;
+    // How many are mirrors is one more parameter, fitted.
+    let mirrors = feet.iter().filter(|f| f.mirror).count() as f64 / feet.len().max(1) as f64;
+    let mut terms: Vec<f64> = points
         .iter()
-        .map(|f| {
+        .zip(&feet)
+        .map(|(p, f)| {
+            let square = f.distance * f.distance;
+            if f.mirror {
+                let [a, b, c] = p.covariance;
+                let density = (TAU * TAU * (a * c - b * b)).ln();
+                return limit * (1.0 + 2.0 * square / limit).ln() + density - 2.0 * mirrors.ln();
+            }
             // The gradient's length is 1/σ across the curve.
             let [x, y] = f.gradient;
-            let limit = CAUCHY * CAUCHY;
-            limit * (1.0 + f.distance * f.distance / limit).ln() + (TAU / (x * x + y * y)).ln()
+            limit * (1.0 + square / limit).ln() + (TAU / (x * x + y * y)).ln() - 2.0 * (1.0 - mirrors).ln()
         })
-        .sum();
-    across + 2.0 * crowding(points, &feet, curve, 1.0)
+        .collect();
+    for (i, crowding) in crowding(points, &feet, curve, 1.0) {
+        terms[i] += 2.0 * crowding;
+    }
+    terms
 }
 
 /// The same for a curve that is far from fitted, with as much more noise as explains the distances.
@@ -35,14 +53,15 @@ pub fn screening(points: &[CloudPoint], curve: &Curve) -> f64 {
     let path = Path::new(*curve);
     let feet: Vec<Foot> = points.iter().map(|p| path.foot(p)).collect();
     let scale = scale_of(&feet);
-    2.0 * (points.len() as f64 * scale.ln() + crowding(points, &feet, curve, scale))
+    let crowding: f64 = crowding(points, &feet, curve, scale).iter().map(|c| c.1).sum();
+    2.0 * (points.len() as f64 * scale.ln() + crowding)
 }
 
-/// Sum over the points of -ln of their density along the curve.
-fn crowding(points: &[CloudPoint], feet: &[Foot], curve: &Curve, scale: f64) -> f64 {
-    let n = feet.len();
+/// -ln of their density along the curve, with the numbers of the points.
+fn crowding(points: &[CloudPoint], feet: &[Foot], curve: &Curve, scale: f64) -> Vec<(usize, f64)> {
+    let n = feet.iter().filter(|f| !f.mirror).count();
     if n < 4 {
-        return 0.0;
+        return vec![];
     }
     let mut length = vec![0.0; NODES + 1];
     let step = PI / NODES as f64;
@@ -55,22 +74,29 @@ fn crowding(points: &[CloudPoint], feet: &[Foot], curve: &Curve, scale: f64) -> 
     let place = |(point, foot): (&CloudPoint, &Foot)| {
         let place = foot.theta.rem_euclid(PI) / step;
         let k = (place as usize).min(NODES - 1);
-        let (x, y) = (foot.gradient[1], foot.gradient[0]);
-        let [a, b, c] = point.covariance;
-        let along = (a * x * x - 2.0 * b * x * y + c * y * y) / (x * x + y * y);
+        // The foot is the nearest place in the metric of the noise, so what is left along the curve is independent of what is
+        // across it, and both variances make the determinant.
+        let ([x, y], [a, b, c]) = (foot.gradient, point.covariance);
+        let along = (a * c - b * b) * (x * x + y * y);
         (length[k] + (length[k + 1] - length[k]) * (place - k as f64), scale * along.sqrt())
     };
-    let mut at: Vec<(f64, f64)> = points.iter().zip(feet).map(place).collect();
-    at.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut at: Vec<(usize, (f64, f64))> = points
+        .iter()
+        .zip(feet)
+        .enumerate()
+        .filter(|(_, (_, foot))| !foot.mirror)
+        .map(|(i, pair)| (i, place(pair)))
+        .collect();
+    at.sort_by(|a, b| a.1.0.total_cmp(&b.1.0));
     let m = (n as f64).sqrt() as usize;
     (0..n)
         .map(|i| {
-            let (here, noise) = at[i];
-            let next = if i + m < n { at[i + m].0 } else { at[i + m - n].0 + total };
-            let last = if i >= m { at[i - m].0 } else { at[i + n - m].0 - total };
+            let (point, (here, noise)) = at[i];
+            let next = if i + m < n { at[i + m].1.0 } else { at[i + m - n].1.0 + total };
+            let last = if i >= m { at[i - m].1.0 } else { at[i + n - m].1.0 - total };
             // The side on which it is more crowded, since the other one may be a gap between orientations.
             let spacing = (next - here).min(here - last) * n as f64 / m as f64;
-            spacing.max(TAU.sqrt() * noise).max(f64::MIN_POSITIVE).ln()
+            (point, spacing.max(TAU.sqrt() * noise).max(f64::MIN_POSITIVE).ln())
         })
-        .sum()
+        .collect()
 }

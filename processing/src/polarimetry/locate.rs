@@ -1,5 +1,6 @@
 //! Orientation, σ and mask of every pixel under a circle or a curve.
 
+use super::correction::Correction;
 use super::curve::Curve;
 use super::models::{Candidate, Model};
 use super::noise::Covariance;
@@ -19,6 +20,9 @@ const CELLS: usize = 256;
 /// deviations), and farther along than their uncertainties: the pixel is masked then.
 const RIVAL: f32 = 9.0;
 
+/// A squared distance from the mirror's place that noise hardly reaches, in squared standard deviations.
+const MIRROR: f32 = 16.0;
+
 /// Pixels farther from the curve than so many standard deviations do not follow the model; what is beyond counts as error
 /// along the curve, too.
 const OFF: f32 = 3.0;
@@ -29,10 +33,11 @@ pub(super) fn locate(
     design: &Design,
     noise: &[FrameNoise],
     model: &Candidate,
+    correction: Option<&Correction>,
     offset: f64,
 ) -> OrientationMaps {
     let place = match (model.model, model.center) {
-        (Model::Sinusoid, _) => return orient(maps, design, noise, offset),
+        (Model::Sinusoid, _) if correction.is_none() => return orient(maps, design, noise, offset),
         (_, Some(center)) => Place::Circle(Circle::new(center, &model.curve)),
         (_, None) => Place::Curve(Box::new(Table::new(model.curve))),
     };
@@ -48,9 +53,11 @@ pub(super) fn locate(
             let (a, c, s) = (0.5 * maps.s0[p], 0.5 * maps.s1[p], 0.5 * maps.s2[p]);
             let widened = misfit.factor(a, sigma[i]);
             let variance = covariance.of_ratios(p, [a, c, s]).map(|v| v * widened);
+            let point = [c / a, s / a];
+            let point = correction.map_or(point, |o| o.straightened(p, point, variance));
             let (at, found) = match &place {
-                Place::Circle(circle) => circle.locate([c / a, s / a], variance),
-                Place::Curve(table) => table.locate([c / a, s / a], variance),
+                Place::Circle(circle) => circle.locate(point, variance),
+                Place::Curve(table) => table.locate(point, variance),
             };
             sigma[i] = found.min(FRAC_PI_2);
             let carries = found <= 0.5 / MASK_SNR && a > 0.0;
@@ -98,16 +105,18 @@ impl Circle {
 }
 
 /// Leads from a point to the nearest places of a curve.
-struct Table {
+pub(super) struct Table {
     curve: Coefficients,
     low: [f32; 2],
     cells_per_unit: [f32; 2],
+    /// Where metal without a grating lies.
+    mirror: Option<[f32; 2]>,
     /// Per cell the nearest node and the nearest one of another branch, which is the same when there is none near.
     nearest: Vec<[u16; 2]>,
 }
 
 impl Table {
-    fn new(curve: Curve) -> Self {
+    pub(super) fn new(curve: Curve) -> Self {
         let nodes: Vec<[f32; 2]> =
             (0..NODES).map(|k| curve.at(PI * k as f64 / NODES as f64).map(|v| v as f32)).collect();
         let ends = |k: usize| nodes.iter().fold((f32::MAX, f32::MIN), |(l, h), p| (l.min(p[k]), h.max(p[k])));
@@ -123,15 +132,19 @@ impl Table {
                 branches(&nodes, [at(0, cell % CELLS), at(1, cell / CELLS)])
             })
             .collect();
-        Self { curve: Coefficients::new(&curve), low, cells_per_unit, nearest }
+        let mirror = curve.mirror.map(|at| at.map(|v| v as f32));
+        Self { curve: Coefficients::new(&curve), low, cells_per_unit, mirror, nearest }
     }
 
     /// Orientation and σ in rad; no finite σ where two branches are as good.
     #[inline]
-    fn locate(&self, at: [f32; 2], variance: [f32; 3]) -> (f32, f32) {
+    pub(super) fn locate(&self, at: [f32; 2], variance: [f32; 3]) -> (f32, f32) {
         let cell = |k: usize| ((at[k] - self.low[k]) * self.cells_per_unit[k]).clamp(0.0, (CELLS - 1) as f32) as usize;
         let [first, second] = self.nearest[cell(1) * CELLS + cell(0)];
         let best = self.refine(first, at, variance);
+        if self.mirror.is_some_and(|mirror| is_mirror(at, mirror, variance, best.distance2)) {
+            return (best.theta, f32::INFINITY);
+        }
         if first == second {
             return (best.theta, best.sigma());
         }
@@ -178,6 +191,20 @@ impl Table {
         let along = if slower > TOO_BENT { f32::INFINITY } else { along * (0.5 + 0.5 * slower) };
         Found { theta, along, excess, distance2 }
     }
+}
+
+/// Whether a point may be metal without a grating rather than a grating so far from the curve.
+#[inline]
+fn is_mirror(at: [f32; 2], mirror: [f32; 2], variance: [f32; 3], from_curve2: f32) -> bool {
+    let from_mirror2 = distance2(at, mirror, variance);
+    from_mirror2 < from_curve2 || (from_mirror2 < MIRROR && from_mirror2 - from_curve2 < RIVAL)
+}
+
+/// Squared distance of two points in standard deviations.
+#[inline]
+pub(super) fn distance2(p: [f32; 2], q: [f32; 2], [va, vb, vc]: [f32; 3]) -> f32 {
+    let (x, y) = (p[0] - q[0], p[1] - q[1]);
+    (vc * x * x - 2.0 * vb * x * y + va * y * y) / (va * vc - vb * vb)
 }
 
 struct Found {

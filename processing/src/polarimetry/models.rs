@@ -15,7 +15,6 @@ use super::cloud::CloudPoint;
 use super::curve::{Curve, Film};
 use super::curve_fit::{COST_OF_NOISE, Family, Fitted, Path};
 use super::evidence;
-use super::search::curves;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -50,6 +49,8 @@ pub(super) struct Candidate {
     pub curve: Curve,
     /// Centre of the circle, for models that take the phase about one.
     pub center: Option<[f64; 2]>,
+    /// -2 ln likelihood of the parameters by themselves.
+    pub prior: f64,
     /// Robust misfit in units of the noise, -2 ln likelihood.
     pub cost: f64,
     /// Error of the orientations in rad that the uncertainty of the parameters causes, root mean square.
@@ -84,9 +85,8 @@ impl std::str::FromStr for Model {
     }
 }
 
-/// Fits the circles to the points of a cloud that carry modulation, simplest first; with `all` also the curve, with more
-/// and more parameters.
-pub(super) fn candidates(points: &[CloudPoint], all: bool) -> Vec<Candidate> {
+/// Fits the circles to the points of a cloud that carry modulation, simplest first.
+pub(super) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
     let mean = mean(points);
     let about = |center: [f64; 2], model, count: usize| -> Option<Candidate> {
         let family = Family {
@@ -105,21 +105,37 @@ pub(super) fn candidates(points: &[CloudPoint], all: bool) -> Vec<Candidate> {
     let fitted = starts.iter().filter_map(|c| family.fit(points, &[c[0], c[1], radius(points, *c)], 60));
     if let Some(fitted) = fitted.min_by(|a, b| a.cost.total_cmp(&b.cost)) {
         let center = [fitted.parameters[0], fitted.parameters[1]];
-        let curve = fitted.curve;
         found.push(phase(Model::Circle, center, 3, &family, fitted, points));
-        if all {
-            found.extend(curves(points, Some(&curve)));
-        }
     }
     found
+}
+
+/// How likely the points are under a candidate.
+pub(super) struct Evidence {
+    /// -2 ln likelihood, the parameters paid for.
+    pub total: f64,
+    /// What each point adds.
+    terms: Vec<f64>,
+}
+
+impl Evidence {
+    /// Standard deviation that the difference of two has by chance (Vuong 1989): how differently the single points decide.
+    pub fn chance(&self, other: &Self) -> f64 {
+        let n = self.terms.len().max(1) as f64;
+        let differences = || self.terms.iter().zip(&other.terms).map(|(a, b)| a - b);
+        let mean = differences().sum::<f64>() / n;
+        differences().map(|d| (d - mean).powi(2)).sum::<f64>().sqrt()
+    }
 }
 
 impl Candidate {
     /// -2 ln likelihood of points whose variances are `widened` times their noise, and what its parameters must be worth
     /// (Schwarz).
-    pub(super) fn evidence(&self, points: &[CloudPoint], widened: f64) -> f64 {
+    pub(super) fn evidence(&self, points: &[CloudPoint], widened: f64) -> Evidence {
         let points: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
-        evidence::misfit(&points, &self.curve) + self.parameters as f64 * (points.len().max(2) as f64).ln()
+        let terms = evidence::terms(&points, &self.curve);
+        let paid = self.parameters as f64 * (points.len().max(2) as f64).ln();
+        Evidence { total: terms.iter().sum::<f64>() + paid + self.prior, terms }
     }
 
     /// How much larger than their noise the scatter of points about the curve is, as a variance.
@@ -143,6 +159,7 @@ fn phase(
         parameters,
         curve: fitted.curve,
         center: Some(center),
+        prior: fitted.prior,
         cost: fitted.cost,
         uncertain,
         film: None,

@@ -1,8 +1,9 @@
 //! The whole job: a set of photographs to maps, pictures and a report in a new folder.
 
 use super::aligned::smoothed_noise;
-use super::choose::{Choice, choose};
+use super::choose::Choice;
 use super::cloud::cloud;
+use super::correction::{Corrected, Stand, choose_corrected};
 use super::locate::locate;
 use super::merge::Merge;
 use super::report::{Pixels, Report};
@@ -10,8 +11,8 @@ use super::running::noise_of_bracket;
 use super::views::View;
 use super::weighted::{scale_variances, variance_factor};
 use super::{
-    CircleCheck, Design, FrameNoise, MASK_SNR, Model, NoiseSource, OrientationMaps, PeriodMethod, Running, Smoothing,
-    StokesMaps, check_circle, estimate_noise, orient,
+    CircleCheck, Design, FrameNoise, MASK_SNR, Material, Model, NoiseSource, Oblique, ObliqueReport, OrientationMaps,
+    PeriodMethod, Running, Smoothing, StokesMaps, check_circle, estimate_noise, orient,
 };
 use crate::frames::{Linearizer, LoadedFrames, load};
 use crate::image::OutputFolder;
@@ -24,6 +25,8 @@ use std::path::Path;
 pub struct Options {
     /// The model.
     pub model: Model,
+    /// Whether oblique incidence is taken out.
+    pub oblique: Oblique,
     /// Added to every orientation, to fix the gauge (degrees).
     pub offset_deg: f64,
     /// How orientations are smoothed in pictures.
@@ -77,21 +80,42 @@ pub(super) struct Solved {
     pub choice: Option<Choice>,
     /// Points that the models were compared on.
     pub points: usize,
+    /// What was done about oblique incidence.
+    pub oblique: Option<ObliqueReport>,
+}
+
+/// What is asked of a solution.
+pub(super) struct Asked {
+    pub model: Model,
+    /// Added to every orientation, in rad.
+    pub offset: f64,
+    /// Where the camera stands, if that is to be looked at.
+    pub stand: Option<(Stand, Material)>,
+    /// Pixels that models are fitted to and compared on.
+    pub pixels: usize,
+}
+
+impl Asked {
+    /// This model, and nothing else.
+    pub(super) fn of(model: Model) -> Self {
+        Self { model, offset: 0.0, stand: None, pixels: CLOUD }
+    }
+
+    /// What the user wants of these photographs.
+    pub(super) fn by(options: &Options, frames: &LoadedFrames, views: &[View]) -> Self {
+        let size = [frames.info.width, frames.info.height];
+        let geometry = frames.set.geometry.filter(|_| options.oblique == Oblique::Auto);
+        let stand = geometry.and_then(|g| Stand::new(&g, size, views.first().map_or(1, |v| v.block)));
+        Self {
+            offset: options.offset_deg.to_radians(),
+            stand: stand.map(|stand| (stand, frames.set.material.unwrap_or_default())),
+            ..Self::of(options.model)
+        }
+    }
 }
 
 /// Pixels that models are fitted to and compared on.
 pub(crate) const CLOUD: usize = 100_000;
-
-/// From intensities to orientations.
-pub(super) fn solve_model(
-    maps: &mut StokesMaps,
-    design: &Design,
-    noise: &[FrameNoise],
-    model: Model,
-    offset: f64,
-) -> Solved {
-    solve_on(maps, design, noise, model, offset, CLOUD)
-}
 
 /// Orientations alone, with models fitted to and compared on so many pixels: for charts.
 pub(crate) fn orient_with(
@@ -101,26 +125,23 @@ pub(crate) fn orient_with(
     model: Model,
     pixels: usize,
 ) -> OrientationMaps {
-    solve_on(maps, design, noise, model, 0.0, pixels).map
+    solve_model(maps, design, noise, &Asked { pixels, ..Asked::of(model) }).map
 }
 
-fn solve_on(
-    maps: &mut StokesMaps,
-    design: &Design,
-    noise: &[FrameNoise],
-    model: Model,
-    offset: f64,
-    pixels: usize,
-) -> Solved {
-    let mut points = cloud(maps, design, noise, pixels);
+/// From intensities to orientations.
+pub(super) fn solve_model(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> Solved {
+    let mut points = cloud(maps, design, noise, asked.pixels);
     points.retain(|p| p.snr >= f64::from(MASK_SNR));
-    let choice = choose(&points, model);
-    let map = match &choice {
-        Some(choice) => locate(maps, design, noise, &choice.candidates[choice.chosen], offset),
-        None => orient(maps, design, noise, offset),
+    let count = points.len();
+    let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked.model, asked.stand) else {
+        let map = orient(maps, design, noise, asked.offset);
+        return Solved { circle: check_circle(maps, &map), map, choice: None, points: count, oblique: None };
     };
-    let circle = check_circle(maps, &map);
-    Solved { map, circle, choice, points: points.len() }
+    let chosen = &choice.candidates[choice.chosen];
+    let map = locate(maps, design, noise, chosen, correction.as_ref(), asked.offset);
+    // The check looks at the points as they are.
+    let circle = if correction.is_none() { check_circle(maps, &map) } else { None };
+    Solved { map, circle, choice: Some(choice), points: count, oblique: report }
 }
 
 /// Refuses sets in which no pixel can be used at all.
@@ -197,7 +218,10 @@ pub(super) fn reported(
 ) -> Report {
     let choice = solved.choice.as_ref().map(|c| (c, solved.points));
     let pixels = Pixels::count(maps, &solved.map);
-    Report::new(frames, options, design, noise, pixels, solved.circle, choice)
+    Report {
+        oblique: solved.oblique.clone(),
+        ..Report::new(frames, options, design, noise, pixels, solved.circle, choice)
+    }
 }
 
 /// Evens out illumination and vignetting: a common factor per pixel that no orientation depends on.

@@ -3,7 +3,8 @@
 use super::choose::Choice;
 use super::smooth::SPACE_SIGMA_PX;
 use super::{
-    Alignment, CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, Options, PeriodReport, Smoothing,
+    Alignment, CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, ObliqueReport, Options, PeriodReport,
+    Smoothing,
 };
 use crate::frames::LoadedFrames;
 use serde::Serialize;
@@ -43,6 +44,8 @@ pub struct Report {
     pub smoothing: SmoothingReport,
     /// The map of periods, if one was asked for.
     pub period: Option<PeriodReport>,
+    /// What was done about oblique incidence; none where photographs do not say where the camera stood.
+    pub oblique: Option<ObliqueReport>,
     /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
     pub offset_deg: f64,
     /// Analyser angles in the order of the frames.
@@ -167,6 +170,7 @@ impl Report {
                 map: options.smooth_maps,
             },
             period: None,
+            oblique: None,
             offset_deg: options.offset_deg,
             analyser_deg: match set.layout {
                 Some(layout) => layout.concat().repeat(set.frames.len()),
@@ -193,7 +197,8 @@ impl Report {
 fn error_estimate(pixels: &Pixels, circle: Option<&CircleCheck>, choice: Option<&Choice>) -> Option<f64> {
     let (sigma, choice) = (pixels.sigma_median_deg?, choice?);
     match choice.candidates[choice.chosen].model {
-        Model::Sinusoid => {
+        // With oblique incidence taken out there is no check on the raw points.
+        Model::Sinusoid if circle.is_some() => {
             let circle = circle.filter(|c| c.bias_is_known())?;
             Some(sigma.hypot(circle.bias_deg?))
         }

@@ -4,7 +4,7 @@ use super::aligned::{alignment, correlated, fit_moved_back};
 use super::merge::{Merge, clear_of_white};
 use super::noise::ASSUMED;
 use super::output::Writer;
-use super::reconstruct::{check_light, divide_by_flat, noise_of, reported, solve_model};
+use super::reconstruct::{Asked, check_light, divide_by_flat, noise_of, reported, solve_model};
 use super::views::{View, brackets, views};
 use super::weighted::WeightedFit;
 use super::{Alignment, Design, Fit, FrameNoise, NoiseSource, Options, Report, StokesMaps, smooth};
@@ -202,7 +202,7 @@ impl Running {
         check_light(&frames, &maps, &linearizer)?;
         let shifts = alignment.as_ref().filter(|a| a.corrected).map(|a| a.shifts_px.as_slice());
         let (noise, source) = noise_of(&frames, &linearizer, &brackets, &views, &mut maps, &design, shifts);
-        let mut solved = solve_model(&mut maps, &design, &noise, options.model, options.offset_deg.to_radians());
+        let mut solved = solve_model(&mut maps, &design, &noise, &Asked::by(options, &frames, &views));
         divide_by_flat(&frames, &linearizer, &mut maps)?;
         // From the pixels as measured: their σ is that of the polarization, too.
         let periods = period.map(|p| p.tell(&maps, &solved.map)).transpose()?;

@@ -14,10 +14,11 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 const TRIED: usize = 200;
 const FOLLOWED: usize = 400;
 const LAST: usize = 4000;
-const MORE: usize = 20_000;
+const MORE: usize = 12_000;
 
-/// Curves that are followed, and that are fitted to more points.
+/// Curves that are tried for a few steps, that are followed, and that are fitted to more points.
 const STARTS: usize = 120;
+const KEPT: usize = 40;
 const FINALISTS: usize = 6;
 
 /// Orientations that differ by no more than this in rad are the same.
@@ -25,32 +26,69 @@ const SAME: f64 = 4e-3;
 
 /// How far parameters may be expected from 0, where the points do not tell: ln r, retardance and front reflection of
 /// packaging films, a retarder within a few degrees.
-const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1, 0.1, 0.03];
+const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1, 0.1, 0.03, 0.5];
 
 /// And how far at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
-const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1];
+const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1, 1.0];
 
-/// The sets of parameters that are fitted, and what of the light they add to the film.
-const FAMILIES: [(&[usize], &[&str]); 3] =
+/// The parameter that only mirrors have.
+const SHADE: usize = 7;
+
+/// A set of parameters that is fitted, and what of the light it adds to the film.
+type Set = (&'static [usize], &'static [&'static str]);
+const SETS: [Set; 3] =
     [(&[0, 1, 2, 3], &[]), (&[0, 1, 2, 3, 4, 5], &["front"]), (&[0, 1, 2, 3, 4, 5, 6], &["front", "source"])];
 
-/// The curve with four, six and seven free parameters. Each is begun where the one before ended and at many other places,
-/// and once more where the ones with more parameters ended.
-pub(super) fn curves(points: &[CloudPoint], circle: Option<&Curve>) -> Vec<Candidate> {
-    let samples = Samples { all: points, last: thinned(points, LAST), followed: thinned(points, FOLLOWED) };
-    let mut begun = starts(&thinned(points, TRIED), circle);
-    let mut found: Vec<Option<Film>> = vec![];
-    for (free, _) in FAMILIES {
-        let films = samples.search(free, &begun);
-        begun.splice(0..0, films.iter().copied());
-        begun.truncate(STARTS);
-        found.push(films.into_iter().next());
+/// The same with metal without a grating in view.
+const MIRROR_SETS: [Set; 3] = [
+    (&[0, 1, 2, 3], &["mirror"]),
+    (&[0, 1, 2, 3, 4, 5, SHADE], &["front", "mirror"]),
+    (&[0, 1, 2, 3, 4, 5, 6, SHADE], &["front", "source", "mirror"]),
+];
+
+/// Where a search begins.
+#[derive(Clone, Copy)]
+pub(super) enum Begin<'a> {
+    /// At films of all kinds.
+    Anywhere,
+    /// At these, from a search on nearly the same points.
+    At(&'a [Film]),
+}
+
+/// Points that scatter this much more about every curve (as a variance) than their noise may be metal without a grating.
+const MIRRORS_IN_VIEW: f64 = 1.2;
+
+/// The curve with four, six and seven free parameters, and with metal without a grating where that explains the points
+/// better.
+pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) -> Vec<Candidate> {
+    let of = |count| thinned(points, count);
+    let samples = Samples { all: points, last: of(LAST), followed: of(FOLLOWED), tried: of(TRIED) };
+    let begun = match begin {
+        Begin::Anywhere => starts(&samples.tried, circle),
+        Begin::At(films) => films.to_vec(),
+    };
+    let mut found = samples.search_all(&SETS, begun.clone());
+    if found.widened > MIRRORS_IN_VIEW {
+        let with_mirrors = samples.search_all(&MIRROR_SETS, begun);
+        if with_mirrors.score < found.score {
+            found = with_mirrors;
+        }
     }
-    let each = FAMILIES.iter().enumerate().filter_map(|(k, (free, extended))| {
-        let films: Vec<Film> = found[k..].iter().flatten().copied().collect();
-        samples.finish(free, extended, &films)
+    let each = found.films.iter().enumerate().flat_map(|(k, (set, _))| {
+        let films: Vec<Film> = found.films[k..].iter().flat_map(|(_, films)| films).copied().collect();
+        samples.finish(set, &films)
     });
     each.collect()
+}
+
+/// What a search has found.
+struct Found {
+    /// Per set of parameters the most promising films.
+    films: Vec<(Set, Vec<Film>)>,
+    /// -2 ln likelihood of the best.
+    score: f64,
+    /// Scatter of the points about the best over their noise, as a variance.
+    widened: f64,
 }
 
 /// Points to fit, in smaller and smaller samples.
@@ -58,42 +96,83 @@ struct Samples<'a> {
     all: &'a [CloudPoint],
     last: Vec<CloudPoint>,
     followed: Vec<CloudPoint>,
+    tried: Vec<CloudPoint>,
 }
 
 impl Samples<'_> {
-    /// The best films of a family, best first.
-    fn search(&self, free: &[usize], begun: &[Film]) -> Vec<Film> {
-        with_family(free, |family, film| {
-            let fits = begun.par_iter().filter_map(|start| family.fit(&self.followed, &taken(free, start), 25));
+    /// Searches with one set of parameters after the other. Each is begun where the one before ended and at many other places.
+    fn search_all(&self, sets: &[Set], mut begun: Vec<Film>) -> Found {
+        let mut found = Found { films: vec![], score: f64::INFINITY, widened: f64::INFINITY };
+        for set in sets {
+            let fits = self.search(set, &begun);
+            let films: Vec<Film> = fits.iter().map(|(_, _, film)| *film).collect();
+            begun.splice(0..0, films.iter().take(3).flat_map(with_fronts));
+            begun.splice(0..0, films.iter().copied());
+            begun.truncate(STARTS);
+            if let Some((score, cost, _)) = fits.first() {
+                found.score = found.score.min(*score);
+                found.widened = found.widened.min(widened(*cost, self.last.len()));
+            }
+            found.films.push((*set, films.into_iter().take(2).collect()));
+        }
+        found
+    }
+
+    /// The best films of a set with their -2 ln likelihood and cost, best first.
+    fn search(&self, set: &Set, begun: &[Film]) -> Vec<(f64, f64, Film)> {
+        let free = set.0;
+        with_family(set, |family, film| {
+            let fits = begun.par_iter().filter_map(|start| family.fit(&self.tried, &taken(free, start), 8));
+            let mut tried = best_first(fits, |f| evidence::misfit(&self.tried, &f.curve));
+            tried.truncate(KEPT);
+            let fits = tried.par_iter().filter_map(|f| family.fit(&self.followed, &f.parameters, 25));
             let first = distinct(best_first(fits, |f| evidence::misfit(&self.followed, &f.curve)));
             let fits = first.par_iter().filter_map(|f| family.fit(&self.last, &f.parameters, 30));
-            best_first(fits, |f| evidence::misfit(&self.last, &f.curve)).iter().map(|f| film(&f.parameters)).collect()
+            let score = |f: &Fitted| evidence::misfit(&self.last, &f.curve) + f.prior;
+            let best = best_first(fits, score);
+            best.iter().map(|f| (score(f), f.cost, film(&f.parameters))).collect()
         })
     }
 
-    /// The candidate of a family from the most promising films.
-    fn finish(&self, free: &[usize], extended: &'static [&'static str], films: &[Film]) -> Option<Candidate> {
-        with_family(free, |family, film| {
+    /// The candidates of a set from the most promising films: the best one, and what explains the points as well with other
+    /// orientations.
+    fn finish(&self, set: &Set, films: &[Film]) -> Vec<Candidate> {
+        let (free, extended) = *set;
+        with_family(set, |family, film| {
             let fits = films.par_iter().filter_map(|start| family.fit(&self.last, &taken(free, start), 30));
-            let near = distinct(best_first(fits, |f| evidence::misfit(&self.last, &f.curve)));
+            let near = distinct(best_first(fits, |f| evidence::misfit(&self.last, &f.curve) + f.prior));
             // In a narrow bent valley a small sample ends anywhere along it.
             let more = thinned(self.all, MORE);
-            let fits = near.par_iter().take(4).filter_map(|f| family.fit(&more, &f.parameters, 60));
-            let near = best_first(fits, |f| evidence::misfit(&more, &f.curve));
-            let fits = near.par_iter().take(3).filter_map(|f| family.fit(self.all, &f.parameters, 20));
-            let best = best_first(fits, |f| evidence::misfit(self.all, &f.curve)).into_iter().next()?;
-            Some(Candidate {
+            let fits = near.par_iter().take(3).filter_map(|f| family.fit(&more, &f.parameters, 60));
+            let near = best_first(fits, |f| evidence::misfit(&more, &f.curve) + f.prior);
+            let fits = near.par_iter().take(2).filter_map(|f| family.fit(self.all, &f.parameters, 10));
+            // What ends at a limit of what more there may be has taken something else for it.
+            let inside = |f: &Fitted| {
+                let mut more = free.iter().zip(&f.parameters).filter(|(k, _)| (4..SHADE).contains(*k));
+                more.all(|(k, p)| p.abs() < 0.99 * LIMITS[*k])
+            };
+            let fits = fits.filter(inside);
+            let near = distinct(best_first(fits, |f| evidence::misfit(self.all, &f.curve) + f.prior));
+            let candidates = near.into_iter().take(2).map(|fit| Candidate {
                 model: Model::Curve,
                 extended,
-                parameters: free.len(),
-                curve: best.curve,
+                parameters: free.len() + usize::from(mirrors(set)),
+                curve: fit.curve,
                 center: None,
-                cost: best.cost,
-                uncertain: family.spread(&best, &thinned(self.all, 500), widened(best.cost, self.all.len())),
-                film: Some(film(&best.parameters)),
-            })
+                prior: fit.prior,
+                cost: fit.cost,
+                uncertain: family.spread(&fit, &thinned(self.all, 500), widened(fit.cost, self.all.len())),
+                film: Some(film(&fit.parameters)),
+            });
+            candidates.collect()
         })
     }
+}
+
+/// The same film with front reflections of all phases, weaker over mirrors: from none, a fit may end at another minimum.
+fn with_fronts(film: &Film) -> Vec<Film> {
+    let fronts = (0..8).map(|k| Complex::from_polar(0.1, FRAC_PI_4 * f64::from(k)));
+    fronts.map(|front| Film { front: film.front + front, shade: 0.5, ..*film }).collect()
 }
 
 /// The parameters of a film that are free.
@@ -102,8 +181,14 @@ fn taken(free: &[usize], film: &Film) -> Vec<f64> {
     free.iter().map(|k| all[*k].clamp(-LIMITS[*k], LIMITS[*k])).collect()
 }
 
+/// Whether a set takes some points for metal without a grating.
+fn mirrors(set: &Set) -> bool {
+    set.1.contains(&"mirror")
+}
+
 /// Does something with the family of films whose other parameters are 0, and the film of its parameters.
-fn with_family<T>(free: &[usize], work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T) -> T {
+fn with_family<T>(set: &Set, work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T) -> T {
+    let (free, mirrors) = (set.0, mirrors(set));
     let film = |p: &[f64]| {
         let mut all = [0.0; PARAMETERS];
         for (k, value) in free.iter().zip(p) {
@@ -113,7 +198,8 @@ fn with_family<T>(free: &[usize], work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]
     };
     let of = |all: &[f64; PARAMETERS]| -> Vec<f64> { free.iter().map(|k| all[*k]).collect() };
     let (expected, limits) = (of(&EXPECTED), of(&LIMITS));
-    work(&Family { curve: &|p: &[f64]| film(p).curve(), expected: &expected, limits: &limits }, &film)
+    let curve = |p: &[f64]| if mirrors { film(p).curve_and_mirror() } else { film(p).curve() };
+    work(&Family { curve: &curve, expected: &expected, limits: &limits }, &film)
 }
 
 fn best_first(fits: impl ParallelIterator<Item = Fitted>, score: impl Fn(&Fitted) -> f64 + Sync) -> Vec<Fitted> {
@@ -139,7 +225,7 @@ fn same_orientations(a: &Curve, b: &Curve) -> bool {
     let turns: Vec<f64> = (0..PLACES)
         .map(|k| {
             let theta = PI * k as f64 / PLACES as f64;
-            let point = CloudPoint { at: a.at(theta), covariance: [1.0, 0.0, 1.0], snr: 0.0 };
+            let point = CloudPoint { pixel: 0, at: a.at(theta), covariance: [1.0, 0.0, 1.0], snr: 0.0 };
             path.foot(&point).theta - theta
         })
         .collect();
@@ -150,7 +236,7 @@ fn same_orientations(a: &Curve, b: &Curve) -> bool {
 
 /// The most promising of a grid of films, and of those that a circle through the points can mean. Promising is a curve
 /// that is near to the points, or near for its length.
-fn starts(points: &[CloudPoint], circle: Option<&Curve>) -> Vec<Film> {
+fn starts(points: &[CloudPoint], circle: &Curve) -> Vec<Film> {
     let near = |film: &Film| {
         let path = Path::new(film.curve());
         points.iter().map(|p| path.foot(p).distance.abs().min(1e6)).sum::<f64>()
@@ -162,7 +248,7 @@ fn starts(points: &[CloudPoint], circle: Option<&Curve>) -> Vec<Film> {
         begun.extend(best(films, STARTS / 8, near));
         begun.extend(best(films, STARTS / 8, near_for_its_length));
     }
-    let groups = circle.map(explanations).unwrap_or_default();
+    let groups = explanations(circle);
     let each = STARTS / 2 / groups.len().max(1);
     begun.extend(groups.iter().flat_map(|films| best(films, each, near_for_its_length)));
     begun

@@ -4,7 +4,7 @@ mod check;
 mod defaults;
 
 use crate::random::{key, normals};
-use crate::surface::SampleConfig;
+use crate::surface::{SampleConfig, SampleKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -291,8 +291,13 @@ impl BenchConfig {
 
     /// Diameter of the white disc in mm.
     pub fn disc_mm(&self) -> f64 {
-        let field = self.sample.field_mm();
-        // The mirror directions of the field's corners reach twice as far on the panel.
-        self.panel.disc_mm.unwrap_or((2.0 * 2f64.sqrt() * field + 2.0 * self.camera.aperture_mm).max(180.0))
+        let aperture = self.camera.aperture_mm;
+        // The mirror directions of the field's corners reach twice as far on the panel. A compact disc has no corners, and a
+        // larger light brings its first orders in, which are brighter than the mirrored light.
+        let needed = match self.sample.kind {
+            SampleKind::Cd => 2.0 * self.sample.size_mm() + aperture,
+            _ => 2.0 * 2f64.sqrt() * self.sample.field_mm() + 2.0 * aperture,
+        };
+        self.panel.disc_mm.unwrap_or(needed.max(180.0))
     }
 }
