@@ -7,6 +7,7 @@
 mod bench;
 mod blur;
 mod camera;
+pub mod charts;
 mod config;
 mod devices;
 mod optics;

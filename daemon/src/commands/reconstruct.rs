@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::console::Console;
 use clap::Subcommand;
 use nacre_processing::polarimetry::{
-    self, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report, Smoothing,
+    self, Align, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report, Smoothing,
 };
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -44,6 +44,9 @@ pub struct Polarization {
     /// place on the curve of the fitted film.
     #[arg(long, default_value = "auto", value_name = "MODEL")]
     model: Model,
+    /// auto moves photographs that lie shifted against each other back, where that is worth it; off leaves them.
+    #[arg(long, default_value = "auto", value_name = "auto|off")]
+    align: Align,
     /// auto takes out what oblique incidence does, where the photographs say where the camera stood and fit better with
     /// it; off never does.
     #[arg(long, default_value = "off", value_name = "auto|off")]
@@ -101,6 +104,7 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
     let Reconstruct::Polarization(args) = command;
     let options = Options {
         model: args.model,
+        align: args.align,
         oblique: args.oblique,
         offset_deg: args.offset_deg,
         smooth: args.smooth,

@@ -21,7 +21,7 @@ mod worker;
 use crate::Failure;
 use live::Live;
 use nacre_processing::Error;
-use nacre_processing::polarimetry::{Model, Oblique, Options, PeriodMethod, Smoothing};
+use nacre_processing::polarimetry::{Align, Model, Oblique, Options, PeriodMethod, Smoothing};
 use nacre_processing::progress::Progress;
 use record::Record;
 use serde::{Deserialize, Serialize};
@@ -69,6 +69,7 @@ impl Spec {
     pub fn options(&self, model: Model) -> Options {
         Options {
             model,
+            align: Align::Auto,
             oblique: Oblique::Off,
             offset_deg: self.offset_deg,
             smooth: self.smooth,

@@ -6,12 +6,36 @@ use super::running::{Running, Sums, noise_of_bracket, read};
 use crate::Result;
 use crate::image::registration::{Registrar, Registration, Resampler, Shift};
 use crate::progress::Progress;
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// Root mean square shift in pixels from which moving photographs back gains more at edges than resampling them costs, and
 /// how many standard deviations it must have.
 const WORTH_PX: f64 = 0.05;
 const WORTH_SIGMA: f64 = 3.0;
+
+/// Whether photographs that are shifted against each other are moved back.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Align {
+    /// Where the shifts are worth it.
+    #[default]
+    Auto,
+    /// Never; the shifts are told all the same.
+    Off,
+}
+
+impl std::str::FromStr for Align {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "off" => Ok(Self::Off),
+            _ => Err(format!("{text:?} is neither auto nor off")),
+        }
+    }
+}
 
 /// How far the photographs are shifted against each other.
 #[derive(Clone, Debug, Serialize)]

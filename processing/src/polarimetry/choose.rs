@@ -98,7 +98,9 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
     };
     let rivals = (0..candidates.len()).map(of_rival).fold(0.0, f64::max);
     let widened_here = candidates[chosen].widened(points.len());
-    let known = explained && widened_here < UNEXPLAINED && candidates[chosen].curve.mirror.is_none();
+    // What metal without a grating scatters, or reflects at its front, is only right where the points lie on the curve.
+    let limit = if candidates[chosen].curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
+    let known = explained && widened_here < limit;
     let error = known.then(|| candidates[chosen].uncertain.hypot(rivals));
     Some(Choice {
         widened: candidates[chosen].widened(points.len()),
@@ -218,6 +220,8 @@ pub struct FilmReport {
     pub front_phase_deg: f64,
     /// What the retarder delays beyond a quarter wave, in degrees.
     pub source_error_deg: f64,
+    /// Share of the light that has no polarization.
+    pub stray: f64,
 }
 
 impl Choice {
@@ -247,11 +251,9 @@ impl Choice {
             ));
         }
         if self.candidates[self.chosen].curve.mirror.is_some() {
-            warnings.push(
-                "metal without a grating is in view, and masked; what it and gratings reflect at the film's front differs, so how \
-                 far orientations are wrong in all cannot be told (up to 0.8° in simulation)"
-                    .into(),
-            );
+            let unknown =
+                if self.error.is_some() { "" } else { "; how far orientations are wrong in all cannot be told" };
+            warnings.push(format!("metal without a grating is in view, and masked{unknown}"));
         }
         let undecided = |k: &usize| {
             let behind = self.behind[*k] - self.behind[self.chosen];
@@ -308,6 +310,7 @@ impl FilmReport {
             front: film.front.norm(),
             front_phase_deg: film.front.arg().to_degrees(),
             source_error_deg: film.source_error.to_degrees(),
+            stray: film.stray,
         }
     }
 }

@@ -71,7 +71,7 @@ fn hard_scenes_are_right() {
                 angles: even_angles(angles),
                 ..Synthetic::default()
             };
-            let (choice, errors) = compared(&scene, if std::env::var("N").is_ok() { 100_000 } else { 40_000 }, seed);
+            let (choice, errors) = compared(&scene, 40_000, seed);
             let found = errors[choice.chosen];
             println!(
                 "r {r} ζ {zeta}° Δn {retardance}° {spread:?}: {found:.3}° by {}",

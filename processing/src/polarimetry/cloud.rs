@@ -26,6 +26,9 @@ const JUMP: f64 = 3.5;
 /// Edges are left out if at least so many points remain.
 const INSIDE: usize = 1000;
 
+/// And their neighbours, if at least so many do.
+const FLAT: usize = 20_000;
+
 /// At most `count` pixels, evenly over the image, that are bright enough to have a polarization.
 pub fn cloud(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: usize) -> Vec<CloudPoint> {
     let covariance = Covariance::new(design, noise, &maps.covariance);
@@ -44,7 +47,16 @@ pub fn cloud(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: us
     if inside.len() < INSIDE {
         return points.into_iter().map(|(_, p)| p).collect();
     }
-    inside
+    // Half-way up the ramp that the lens makes of an edge the second difference is nothing, but not beside it.
+    let flat: Vec<CloudPoint> = inside.iter().filter(|p| !beside_edge(maps, &covariance, p.pixel)).copied().collect();
+    if flat.len() < FLAT { inside } else { flat }
+}
+
+/// Whether a pixel next to this one is an edge.
+fn beside_edge(maps: &StokesMaps, covariance: &Covariance, i: usize) -> bool {
+    let width = maps.width;
+    let edge = |i: usize| i < maps.s0.len() && point(maps, covariance, i).is_none_or(|p| is_edge(maps, i, &p));
+    [i.wrapping_sub(1), i + 1, i.wrapping_sub(width), i + width].into_iter().any(edge)
 }
 
 /// Whether the polarization jumps at this pixel, so that the lens mixes two surfaces in it: its second difference along the row

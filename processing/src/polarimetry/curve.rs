@@ -23,13 +23,15 @@ pub struct Film {
     pub front: Complex<f64>,
     /// How much more than a quarter wave the retarder in front of the panel delays, in rad.
     pub source_error: f64,
+    /// Share of the light that has no polarization: from around the bench, or scattered. It draws all points to the origin.
+    pub stray: f64,
     /// By what share the front reflection is less, relative to the light from below, over metal without a grating: a grating
     /// sends part of its light into other orders.
     pub shade: f64,
 }
 
 /// Number of parameters of [`Film`].
-pub const PARAMETERS: usize = 8;
+pub const PARAMETERS: usize = 9;
 
 impl Film {
     /// R = 1, and no film.
@@ -40,17 +42,20 @@ impl Film {
         axis: 0.0,
         front: Complex::new(0.0, 0.0),
         source_error: 0.0,
+        stray: 0.0,
         shade: 0.0,
     };
 
     /// All parameters in the order of the fields.
     pub fn to_array(self) -> [f64; PARAMETERS] {
-        [self.ln_r, self.zeta, self.retardance, self.axis, self.front.re, self.front.im, self.source_error, self.shade]
+        let front = self.front;
+        let plates = [self.ln_r, self.zeta, self.retardance, self.axis, front.re, front.im, self.source_error];
+        std::array::from_fn(|k| plates.get(k).copied().unwrap_or(if k == 7 { self.stray } else { self.shade }))
     }
 
     /// The inverse of [`Film::to_array`].
-    pub fn from_array([ln_r, zeta, retardance, axis, re, im, source_error, shade]: [f64; PARAMETERS]) -> Self {
-        Self { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, shade }
+    pub fn from_array([ln_r, zeta, retardance, axis, re, im, source_error, stray, shade]: [f64; PARAMETERS]) -> Self {
+        Self { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, stray, shade }
     }
 
     /// The same film with ζ from 0 to 180°, the retardance positive and the axis from 0 to 180°, using the gauge
@@ -88,7 +93,7 @@ impl Film {
         let constant = film.apply(inside.scaled(a)).plus(light.scaled(self.front * small));
         let cos = film.apply(JonesVector([x, -y]).scaled(b));
         let sin = film.apply(JonesVector([y, x]).scaled(b));
-        Curve::of_field(constant, cos, sin)
+        Curve::of_field(constant, cos, sin).with_stray(self.stray)
     }
 
     /// The same with the point of metal without a grating under the same film, which acts as R = -1.
@@ -97,7 +102,12 @@ impl Film {
         let film = Jones::retarder(self.axis, self.retardance);
         let back =
             film.apply(film.apply(light)).scaled((-1.0).into()).plus(light.scaled(self.front * (1.0 - self.shade)));
-        self.curve().with_mirror(back)
+        self.curve().with_mirror(back, self.stray_over_mirrors())
+    }
+
+    /// Share of stray light over metal without a grating, which reflects more: amplitudes are as their front reflections.
+    pub(super) fn stray_over_mirrors(&self) -> f64 {
+        self.stray * (1.0 - self.shade).powi(2)
     }
 }
 
@@ -119,10 +129,17 @@ impl Curve {
         }
     }
 
-    /// The same with the field of metal without a grating.
-    pub(super) fn with_mirror(self, field: JonesVector) -> Self {
+    /// The same with the field of metal without a grating, and this share of stray light there.
+    pub(super) fn with_mirror(self, field: JonesVector, stray: f64) -> Self {
         let s = field.stokes();
-        Self { mirror: Some([s.s1 / s.s0, s.s2 / s.s0]), ..self }
+        Self { mirror: Some([s.s1, s.s2].map(|v| v / s.s0 * (1.0 - stray))), ..self }
+    }
+
+    /// The same with this share of light without polarization.
+    pub(super) fn with_stray(self, share: f64) -> Self {
+        let [s0, s1, s2] = self.stokes;
+        let less = |row: [f64; 5]| row.map(|v| v * (1.0 - share));
+        Self { stokes: [s0, less(s1), less(s2)], ..self }
     }
 
     /// Of the field `u + v cos 2θ + w sin 2θ`.
@@ -194,7 +211,7 @@ mod tests {
             ln_r in -9.0..9.0f64, zeta in -3.1..3.1f64, retardance in 0.0..1.5f64, axis in 0.0..3.1f64,
             re in -0.3..0.3f64, im in -0.3..0.3f64, source_error in -0.2..0.2f64, theta in 0.0..3.1f64,
         ) {
-            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, shade: 0.0 };
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, stray: 0.0, shade: 0.0 };
             let scene = Synthetic {
                 ratio: Complex::from_polar(ln_r.exp(), zeta), retardance, axis, front: film.front, source_error,
                 ..Synthetic::default()
@@ -216,7 +233,7 @@ mod tests {
         #[test]
         fn the_inverse_ratio_is_turned_by_90_degrees(ln_r in -1.0..1.0f64, zeta in -3.1..3.1f64, retardance in 0.0..0.5f64,
             axis in 0.0..3.1f64, theta in 0.0..3.1f64) {
-            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(0.0, 0.0), source_error: 0.0, shade: 0.0 };
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(0.0, 0.0), source_error: 0.0, stray: 0.0, shade: 0.0 };
             let other = Film { ln_r: -ln_r, zeta: -zeta, ..film };
             let (a, b) = (film.curve().at(theta), other.curve().at(theta + FRAC_PI_2));
             prop_assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9);
@@ -226,7 +243,7 @@ mod tests {
         #[test]
         fn the_canonical_film_has_the_same_curve(ln_r in -1.0..1.0f64, zeta in -9.0..9.0f64, retardance in -0.5..0.5f64,
             axis in -3.1..9.1f64, re in -0.3..0.3f64, im in -0.3..0.3f64, theta in 0.0..3.1f64) {
-            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error: 0.1, shade: 0.0 };
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error: 0.1, stray: 0.02, shade: 0.0 };
             let same = film.canonical();
             prop_assert!(same.retardance >= 0.0 && (0.0..=PI).contains(&same.zeta) && (0.0..=PI).contains(&same.axis));
             let turned = (film.zeta + PI).rem_euclid(TAU) < PI;

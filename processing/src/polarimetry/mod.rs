@@ -57,7 +57,7 @@ pub mod synthetic;
 mod views;
 mod weighted;
 
-pub use aligned::Alignment;
+pub use aligned::{Align, Alignment};
 pub use check::{CircleCheck, check_circle};
 pub use choose::{FilmReport, ModelReport};
 pub use compare::{Comparison, compare};

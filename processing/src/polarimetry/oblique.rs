@@ -107,7 +107,7 @@ pub(super) fn curve_at(film: &Film, incidence: &Incidence) -> Curve {
     let cos = outward.apply(JonesVector([x, -y]).scaled(b));
     let sin = outward.apply(JonesVector([y, x]).scaled(b));
     let mirror = outward.apply(inside.scaled((-1.0).into())).plus(reflected.scaled((1.0 - film.shade).into()));
-    Curve::of_field(constant, cos, sin).with_mirror(mirror)
+    Curve::of_field(constant, cos, sin).with_stray(film.stray).with_mirror(mirror, film.stray_over_mirrors())
 }
 
 #[cfg(test)]
@@ -121,6 +121,7 @@ mod tests {
         axis: 0.4,
         front: Complex::new(0.05, 0.02),
         source_error: 0.02,
+        stray: 0.01,
         shade: 0.0,
     };
 

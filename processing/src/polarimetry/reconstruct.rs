@@ -11,8 +11,8 @@ use super::running::noise_of_bracket;
 use super::views::View;
 use super::weighted::{scale_variances, variance_factor};
 use super::{
-    CircleCheck, Design, FrameNoise, MASK_SNR, Material, Model, NoiseSource, Oblique, ObliqueReport, OrientationMaps,
-    PeriodMethod, Running, Smoothing, StokesMaps, check_circle, estimate_noise, orient,
+    Align, CircleCheck, Design, FrameNoise, MASK_SNR, Material, Model, NoiseSource, Oblique, ObliqueReport,
+    OrientationMaps, PeriodMethod, Running, Smoothing, StokesMaps, check_circle, estimate_noise, orient,
 };
 use crate::frames::{Linearizer, LoadedFrames, load};
 use crate::image::OutputFolder;
@@ -25,6 +25,8 @@ use std::path::Path;
 pub struct Options {
     /// The model.
     pub model: Model,
+    /// Whether photographs are moved back onto each other.
+    pub align: Align,
     /// Whether oblique incidence is taken out.
     pub oblique: Oblique,
     /// Added to every orientation, to fix the gauge (degrees).

@@ -7,7 +7,7 @@ use super::output::Writer;
 use super::reconstruct::{Asked, check_light, divide_by_flat, noise_of, reported, solve_model};
 use super::views::{View, brackets, views};
 use super::weighted::WeightedFit;
-use super::{Alignment, Design, Fit, FrameNoise, NoiseSource, Options, Report, StokesMaps, smooth};
+use super::{Align, Alignment, Design, Fit, FrameNoise, NoiseSource, Options, Report, StokesMaps, smooth};
 use crate::frames::{Frame, LinearFrame, Linearizer, LoadedFrames};
 use crate::image::OutputFolder;
 use crate::image::registration::Registrar;
@@ -196,7 +196,7 @@ impl Running {
         }
         let design = self.design()?;
         let start = Instant::now();
-        let alignment = self.align(progress)?;
+        let alignment = self.align(options.align, progress)?;
         let Self { frames, linearizer, brackets, views, sums, read_and_fit_s, .. } = self;
         let mut maps = sums.solve(&design);
         check_light(&frames, &maps, &linearizer)?;
@@ -230,9 +230,12 @@ impl Running {
     }
 
     /// How the views lie against each other; the fit is made anew with views moved back where that is worth it.
-    fn align(&mut self, progress: &dyn Progress) -> Result<Option<Alignment>> {
+    fn align(&mut self, align: Align, progress: &dyn Progress) -> Result<Option<Alignment>> {
         let angles: Vec<f64> = self.views.iter().map(|v| v.angle).collect();
-        let alignment = alignment(self.registrar.take().as_ref(), &angles);
+        let mut alignment = alignment(self.registrar.take().as_ref(), &angles);
+        if let Some(found) = alignment.as_mut().filter(|_| align == Align::Off) {
+            found.corrected = false;
+        }
         if let Some(found) = alignment.as_ref().filter(|a| a.corrected) {
             self.sums = fit_moved_back(self, &found.shifts_px, progress)?;
         }

@@ -25,25 +25,31 @@ const FINALISTS: usize = 6;
 const SAME: f64 = 4e-3;
 
 /// How far parameters may be expected from 0, where the points do not tell: ln r, retardance and front reflection of
-/// packaging films, a retarder within a few degrees.
-const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1, 0.1, 0.03, 0.5];
+/// packaging films, a retarder within a few degrees, stray light of a dark room.
+const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1, 0.1, 0.03, 0.03, 0.5];
 
 /// And how far at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
-const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1, 1.0];
+const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1, 0.3, 1.0];
 
-/// The parameter that only mirrors have.
-const SHADE: usize = 7;
+/// Stray light, and the parameter that only mirrors have.
+const STRAY: usize = 7;
+const SHADE: usize = 8;
 
 /// A set of parameters that is fitted, and what of the light it adds to the film.
 type Set = (&'static [usize], &'static [&'static str]);
-const SETS: [Set; 3] =
-    [(&[0, 1, 2, 3], &[]), (&[0, 1, 2, 3, 4, 5], &["front"]), (&[0, 1, 2, 3, 4, 5, 6], &["front", "source"])];
+const SETS: [Set; 4] = [
+    (&[0, 1, 2, 3], &[]),
+    (&[0, 1, 2, 3, STRAY], &["stray"]),
+    (&[0, 1, 2, 3, 4, 5, STRAY], &["stray", "front"]),
+    (&[0, 1, 2, 3, 4, 5, 6, STRAY], &["stray", "front", "source"]),
+];
 
 /// The same with metal without a grating in view.
-const MIRROR_SETS: [Set; 3] = [
+const MIRROR_SETS: [Set; 4] = [
     (&[0, 1, 2, 3], &["mirror"]),
-    (&[0, 1, 2, 3, 4, 5, SHADE], &["front", "mirror"]),
-    (&[0, 1, 2, 3, 4, 5, 6, SHADE], &["front", "source", "mirror"]),
+    (&[0, 1, 2, 3, STRAY, SHADE], &["stray", "mirror"]),
+    (&[0, 1, 2, 3, 4, 5, STRAY, SHADE], &["stray", "front", "mirror"]),
+    (&[0, 1, 2, 3, 4, 5, 6, STRAY, SHADE], &["stray", "front", "source", "mirror"]),
 ];
 
 /// Where a search begins.
@@ -58,7 +64,7 @@ pub(super) enum Begin<'a> {
 /// Points that scatter this much more about every curve (as a variance) than their noise may be metal without a grating.
 const MIRRORS_IN_VIEW: f64 = 1.2;
 
-/// The curve with four, six and seven free parameters, and with metal without a grating where that explains the points
+/// The curve with four to eight free parameters, and with metal without a grating where that explains the points
 /// better.
 pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) -> Vec<Candidate> {
     let of = |count| thinned(points, count);

@@ -59,5 +59,5 @@ fn run(method: &Method, frames: usize, electrons: f64, pixels: usize, seed: u64)
     let per_photograph = photographs.noise[0].shot * mean + photographs.noise[0].floor;
     let sigma = per_photograph.sqrt() / ((2.0 * frames as f64).sqrt() * amplitude);
     let predicted = Some(mean_of_normal(sigma).to_degrees());
-    Ok(Outcome { predicted, ..judge(&map, &photographs.truth, seconds) })
+    Ok(Outcome { predicted, ..judge(&map.orientation, &map.sigma, &photographs.truth, seconds) })
 }

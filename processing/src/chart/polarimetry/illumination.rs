@@ -53,7 +53,7 @@ fn run(source: Source, film_deg: f64, pixels: usize, seed: u64) -> Result<Outcom
     let maps = fold(&photographs).solve(&photographs.design);
     let map = nearest(&maps, &photographs, &Curve::of(&bare));
     let seconds = begun.elapsed().as_secs_f64() / pixels as f64 * 1e6;
-    Ok(judge(&map, &photographs.truth, seconds))
+    Ok(judge(&map.orientation, &map.sigma, &photographs.truth, seconds))
 }
 
 /// (S1/S0, S2/S0) of all orientations.

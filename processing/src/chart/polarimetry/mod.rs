@@ -12,6 +12,7 @@ mod stress;
 mod subsampling;
 
 use super::{Effort, Picture, Study};
+pub use scene::judge;
 
 /// All measured studies, in the order of the page.
 pub fn studies(effort: Effort) -> Vec<Study> {

@@ -75,7 +75,7 @@ pub(super) fn run(scene: &Synthetic, method: &Method, pixels: usize, seed: u64) 
     let begun = Instant::now();
     let mut maps = fold(&photographs).solve(&photographs.design);
     let map = (method.solve)(&mut maps, &photographs.design, &photographs.noise)?;
-    Ok(judge(&map, &photographs.truth, begun.elapsed().as_secs_f64()))
+    Ok(judge(&map.orientation, &map.sigma, &photographs.truth, begun.elapsed().as_secs_f64()))
 }
 
 /// Pixels per row of the fit, so that it uses all threads as it does on a photograph.
@@ -98,13 +98,14 @@ pub(super) fn fold(photographs: &Photographs) -> Fit {
     fit
 }
 
-/// A map against the truth, its gauge removed: mean error in degrees, shares, and the error that σ promises.
-pub(super) fn judge(map: &OrientationMaps, truth: &[f32], seconds: f64) -> Outcome {
+/// A map of orientations and their σ in rad against the truth, its gauge removed: mean error in degrees, shares, and the error
+/// that σ promises.
+pub fn judge(orientation: &[f32], sigma: &[f32], truth: &[f32], seconds: f64) -> Outcome {
     let n = truth.len() as f64;
-    let compared = compare(&map.orientation, &map.sigma, truth, |_| true);
+    let compared = compare(orientation, sigma, truth, |_| true);
     let offset = compared.map_or(0.0, |c| c.offset_deg.to_radians());
     let (mut wrong, mut promised) = (0_usize, 0.0);
-    for ((theta, sigma), truth) in map.orientation.iter().zip(&map.sigma).zip(truth) {
+    for ((theta, sigma), truth) in orientation.iter().zip(sigma).zip(truth) {
         if theta.is_finite() {
             let error = angle_difference(f64::from(*theta) - f64::from(*truth), offset).abs();
             wrong += usize::from(error > 5.0 * f64::from(*sigma));

@@ -264,5 +264,5 @@ fn solve(photographs: &Photographs, method: &Method) -> Result<Outcome> {
     let begun = Instant::now();
     let mut maps = super::scene::fold(photographs).solve(&photographs.design);
     let map = (method.solve)(&mut maps, &photographs.design, &photographs.noise)?;
-    Ok(judge(&map, &photographs.truth, begun.elapsed().as_secs_f64()))
+    Ok(judge(&map.orientation, &map.sigma, &photographs.truth, begun.elapsed().as_secs_f64()))
 }

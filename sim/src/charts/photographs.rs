@@ -1,0 +1,121 @@
+//! A series photographed on the bench and reconstructed as a user's is: from files to files.
+
+use crate::bench::{Bench, Shining};
+use crate::camera::Exposed;
+use crate::config::BenchConfig;
+use nacre_drivers::Pattern;
+use nacre_processing::chart::Outcome;
+use nacre_processing::chart::polarimetry::judge;
+use nacre_processing::frames::{Frame, FrameSet, Geometry, Kind, Transfer, save};
+use nacre_processing::image::{read_exr, write_png16_gray};
+use nacre_processing::polarimetry::{NoiseModel, Options, reconstruct};
+use nacre_processing::progress::Silent;
+use nacre_processing::{Error, Result};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Analyser angles: twelve over 180°.
+const ANGLES: usize = 12;
+
+/// Brightest code over white.
+const EXPOSED: f64 = 0.8;
+
+/// Photographs `config` in a folder of its own, reconstructs it and judges the map; the clock runs for the reconstruction, files
+/// included.
+pub(super) fn outcome(config: &BenchConfig, options: &Options) -> Result<Outcome> {
+    let folder = tempfile::tempdir().map_err(|e| Error::output(&std::env::temp_dir(), e))?;
+    let bench = Bench::new(config, &Silent)?;
+    let (input, out) = (folder.path(), folder.path().join("result"));
+    let truth = photograph(bench, input)?;
+    let begun = Instant::now();
+    reconstruct(input, &out, options, &Silent)?;
+    let seconds = begun.elapsed().as_secs_f64();
+    let path = out.join("orientation.exr");
+    let mut map = read_exr(&path)?;
+    let mut take = |name: &str| {
+        map.channels.remove(name).ok_or_else(|| Error::file(&path, format!("has no channel {name}"), "report this"))
+    };
+    let (orientation, sigma) = (take("orientation")?, take("sigma")?);
+    // Where there is no grating there is no truth to miss.
+    let known: Vec<usize> = (0..truth.len()).filter(|i| truth[*i].is_finite()).collect();
+    let of = |plane: &[f32]| -> Vec<f32> { known.iter().map(|i| plane[*i]).collect() };
+    Ok(judge(&of(&orientation), &of(&sigma), &of(&truth), seconds))
+}
+
+/// Writes photographs and `frames.json` into `folder`; returns the true orientations.
+fn photograph(mut bench: Bench, folder: &Path) -> Result<Vec<f32>> {
+    let config = bench.config().clone();
+    let (camera, geometry) = (&config.camera, &config.geometry);
+    let pattern = Pattern::Disc { center_mm: [0.0; 2], diameter_mm: config.disc_mm() };
+    bench.shine(Shining { pattern, flash: false, covered: false }, Duration::ZERO);
+    let white = f64::from((1u32 << camera.bits) - 1);
+    let black = f64::from(camera.black_level);
+    let angles: Vec<f64> = (0..ANGLES).map(|k| 180.0 * k as f64 / ANGLES as f64).collect();
+    let exposure_s = metered(&mut bench, &angles, [black, white]);
+    let mut frames = vec![];
+    for (k, angle) in angles.iter().enumerate() {
+        let Some(codes) = codes(&mut bench, *angle, exposure_s) else { continue };
+        let file = format!("{k:02}.png");
+        write_png16_gray(&folder.join(&file), camera.width as usize, camera.height as usize, &codes)?;
+        frames.push(Frame {
+            file: file.into(),
+            analyser_deg: Some(*angle),
+            exposure_s: Some(exposure_s),
+            gain: None,
+            spot: None,
+            flash: None,
+            dark: None,
+        });
+    }
+    let set = FrameSet {
+        kind: Kind::Polarization,
+        frames,
+        transfer: Transfer::Linear,
+        black: Some(black),
+        white: Some(white),
+        channel: None,
+        layout: None,
+        noise: Some(NoiseModel { full_scale_e: camera.well_e, read_noise_e: camera.read_noise_e }),
+        dark: None,
+        flat: None,
+        wavelength_nm: Some(config.filter.wavelength_nm),
+        band_nm: None,
+        geometry: Some(Geometry {
+            distance_mm: geometry.distance_mm,
+            baseline_mm: geometry.baseline_mm,
+            pixel_um: Some(bench.pixel_um()),
+            camera_px: None,
+        }),
+        material: None,
+    };
+    let path = folder.join("frames.json");
+    std::fs::write(&path, save(&set)).map_err(|e| Error::output(&path, e))?;
+    Ok(bench.truth().orientation.clone())
+}
+
+/// Exposure in s that puts the brightest pixel of a few angles below white.
+fn metered(bench: &mut Bench, angles: &[f64], [black, white]: [f64; 2]) -> f64 {
+    let mut exposure_s = 1e-3;
+    for _ in 0..4 {
+        let brightest =
+            angles.iter().step_by(ANGLES / 4).filter_map(|a| codes(bench, *a, exposure_s)?.into_iter().max());
+        let level = (f64::from(brightest.max().unwrap_or(0)) - black).max(1.0) / (white - black);
+        exposure_s *= (EXPOSED / level).clamp(0.1, 20.0);
+    }
+    exposure_s
+}
+
+/// One photograph at this angle, when everything has settled.
+fn codes(bench: &mut Bench, angle_deg: f64, exposure_s: f64) -> Option<Vec<u16>> {
+    bench.set_camera(exposure_s, 1.0);
+    let settled = bench.turn_analyser(angle_deg);
+    // Long enough for the camera's lag to have passed.
+    let lag = f64::from(bench.config().camera.lag_frames + 3);
+    let frame_s = exposure_s + bench.readout().as_secs_f64();
+    bench.advance_to(settled + Duration::from_secs_f64(0.1 + lag * frame_s.max(0.05)));
+    let mut newest: Option<Exposed> = None;
+    while let Some(frame) = bench.take_frame() {
+        newest = Some(frame);
+    }
+    newest.map(|frame| bench.codes(&frame))
+}
