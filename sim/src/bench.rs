@@ -86,6 +86,14 @@ impl Bench {
         &self.truth
     }
 
+    /// What the sample is, seen with the photograph shifted by so many pixels to the right and down.
+    ///
+    /// # Errors
+    /// None but a defect of the program.
+    pub fn truth_shifted(&self, shift_px: [f64; 2]) -> Result<Truth> {
+        Ok(self.scene.survey(shift_px, &Silent)?.0)
+    }
+
     /// Size of a pixel on the sample in µm.
     pub fn pixel_um(&self) -> f64 {
         1000.0 * self.scene.pixel_mm()

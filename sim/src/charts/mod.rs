@@ -33,7 +33,7 @@ impl Bench {
             self.values = self.values.iter().copied().step_by(2).collect();
             self.reference /= 2;
         }
-        let (values, config, pixels) = (self.values.clone(), self.config, effort.pick(256, 96));
+        let (values, config, pixels) = (self.values.clone(), self.config, effort.pick(256, 192));
         let options: Vec<Options> = self.settings.iter().map(|s| s.1.clone()).collect();
         let setting = |(k, (name, _)): (usize, &(&str, Options))| {
             let setting = Setting::new(name, *name, k as f64);

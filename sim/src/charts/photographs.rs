@@ -1,7 +1,6 @@
 //! A series photographed on the bench and reconstructed as a user's is: from files to files.
 
 use crate::bench::{Bench, Shining};
-use crate::camera::Exposed;
 use crate::config::BenchConfig;
 use nacre_drivers::Pattern;
 use nacre_processing::chart::Outcome;
@@ -54,7 +53,8 @@ fn photograph(mut bench: Bench, folder: &Path) -> Result<Vec<f32>> {
     let exposure_s = metered(&mut bench, &angles, [black, white]);
     let mut frames = vec![];
     for (k, angle) in angles.iter().enumerate() {
-        let Some(codes) = codes(&mut bench, *angle, exposure_s) else { continue };
+        let late = || Error::input("camera", "sends no frame in time", "report this");
+        let codes = codes(&mut bench, *angle, exposure_s).ok_or_else(late)?;
         let file = format!("{k:02}.png");
         write_png16_gray(&folder.join(&file), camera.width as usize, camera.height as usize, &codes)?;
         frames.push(Frame {
@@ -90,7 +90,10 @@ fn photograph(mut bench: Bench, folder: &Path) -> Result<Vec<f32>> {
     };
     let path = folder.join("frames.json");
     std::fs::write(&path, save(&set)).map_err(|e| Error::output(&path, e))?;
-    Ok(bench.truth().orientation.clone())
+    // Shifts are told against their mean.
+    let shifts: Vec<[f64; 2]> = angles.iter().map(|a| config.shift_px(*a)).collect();
+    let mean = [0, 1].map(|k| shifts.iter().map(|s| s[k]).sum::<f64>() / shifts.len() as f64);
+    Ok(bench.truth_shifted(mean)?.orientation)
 }
 
 /// Exposure in s that puts the brightest pixel of a few angles below white.
@@ -105,17 +108,18 @@ fn metered(bench: &mut Bench, angles: &[f64], [black, white]: [f64; 2]) -> f64 {
     exposure_s
 }
 
-/// One photograph at this angle, when everything has settled.
+/// One photograph at this angle: the first that begins when the analyser stands, with this exposure.
 fn codes(bench: &mut Bench, angle_deg: f64, exposure_s: f64) -> Option<Vec<u16>> {
     bench.set_camera(exposure_s, 1.0);
     let settled = bench.turn_analyser(angle_deg);
-    // Long enough for the camera's lag to have passed.
-    let lag = f64::from(bench.config().camera.lag_frames + 3);
-    let frame_s = exposure_s + bench.readout().as_secs_f64();
-    bench.advance_to(settled + Duration::from_secs_f64(0.1 + lag * frame_s.max(0.05)));
-    let mut newest: Option<Exposed> = None;
-    while let Some(frame) = bench.take_frame() {
-        newest = Some(frame);
+    // The stage and the camera's lag take tens of frames at most.
+    for _ in 0..100_000 {
+        bench.advance_to(bench.next_frame_at());
+        while let Some(frame) = bench.take_frame() {
+            if frame.start >= settled && frame.settings.exposure_s == exposure_s {
+                return Some(bench.codes(&frame));
+            }
+        }
     }
-    newest.map(|frame| bench.codes(&frame))
+    None
 }
