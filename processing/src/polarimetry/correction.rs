@@ -205,36 +205,36 @@ pub(super) fn choose_corrected(
     model: Model,
     stand: Option<(Stand, Material)>,
 ) -> Option<Corrected> {
-    let anywhere = |points: &[CloudPoint]| choose(points, model, Begin::Anywhere);
-    let plain = |points| anywhere(points).map(|choice| Corrected { choice, correction: None, report: None });
-    let Some((stand, material)) = stand else { return plain(points) };
-    let few: Vec<CloudPoint> = points.iter().step_by(points.len().div_ceil(LOOKED_AT).max(1)).copied().collect();
-    let without = anywhere(&few)?;
-    let films = without.films();
+    let plain = choose(points, model, Begin::Anywhere)?;
+    let uncorrected = |choice, report| Some(Corrected { choice, correction: None, report });
+    let Some((stand, material)) = stand else { return uncorrected(plain, None) };
+    // No fewer than tell a film.
+    let few: Vec<CloudPoint> = points.iter().step_by((points.len() / LOOKED_AT).max(1)).copied().collect();
     let at = |points: &[CloudPoint], films: &[Film]| choose(points, model, Begin::At(films));
+    let films = plain.films();
     // The same circle has two explanations: what the grating does to the mirror's light, or what the mirror does to the grating's.
-    let guesses = film_of(&without).into_iter().chain(circles(&without));
+    let guesses = film_of(&plain).into_iter().chain(circles(&plain));
     let matters = |c: &Correction| c.moves_by(&few) > MATTERS;
     let corrections = guesses.map(|film| Correction::new(stand, &material, &film)).filter(matters);
     let tried = corrections.filter_map(|c| Some((at(&c.straighten(&few), &films)?.likelihood, c)));
-    let Some((_, first)) = tried.min_by(|a, b| a.0.total_cmp(&b.0)) else { return plain(points) };
+    let Some((_, first)) = tried.min_by(|a, b| a.0.total_cmp(&b.0)) else { return uncorrected(plain, None) };
     // With that taken out the film is found, and with the film what is to be taken out.
-    let found = anywhere(&first.straighten(&few))?;
+    let found = choose(&first.straighten(&few), model, Begin::Anywhere)?;
     let correction = film_of(&found).map_or(first, |film| Correction::new(stand, &material, &film));
-    let with = at(&correction.straighten(&few), &found.films())?;
-    let gain = without.likelihood - with.likelihood;
+    let choice = at(&correction.straighten(points), &found.films())?;
+    let gain = plain.likelihood - choice.likelihood;
     let report = ObliqueReport {
         largest_deg: stand.largest_sin2.sqrt().asin().to_degrees(),
         corrected: gain > 0.0,
         material,
-        scatter: [without.scatter(), with.scatter()],
+        scatter: [plain.scatter(), choice.scatter()],
         gain,
     };
-    if !report.corrected {
-        return plain(points).map(|plain| Corrected { report: Some(report), ..plain });
+    if report.corrected {
+        Some(Corrected { choice, correction: Some(correction), report: Some(report) })
+    } else {
+        uncorrected(plain, Some(report))
     }
-    let choice = at(&correction.straighten(points), &with.films())?;
-    Some(Corrected { choice, correction: Some(correction), report: Some(report) })
 }
 
 /// The film of the chosen curve.
