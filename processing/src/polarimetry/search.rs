@@ -24,12 +24,15 @@ const FINALISTS: usize = 6;
 /// Orientations that differ by no more than this in rad are the same.
 const SAME: f64 = 4e-3;
 
+/// And by no more than this, places in the valley of the same minimum.
+const SAME_MINIMUM: f64 = 0.1;
+
 /// How far parameters may be expected from 0, where the points do not tell: ln r, retardance and front reflection of
 /// packaging films, a retarder within a few degrees, stray light of a dark room.
-const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1, 0.1, 0.03, 0.03, 0.5];
+const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1, 0.1, 0.03, 0.015, 0.5];
 
 /// And how far at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
-const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1, 0.3, 1.0];
+const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1, 0.1, 1.0];
 
 /// Stray light, and the parameter that only mirrors have.
 const STRAY: usize = 7;
@@ -80,11 +83,9 @@ pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
             found = with_mirrors;
         }
     }
-    let each = found.films.iter().enumerate().flat_map(|(k, (set, _))| {
-        let films: Vec<Film> = found.films[k..].iter().flat_map(|(_, films)| films).copied().collect();
-        samples.finish(set, &films)
-    });
-    each.collect()
+    // What is a minimum with fewer parameters, or with more, may lead to one.
+    let films: Vec<Film> = found.films.iter().flat_map(|(_, films)| films).copied().collect();
+    found.films.iter().flat_map(|(set, _)| samples.finish(set, &films)).collect()
 }
 
 /// What a search has found.
@@ -214,18 +215,25 @@ fn best_first(fits: impl ParallelIterator<Item = Fitted>, score: impl Fn(&Fitted
     scored.into_iter().map(|(_, fit)| fit).collect()
 }
 
-/// The first few that do not give the same orientations, up to one offset.
+/// The first few that do not give the same orientations, up to one offset: first those of other minima, as long as they explain
+/// the points nearly as well, then others of the same. With more parameters the next minimum may turn out to be the lower one.
 fn distinct(fits: Vec<Fitted>) -> Vec<Fitted> {
-    let mut kept: Vec<Fitted> = vec![];
+    let hopeless = fits.first().map_or(0.0, |best| 2.0 * best.cost);
+    let (mut minima, mut others): (Vec<Fitted>, Vec<Fitted>) = (vec![], vec![]);
     for fit in fits {
-        if kept.len() < FINALISTS && !kept.iter().any(|other| same_orientations(&fit.curve, &other.curve)) {
-            kept.push(fit);
+        let near = |other: &Fitted, limit| same_orientations(&fit.curve, &other.curve, limit);
+        if minima.len() + others.len() == FINALISTS || minima.iter().chain(&others).any(|other| near(other, SAME)) {
+            continue;
         }
+        let known = minima.iter().any(|other| near(other, SAME_MINIMUM));
+        if known || fit.cost > hopeless { others.push(fit) } else { minima.push(fit) }
     }
-    kept
+    minima.append(&mut others);
+    minima
 }
 
-fn same_orientations(a: &Curve, b: &Curve) -> bool {
+/// Whether orientations under two curves differ by no more than `limit` in rad, but for a common offset.
+fn same_orientations(a: &Curve, b: &Curve, limit: f64) -> bool {
     const PLACES: usize = 24;
     let path = Path::new(*b);
     let turns: Vec<f64> = (0..PLACES)
@@ -237,7 +245,7 @@ fn same_orientations(a: &Curve, b: &Curve) -> bool {
         .collect();
     let (sin, cos) = turns.iter().fold((0.0, 0.0), |(s, c), t| (s + (2.0 * t).sin(), c + (2.0 * t).cos()));
     let offset = 0.5 * f64::atan2(sin, cos);
-    turns.iter().all(|t| angle_difference(*t, offset).abs() < SAME)
+    turns.iter().all(|t| angle_difference(*t, offset).abs() < limit)
 }
 
 /// The most promising of a grid of films, and of those that a circle through the points can mean. Promising is a curve
