@@ -48,8 +48,10 @@ mod precision;
 #[cfg(test)]
 mod precision_tests;
 mod reconstruct;
+mod repeats;
 mod report;
 mod running;
+mod sample;
 mod search;
 mod smooth;
 mod stokes;
@@ -75,6 +77,7 @@ pub use period_map::{Metal, PeriodMethod, PeriodReport};
 pub use precision::Precision;
 pub(crate) use reconstruct::{CLOUD, orient_with};
 pub use reconstruct::{Options, reconstruct};
+pub use repeats::RepeatsReport;
 pub use report::{Report, SmoothingReport};
 pub use running::Running;
 pub use smooth::{Smoothing, smooth, smoothed_orientation};

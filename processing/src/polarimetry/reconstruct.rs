@@ -6,8 +6,10 @@ use super::cloud::cloud;
 use super::correction::{Corrected, Stand, choose_corrected};
 use super::locate::locate;
 use super::merge::Merge;
+use super::repeats::{calibrate, pairs};
 use super::report::{Pixels, Report};
 use super::running::noise_of_bracket;
+use super::sample::Sample;
 use super::views::View;
 use super::weighted::{scale_variances, variance_factor};
 use super::{
@@ -166,17 +168,21 @@ pub(super) fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: 
     Ok(())
 }
 
-/// Noise of every view: as given, or from the residuals, or assumed. Maps of merged exposures know their variances, which
-/// are corrected by the residuals where no noise is given. `shifts` in pixels were undone, which smooths.
-pub(super) fn noise_of(
-    frames: &LoadedFrames,
-    linearizer: &Linearizer,
-    brackets: &[Vec<usize>],
-    views: &[View],
-    maps: &mut StokesMaps,
-    design: &Design,
-    shifts: Option<&[[f64; 2]]>,
-) -> (Vec<FrameNoise>, NoiseSource) {
+/// Photographs that were taken in.
+pub(super) struct Photographed<'a> {
+    pub frames: &'a LoadedFrames,
+    pub linearizer: &'a Linearizer,
+    pub brackets: &'a [Vec<usize>],
+    pub views: &'a [View],
+    pub sample: &'a Sample,
+    /// Shifts in pixels that were undone, which smooths.
+    pub shifts: Option<&'a [[f64; 2]]>,
+}
+
+/// Noise of every view: as given, or from repeats, or from the residuals, or assumed. Maps of merged exposures know their
+/// variances, which are corrected by the residuals where no noise is given.
+pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
+    let Photographed { frames, linearizer, brackets, views, sample, shifts } = taken;
     let of_camera = || {
         let view = |v: &View| Merge::together(&noise_of_bracket(frames, linearizer, &brackets[v.bracket]));
         let mut noise: Vec<FrameNoise> = views.iter().map(view).collect();
@@ -195,12 +201,17 @@ pub(super) fn noise_of(
         scale_variances(maps, factor);
         return (noise, NoiseSource::Estimated);
     }
+    let step = linearizer.step() * frames.set.transfer.slope(1.0);
+    let all = &frames.set.frames;
+    let scale = all.iter().map(|f| f.scale()).sum::<f64>() / all.len() as f64;
+    let quantisation = (step * scale).powi(2) / 12.0;
+    let black = linearizer.lowest().map_or(f64::NEG_INFINITY, |v| v * scale);
+    if let Some(noise) = calibrate(sample, &pairs(frames, views, sample.views()), black, quantisation) {
+        return (vec![noise; views.len()], NoiseSource::Repeats);
+    }
     match estimate_noise(maps, design) {
         Some(mut noise) => {
-            let step = linearizer.step() * frames.set.transfer.slope(1.0);
-            let all = &frames.set.frames;
-            let scale = all.iter().map(|f| f.scale()).sum::<f64>() / all.len() as f64;
-            noise.floor = noise.floor.max((step * scale).powi(2) / 12.0);
+            noise.floor = noise.floor.max(quantisation);
             (vec![noise; views.len()], NoiseSource::Estimated)
         }
         None => (of_camera(), NoiseSource::Assumed),

@@ -4,7 +4,7 @@ use super::choose::Choice;
 use super::smooth::SPACE_SIGMA_PX;
 use super::{
     Alignment, CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, ObliqueReport, Options, PeriodReport,
-    Smoothing,
+    RepeatsReport, Smoothing,
 };
 use crate::frames::LoadedFrames;
 use serde::Serialize;
@@ -40,6 +40,8 @@ pub struct Report {
     /// How the photographs lie against each other, one entry for each analyser position; none for a sensor that takes all
     /// angles at once and for more than 24.
     pub registration: Option<Alignment>,
+    /// What views at angles 180° apart, or at the same one, tell; none where fewer than three angles are repeated.
+    pub repeats: Option<RepeatsReport>,
     /// How orientations were smoothed, in pictures or also in the map.
     pub smoothing: SmoothingReport,
     /// The map of periods, if one was asked for.
@@ -163,6 +165,7 @@ impl Report {
             circle,
             brackets: 0,
             registration: None,
+            repeats: None,
             smoothing: SmoothingReport {
                 strength: options.smooth,
                 rounds: options.smooth.rounds(),
