@@ -78,6 +78,8 @@ impl Options {
 /// Orientations under the chosen model.
 pub(super) struct Solved {
     pub map: OrientationMaps,
+    /// Pixels of metal without a grating.
+    pub without_grating: usize,
     pub circle: Option<CircleCheck>,
     pub choice: Option<Choice>,
     /// Points that the models were compared on.
@@ -137,13 +139,20 @@ pub(super) fn solve_model(maps: &mut StokesMaps, design: &Design, noise: &[Frame
     let count = points.len();
     let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked.model, asked.stand) else {
         let map = orient(maps, design, noise, asked.offset);
-        return Solved { circle: check_circle(maps, &map), map, choice: None, points: count, oblique: None };
+        return Solved {
+            circle: check_circle(maps, &map),
+            map,
+            without_grating: 0,
+            choice: None,
+            points: count,
+            oblique: None,
+        };
     };
     let chosen = &choice.candidates[choice.chosen];
-    let map = locate(maps, design, noise, chosen, correction.as_ref(), asked.offset);
+    let (map, without_grating) = locate(maps, design, noise, chosen, correction.as_ref(), asked.offset);
     // The check looks at the points as they are.
     let circle = if correction.is_none() { check_circle(maps, &map) } else { None };
-    Solved { map, circle, choice: Some(choice), points: count, oblique: report }
+    Solved { map, without_grating, circle, choice: Some(choice), points: count, oblique: report }
 }
 
 /// Refuses sets in which no pixel can be used at all.
@@ -228,7 +237,7 @@ pub(super) fn reported(
     solved: &Solved,
 ) -> Report {
     let choice = solved.choice.as_ref().map(|c| (c, solved.points));
-    let pixels = Pixels::count(maps, &solved.map);
+    let pixels = Pixels::count(maps, solved);
     Report {
         oblique: solved.oblique.clone(),
         ..Report::new(frames, options, design, noise, pixels, solved.circle, choice)
@@ -257,7 +266,7 @@ pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, map
 }
 
 impl Pixels {
-    fn count(maps: &StokesMaps, map: &OrientationMaps) -> Self {
+    fn count(maps: &StokesMaps, Solved { map, without_grating, .. }: &Solved) -> Self {
         let valid = map.orientation.iter().filter(|t| t.is_finite()).count();
         let saturated = maps.correlation.iter().filter(|t| t.is_nan()).count();
         let all = map.orientation.len();
@@ -273,7 +282,8 @@ impl Pixels {
             all,
             valid,
             saturated,
-            too_little_modulation: all - valid - saturated,
+            without_grating: *without_grating,
+            too_little_modulation: (all - valid - saturated).saturating_sub(*without_grating),
             sigma_median_deg: quantile(0.5),
             sigma_p90_deg: quantile(0.9),
             correlation_mean: (valid > 0).then_some(correlation),

@@ -1,6 +1,7 @@
 //! A reconstruction on its way: photographs are folded into sums as they come.
 
 use super::aligned::{alignment, correlated, fit_moved_back};
+use super::errors::systematic;
 use super::merge::{Merge, clear_of_white};
 use super::noise::ASSUMED;
 use super::output::Writer;
@@ -227,6 +228,7 @@ impl Running {
         }
         let mut report = reported(&frames, options, &design, (&noise, source), &maps, &solved);
         report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
+        report.with(systematic(&frames, &sample, &views, &noise, solved.choice.as_ref(), alignment.as_ref()));
         report.registration = alignment;
         report.warnings.extend(repeats.iter().filter_map(RepeatsReport::warning));
         report.repeats = repeats;

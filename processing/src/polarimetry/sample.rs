@@ -97,6 +97,7 @@ impl Sample {
     }
 
     /// Pixel of the maps that pixel `i` of the views is.
+    #[cfg(test)]
     pub(super) fn pixel(&self, i: usize) -> usize {
         let [x, y] = self.corners[i / AREA];
         (y + i % AREA / SIDE) * self.width + x + i % SIDE
