@@ -158,7 +158,7 @@ fn slope(model: Option<(&Candidate, &Path)>, point: &CloudPoint) -> Option<[f64;
 }
 
 /// Root mean square error of orientations after the best common offset when each angle is off by a standard deviation of 1 rad.
-fn of_angles(answers: &[Answer], design: &Design) -> Option<f64> {
+pub(super) fn of_angles(answers: &[Answer], design: &Design) -> Option<f64> {
     let n = answers.len() as f64;
     let of_view = |(k, x): (usize, &nalgebra::Vector3<f64>)| {
         let (sum, square) = answers.iter().fold((0.0, 0.0), |(sum, square), a| {

@@ -1,11 +1,11 @@
 //! Errors that are no noise, against series in which they are known.
 
-use super::errors::{Shifts, answers, of_registration};
-use super::repeats_tests::{SIZE, Series};
+use super::angle_error::angle_sigma;
+use super::errors::{Shifts, answers, of_angles, of_registration};
+use super::repeats_tests::Series;
 use super::sample::{AREA, Sample};
 use super::synthetic::normal;
 use super::{AngleSource, Design, FrameNoise, angle_difference};
-use crate::image::read_exr;
 use std::f64::consts::PI;
 
 /// The requirement's: terms are right to this factor.
@@ -16,41 +16,64 @@ fn series(missed: Vec<f64>) -> Series {
     Series { angles, missed, louder: 0.0, step: 1.0 / 60_000.0, ..Series::default() }
 }
 
-/// Root mean square error in degrees of the map in a folder after the best common offset.
-fn error_of(folder: &std::path::Path) -> f64 {
-    let map = read_exr(&folder.join("out/orientation.exr")).unwrap();
-    let off = |(i, theta): (usize, &f32)| {
-        let (_, aolp) = Series::scene((i % SIZE) as f64, (i / SIZE) as f64);
-        angle_difference(f64::from(*theta), aolp).to_degrees()
-    };
-    let errors: Vec<f64> = map.channels["orientation"].iter().enumerate().map(off).filter(|e| e.is_finite()).collect();
-    let n = errors.len() as f64;
-    assert!(n > 0.99 * (SIZE * SIZE) as f64);
-    let mean = errors.iter().sum::<f64>() / n;
-    (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / n).sqrt()
+/// Angles that are off by 0.5° at random, in degrees, and their scatter about their mean.
+fn misses(views: u64, seed: u64) -> (Vec<f64>, f64) {
+    let missed: Vec<f64> = (0..views).map(|k| 0.5 * normal(seed, k)).collect();
+    let mean = missed.iter().sum::<f64>() / views as f64;
+    let square: f64 = missed.iter().map(|m| (m - mean).powi(2)).sum();
+    (missed, (square / (views - 1) as f64).sqrt())
 }
 
 /// Angles that are off by 0.5° are found to be so, and what they cost is what they cost on average. A single series' cost is that of
 /// two of the eleven numbers that tell the scatter, so that only the average over series is known to better than a factor of two.
 #[test]
 fn wrong_angles_are_found_and_carried_through() {
-    const SEEDS: u64 = 12;
+    const SEEDS: u64 = 24;
+    const SIDE: usize = 96;
+    let angles: Vec<f64> = (0..12).map(|k| PI * f64::from(k) / 12.0).collect();
+    let kept: Vec<(usize, f64)> = angles.iter().copied().enumerate().collect();
+    let design = Design::new(&angles).unwrap();
+    let noise = [FrameNoise { shot: 0.0, floor: 1e-10 }; 12];
+    // All orientations, several times over.
+    let aolp = |x: usize, y: usize| 0.11 * x as f64 + 0.07 * y as f64;
     let (mut actual, mut said) = (0.0, 0.0);
     for seed in 0..SEEDS {
-        let folder = tempfile::tempdir().unwrap();
-        let missed: Vec<f64> = (0..12).map(|k| 0.5 * normal(seed + 77, k)).collect();
-        let mean = missed.iter().sum::<f64>() / 12.0;
-        let scatter = (missed.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / 11.0).sqrt();
-        let error = series(missed).reconstructed(folder.path(), None).error;
-        assert_eq!(error.angle_source, Some(AngleSource::Residuals));
-        // Without noise all but the common turn is known; what is neglected is of second order.
-        let found = error.angle_sigma_deg.unwrap();
-        assert!((found / scatter - 1.0).abs() < 0.1, "{found} {scatter}");
-        actual += error_of(folder.path()).powi(2);
-        said += error.angle_deg.unwrap().powi(2);
+        let (missed, scatter) = misses(12, seed + 77);
+        let mut sample = Sample::new(SIDE, SIDE);
+        for (psi, missed) in angles.iter().zip(&missed) {
+            let phase = |x, y| 2.0 * (psi + missed.to_radians() - aolp(x, y));
+            sample.add(|y, row, _| {
+                row.iter_mut().enumerate().for_each(|(x, v)| *v = (1.0 + 0.4 * phase(x, y).cos()) as f32)
+            });
+        }
+        let blocks: Vec<usize> = (0..sample.view(0).len() / AREA).collect();
+        let maps = sample.solve(&blocks, &kept, &design);
+        // Without noise all but the common turn is known; what is neglected is of second order, 1 % of it.
+        let sigma = angle_sigma(&sample, &design, &maps).unwrap();
+        assert!((sigma.to_degrees() / scatter - 1.0).abs() < 0.02, "{} {scatter}", sigma.to_degrees());
+        said += (sigma * of_angles(&answers(&maps, &design, &noise, None), &design).unwrap()).to_degrees().powi(2);
+        let off = |i: usize| {
+            let at = sample.pixel(i);
+            let found = 0.5 * f64::from(maps.s2[i]).atan2(f64::from(maps.s1[i]));
+            angle_difference(found, aolp(at % SIDE, at / SIDE)).to_degrees()
+        };
+        let errors: Vec<f64> = (0..maps.s0.len()).map(off).collect();
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        actual += errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / errors.len() as f64;
     }
     let ratio = (said / actual).sqrt();
     assert!((1.0 / FACTOR..FACTOR).contains(&ratio), "said {said} actual {actual}");
+}
+
+/// The same from files, with more photographs than are registered: 29 numbers tell the scatter.
+#[test]
+fn wrong_angles_are_found_in_photographs() {
+    let (missed, scatter) = misses(30, 3);
+    let angles = (0..30).map(|k| 6.0 * f64::from(k)).collect();
+    let error = Series { angles, ..series(missed) }.reconstructed(tempfile::tempdir().unwrap().path(), None).error;
+    assert_eq!((error.angle_source, error.registration_deg), (Some(AngleSource::Residuals), None));
+    let found = error.angle_sigma_deg.unwrap();
+    assert!((found / scatter - 1.0).abs() < 0.02, "{found} {scatter}");
 }
 
 /// For even angles and orientations all around, σ/√(2N); and noise alone is not taken for wrong angles.

@@ -8,7 +8,7 @@ use crate::image::encode_png16_gray;
 use crate::progress::Silent;
 use std::path::Path;
 
-pub(super) const SIZE: usize = 160;
+const SIZE: usize = 160;
 const CAMERA: NoiseModel = NoiseModel { full_scale_e: 10_000.0, read_noise_e: 12.0 };
 
 /// A series of a surface whose brightness and polarization change slowly, with edges.
@@ -46,7 +46,7 @@ impl Default for Series {
 
 impl Series {
     /// Light at a place, and the angle of its polarization.
-    pub(super) fn scene(x: f64, y: f64) -> (f64, f64) {
+    fn scene(x: f64, y: f64) -> (f64, f64) {
         let tile = (x / 20.0).floor() + 3.0 * (y / 40.0).floor();
         (0.05 + 0.5 * y / SIZE as f64 + 0.1 * (0.7 * tile).sin().abs(), 0.3 + 0.41 * tile)
     }
