@@ -283,3 +283,49 @@ impl Coefficients {
         ([x, y], [(d1 - x * d0) / s0, (d2 - y * d0) / s0])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::polarimetry::{Fit, synthetic::even_angles};
+
+    /// Metal without a grating is masked and counted, gratings are neither, and darkness is no metal.
+    #[test]
+    fn metal_without_a_grating_is_counted() {
+        let mut curve = Curve::circle([0.05, 0.02], 0.3);
+        curve.mirror = Some([0.05, 0.02]);
+        let (model, center) = (Model::Curve, None);
+        let model = Candidate {
+            model,
+            extended: &[],
+            parameters: 4,
+            curve,
+            center,
+            prior: 0.0,
+            cost: 0.0,
+            uncertain: 0.0,
+            film: None,
+        };
+        let angles = even_angles(6);
+        let design = Design::new(&angles).unwrap();
+        let noise = [FrameNoise { shot: 0.0, floor: 1e-6 }; 6];
+        let pixels = 60;
+        let mut fit = Fit::new(pixels, 1);
+        for psi in &angles {
+            fit.add(*psi, |_, values, _| {
+                for (i, value) in values.iter_mut().enumerate() {
+                    let [x, y] = if i % 3 == 0 { [0.05, 0.02] } else { curve.at(PI * i as f64 / pixels as f64) };
+                    let light = if i % 3 == 1 { 0.0 } else { 0.5 };
+                    *value = (light * (1.0 + x * (2.0 * psi).cos() + y * (2.0 * psi).sin())) as f32;
+                }
+            });
+        }
+        let (map, mirrors) = locate(&mut fit.solve(&design), &design, &noise, &model, None, 0.0);
+        assert_eq!(mirrors, pixels / 3);
+        for (i, theta) in map.orientation.iter().enumerate() {
+            let wanted = PI * i as f64 / pixels as f64;
+            let off = crate::polarimetry::angle_difference(f64::from(*theta), wanted).abs();
+            assert!(if i % 3 == 2 { off < 0.01 } else { theta.is_nan() }, "{i}: {theta}");
+        }
+    }
+}
