@@ -117,6 +117,29 @@ fn the_eight_photographs_agree_with_plain_least_squares() {
     compare_stokes(&result, &angles, &images, |i, k| images[k][i]);
 }
 
+/// Of the eight photographs four are repeats of the others, 180° apart: what they differ by is what σ says.
+#[test]
+fn the_eight_photographs_repeat_each_other_as_sigma_says() {
+    let Some(data) = test_data() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (series, result) = (folder.path().join("series"), folder.path().join("result"));
+    let source = data.join("polarization/rotating_analyser_630nm");
+    nacre(["import", source.to_str().unwrap(), "--out", series.to_str().unwrap()]).expect(0);
+    let (series, result) = (series.to_str().unwrap(), result.to_str().unwrap());
+    let asked = ["--json", "reconstruct", "polarization", series, "--out", result, "--model", "sinusoid"];
+    let report = nacre(asked).expect(0).json();
+    assert_eq!(report["noise"]["source"], "repeats");
+    let found = &report["repeats"];
+    assert_eq!((&found["pairs"], found["gain"].as_array().unwrap().len()), (&4.into(), 4));
+    for chi2 in ["chi2", "chi2_median"] {
+        assert!((0.8..=1.3).contains(&found[chi2].as_f64().unwrap()), "{found}");
+    }
+    // Half of at most 32,768 pixels, none of them used for calibration.
+    assert!((10_000..=16_384).contains(&found["pixels"].as_u64().unwrap()), "{found}");
+    // Rounding to 8 bit is an error even where it hides the noise.
+    assert!(report["noise"]["floor"].as_f64().unwrap() >= 0.999 / (12.0 * 255.0 * 255.0), "{}", report["noise"]);
+}
+
 #[test]
 fn the_polarization_sensor_agrees_with_plain_least_squares() {
     let Some(data) = test_data() else { return };

@@ -40,6 +40,27 @@ fn events(bytes: &[u8]) -> Vec<(u64, String, Value)> {
     text.split("\n\n").filter_map(event).collect()
 }
 
+/// Near and from the side oblique incidence shows; whether it is taken out is asked for, and said.
+#[test]
+fn oblique_incidence_is_taken_out_on_request() {
+    let near = "camera = { width = 96, height = 96 }\ngeometry = { distance_mm = 300, baseline_mm = 240 }";
+    let place = Place::with_bench("", near);
+    let service = Service::start(&place, &[]);
+    let id = begin(&service, &plan(6, 20.0));
+    finished(&service, &id);
+    let report = |asked: Value| {
+        let answer = service.post("/api/v1/reconstructions", &asked).expect(202).json();
+        let path = format!("/api/v1/reconstructions/{}", answer["id"].as_str().unwrap());
+        service.until(&path, |r| r["state"] == "done")["report"].clone()
+    };
+    let oblique = report(json!({ "session": id, "oblique": "auto" }))["oblique"].clone();
+    assert!(oblique["largest_deg"].as_f64().unwrap() > 10.0, "{oblique}");
+    for asked in [json!({ "session": id, "oblique": "off" }), json!({ "session": id })] {
+        assert!(report(asked)["oblique"].is_null());
+    }
+    service.post("/api/v1/reconstructions", &json!({ "session": id, "oblique": "sideways" })).expect(400);
+}
+
 #[test]
 fn a_session_runs_is_watched_and_its_map_is_looked_at() {
     let place = Place::with_bench("", BENCH);

@@ -173,7 +173,7 @@ fn results(
     progress: &dyn Progress,
 ) -> Result<(PathBuf, Report), Failure> {
     let results = folder.join("results");
-    let options = Options { model: planned.model, overwrite: true, ..Options::default() };
+    let options = Options { model: planned.model, oblique: planned.oblique, overwrite: true, ..Options::default() };
     let report = match running {
         Some(running) => running.finish(OutputFolder::begin(&results, true)?, &options, progress)?,
         None => polarimetry::reconstruct(folder, &results, &options, progress)?,

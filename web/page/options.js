@@ -1,4 +1,4 @@
-// The options of a reconstruction: model, offset, smoothing, periods.
+// The options of a reconstruction: model, oblique incidence, offset, smoothing, periods.
 
 import { field, h, number, select } from "./dom.js";
 import { MODELS } from "./plan.js";
@@ -16,6 +16,9 @@ export function optionFields(report = {}) {
   const { method = {} } = report.period ?? {};
   const [low, high] = method.range_um ?? [0.7, 2];
   const model = select(MODELS, "auto", { id: "model" });
+  const oblique = h("input", { type: "checkbox", id: "oblique", checked: Boolean(report.oblique) });
+  const obliqueRow = h("label", { class: "check" }, oblique, h("span", {},
+    "Take oblique incidence out, where the photographs say where the camera stood and the points are likelier then: worth it near and from the side"));
   const offset = number({ id: "offset", value: report.offset_deg ?? 0 });
   const given = report.smoothing?.strength ?? "light";
   const known = SMOOTHINGS.some(([value]) => value === given);
@@ -42,7 +45,7 @@ export function optionFields(report = {}) {
   paint();
   const element = h("div", { class: "stack" }, h("div", { class: "fields" }, field("Model", model),
     field("Offset (°)", offset, { hint: "The method leaves one open; set it where one orientation is known" })),
-    field("Smoothing of pictures", smooth), mapsRow, field("Periods", from), range, assumed);
+    obliqueRow, field("Smoothing of pictures", smooth), mapsRow, field("Periods", from), range, assumed);
   function period() {
     const range_um = [shortest.valueAsNumber, longest.valueAsNumber];
     if (from.value === "") return null;
@@ -53,7 +56,7 @@ export function optionFields(report = {}) {
   return {
     element,
     request: () => ({
-      method: "polarization", model: model.value, offset_deg: offset.valueAsNumber || 0, smooth: smooth.value,
+      method: "polarization", model: model.value, oblique: oblique.checked ? "auto" : "off", offset_deg: offset.valueAsNumber || 0, smooth: smooth.value,
       smooth_maps: maps.checked && smooth.value !== "none", period: period(),
     }),
   };

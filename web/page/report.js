@@ -5,7 +5,8 @@ import { count, degrees, duration, fixed, percent, significant, words } from "./
 
 /** Warnings, the figures that count, and the rest as facts. */
 export function reportView(report) {
-  const { pixels = {}, noise, circle, models = [], seconds = {}, smoothing, period } = report;
+  const { pixels = {}, noise, circle, models = [], seconds = {}, smoothing, period, error, repeats } = report;
+  const term = (deg) => (deg === null ? "unknown" : degrees(deg, 3));
   const share = (n) => (n === undefined ? null : `${percent(n / pixels.all, 2)} (${count(n)})`);
   const warnings = report.warnings ?? [];
   return h("div", { class: "stack" },
@@ -23,7 +24,13 @@ export function reportView(report) {
       ["Reason", report.model_reason],
       ["Saturated", share(pixels.saturated)],
       ["Too little modulation", share(pixels.too_little_modulation)],
+      ["Metal without a grating", pixels.without_grating ? share(pixels.without_grating) : null],
       ["Fit", pixels.correlation_mean && `${fixed(pixels.correlation_mean, 5)} mean correlation`],
+      ["Error by noise", error && term(error.noise_deg)],
+      ["By analyser angles", error && term(error.angle_deg) + (error.angle_sigma_deg === null ? "" : `; they are off by ${degrees(error.angle_sigma_deg, 3)}`)],
+      ["By registration", error && term(error.registration_deg)],
+      ["By the model", error && term(error.model_deg)],
+      ["Repeats", repeats && `${repeats.pairs} pairs; halves differ by ${degrees(repeats.difference_deg, 3)}, σ says ${degrees(repeats.expected_deg, 3)} (reduced χ² ${fixed(repeats.chi2, 2)})`],
       ["Bias of the model", circle && (circle.bias_deg === null ? "cannot be told" : degrees(circle.bias_deg))],
       ["Modulation varies", circle && `by ${percent(circle.spread)}; noise explains ${percent(circle.spread_of_noise)}`],
       ["Not in view", circle && `${fixed(circle.gap_deg, 0)}° of the half turn`],

@@ -203,6 +203,7 @@ fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {
         band_nm: None,
         geometry: None,
         material: None,
+        angle_sigma_deg: None,
     })
 }
 

@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::console::Console;
 use clap::Subcommand;
 use nacre_processing::polarimetry::{
-    self, Align, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report, Smoothing,
+    self, Align, ErrorReport, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report, Smoothing,
 };
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -169,13 +169,23 @@ pub fn summary(report: &Report) -> String {
     );
     let _ = writeln!(
         text,
-        "pixels    {:.1} % carry an orientation; masked: {:.1} % too little modulation, {:.1} % saturated",
+        "pixels    {:.1} % carry an orientation; masked: {:.1} % too little modulation, {:.1} % metal without a grating, \
+         {:.1} % saturated",
         percent(pixels.valid),
         percent(pixels.too_little_modulation),
+        percent(pixels.without_grating),
         percent(pixels.saturated)
     );
     if let Some(estimate) = report.error_estimate_deg {
-        let _ = writeln!(text, "estimate  a typical orientation is good to {estimate:.3}°, σ and known bias together");
+        let _ = writeln!(text, "estimate  a typical orientation is good to {estimate:.3}°, all that is known together");
+    }
+    let _ = writeln!(text, "error     {}", terms(&report.error));
+    if let Some(repeats) = &report.repeats {
+        let _ = writeln!(
+            text,
+            "repeats   {} pairs: their halves differ by {:.3}° where σ says {:.3}° (reduced χ² {:.2})",
+            repeats.pairs, repeats.difference_deg, repeats.expected_deg, repeats.chi2
+        );
     }
     if let (Some(median), Some(p90), Some(correlation)) =
         (pixels.sigma_median_deg, pixels.sigma_p90_deg, pixels.correlation_mean)
@@ -202,6 +212,15 @@ pub fn summary(report: &Report) -> String {
         s.total, s.read_and_fit, s.solve, s.write
     );
     text
+}
+
+/// What the error is made of.
+fn terms(error: &ErrorReport) -> String {
+    let term = |name: &str, deg: Option<f64>| deg.map_or(format!("{name} unknown"), |v| format!("{name} {v:.3}°"));
+    let off = error.angle_sigma_deg.map_or(String::new(), |v| format!(" (they are off by {v:.3}°)"));
+    let angles = term("analyser angles", error.angle_deg) + &off;
+    let rest = [term("registration", error.registration_deg), term("model", error.model_deg)].join(", ");
+    format!("{}, {angles}, {rest}", term("noise", error.noise_deg))
 }
 
 fn periods(period: &PeriodReport) -> String {

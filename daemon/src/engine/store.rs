@@ -209,6 +209,7 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<fra
         band_nm: setup.band_nm,
         geometry: setup.geometry.map(|geometry| over(geometry, plan, camera)),
         material: None,
+        angle_sigma_deg: None,
     }
 }
 

@@ -51,6 +51,9 @@ pub struct Spec {
     pub upload: Option<String>,
     /// The model to fit.
     pub model: String,
+    /// Whether oblique incidence is taken out. Jobs of earlier versions do not say.
+    #[serde(default)]
+    pub oblique: Oblique,
     /// Added to every orientation.
     pub offset_deg: f64,
     /// How orientations are smoothed in pictures. Jobs of earlier versions say nothing of it and of what follows.
@@ -70,7 +73,7 @@ impl Spec {
         Options {
             model,
             align: Align::Auto,
-            oblique: Oblique::Off,
+            oblique: self.oblique,
             offset_deg: self.offset_deg,
             smooth: self.smooth,
             smooth_maps: self.smooth_maps,

@@ -10,7 +10,7 @@ pub use estimate::{Estimate, Least, Limits, approach, light_on_s};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
-use nacre_processing::polarimetry::Model;
+use nacre_processing::polarimetry::{Model, Oblique};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -68,6 +68,9 @@ pub struct ReconstructPlan {
     /// Which model.
     #[serde(default)]
     pub model: Model,
+    /// Whether oblique incidence is taken out.
+    #[serde(default)]
+    pub oblique: Oblique,
 }
 
 /// Reconstructions that can follow a capture.

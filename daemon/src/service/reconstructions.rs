@@ -9,7 +9,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
-use nacre_processing::polarimetry::{Model, PeriodMethod, Smoothing};
+use nacre_processing::polarimetry::{Model, Oblique, PeriodMethod, Smoothing};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,6 +27,10 @@ pub struct Request {
     method: Option<String>,
     /// `auto`, `sinusoid`, `prenormalized`, `circle` or `curve`.
     model: Option<String>,
+    /// Whether what oblique incidence does to polarization is taken out: `off` (the default), or `auto`, where the photographs say
+    /// where the camera stood and the points are likelier then.
+    #[schema(value_type = Option<String>, example = "off")]
+    oblique: Option<Oblique>,
     /// Added to every orientation.
     offset_deg: Option<f64>,
     /// Smoothing of orientations in pictures and in the map `smoothed`: `none`, `light` (the default), `strong` or a number of
@@ -194,6 +198,7 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         session: body.session,
         upload: body.upload,
         model,
+        oblique: body.oblique.unwrap_or_default(),
         offset_deg,
         smooth: body.smooth.unwrap_or_default(),
         smooth_maps: body.smooth_maps.unwrap_or(false),

@@ -85,6 +85,13 @@ impl Linearizer {
         if self.table.is_empty() { 0.0 } else { self.factor.into() }
     }
 
+    /// Light of the lowest code, where the sensor cuts off; none for floating point, and where a dark photograph is subtracted from
+    /// what was cut off.
+    pub fn lowest(&self) -> Option<f64> {
+        let subtracted = !self.dark.is_empty() || !self.darks.is_empty();
+        self.table.first().filter(|_| !subtracted).map(|v| f64::from(*v))
+    }
+
     /// Decodes a photograph; its light is multiplied by `scale`.
     pub fn read(&self, path: &Path, scale: f64) -> Result<LinearFrame<'_>> {
         let raster = read(path)?;

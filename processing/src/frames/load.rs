@@ -144,6 +144,9 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
     {
         return bad("noise.read_noise_e", format!("{} is negative", n.read_noise_e), "correct the number");
     }
+    if let Some(sigma) = set.angle_sigma_deg.filter(|v| !(0.0..=45.0).contains(v)) {
+        return bad("angle_sigma_deg", format!("{sigma} is no accuracy"), "give degrees from 0 to 45, or leave it out");
+    }
     if let Some(Geometry { distance_mm, baseline_mm, pixel_um, camera_px }) = set.geometry {
         positive("geometry.distance_mm", Some(distance_mm))?;
         positive("geometry.pixel_um", pixel_um)?;

@@ -43,6 +43,10 @@ pub struct FrameSet {
     /// The sensor's noise; estimated from the photographs when it is not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseModel>,
+    /// How far the analyser's angles are from where they are said to be, standard deviation in degrees; estimated from the photographs
+    /// when it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angle_sigma_deg: Option<f64>,
     /// Photograph with the light off at the same exposure, subtracted from every frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark: Option<PathBuf>,

@@ -2,7 +2,8 @@
 
 use super::FrameNoise;
 use super::merge::Merge;
-use super::running::{Running, Sums, noise_of_bracket, read};
+use super::running::{Running, Sums, noise_of_bracket, read, sampled};
+use super::sample::Sample;
 use crate::Result;
 use crate::image::registration::{Registrar, Registration, Resampler, Shift};
 use crate::progress::Progress;
@@ -71,23 +72,30 @@ pub(super) fn alignment(registrar: Option<&Registrar>, angles: &[f64]) -> Option
 }
 
 /// Reads all photographs again and folds them into new sums, each moved back by its view's shift.
-pub(super) fn fit_moved_back(running: &Running, shifts: &[[f64; 2]], progress: &dyn Progress) -> Result<Sums> {
+pub(super) fn fit_moved_back(
+    running: &Running,
+    shifts: &[[f64; 2]],
+    progress: &dyn Progress,
+) -> Result<(Sums, Sample)> {
     let Running { frames, linearizer, brackets, views, .. } = running;
     let (width, height) = (frames.info.width, frames.info.height);
     progress.stage("moving photographs back", views.len() as u64);
     let mut sums = Sums::new(matches!(running.sums, Sums::Weighted(_)), width, height);
+    let mut sample = running.sample.emptied();
     for (view, shift) in views.iter().zip(shifts) {
         progress.check()?;
         let bracket = &brackets[view.bracket];
         let photographs = read(frames, linearizer, bracket)?;
         let back = Resampler::new(*shift, width, height);
         let merge = Merge::new(noise_of_bracket(frames, linearizer, bracket)).scaled(back.noise_factor());
-        sums.add(view.angle, &merge, |k, y, values, bad| {
+        let row = |k: usize, y: usize, values: &mut [f32], bad: &mut [u8]| {
             back.row(y, |y, v, b| photographs[k].row(y, v, b), values, bad);
-        });
+        };
+        sums.add(view.angle, &merge, row);
+        sampled(&mut sample, photographs.len(), &merge, row);
         progress.step();
     }
-    Ok(sums)
+    Ok((sums, sample))
 }
 
 /// What resampling leaves of the noise that a camera is said to have.

@@ -77,6 +77,7 @@ pub(super) fn photograph(folder: &Path, angles: usize, exposures: &[f64], noise:
         band_nm: None,
         geometry: None,
         material: None,
+        angle_sigma_deg: None,
     };
     write_set(folder, &set);
     angles

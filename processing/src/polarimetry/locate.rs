@@ -27,7 +27,8 @@ const MIRROR: f32 = 16.0;
 /// along the curve, too.
 const OFF: f32 = 3.0;
 
-/// Orientation, σ and mask of every pixel under a model. As [`orient`], which it is for the sinusoid.
+/// Orientation, σ and mask of every pixel under a model, and how many pixels are metal without a grating. As [`orient`], which it is
+/// for the sinusoid.
 pub(super) fn locate(
     maps: &mut StokesMaps,
     design: &Design,
@@ -35,9 +36,11 @@ pub(super) fn locate(
     model: &Candidate,
     correction: Option<&Correction>,
     offset: f64,
-) -> OrientationMaps {
+) -> (OrientationMaps, usize) {
     let place = match (model.model, model.center) {
-        (Model::Sinusoid, _) if correction.is_none() => return orient(maps, design, noise, offset),
+        (Model::Sinusoid, _) if correction.is_none() => {
+            return (orient(maps, design, noise, offset), 0);
+        }
         (_, Some(center)) => Place::Circle(Circle::new(center, &model.curve)),
         (_, None) => Place::Curve(Box::new(Table::new(model.curve))),
     };
@@ -47,7 +50,8 @@ pub(super) fn locate(
     let mut orientation = vec![0.0_f32; maps.s0.len()];
     const BLOCK: usize = 4096;
     let blocks = orientation.par_chunks_mut(BLOCK).zip(sigma.par_chunks_mut(BLOCK)).enumerate();
-    blocks.for_each(|(block, (theta, sigma))| {
+    let mirrors = blocks.map(|(block, (theta, sigma))| {
+        let mut mirrors = 0;
         for i in 0..theta.len() {
             let p = block * BLOCK + i;
             let (a, c, s) = (0.5 * maps.s0[p], 0.5 * maps.s1[p], 0.5 * maps.s2[p]);
@@ -55,16 +59,19 @@ pub(super) fn locate(
             let variance = covariance.of_ratios(p, [a, c, s]).map(|v| v * widened);
             let point = [c / a, s / a];
             let point = correction.map_or(point, |o| o.straightened(p, point, variance));
-            let (at, found) = match &place {
+            let Located { theta: at, sigma: found, mirror } = match &place {
                 Place::Circle(circle) => circle.locate(point, variance),
                 Place::Curve(table) => table.locate(point, variance),
             };
+            mirrors += usize::from(mirror && a > 0.0);
             sigma[i] = found.min(FRAC_PI_2);
             let carries = found <= 0.5 / MASK_SNR && a > 0.0;
             theta[i] = if carries { fold(at + offset as f32) } else { f32::NAN };
         }
+        mirrors
     });
-    OrientationMaps { width: maps.width, height: maps.height, orientation, sigma }
+    let mirrors = mirrors.sum();
+    (OrientationMaps { width: maps.width, height: maps.height, orientation, sigma }, mirrors)
 }
 
 /// Uncertainty in rad from which the bend of the curve within it is looked at.
@@ -73,6 +80,22 @@ const BENT: f32 = 0.01;
 /// Where the curve is that much slower within the noise than at the point itself, no σ describes the error, and the pixel is
 /// masked.
 const TOO_BENT: f32 = 1.3;
+
+/// Where a point belongs.
+pub(super) struct Located {
+    /// Orientation in rad.
+    pub theta: f32,
+    /// Its standard deviation in rad; infinite where another branch of the curve is as good.
+    pub sigma: f32,
+    /// It is no grating but metal without one; σ is infinite then.
+    pub mirror: bool,
+}
+
+impl Located {
+    fn grating(theta: f32, sigma: f32) -> Self {
+        Self { theta, sigma, mirror: false }
+    }
+}
 
 enum Place {
     Circle(Circle),
@@ -91,16 +114,15 @@ impl Circle {
         Self { center: center.map(|v| v as f32), radius }
     }
 
-    /// Orientation and σ in rad.
     #[inline]
-    fn locate(&self, at: [f32; 2], [va, vb, vc]: [f32; 3]) -> (f32, f32) {
+    fn locate(&self, at: [f32; 2], [va, vb, vc]: [f32; 3]) -> Located {
         let (x, y) = (at[0] - self.center[0], at[1] - self.center[1]);
         let square = x * x + y * y;
         let across = (y * y * va - 2.0 * x * y * vb + x * x * vc) / square;
         let along = (x * x * va + 2.0 * x * y * vb + y * y * vc) / square;
         let off = square.sqrt() - self.radius;
         let excess = (off * off - OFF * OFF * along).max(0.0);
-        (0.5 * y.atan2(x), 0.5 * ((across + excess) / square).sqrt())
+        Located::grating(0.5 * y.atan2(x), 0.5 * ((across + excess) / square).sqrt())
     }
 }
 
@@ -136,23 +158,22 @@ impl Table {
         Self { curve: Coefficients::new(&curve), low, cells_per_unit, mirror, nearest }
     }
 
-    /// Orientation and σ in rad; no finite σ where two branches are as good.
     #[inline]
-    pub(super) fn locate(&self, at: [f32; 2], variance: [f32; 3]) -> (f32, f32) {
+    pub(super) fn locate(&self, at: [f32; 2], variance: [f32; 3]) -> Located {
         let cell = |k: usize| ((at[k] - self.low[k]) * self.cells_per_unit[k]).clamp(0.0, (CELLS - 1) as f32) as usize;
         let [first, second] = self.nearest[cell(1) * CELLS + cell(0)];
         let best = self.refine(first, at, variance);
         if self.mirror.is_some_and(|mirror| is_mirror(at, mirror, variance, best.distance2)) {
-            return (best.theta, f32::INFINITY);
+            return Located { theta: best.theta, sigma: f32::INFINITY, mirror: true };
         }
         if first == second {
-            return (best.theta, best.sigma());
+            return Located::grating(best.theta, best.sigma());
         }
         let other = self.refine(second, at, variance);
         let (best, other) = if other.distance2 < best.distance2 { (other, best) } else { (best, other) };
         let apart = (best.theta - other.theta + FRAC_PI_2).rem_euclid(2.0 * FRAC_PI_2) - FRAC_PI_2;
         let rival = other.distance2 - best.distance2 < RIVAL && apart.abs() > 3.0 * best.along.max(other.along);
-        (best.theta, if rival { f32::INFINITY } else { best.sigma() })
+        Located::grating(best.theta, if rival { f32::INFINITY } else { best.sigma() })
     }
 
     /// The nearest place near a node, in the metric of the noise.
@@ -260,5 +281,51 @@ impl Coefficients {
         let [d0, d1, d2] = self.0.each_ref().map(slope);
         let (x, y) = (s1 / s0, s2 / s0);
         ([x, y], [(d1 - x * d0) / s0, (d2 - y * d0) / s0])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::polarimetry::{Fit, synthetic::even_angles};
+
+    /// Metal without a grating is masked and counted, gratings are neither, and darkness is no metal.
+    #[test]
+    fn metal_without_a_grating_is_counted() {
+        let mut curve = Curve::circle([0.05, 0.02], 0.3);
+        curve.mirror = Some([0.05, 0.02]);
+        let (model, center) = (Model::Curve, None);
+        let model = Candidate {
+            model,
+            extended: &[],
+            parameters: 4,
+            curve,
+            center,
+            prior: 0.0,
+            cost: 0.0,
+            uncertain: 0.0,
+            film: None,
+        };
+        let angles = even_angles(6);
+        let design = Design::new(&angles).unwrap();
+        let noise = [FrameNoise { shot: 0.0, floor: 1e-6 }; 6];
+        let pixels = 60;
+        let mut fit = Fit::new(pixels, 1);
+        for psi in &angles {
+            fit.add(*psi, |_, values, _| {
+                for (i, value) in values.iter_mut().enumerate() {
+                    let [x, y] = if i % 3 == 0 { [0.05, 0.02] } else { curve.at(PI * i as f64 / pixels as f64) };
+                    let light = if i % 3 == 1 { 0.0 } else { 0.5 };
+                    *value = (light * (1.0 + x * (2.0 * psi).cos() + y * (2.0 * psi).sin())) as f32;
+                }
+            });
+        }
+        let (map, mirrors) = locate(&mut fit.solve(&design), &design, &noise, &model, None, 0.0);
+        assert_eq!(mirrors, pixels / 3);
+        for (i, theta) in map.orientation.iter().enumerate() {
+            let wanted = PI * i as f64 / pixels as f64;
+            let off = crate::polarimetry::angle_difference(f64::from(*theta), wanted).abs();
+            assert!(if i % 3 == 2 { off < 0.01 } else { theta.is_nan() }, "{i}: {theta}");
+        }
     }
 }

@@ -19,6 +19,7 @@
 //! ```
 
 mod aligned;
+mod angle_error;
 #[cfg(test)]
 mod bracket_tests;
 mod check;
@@ -31,6 +32,9 @@ mod correction;
 mod curve;
 mod curve_fit;
 mod design;
+mod errors;
+#[cfg(test)]
+mod errors_tests;
 mod evidence;
 mod fit;
 mod jones;
@@ -48,8 +52,12 @@ mod precision;
 #[cfg(test)]
 mod precision_tests;
 mod reconstruct;
+mod repeats;
+#[cfg(test)]
+mod repeats_tests;
 mod report;
 mod running;
+mod sample;
 mod search;
 mod smooth;
 mod stokes;
@@ -63,6 +71,7 @@ pub use choose::{FilmReport, ModelReport};
 pub use compare::{Comparison, compare};
 pub use correction::{Oblique, ObliqueReport};
 pub use design::Design;
+pub use errors::{AngleSource, ErrorReport};
 pub use fit::{Fit, StokesMaps};
 pub use jones::{Jones, JonesVector};
 pub use look::{Glance, Point, Probe, is_polarimetric, probe};
@@ -75,6 +84,7 @@ pub use period_map::{Metal, PeriodMethod, PeriodReport};
 pub use precision::Precision;
 pub(crate) use reconstruct::{CLOUD, orient_with};
 pub use reconstruct::{Options, reconstruct};
+pub use repeats::RepeatsReport;
 pub use report::{Report, SmoothingReport};
 pub use running::Running;
 pub use smooth::{Smoothing, smooth, smoothed_orientation};

@@ -21,6 +21,8 @@ pub struct NoiseModel {
 pub enum NoiseSource {
     /// `frames.json` states it.
     Given,
+    /// From the differences of frames at angles 180° apart, or at the same one, which no model enters.
+    Repeats,
     /// From the scatter of the frames about their fit.
     Estimated,
     /// Three frames leave no scatter to look at, so a modest camera is assumed.
@@ -155,6 +157,22 @@ pub(super) fn chi_square_quantile(freedom: usize, z: f64) -> f64 {
     let n = freedom as f64;
     let k = 2.0 / (9.0 * n);
     n * (1.0 - k + z * k.sqrt()).powi(3)
+}
+
+/// As [`line_through`], with a floor not below the least that it can be.
+pub(super) fn line_above(points: &[(f64, f64)], least: f64) -> FrameNoise {
+    let free = line_through(points);
+    if free.floor >= least {
+        return free;
+    }
+    let tiny = points.iter().map(|p| p.1).fold(0.0, f64::max) * 1e-6 + f64::MIN_POSITIVE;
+    let (mut square, mut product) = (f64::MIN_POSITIVE, 0.0);
+    for (a, v) in points {
+        let w = (v + tiny).powi(-2);
+        square += w * a * a;
+        product += w * a * (v - least);
+    }
+    FrameNoise { shot: (product / square).max(0.0), floor: least }
 }
 
 /// Weighted least squares of `variance = shot · a + floor`, relative errors weighted alike, both kept ≥ 0.

@@ -6,8 +6,10 @@ use super::cloud::cloud;
 use super::correction::{Corrected, Stand, choose_corrected};
 use super::locate::locate;
 use super::merge::Merge;
+use super::repeats::{calibrate, pairs};
 use super::report::{Pixels, Report};
 use super::running::noise_of_bracket;
+use super::sample::Sample;
 use super::views::View;
 use super::weighted::{scale_variances, variance_factor};
 use super::{
@@ -78,6 +80,8 @@ impl Options {
 /// Orientations under the chosen model.
 pub(super) struct Solved {
     pub map: OrientationMaps,
+    /// Pixels of metal without a grating.
+    pub without_grating: usize,
     pub circle: Option<CircleCheck>,
     pub choice: Option<Choice>,
     /// Points that the models were compared on.
@@ -137,13 +141,20 @@ pub(super) fn solve_model(maps: &mut StokesMaps, design: &Design, noise: &[Frame
     let count = points.len();
     let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked.model, asked.stand) else {
         let map = orient(maps, design, noise, asked.offset);
-        return Solved { circle: check_circle(maps, &map), map, choice: None, points: count, oblique: None };
+        return Solved {
+            circle: check_circle(maps, &map),
+            map,
+            without_grating: 0,
+            choice: None,
+            points: count,
+            oblique: None,
+        };
     };
     let chosen = &choice.candidates[choice.chosen];
-    let map = locate(maps, design, noise, chosen, correction.as_ref(), asked.offset);
+    let (map, without_grating) = locate(maps, design, noise, chosen, correction.as_ref(), asked.offset);
     // The check looks at the points as they are.
     let circle = if correction.is_none() { check_circle(maps, &map) } else { None };
-    Solved { map, circle, choice: Some(choice), points: count, oblique: report }
+    Solved { map, without_grating, circle, choice: Some(choice), points: count, oblique: report }
 }
 
 /// Refuses sets in which no pixel can be used at all.
@@ -168,17 +179,21 @@ pub(super) fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: 
     Ok(())
 }
 
-/// Noise of every view: as given, or from the residuals, or assumed. Maps of merged exposures know their variances, which
-/// are corrected by the residuals where no noise is given. `shifts` in pixels were undone, which smooths.
-pub(super) fn noise_of(
-    frames: &LoadedFrames,
-    linearizer: &Linearizer,
-    brackets: &[Vec<usize>],
-    views: &[View],
-    maps: &mut StokesMaps,
-    design: &Design,
-    shifts: Option<&[[f64; 2]]>,
-) -> (Vec<FrameNoise>, NoiseSource) {
+/// Photographs that were taken in.
+pub(super) struct Photographed<'a> {
+    pub frames: &'a LoadedFrames,
+    pub linearizer: &'a Linearizer,
+    pub brackets: &'a [Vec<usize>],
+    pub views: &'a [View],
+    pub sample: &'a Sample,
+    /// Shifts in pixels that were undone, which smooths.
+    pub shifts: Option<&'a [[f64; 2]]>,
+}
+
+/// Noise of every view: as given, or from repeats, or from the residuals, or assumed. Maps of merged exposures know their
+/// variances, which are corrected by the residuals where no noise is given.
+pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
+    let Photographed { frames, linearizer, brackets, views, sample, shifts } = taken;
     let of_camera = || {
         let view = |v: &View| Merge::together(&noise_of_bracket(frames, linearizer, &brackets[v.bracket]));
         let mut noise: Vec<FrameNoise> = views.iter().map(view).collect();
@@ -197,12 +212,17 @@ pub(super) fn noise_of(
         scale_variances(maps, factor);
         return (noise, NoiseSource::Estimated);
     }
+    let step = linearizer.step() * frames.set.transfer.slope(1.0);
+    let all = &frames.set.frames;
+    let scale = all.iter().map(|f| f.scale()).sum::<f64>() / all.len() as f64;
+    let quantisation = (step * scale).powi(2) / 12.0;
+    let black = linearizer.lowest().map_or(f64::NEG_INFINITY, |v| v * scale);
+    if let Some(noise) = calibrate(sample, &pairs(frames, views, sample.views()), black, quantisation) {
+        return (vec![noise; views.len()], NoiseSource::Repeats);
+    }
     match estimate_noise(maps, design) {
         Some(mut noise) => {
-            let step = linearizer.step() * frames.set.transfer.slope(1.0);
-            let all = &frames.set.frames;
-            let scale = all.iter().map(|f| f.scale()).sum::<f64>() / all.len() as f64;
-            noise.floor = noise.floor.max((step * scale).powi(2) / 12.0);
+            noise.floor = noise.floor.max(quantisation);
             (vec![noise; views.len()], NoiseSource::Estimated)
         }
         None => (of_camera(), NoiseSource::Assumed),
@@ -219,7 +239,7 @@ pub(super) fn reported(
     solved: &Solved,
 ) -> Report {
     let choice = solved.choice.as_ref().map(|c| (c, solved.points));
-    let pixels = Pixels::count(maps, &solved.map);
+    let pixels = Pixels::count(maps, solved);
     Report {
         oblique: solved.oblique.clone(),
         ..Report::new(frames, options, design, noise, pixels, solved.circle, choice)
@@ -248,7 +268,7 @@ pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, map
 }
 
 impl Pixels {
-    fn count(maps: &StokesMaps, map: &OrientationMaps) -> Self {
+    fn count(maps: &StokesMaps, Solved { map, without_grating, .. }: &Solved) -> Self {
         let valid = map.orientation.iter().filter(|t| t.is_finite()).count();
         let saturated = maps.correlation.iter().filter(|t| t.is_nan()).count();
         let all = map.orientation.len();
@@ -264,7 +284,8 @@ impl Pixels {
             all,
             valid,
             saturated,
-            too_little_modulation: all - valid - saturated,
+            without_grating: *without_grating,
+            too_little_modulation: (all - valid - saturated).saturating_sub(*without_grating),
             sigma_median_deg: quantile(0.5),
             sigma_p90_deg: quantile(0.9),
             correlation_mean: (valid > 0).then_some(correlation),

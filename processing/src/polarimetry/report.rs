@@ -1,10 +1,11 @@
 //! `report.json`: what was done, why, and how good the result is.
 
 use super::choose::Choice;
+use super::errors::Systematic;
 use super::smooth::SPACE_SIGMA_PX;
 use super::{
-    Alignment, CircleCheck, Design, FrameNoise, Model, ModelReport, NoiseSource, ObliqueReport, Options, PeriodReport,
-    Smoothing,
+    Alignment, CircleCheck, Design, ErrorReport, FrameNoise, Model, ModelReport, NoiseSource, ObliqueReport, Options,
+    PeriodReport, RepeatsReport, Smoothing,
 };
 use crate::frames::LoadedFrames;
 use serde::Serialize;
@@ -28,9 +29,11 @@ pub struct Report {
     pub pixels: Pixels,
     /// The noise model behind σ.
     pub noise: NoiseReport,
-    /// Expected error of a typical orientation: the median σ, and the bias that the check below finds. None when the
-    /// check could not be made or found more wrong than it can put in degrees.
+    /// Expected error of a typical orientation, all terms below together. None when the model's could not be told, or more is
+    /// wrong than can be put in degrees.
     pub error_estimate_deg: Option<f64>,
+    /// What that error is made of.
+    pub error: ErrorReport,
     /// All models that were fitted, simplest first; empty when too few pixels carry modulation.
     pub models: Vec<ModelReport>,
     /// Does the sinusoid explain the data?
@@ -40,6 +43,8 @@ pub struct Report {
     /// How the photographs lie against each other, one entry for each analyser position; none for a sensor that takes all
     /// angles at once and for more than 24.
     pub registration: Option<Alignment>,
+    /// What views at angles 180° apart, or at the same one, tell; none where fewer than three angles are repeated.
+    pub repeats: Option<RepeatsReport>,
     /// How orientations were smoothed, in pictures or also in the map.
     pub smoothing: SmoothingReport,
     /// The map of periods, if one was asked for.
@@ -67,6 +72,8 @@ pub struct Pixels {
     pub valid: usize,
     /// Masked: saturated or not a number in at least one photograph.
     pub saturated: usize,
+    /// Masked: metal without a grating, which the model knows.
+    pub without_grating: usize,
     /// Masked: the modulation is lost in the noise.
     pub too_little_modulation: usize,
     /// Median σ of the orientation over valid pixels.
@@ -146,6 +153,7 @@ impl Report {
         if source == NoiseSource::Assumed {
             warnings.push("three angles leave no residual and no noise is given, so σ assumes a modest camera".into());
         }
+        let error = ErrorReport::new(pixels.sigma_median_deg, error_of_model(circle.as_ref(), choice.map(|(c, _)| c)));
         Self {
             method: "polarization",
             model: chosen.map_or_else(|| Model::Sinusoid.word().to_owned(), |c| c.name()),
@@ -157,12 +165,14 @@ impl Report {
             warnings,
             width: frames.info.width / block,
             height: frames.info.height / block,
-            error_estimate_deg: error_estimate(&pixels, circle.as_ref(), choice.map(|(c, _)| c)),
+            error_estimate_deg: error.total_deg,
+            error,
             pixels,
             noise: NoiseReport { source, shot: mean(|n| n.shot), floor: mean(|n| n.floor) },
             circle,
             brackets: 0,
             registration: None,
+            repeats: None,
             smoothing: SmoothingReport {
                 strength: options.smooth,
                 rounds: options.smooth.rounds(),
@@ -182,6 +192,12 @@ impl Report {
         }
     }
 
+    /// With errors that are no noise.
+    pub(super) fn with(&mut self, terms: Systematic) {
+        self.error = std::mem::take(&mut self.error).with(terms);
+        self.error_estimate_deg = self.error.total_deg;
+    }
+
     /// Wall time in seconds: of reading and fitting, and from then on until all was solved and written.
     pub(super) fn took(&mut self, read_and_fit: f64, solve: f64, written: f64) {
         self.seconds = Seconds { read_and_fit, solve, write: written - solve, total: read_and_fit + written };
@@ -194,14 +210,12 @@ impl Report {
     }
 }
 
-fn error_estimate(pixels: &Pixels, circle: Option<&CircleCheck>, choice: Option<&Choice>) -> Option<f64> {
-    let (sigma, choice) = (pixels.sigma_median_deg?, choice?);
+/// Error in degrees that the model may cause; none when that cannot be told.
+fn error_of_model(circle: Option<&CircleCheck>, choice: Option<&Choice>) -> Option<f64> {
+    let choice = choice?;
     match choice.candidates[choice.chosen].model {
         // With oblique incidence taken out there is no check on the raw points.
-        Model::Sinusoid if circle.is_some() => {
-            let circle = circle.filter(|c| c.bias_is_known())?;
-            Some(sigma.hypot(circle.bias_deg?))
-        }
-        _ => Some(sigma.hypot(choice.error?.to_degrees())),
+        Model::Sinusoid if circle.is_some() => circle.filter(|c| c.bias_is_known())?.bias_deg,
+        _ => Some(choice.error?.to_degrees()),
     }
 }

@@ -1,13 +1,18 @@
 //! A reconstruction on its way: photographs are folded into sums as they come.
 
 use super::aligned::{alignment, correlated, fit_moved_back};
+use super::errors::systematic;
 use super::merge::{Merge, clear_of_white};
 use super::noise::ASSUMED;
 use super::output::Writer;
-use super::reconstruct::{Asked, check_light, divide_by_flat, noise_of, reported, solve_model};
+use super::reconstruct::{Asked, Photographed, check_light, divide_by_flat, noise_of, reported, solve_model};
+use super::repeats::{compare_halves, pairs};
+use super::sample::Sample;
 use super::views::{View, brackets, views};
 use super::weighted::WeightedFit;
-use super::{Align, Alignment, Design, Fit, FrameNoise, NoiseSource, Options, Report, StokesMaps, smooth};
+use super::{
+    Align, Alignment, Design, Fit, FrameNoise, NoiseSource, Options, RepeatsReport, Report, StokesMaps, smooth,
+};
 use crate::frames::{Frame, LinearFrame, Linearizer, LoadedFrames};
 use crate::image::OutputFolder;
 use crate::image::registration::Registrar;
@@ -28,6 +33,8 @@ pub struct Running {
     pub(super) brackets: Vec<Vec<usize>>,
     pub(super) views: Vec<View>,
     pub(super) sums: Sums,
+    /// A few pixels of every view.
+    pub(super) sample: Sample,
     /// Watches how the photographs lie against each other; a sensor that takes all angles at once needs none.
     registrar: Option<Registrar>,
     /// Brackets taken in.
@@ -113,7 +120,8 @@ impl Running {
         let sums = Sums::new(brackets.iter().any(|b| b.len() > 1), size[0], size[1]);
         let registered = block == 1 && views.len() <= REGISTERED;
         let registrar = registered.then(|| Registrar::new(size[0], size[1]));
-        Ok(Self { frames, linearizer, brackets, views, sums, registrar, added: 0, read_and_fit_s: 0.0 })
+        let sample = Sample::new(size[0], size[1]);
+        Ok(Self { frames, linearizer, brackets, views, sums, sample, registrar, added: 0, read_and_fit_s: 0.0 })
     }
 
     /// More photographs of the series: all those at its next analyser angle. They are taken in by [`Self::add`].
@@ -152,11 +160,11 @@ impl Running {
     /// `Input` when it cannot be read or there is none left.
     pub fn add(&mut self) -> Result<()> {
         let begun = Instant::now();
-        let Self { frames, linearizer, brackets, views, sums, registrar, added, .. } = self;
+        let Self { frames, linearizer, brackets, views, sums, sample, registrar, added, .. } = self;
         let bracket = brackets.get(*added).map_or(&[][..], |b| b);
         let photographs = read(frames, linearizer, bracket)?;
         let merge = Merge::new(noise_of_bracket(frames, linearizer, bracket));
-        fold(sums, registrar, views, *added, &photographs, &merge);
+        fold((sums, sample, registrar), views, *added, &photographs, &merge);
         self.added += 1;
         self.read_and_fit_s += begun.elapsed().as_secs_f64();
         Ok(())
@@ -167,7 +175,7 @@ impl Running {
     pub(super) fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
         let (begun, all) = (Instant::now(), self.brackets.len());
         progress.stage("reading and fitting", all as u64);
-        let Self { frames, linearizer, brackets, views, sums, registrar, added, .. } = self;
+        let Self { frames, linearizer, brackets, views, sums, sample, registrar, added, .. } = self;
         while *added < all {
             progress.check()?;
             let first = *added;
@@ -175,7 +183,7 @@ impl Running {
             let (a, b) = rayon::join(|| read(frames, linearizer, &brackets[first]), second);
             for photographs in [Some(a), b].into_iter().flatten() {
                 let merge = Merge::new(noise_of_bracket(frames, linearizer, &brackets[*added]));
-                fold(sums, registrar, views, *added, &photographs?, &merge);
+                fold((&mut *sums, &mut *sample, &mut *registrar), views, *added, &photographs?, &merge);
                 *added += 1;
                 progress.step();
             }
@@ -197,11 +205,20 @@ impl Running {
         let design = self.design()?;
         let start = Instant::now();
         let alignment = self.align(options.align, progress)?;
-        let Self { frames, linearizer, brackets, views, sums, read_and_fit_s, .. } = self;
+        let Self { frames, linearizer, brackets, views, sums, sample, read_and_fit_s, .. } = self;
         let mut maps = sums.solve(&design);
         check_light(&frames, &maps, &linearizer)?;
         let shifts = alignment.as_ref().filter(|a| a.corrected).map(|a| a.shifts_px.as_slice());
-        let (noise, source) = noise_of(&frames, &linearizer, &brackets, &views, &mut maps, &design, shifts);
+        let taken = Photographed {
+            frames: &frames,
+            linearizer: &linearizer,
+            brackets: &brackets,
+            views: &views,
+            sample: &sample,
+            shifts,
+        };
+        let (noise, source) = noise_of(&taken, &mut maps, &design);
+        let repeats = compare_halves(&sample, &pairs(&frames, &views, sample.views()), &views, &noise);
         let mut solved = solve_model(&mut maps, &design, &noise, &Asked::by(options, &frames, &views));
         divide_by_flat(&frames, &linearizer, &mut maps)?;
         // From the pixels as measured: their σ is that of the polarization, too.
@@ -213,7 +230,10 @@ impl Running {
         }
         let mut report = reported(&frames, options, &design, (&noise, source), &maps, &solved);
         report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
+        report.with(systematic(&frames, &sample, &views, &noise, solved.choice.as_ref(), alignment.as_ref()));
         report.registration = alignment;
+        report.warnings.extend(repeats.iter().filter_map(RepeatsReport::warning));
+        report.repeats = repeats;
         let solve_s = start.elapsed().as_secs_f64();
         let writer = Writer { folder: &folder, frames: &frames, options, progress };
         if let Some((found, said, warnings)) = periods {
@@ -237,7 +257,7 @@ impl Running {
             found.corrected = false;
         }
         if let Some(found) = alignment.as_ref().filter(|a| a.corrected) {
-            self.sums = fit_moved_back(self, &found.shifts_px, progress)?;
+            (self.sums, self.sample) = fit_moved_back(self, &found.shifts_px, progress)?;
         }
         Ok(alignment)
     }
@@ -245,7 +265,8 @@ impl Running {
     /// Noise of the maps so far.
     pub(super) fn noise(&self, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
         let views = &self.views[..self.sums.views()];
-        noise_of(&self.frames, &self.linearizer, &self.brackets, views, maps, design, None)
+        let Self { frames, linearizer, brackets, sample, .. } = self;
+        noise_of(&Photographed { frames, linearizer, brackets, views, sample, shifts: None }, maps, design)
     }
 }
 
@@ -277,8 +298,7 @@ pub(super) fn noise_of_bracket(frames: &LoadedFrames, linearizer: &Linearizer, b
 
 /// Adds the photographs of bracket `i`, which are one view, or four of a polarization sensor.
 fn fold(
-    sums: &mut Sums,
-    registrar: &mut Option<Registrar>,
+    (sums, sample, registrar): (&mut Sums, &mut Sample, &mut Option<Registrar>),
     views: &[View],
     i: usize,
     photographs: &[LinearFrame],
@@ -286,7 +306,11 @@ fn fold(
 ) {
     for view in views.iter().filter(|v| v.bracket == i) {
         let ([x, y], block) = (view.position, view.block);
-        sums.add(view.angle, merge, |k, row, light, bad| photographs[k].strided(row * block + y, x, block, light, bad));
+        let row = |k: usize, row: usize, light: &mut [f32], bad: &mut [u8]| {
+            photographs[k].strided(row * block + y, x, block, light, bad);
+        };
+        sums.add(view.angle, merge, row);
+        sampled(sample, photographs.len(), merge, row);
     }
     let Some(registrar) = registrar else { return };
     match photographs {
@@ -296,4 +320,17 @@ fn fold(
             merge.row(|k, light, bad| several[k].row(y, light, bad), light, &mut variances, bad);
         }),
     }
+}
+
+/// Takes a view into the sample. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
+pub(super) fn sampled(
+    sample: &mut Sample,
+    photographs: usize,
+    merge: &Merge,
+    row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync,
+) {
+    sample.add(|y, light, bad| match photographs {
+        1 => row(0, y, light, bad),
+        _ => merge.row(|k, light, bad| row(k, y, light, bad), light, &mut vec![0.0; light.len()], bad),
+    });
 }
