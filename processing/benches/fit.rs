@@ -4,7 +4,7 @@
 //! takes two frames at a time and reads them, the pivot and four sums, which it writes again: 8 + 4 + 32. `copy` counts what it reads
 //! and writes. None counts that a processor reads what it is about to write over, which a plain copy can avoid.
 //!
-//! `cargo bench -p nacre-processing --bench fit`; `python3 processing/benches/peer.py` is numpy's turn.
+//! `cargo bench -p nacre-processing --bench fit`. Wall time; on a busy machine the example `speed`, which counts CPU time, tells more.
 
 #![allow(clippy::expect_used)]
 
@@ -44,10 +44,8 @@ fn copy(bencher: divan::Bencher, threads: usize) {
     let mut target = source.clone();
     bencher.counter(BytesCount::new(8 * FRAMES * PIXELS)).bench_local(|| {
         pool.install(|| {
-            let rows = |(t, s): (&mut Vec<f32>, &Vec<f32>)| {
-                t.par_chunks_mut(PIXELS / 8).zip(s.par_chunks(PIXELS / 8)).for_each(|(t, s)| t.copy_from_slice(s));
-            };
-            target.iter_mut().zip(&source).for_each(rows);
+            // Whole frames, so long that the copy does not read what it writes over.
+            target.par_iter_mut().zip(&source).for_each(|(t, s)| t.copy_from_slice(s));
         });
     });
 }
@@ -71,9 +69,7 @@ fn stream_two_frames(bencher: divan::Bencher, threads: usize) {
     let mut fit = Fit::new(WIDTH, HEIGHT);
     let row = |k: usize, y: usize, row: &mut [f32], _: &mut [u8]| row.copy_from_slice(&frames[k][y * WIDTH..][..WIDTH]);
     fit.add_several(&[0.0, 0.1], row);
-    bencher
-        .counter(BytesCount::new(44 * PIXELS))
-        .bench_local(|| pool.install(|| fit.add_several(&[0.2, 0.3], row)));
+    bencher.counter(BytesCount::new(44 * PIXELS)).bench_local(|| pool.install(|| fit.add_several(&[0.2, 0.3], row)));
 }
 
 /// The sums of the streaming fit to maps, in place: 20 bytes per pixel read and written, and the flags.

@@ -6,7 +6,6 @@
 use crate::polarimetry::Design;
 use pulp::{Arch, Simd, WithSimd};
 
-
 /// Sums of a run of pixels, all of the same length.
 pub(super) struct Sums<'a> {
     pub pivot: &'a mut [f32],

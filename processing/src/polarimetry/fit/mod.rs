@@ -6,6 +6,8 @@
 
 mod kernel;
 mod stack;
+#[cfg(test)]
+mod tests;
 
 pub use stack::fit_stack;
 
