@@ -1,6 +1,7 @@
 //! How long `nacre reconstruct` takes beside decoding its photographs and writing its results, and the fit beside a copy.
 //!
-//! `cargo run --release -p nacre-processing --example speed -- SESSION SCRATCH`
+//! `cargo run --release -p nacre-processing --example speed -- SESSION SCRATCH` for the command, also its memory; without
+//! arguments for the fit.
 //!
 //! Everything is run in turns and the least of each is printed, so that other programs on the machine disturb all alike. CPU
 //! seconds (Linux only) do not count waiting for others or for the disk.
@@ -24,12 +25,11 @@ const PIXELS: usize = 4096 * 3072;
 const FRAMES: usize = 13;
 
 fn main() -> Outcome<()> {
-    kernel()?;
     let mut arguments = std::env::args().skip(1);
-    if let (Some(session), Some(scratch)) = (arguments.next(), arguments.next()) {
-        whole(Path::new(&session), Path::new(&scratch))?;
+    match (arguments.next(), arguments.next()) {
+        (Some(session), Some(scratch)) => whole(Path::new(&session), Path::new(&scratch)),
+        _ => kernel(),
     }
-    Ok(())
 }
 
 /// One thread, 13 frames of 12.6 Mpixel in memory.
@@ -84,6 +84,8 @@ fn whole(session: &Path, scratch: &Path) -> Outcome<()> {
         Ok(())
     };
     command(Model::Sinusoid, Smoothing::NONE)?;
+    let status = fs::read_to_string("/proc/self/status")?;
+    status.lines().filter(|l| l.starts_with("VmHWM")).for_each(|peak| println!("peak of its memory: {peak}"));
     let bytes = fs::read_dir(&out)?.map(|entry| Ok(fs::read(entry?.path())?)).collect::<Outcome<Vec<_>>>()?;
     let names = ["decode and write", "sinusoid", "auto", "decode only"];
     let mut times = [const { vec![] }; 4];
