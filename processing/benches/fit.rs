@@ -1,51 +1,88 @@
-//! The streaming fit's kernel against its floor.
+//! The fit's kernels against their floor, the memory: as many bytes per second as they have to move, beside a plain copy.
 //!
-//! Per pixel and frame it reads the frame (4 bytes) and five sums and writes four of them: 40 bytes. `copy` moves the same
-//! bytes with plain slice copies on the same threads, so their ratio is the share of the memory bandwidth reached.
+//! Bytes per pixel: with all N frames in memory each is read once and five maps are written, 4 N + 20. The streaming fit
+//! takes two frames at a time and reads them, the pivot and four sums, which it writes again: 8 + 4 + 32. `copy` counts what it reads
+//! and writes. None counts that a processor reads what it is about to write over, which a plain copy can avoid.
+//!
+//! `cargo bench -p nacre-processing --bench fit`. Wall time; on a busy machine the example `speed`, which counts CPU time, tells more.
 
 #![allow(clippy::expect_used)]
 
 use divan::counter::BytesCount;
-use nacre_processing::polarimetry::{Design, Fit};
+use nacre_processing::polarimetry::{Design, Fit, StokesMaps, fit_stack};
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::f64::consts::PI;
 
 const WIDTH: usize = 4096;
 const HEIGHT: usize = 3072;
-const BYTES: usize = 40 * WIDTH * HEIGHT;
+const PIXELS: usize = WIDTH * HEIGHT;
+const FRAMES: usize = 13;
+const THREADS: [usize; 2] = [1, 2];
 
 fn main() {
     divan::main();
 }
 
-#[divan::bench(sample_count = 20)]
-fn fold_one_frame_of_12_megapixels(bencher: divan::Bencher) {
-    let frame: Vec<f32> = (0..WIDTH * HEIGHT).map(|i| (i % 251) as f32).collect();
+fn pool(threads: usize) -> ThreadPool {
+    ThreadPoolBuilder::new().num_threads(threads).build().expect("threads")
+}
+
+fn angles() -> Vec<f64> {
+    (0..FRAMES).map(|k| PI * k as f64 / FRAMES as f64).collect()
+}
+
+fn frames(count: usize) -> Vec<Vec<f32>> {
+    let value = |k: usize, i: usize| 1000.0 + ((7 * i + 13 * k) % 251) as f32;
+    (0..count).map(|k| (0..PIXELS).map(|i| value(k, i)).collect()).collect()
+}
+
+/// What the bandwidth is: plain slices copied, as many bytes as the frames have.
+#[divan::bench(args = THREADS, sample_count = 20)]
+fn copy(bencher: divan::Bencher, threads: usize) {
+    let (pool, source) = (pool(threads), frames(FRAMES));
+    let mut target = source.clone();
+    bencher.counter(BytesCount::new(8 * FRAMES * PIXELS)).bench_local(|| {
+        pool.install(|| {
+            // Whole frames, so long that the copy does not read what it writes over.
+            target.par_iter_mut().zip(&source).for_each(|(t, s)| t.copy_from_slice(s));
+        });
+    });
+}
+
+/// All frames in memory to S0, S1, S2, residual and correlation, each pixel solved.
+#[divan::bench(args = THREADS, sample_count = 20)]
+fn stack_of_13_frames(bencher: divan::Bencher, threads: usize) {
+    let (pool, frames, design) = (pool(threads), frames(FRAMES), Design::new(&angles()).expect("good angles"));
+    let slices: Vec<&[f32]> = frames.iter().map(Vec::as_slice).collect();
+    let mut maps = StokesMaps::default();
+    fit_stack(&slices, WIDTH, &design, &mut maps);
+    bencher
+        .counter(BytesCount::new((4 * FRAMES + 20) * PIXELS))
+        .bench_local(|| pool.install(|| fit_stack(&slices, WIDTH, &design, &mut maps)));
+}
+
+/// Two frames into the sums of the streaming fit.
+#[divan::bench(args = THREADS, sample_count = 20)]
+fn stream_two_frames(bencher: divan::Bencher, threads: usize) {
+    let (pool, frames) = (pool(threads), frames(2));
     let mut fit = Fit::new(WIDTH, HEIGHT);
-    let mut angle = 0.0;
-    bencher.counter(BytesCount::new(BYTES)).bench_local(|| {
-        angle += 0.1;
-        fit.add(angle, |y, row, _| row.copy_from_slice(&frame[y * WIDTH..][..WIDTH]));
-    });
+    let row = |k: usize, y: usize, row: &mut [f32], _: &mut [u8]| row.copy_from_slice(&frames[k][y * WIDTH..][..WIDTH]);
+    fit.add_several(&[0.0, 0.1], row);
+    bencher.counter(BytesCount::new(44 * PIXELS)).bench_local(|| pool.install(|| fit.add_several(&[0.2, 0.3], row)));
 }
 
-#[divan::bench(sample_count = 20)]
-fn copy_the_same_bytes(bencher: divan::Bencher) {
-    let source = vec![1.0_f32; BYTES / 8];
-    let mut target = vec![0.0_f32; BYTES / 8];
-    bencher.counter(BytesCount::new(BYTES)).bench_local(|| {
-        target.par_chunks_mut(WIDTH).zip(source.par_chunks(WIDTH)).for_each(|(t, s)| t.copy_from_slice(s));
-    });
-}
-
-#[divan::bench(sample_count = 5)]
-fn solve_12_megapixels(bencher: divan::Bencher) {
+/// The sums of the streaming fit to maps, in place: 20 bytes per pixel read and written, and the flags.
+#[divan::bench(args = THREADS, sample_count = 5)]
+fn solve(bencher: divan::Bencher, threads: usize) {
     let angles = [0.0, 0.8, 1.6, 2.4];
-    let design = Design::new(&angles).expect("four good angles");
+    let (pool, design) = (pool(threads), Design::new(&angles).expect("good angles"));
     bencher
         .with_inputs(|| {
             let mut fit = Fit::new(WIDTH, HEIGHT);
             angles.iter().for_each(|a| fit.add(*a, |y, row, _| row.fill(y as f32 + *a as f32)));
             fit
         })
-        .bench_local_values(|fit| fit.solve(&design));
+        .counter(BytesCount::new(41 * PIXELS))
+        .bench_local_values(|fit| pool.install(|| fit.solve(&design)));
 }

@@ -144,8 +144,8 @@ impl LinearFrame<'_> {
         let first = (y * r.width + start) * r.channels + l.channel;
         let step = stride * r.channels;
         match &r.samples {
-            Samples::U8(v) => table(&v[first..], step, self, light, bad, |v| usize::from(*v)),
-            Samples::U16(v) => table(&v[first..], step, self, light, bad, |v| usize::from(*v)),
+            Samples::U8(v) => integers(&v[first..], step, self, light, bad),
+            Samples::U16(v) => integers(&v[first..], step, self, light, bad),
             Samples::F32(v) => {
                 for ((out, bad), value) in light.iter_mut().zip(bad).zip(v[first..].iter().step_by(step)) {
                     // Stored as 0 to keep the sums finite.
@@ -162,12 +162,23 @@ impl LinearFrame<'_> {
     }
 }
 
-/// The common case, 8 and 16 bit: a lookup, and saturation where the value reaches white.
-fn table<T>(v: &[T], step: usize, frame: &LinearFrame, light: &mut [f32], bad: &mut [u8], index: impl Fn(&T) -> usize) {
-    let (saturated, l) = (frame.limit.ceil() as usize, frame.linearizer);
+/// The common case, 8 and 16 bit: a pixel is saturated where its value reaches white.
+fn integers<T: Copy + Into<u16>>(v: &[T], step: usize, frame: &LinearFrame, light: &mut [f32], bad: &mut [u8]) {
+    let (l, scale, limit) = (frame.linearizer, frame.scale, frame.limit);
+    if step == 1 && l.transfer == Transfer::Linear {
+        // The table's own numbers, but calculated eight at a time.
+        let (black, factor) = (l.black, l.factor);
+        for ((out, bad), value) in light.iter_mut().zip(bad).zip(v) {
+            let value = f32::from((*value).into());
+            *bad |= u8::from(value >= limit);
+            *out = (value - black) * factor * scale;
+        }
+        return;
+    }
+    let saturated = limit.ceil() as usize;
     for ((out, bad), value) in light.iter_mut().zip(bad).zip(v.iter().step_by(step)) {
-        let value = index(value);
+        let value = usize::from((*value).into());
         *bad |= u8::from(value >= saturated);
-        *out = l.table[value] * frame.scale;
+        *out = l.table[value] * scale;
     }
 }

@@ -95,6 +95,15 @@ impl OutputFolder {
         fs::write(self.path(name), bytes).map_err(|error| self.failed(name, error))
     }
 
+    /// Waits until the file `name`, which is complete, is on the disk. [`OutputFolder::commit`] does so for all files; this spares
+    /// it the wait.
+    ///
+    /// # Errors
+    /// `Error::Output` when the system refuses.
+    pub fn sync(&self, name: &str) -> Result<()> {
+        sync_one(&self.path(name)).map_err(|error| self.failed(name, error))
+    }
+
     /// Names the file as it would have been called in the end.
     fn failed(&self, name: &str, error: io::Error) -> Error {
         Error::output(&self.out.join(name), error)

@@ -72,7 +72,7 @@ pub use compare::{Comparison, compare};
 pub use correction::{Oblique, ObliqueReport};
 pub use design::Design;
 pub use errors::{AngleSource, ErrorReport};
-pub use fit::{Fit, StokesMaps};
+pub use fit::{Fit, StokesMaps, fit_stack};
 pub use jones::{Jones, JonesVector};
 pub use look::{Glance, Point, Probe, is_polarimetric, probe};
 pub use models::Model;

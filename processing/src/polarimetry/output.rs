@@ -16,14 +16,22 @@ pub(super) struct Writer<'a> {
 
 impl Writer<'_> {
     /// Writes `stokes.exr`, `aolp.exr`, `orientation.exr`, `smoothed.exr` and the pictures.
+    ///
+    /// Pictures are compressed on one thread while maps, which are not, are written and synced by another. No two pictures are in
+    /// memory at a time.
     pub fn maps(&self, maps: StokesMaps, map: &OrientationMaps) -> Result<()> {
         self.progress.stage("writing maps", 5);
-        self.light(&maps)?;
-        self.orientation(&maps, map)?;
-        self.scalars(&maps, map)?;
+        let smooths = !self.options.smooth_maps && self.options.smooth != Smoothing::NONE;
+        let numbers = || self.light(&maps).and_then(|()| self.orientation(&maps, map));
+        let pictures = || {
+            self.scalars(&maps, map)?;
+            if smooths { Ok(()) } else { self.picture(map) }
+        };
+        let (numbers, pictures) = rayon::join(numbers, pictures);
+        numbers.and(pictures)?;
         // Smoothing takes memory.
         drop(maps);
-        self.picture(map)
+        if smooths { self.picture(map) } else { Ok(()) }
     }
 
     /// Writes `period.exr` and `period.png`.
@@ -70,6 +78,8 @@ impl Writer<'_> {
         fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
     ) -> Result<()> {
         write_exr(&self.folder.path(name), width, height, channels, attributes, fill)?;
+        // The disk has the time now that others are computing, rather than in the end.
+        self.folder.sync(name)?;
         self.progress.check()
     }
 

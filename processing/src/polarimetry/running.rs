@@ -84,6 +84,26 @@ impl Sums {
         }
     }
 
+    /// Folds in views at once, of which only one photograph each counts where pixels are alike. `row(v, k, y, values, bad)` yields
+    /// a row of the `k`-th photograph of the `v`-th view.
+    fn add_several(
+        &mut self,
+        views: &[(f64, &Merge)],
+        row: impl Fn(usize, usize, usize, &mut [f32], &mut [u8]) + Sync,
+    ) {
+        match self {
+            Self::Alike(fit) => {
+                let angles: Vec<f64> = views.iter().map(|(angle, _)| *angle).collect();
+                fit.add_several(&angles, |v, y, light, bad| row(v, 0, y, light, bad));
+            }
+            Self::Weighted(_) => {
+                for (v, (angle, merge)) in views.iter().enumerate() {
+                    self.add(*angle, merge, |k, y, light, bad| row(v, k, y, light, bad));
+                }
+            }
+        }
+    }
+
     /// Folds in one view. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
     pub(super) fn add(&mut self, angle: f64, merge: &Merge, row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
         match self {
@@ -162,16 +182,15 @@ impl Running {
         let begun = Instant::now();
         let Self { frames, linearizer, brackets, views, sums, sample, registrar, added, .. } = self;
         let bracket = brackets.get(*added).map_or(&[][..], |b| b);
-        let photographs = read(frames, linearizer, bracket)?;
-        let merge = Merge::new(noise_of_bracket(frames, linearizer, bracket));
-        fold((sums, sample, registrar), views, *added, &photographs, &merge);
+        let taken = Taken::new(frames, linearizer, bracket)?;
+        fold((sums, sample, registrar), views, *added, &[taken]);
         self.added += 1;
         self.read_and_fit_s += begun.elapsed().as_secs_f64();
         Ok(())
     }
 
-    /// Takes in the rest, two views at a time: both are decoded at once, then added in order, so that the result does not
-    /// depend on timing.
+    /// Takes in the rest, two brackets at a time: both are decoded at once, then folded in together, so that the sums go through
+    /// the memory half as often. The order is fixed, so the result does not depend on timing.
     pub(super) fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
         let (begun, all) = (Instant::now(), self.brackets.len());
         progress.stage("reading and fitting", all as u64);
@@ -179,14 +198,12 @@ impl Running {
         while *added < all {
             progress.check()?;
             let first = *added;
-            let second = || (first + 1 < all).then(|| read(frames, linearizer, &brackets[first + 1]));
-            let (a, b) = rayon::join(|| read(frames, linearizer, &brackets[first]), second);
-            for photographs in [Some(a), b].into_iter().flatten() {
-                let merge = Merge::new(noise_of_bracket(frames, linearizer, &brackets[*added]));
-                fold((&mut *sums, &mut *sample, &mut *registrar), views, *added, &photographs?, &merge);
-                *added += 1;
-                progress.step();
-            }
+            let take = |i: usize| Taken::new(frames, linearizer, &brackets[i]);
+            let (a, b) = rayon::join(|| take(first), || (first + 1 < all).then(|| take(first + 1)));
+            let taken = [Some(a), b].into_iter().flatten().collect::<Result<Vec<_>>>()?;
+            fold((&mut *sums, &mut *sample, &mut *registrar), views, first, &taken);
+            *added += taken.len();
+            taken.iter().for_each(|_| progress.step());
         }
         self.read_and_fit_s += begun.elapsed().as_secs_f64();
         Ok(())
@@ -270,6 +287,19 @@ impl Running {
     }
 }
 
+/// The decoded photographs of a bracket, and how they are merged.
+struct Taken<'a> {
+    photographs: Vec<LinearFrame<'a>>,
+    merge: Merge,
+}
+
+impl<'a> Taken<'a> {
+    fn new(frames: &LoadedFrames, linearizer: &'a Linearizer, bracket: &[usize]) -> Result<Self> {
+        let photographs = read(frames, linearizer, bracket)?;
+        Ok(Self { photographs, merge: Merge::new(noise_of_bracket(frames, linearizer, bracket)) })
+    }
+}
+
 /// Decodes the photographs of a bracket. All but the shortest exposure keep a distance to white, if there are several.
 pub(super) fn read<'a>(
     frames: &LoadedFrames,
@@ -296,29 +326,33 @@ pub(super) fn noise_of_bracket(frames: &LoadedFrames, linearizer: &Linearizer, b
     bracket.iter().map(|k| camera.frame(frame(k).gain.unwrap_or(1.0), frame(k).scale(), step)).collect()
 }
 
-/// Adds the photographs of bracket `i`, which are one view, or four of a polarization sensor.
+/// Adds brackets from number `first` on, each of which is one view, or four of a polarization sensor.
 fn fold(
     (sums, sample, registrar): (&mut Sums, &mut Sample, &mut Option<Registrar>),
     views: &[View],
-    i: usize,
-    photographs: &[LinearFrame],
-    merge: &Merge,
+    first: usize,
+    taken: &[Taken],
 ) {
-    for view in views.iter().filter(|v| v.bracket == i) {
-        let ([x, y], block) = (view.position, view.block);
-        let row = |k: usize, row: usize, light: &mut [f32], bad: &mut [u8]| {
-            photographs[k].strided(row * block + y, x, block, light, bad);
-        };
-        sums.add(view.angle, merge, row);
-        sampled(sample, photographs.len(), merge, row);
+    let of = |view: &View| view.bracket.checked_sub(first).and_then(|i| taken.get(i));
+    let seen: Vec<(&View, &Taken)> = views.iter().filter_map(|v| Some((v, of(v)?))).collect();
+    let angles: Vec<(f64, &Merge)> = seen.iter().map(|(view, taken)| (view.angle, &taken.merge)).collect();
+    let row = |v: usize, k: usize, row: usize, light: &mut [f32], bad: &mut [u8]| {
+        let (View { position: [x, y], block, .. }, taken) = seen[v];
+        taken.photographs[k].strided(row * block + y, *x, *block, light, bad);
+    };
+    sums.add_several(&angles, row);
+    for (v, (_, taken)) in seen.iter().enumerate() {
+        sampled(sample, taken.photographs.len(), &taken.merge, |k, y, light, bad| row(v, k, y, light, bad));
     }
     let Some(registrar) = registrar else { return };
-    match photographs {
-        [one] => registrar.add(|row, light, bad| one.row(row, light, bad)),
-        several => registrar.add(|y, light, bad| {
-            let mut variances = vec![0.0; light.len()];
-            merge.row(|k, light, bad| several[k].row(y, light, bad), light, &mut variances, bad);
-        }),
+    for Taken { photographs, merge } in taken {
+        match photographs.as_slice() {
+            [one] => registrar.add(|row, light, bad| one.row(row, light, bad)),
+            several => registrar.add(|y, light, bad| {
+                let mut variances = vec![0.0; light.len()];
+                merge.row(|k, light, bad| several[k].row(y, light, bad), light, &mut variances, bad);
+            }),
+        }
     }
 }
 

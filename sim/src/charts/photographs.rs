@@ -76,6 +76,7 @@ fn photograph(mut bench: Bench, folder: &Path) -> Result<Vec<f32>> {
         channel: None,
         layout: None,
         noise: Some(NoiseModel { full_scale_e: camera.well_e, read_noise_e: camera.read_noise_e }),
+        angle_sigma_deg: None,
         dark: None,
         flat: None,
         wavelength_nm: Some(config.filter.wavelength_nm),
