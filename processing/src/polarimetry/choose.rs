@@ -4,7 +4,7 @@ use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::curve_fit::Path;
 use super::models::{Candidate, Evidence, Model, candidates, orientation};
-use super::search::{Begin, curves};
+use super::search::{Begin, at_limit, curves};
 use serde::Serialize;
 
 /// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
@@ -108,7 +108,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
     let widened_here = candidates[chosen].widened(points.len());
     // What metal without a grating scatters, or reflects at its front, is only right where the points lie on the curve.
     let limit = if candidates[chosen].curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
-    let known = explained && widened_here < limit;
+    let known = explained && widened_here < limit && !candidates[chosen].film.is_some_and(|f| at_limit(&f));
     let error = known.then(|| candidates[chosen].uncertain.hypot(rivals));
     Some(Choice {
         widened: candidates[chosen].widened(points.len()),
@@ -276,6 +276,13 @@ impl Choice {
             let unknown =
                 if self.error.is_some() { "" } else { "; how far orientations are wrong in all cannot be told" };
             warnings.push(format!("metal without a grating is in view, and masked{unknown}"));
+        }
+        if self.candidates[self.chosen].film.is_some_and(|film| at_limit(&film)) {
+            warnings.push(
+                "the film delays by 45° at least, the most that is looked for: if it delays more, orientations are wrong by much more \
+                 than σ says"
+                    .into(),
+            );
         }
         let undecided = |k: &usize| {
             let behind = self.behind[*k] - self.behind[self.chosen];

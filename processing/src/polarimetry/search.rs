@@ -34,6 +34,14 @@ const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1
 /// And how far at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
 const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1, 0.1, 1.0];
 
+/// The film's retardance.
+const RETARDANCE: usize = 2;
+
+/// Whether the film delays as much as any that is looked for, so that the true one may delay more.
+pub(super) fn at_limit(film: &Film) -> bool {
+    film.retardance.abs() > 0.99 * LIMITS[RETARDANCE]
+}
+
 /// Stray light, and the parameter that only mirrors have.
 const STRAY: usize = 7;
 const SHADE: usize = 8;
