@@ -34,7 +34,7 @@ fn spec(model: &str) -> Spec {
         session: Some("s1".into()),
         upload: None,
         model: model.into(),
-        oblique: nacre_processing::polarimetry::Oblique::Auto,
+        oblique: Oblique::Auto,
         offset_deg: 1.25,
         smooth: Smoothing::LIGHT,
         smooth_maps: false,
