@@ -40,8 +40,8 @@ fn frame(k: usize) -> Vec<f32> {
     plane
 }
 
-fn rows(plane: &[f32]) -> impl Fn(usize, &mut [f32], &mut [u8]) + Sync {
-    |y, values: &mut [f32], _: &mut [u8]| values.copy_from_slice(&plane[y * WIDTH..][..WIDTH])
+fn rows(plane: &[f32]) -> impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync + '_ {
+    move |y, left, values, _| values.copy_from_slice(&plane[y * WIDTH + left..][..values.len()])
 }
 
 #[divan::bench(sample_count = 5)]

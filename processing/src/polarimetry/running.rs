@@ -347,10 +347,10 @@ fn fold(
     let Some(registrar) = registrar else { return };
     for Taken { photographs, merge } in taken {
         match photographs.as_slice() {
-            [one] => registrar.add(|row, light, bad| one.row(row, light, bad)),
-            several => registrar.add(|y, light, bad| {
+            [one] => registrar.add(|y, left, light, bad| one.strided(y, left, 1, light, bad)),
+            several => registrar.add(|y, left, light, bad| {
                 let mut variances = vec![0.0; light.len()];
-                merge.row(|k, light, bad| several[k].row(y, light, bad), light, &mut variances, bad);
+                merge.row(|k, light, bad| several[k].strided(y, left, 1, light, bad), light, &mut variances, bad);
             }),
         }
     }

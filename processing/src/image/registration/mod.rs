@@ -17,7 +17,6 @@ mod windows;
 
 pub use resample::Resampler;
 
-use crate::Result;
 use scene::Scene;
 use windows::Windows;
 
@@ -92,9 +91,9 @@ impl Registrar {
         Self { windows: Windows::new(width, height) }
     }
 
-    /// Takes in the next frame. `row(y, values, bad)` fills in one row of linear values and sets `bad[x] = 1` where the
-    /// value cannot be used, as in [`Fit::add`](crate::polarimetry::Fit::add); it is called from several threads.
-    pub fn add(&mut self, row: impl Fn(usize, &mut [f32], &mut [u8]) + Sync) {
+    /// Takes in the next frame. `row(y, left, values, bad)` fills in linear values of row `y` from column `left` on, as many as
+    /// are asked for, and sets `bad[x] = 1` where one cannot be used; it is called from several threads.
+    pub fn add(&mut self, row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
         self.windows.add(row);
     }
 
@@ -136,22 +135,3 @@ impl Registrar {
     }
 }
 
-/// Shifts of a set behind an analyser at `angles` (rad), `frame(k)` yielding each frame's rows as [`Registrar::add`] wants
-/// them. Frames are asked for once, in order, and forgotten.
-///
-/// # Errors
-/// Those of `frame`.
-pub fn register<F>(
-    [width, height]: [usize; 2],
-    angles: &[f64],
-    mut frame: impl FnMut(usize) -> Result<F>,
-) -> Result<Registration>
-where
-    F: Fn(usize, &mut [f32], &mut [u8]) + Sync,
-{
-    let mut registrar = Registrar::new(width, height);
-    for k in 0..angles.len() {
-        registrar.add(frame(k)?);
-    }
-    Ok(registrar.polarized(angles))
-}

@@ -66,20 +66,16 @@ impl Windows {
     }
 
     /// Takes in a frame; the first one decides where the windows lie.
-    pub(super) fn add(&mut self, row: impl Fn(usize, &mut [f32], &mut [u8]) + Sync) {
+    pub(super) fn add(&mut self, row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
         let (width, side) = (self.width, self.side);
         if self.frames.is_empty() && side > 0 {
             let mut plane = vec![0.0_f32; width * self.height];
-            plane.par_chunks_mut(width).enumerate().for_each(|(y, values)| usable(&row, y, values));
+            plane.par_chunks_mut(width).enumerate().for_each(|(y, values)| usable(&row, [0, y], values));
             self.corners = self.choose(&plane);
         }
         let mut values = vec![0.0_f32; self.corners.len() * side * side];
         values.par_chunks_mut((side * side).max(1)).zip(&self.corners).for_each(|(window, [left, top])| {
-            let mut line = vec![0.0_f32; width];
-            for (y, out) in window.chunks_mut(side).enumerate() {
-                usable(&row, top + y, &mut line);
-                out.copy_from_slice(&line[*left..][..side]);
-            }
+            window.chunks_mut(side).enumerate().for_each(|(y, out)| usable(&row, [*left, top + y], out));
             smooth(window, side);
         });
         self.frames.push(values);
@@ -117,10 +113,10 @@ impl Windows {
     }
 }
 
-/// Row `y` with NaN for values that cannot be used.
-fn usable(row: &impl Fn(usize, &mut [f32], &mut [u8]), y: usize, values: &mut [f32]) {
+/// A part of row `y` from column `left` on, with NaN for values that cannot be used.
+fn usable(row: &impl Fn(usize, usize, &mut [f32], &mut [u8]), [left, y]: [usize; 2], values: &mut [f32]) {
     let mut bad = vec![0_u8; values.len()];
-    row(y, values, &mut bad);
+    row(y, left, values, &mut bad);
     values.iter_mut().zip(bad).filter(|(_, bad)| *bad != 0).for_each(|(value, _)| *value = f32::NAN);
 }
 

@@ -184,20 +184,21 @@ fn saturation_is_not_followed() {
         let mut registrar = Registrar::new(SIZE[0], SIZE[1]);
         for k in 0..6 {
             let frame = TILES.frame(SIZE, psi[k], truth[k], 1.0, k as u64);
-            registrar.add(|y: usize, values: &mut [f32], bad: &mut [u8]| {
-                for x in 0..SIZE[0] {
+            registrar.add(|y: usize, left: usize, values: &mut [f32], bad: &mut [u8]| {
+                for i in 0..values.len() {
+                    let x = left + i;
                     let v = frame[y * SIZE[0] + x];
                     let saturated = clipped(x) && v > 0.42;
                     // What is not saturated shows an even grey where the scene is to be flat.
                     let grey = 0.3 + 1e-3 * normal((k << 40 | y << 20 | x) as u64) as f32;
-                    values[x] = if saturated {
+                    values[i] = if saturated {
                         0.0
                     } else if flat {
                         grey
                     } else {
                         v
                     };
-                    bad[x] |= u8::from(saturated);
+                    bad[i] |= u8::from(saturated);
                 }
             });
         }
@@ -208,7 +209,7 @@ fn saturation_is_not_followed() {
     assert!(error < 0.02, "{error}");
     // Everything saturated.
     let mut blind = Registrar::new(SIZE[0], SIZE[1]);
-    (0..6).for_each(|_| blind.add(|_: usize, _: &mut [f32], bad: &mut [u8]| bad.fill(1)));
+    (0..6).for_each(|_| blind.add(|_: usize, _: usize, _: &mut [f32], bad: &mut [u8]| bad.fill(1)));
     doubt(blind.polarized(&psi));
 }
 

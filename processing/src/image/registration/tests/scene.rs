@@ -107,8 +107,10 @@ pub fn wedge(angles: &[f64], px: f64) -> Vec<[f64; 2]> {
     angles.iter().map(|psi| [px * (psi + 0.3).cos(), -px * (psi + 0.3).sin()]).collect()
 }
 
-pub fn rows(plane: Vec<f32>, width: usize) -> impl Fn(usize, &mut [f32], &mut [u8]) + Sync {
-    move |y, values: &mut [f32], _: &mut [u8]| values.copy_from_slice(&plane[y * width..][..width])
+pub fn rows(plane: Vec<f32>, width: usize) -> impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync {
+    move |y, left, values: &mut [f32], _: &mut [u8]| {
+        values.copy_from_slice(&plane[y * width + left..][..values.len()]);
+    }
 }
 
 /// Root mean square error of the shifts about their mean, and the largest σ.
