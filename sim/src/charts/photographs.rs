@@ -25,7 +25,11 @@ pub(super) fn outcome(config: &BenchConfig, options: &Options) -> Result<Outcome
     let folder = tempfile::tempdir().map_err(|e| Error::output(&std::env::temp_dir(), e))?;
     let bench = Bench::new(config, &Silent)?;
     let (input, out) = (folder.path(), folder.path().join("result"));
-    let truth = photograph(bench, input)?;
+    // A wedge shifts the light and leaves it as bright; without one it is rendered once.
+    let mut straight = config.clone();
+    (straight.analyser.wedge_px, straight.analyser.jitter_px) = (0.0, 0.0);
+    let exposure_s = metered(Bench::new(&straight, &Silent)?);
+    let truth = photograph(bench, exposure_s, input)?;
     let begun = Instant::now();
     reconstruct(input, &out, options, &Silent)?;
     let seconds = begun.elapsed().as_secs_f64();
@@ -42,15 +46,12 @@ pub(super) fn outcome(config: &BenchConfig, options: &Options) -> Result<Outcome
 }
 
 /// Writes photographs and `frames.json` into `folder`; returns the true orientations.
-fn photograph(mut bench: Bench, folder: &Path) -> Result<Vec<f32>> {
+fn photograph(mut bench: Bench, exposure_s: f64, folder: &Path) -> Result<Vec<f32>> {
     let config = bench.config().clone();
     let (camera, geometry) = (&config.camera, &config.geometry);
-    let pattern = Pattern::Disc { center_mm: [0.0; 2], diameter_mm: config.disc_mm() };
-    bench.shine(Shining { pattern, flash: false, covered: false }, Duration::ZERO);
-    let white = f64::from((1u32 << camera.bits) - 1);
-    let black = f64::from(camera.black_level);
+    let [black, white] = levels(&config);
     let angles: Vec<f64> = (0..ANGLES).map(|k| 180.0 * k as f64 / ANGLES as f64).collect();
-    let exposure_s = metered(&mut bench, &angles, [black, white]);
+    light(&mut bench);
     let mut frames = vec![];
     for (k, angle) in angles.iter().enumerate() {
         let late = || Error::input("camera", "sends no frame in time", "report this");
@@ -97,13 +98,25 @@ fn photograph(mut bench: Bench, folder: &Path) -> Result<Vec<f32>> {
     Ok(bench.truth_shifted(mean)?.orientation)
 }
 
+/// Switches the panel's disc on.
+fn light(bench: &mut Bench) {
+    let pattern = Pattern::Disc { center_mm: [0.0; 2], diameter_mm: bench.config().disc_mm() };
+    bench.shine(Shining { pattern, flash: false, covered: false }, Duration::ZERO);
+}
+
+/// Codes of black and white.
+fn levels(config: &BenchConfig) -> [f64; 2] {
+    [f64::from(config.camera.black_level), f64::from((1u32 << config.camera.bits) - 1)]
+}
+
 /// Exposure in s that puts the brightest pixel of a few angles below white.
-fn metered(bench: &mut Bench, angles: &[f64], [black, white]: [f64; 2]) -> f64 {
-    let mut exposure_s = 1e-3;
+fn metered(mut bench: Bench) -> f64 {
+    let ([black, white], mut exposure_s) = (levels(bench.config()), 1e-3);
+    light(&mut bench);
     for _ in 0..4 {
-        let brightest =
-            angles.iter().step_by(ANGLES / 4).filter_map(|a| codes(bench, *a, exposure_s)?.into_iter().max());
-        let level = (f64::from(brightest.max().unwrap_or(0)) - black).max(1.0) / (white - black);
+        let angles = [0.0, 45.0, 90.0, 135.0].into_iter();
+        let brightest = angles.filter_map(|a| codes(&mut bench, a, exposure_s)?.into_iter().max()).max().unwrap_or(0);
+        let level = (f64::from(brightest) - black).max(1.0) / (white - black);
         exposure_s *= (EXPOSED / level).clamp(0.1, 20.0);
     }
     exposure_s

@@ -134,4 +134,3 @@ impl Registrar {
         Registration::Told(found.into_iter().map(|([dx, dy], sigma)| Shift { dx, dy, sigma }).collect())
     }
 }
-
