@@ -1,7 +1,7 @@
 //! A service process, and plain HTTP to it: every byte of a request is the test's.
 
 use crate::{Place, assert_gone, command};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::process::{Child, Command, Stdio};
@@ -200,4 +200,37 @@ impl Drop for Service {
             assert_gone(&self.mark);
         }
     }
+}
+
+/// A plan of so many angles.
+pub fn plan(angles: usize, exposure_ms: f64) -> Value {
+    let angles: Vec<f64> = (0..angles).map(|k| 180.0 * k as f64 / angles as f64).collect();
+    json!({ "plan": {
+        "kind": "polarization", "name": "a tile", "sample": "kinematic", "camera": { "exposure_ms": exposure_ms },
+        "analyser": { "angles_deg": angles }, "reconstruct": { "method": "polarization" }
+    } })
+}
+
+/// Begins a session; its number.
+pub fn begin(service: &Service, plan: &Value) -> String {
+    let answer = service.post("/api/v1/sessions", plan).expect(202);
+    let id = answer.json()["id"].as_str().unwrap().to_owned();
+    assert_eq!(answer.header("location").unwrap(), format!("/api/v1/sessions/{id}"));
+    id
+}
+
+/// The session, once it has its map.
+pub fn finished(service: &Service, id: &str) -> Value {
+    service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "finished" && s["has_results"] == true)
+}
+
+/// Events of a stream: number, name and data.
+pub fn events(bytes: &[u8]) -> Vec<(u64, String, Value)> {
+    let text = String::from_utf8_lossy(bytes).into_owned();
+    let field = |block: &str, name: &str| block.lines().find_map(|l| l.strip_prefix(name)).map(|v| v.trim().to_owned());
+    let event = |block: &str| {
+        let (id, name, data) = (field(block, "id:")?, field(block, "event:")?, field(block, "data:")?);
+        Some((id.parse().ok()?, name, serde_json::from_str(&data).ok()?))
+    };
+    text.split("\n\n").filter_map(event).collect()
 }
