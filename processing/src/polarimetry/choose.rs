@@ -30,8 +30,9 @@ const UNMODELLED: f64 = 0.005;
 const FEW_PLACES: f64 = 0.4;
 const AS_GOOD: f64 = 1.02;
 
-/// Fewer points than this tell a circle, but not the film behind it.
+/// Fewer points than this tell a circle, but not the film behind it, unless they are far off every circle.
 const CURVE_POINTS: usize = 5000;
+const FEW_CURVE_POINTS: usize = 1000;
 
 /// A centred circle that explains the points to this, with a centre that costs less than this in degrees, needs no
 /// other model to compare with.
@@ -66,8 +67,9 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
     }
     let mut candidates = candidates(points);
     let enough = wanted == Model::Auto && sinusoid_is_enough(&candidates, points.len());
-    let few = wanted == Model::Auto && points.len() < CURVE_POINTS;
     let least = |all: &[Candidate]| all.iter().map(|c| c.widened(points.len())).fold(f64::INFINITY, f64::min);
+    let fewest = if least(&candidates) < UNEXPLAINED { CURVE_POINTS } else { FEW_CURVE_POINTS };
+    let few = wanted == Model::Auto && points.len() < fewest;
     if matches!(wanted, Model::Auto | Model::Curve) && !enough && !few {
         let circle = candidates.last()?.curve;
         candidates.extend(curves(points, &circle, begin));
