@@ -30,7 +30,8 @@ const UNMODELLED: f64 = 0.005;
 const FEW_PLACES: f64 = 0.4;
 const AS_GOOD: f64 = 1.02;
 
-/// Fewer points than this tell a circle, but not the film behind it, unless they are far off every circle.
+/// Fewer points than this tell a circle, but not the film behind it, unless they are far off every circle and lie on a curve to
+/// their noise.
 const CURVE_POINTS: usize = 5000;
 const FEW_CURVE_POINTS: usize = 1000;
 
@@ -72,7 +73,10 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
     let few = wanted == Model::Auto && points.len() < fewest;
     if matches!(wanted, Model::Auto | Model::Curve) && !enough && !few {
         let circle = candidates.last()?.curve;
-        candidates.extend(curves(points, &circle, begin));
+        let all = wanted == Model::Curve || points.len() >= CURVE_POINTS;
+        // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
+        let explains = |c: &Candidate| c.curve.mirror.is_none() && c.widened(points.len()) < UNMODELLED_WIDENED;
+        candidates.extend(curves(points, &circle, begin).into_iter().filter(|c| all || explains(c)));
     }
     let widened = least(&candidates);
     let each: Vec<Evidence> = candidates.iter().map(|c| c.evidence(points, widened)).collect();
