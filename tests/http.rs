@@ -212,10 +212,13 @@ pub fn plan(angles: usize, exposure_ms: f64) -> Value {
 }
 
 /// Begins a session; its number.
+///
+/// # Panics
+/// When the service refuses.
 pub fn begin(service: &Service, plan: &Value) -> String {
     let answer = service.post("/api/v1/sessions", plan).expect(202);
-    let id = answer.json()["id"].as_str().unwrap().to_owned();
-    assert_eq!(answer.header("location").unwrap(), format!("/api/v1/sessions/{id}"));
+    let id = answer.json()["id"].as_str().expect("a number").to_owned();
+    assert_eq!(answer.header("location").expect("a place"), format!("/api/v1/sessions/{id}"));
     id
 }
 

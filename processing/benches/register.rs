@@ -75,7 +75,10 @@ fn move_a_frame_back(bencher: divan::Bencher) {
     let mut target = vec![0.0_f32; WIDTH * HEIGHT];
     bencher.counter(ItemsCount::new(WIDTH * HEIGHT)).bench_local(|| {
         let each = target.par_chunks_mut(WIDTH).enumerate();
-        each.for_each_init(|| vec![0; WIDTH], |bad, (y, row)| resampler.row(y, rows(&source), row, bad));
+        each.for_each_init(
+            || vec![0; WIDTH],
+            |bad, (y, row)| resampler.row(y, |y, v, b| rows(&source)(y, 0, v, b), row, bad),
+        );
     });
 }
 

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use nacre_drivers::Pattern;
-use nacre_processing::image::registration::{Registration, Shift, register};
+use nacre_processing::image::registration::{Registrar, Registration, Shift};
 use nacre_processing::progress::Silent;
 use nacre_sim::{Bench, BenchConfig, Shining};
 use std::time::Duration;
@@ -40,17 +40,18 @@ fn registration_finds_the_wedge() {
         let mut bench = bench(wedge_px, jitter_px);
         light_up(&mut bench);
         let mut truth = Vec::new();
-        let found = register([192, 160], &angles, |k| {
-            let codes = photograph(&mut bench, angles_deg[k]);
+        let mut registrar = Registrar::new(192, 160);
+        for angle_deg in &angles_deg {
+            let codes = photograph(&mut bench, *angle_deg);
             truth.push(bench.config().shift_px(bench.analyser_deg()));
-            Ok(move |y: usize, values: &mut [f32], bad: &mut [u8]| {
-                for (x, code) in codes[y * 192..][..192].iter().enumerate() {
-                    values[x] = f32::from(*code) - 64.0;
-                    bad[x] |= u8::from(*code >= 4095);
+            registrar.add(|y: usize, left: usize, values: &mut [f32], bad: &mut [u8]| {
+                for ((value, bad), code) in values.iter_mut().zip(bad).zip(&codes[y * 192 + left..]) {
+                    *value = f32::from(*code) - 64.0;
+                    *bad |= u8::from(*code >= 4095);
                 }
-            })
-        });
-        let Registration::Told(shifts) = found.unwrap() else { panic!("{wedge_px} px: cannot tell") };
+            });
+        }
+        let Registration::Told(shifts) = registrar.polarized(&angles) else { panic!("{wedge_px} px: cannot tell") };
         let mean = [0, 1].map(|i| truth.iter().map(|t| t[i]).sum::<f64>() / 8.0);
         let square = |(s, t): (&Shift, &[f64; 2])| (s.dx - t[0] + mean[0]).powi(2) + (s.dy - t[1] + mean[1]).powi(2);
         let error = (shifts.iter().zip(&truth).map(square).sum::<f64>() / 16.0).sqrt();
