@@ -94,6 +94,8 @@ pub(super) fn systematic(
     let answers = answers(&maps, &design, &noise[..kept.len().min(noise.len())], choice);
     let (sigma, angle_source) = match frames.set.angle_sigma_deg {
         Some(deg) => (Some(deg.to_radians()), Some(AngleSource::Given)),
+        // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
+        None if views.iter().any(|v| v.block > 1) => (None, None),
         None => (angle_sigma(sample, &design, &maps), Some(AngleSource::Residuals)),
     };
     // Of more views than are kept, all count.
