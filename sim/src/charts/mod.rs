@@ -68,9 +68,9 @@ fn registration(effort: Effort) -> Study {
     Bench {
         name: "stress-wedge",
         title: "Photographs shifted by a wedged analyser",
-        question: "Kinematic dots without a film, seen through an analyser whose faces are not parallel, so that the photograph runs \
+        question: "The kinematic sample without a film, seen through an analyser whose faces are not parallel, so that the photograph runs \
                    around a circle of this radius as it turns. The shifts are found and undone, as the program does when they are \
-                   worth it, or left. Every dot's edge is a place where a shifted photograph shows another orientation.",
+                   worth it, or left. At every edge a shifted photograph shows another orientation.",
         stress: Axis::linear("radius of the circle", "px"),
         values: vec![0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0],
         reference: 5,
