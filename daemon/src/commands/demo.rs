@@ -120,10 +120,7 @@ struct Judged {
 fn judge(result: &Path, truth: &Truth) -> Result<Judged, Failure> {
     let path = result.join("orientation.exr");
     let mut map = read_exr(&path)?;
-    let mut take = |name: &str| {
-        map.channels.remove(name).ok_or_else(|| Error::file(&path, format!("has no channel {name}"), "report this"))
-    };
-    let (orientation, sigma) = (take("orientation")?, take("sigma")?);
+    let (orientation, sigma) = (map.take("orientation", &path)?, map.take("sigma", &path)?);
     let error = compare(&orientation, &sigma, &truth.orientation, |_| true);
     let error_pure = compare(&orientation, &sigma, &truth.orientation, |i| truth.purity[i] > PURE);
     let invented = orientation.iter().zip(&truth.orientation).filter(|(m, t)| m.is_finite() && !t.is_finite()).count();

@@ -160,13 +160,10 @@ fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {
     let frames = files.iter().zip(angles).map(|(file, analyser_deg)| {
         let exif = exposure(&args.folder.join(file));
         Frame {
-            file: file.clone(),
             analyser_deg,
             exposure_s: exif.as_ref().and_then(|e| e.seconds),
             gain: exif.as_ref().and_then(|e| e.iso).map(|iso| iso / 100.0),
-            spot: None,
-            flash: None,
-            dark: None,
+            ..Frame::new(file)
         }
     });
     let layout = match (args.kind, args.layout.as_slice()) {
@@ -180,13 +177,12 @@ fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {
         }
         _ => None,
     };
+    let kind = match args.kind {
+        KindName::Polarization => Kind::Polarization,
+        KindName::DivisionOfFocalPlane => Kind::DivisionOfFocalPlane,
+        KindName::Exposures => Kind::Exposures,
+    };
     Ok(FrameSet {
-        kind: match args.kind {
-            KindName::Polarization => Kind::Polarization,
-            KindName::DivisionOfFocalPlane => Kind::DivisionOfFocalPlane,
-            KindName::Exposures => Kind::Exposures,
-        },
-        frames: frames.collect(),
         transfer: args.transfer.unwrap_or(if files.iter().any(jpeg) { Transfer::Srgb } else { Transfer::Linear }),
         black: args.black,
         white: args.white,
@@ -196,14 +192,7 @@ fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {
             ChannelName::B => Channel::B,
         }),
         layout,
-        noise: None,
-        dark: None,
-        flat: None,
-        wavelength_nm: None,
-        band_nm: None,
-        geometry: None,
-        material: None,
-        angle_sigma_deg: None,
+        ..FrameSet::new(kind, frames.collect())
     })
 }
 

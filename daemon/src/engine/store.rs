@@ -6,7 +6,7 @@ use crate::session::{Commit, Disk, Entry, Journal, Session, SessionFile, Timing}
 use crate::{Failure, session};
 use nacre_drivers::CameraInfo;
 use nacre_processing::Error;
-use nacre_processing::frames::{self, FrameSet, Geometry, Kind, Spot, Transfer};
+use nacre_processing::frames::{self, FrameSet, Geometry, Kind, Spot};
 use nacre_processing::image::encode_png16_gray;
 use nacre_processing::polarimetry::NoiseModel;
 use std::path::PathBuf;
@@ -195,21 +195,14 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<fra
     let n = f64::from(count);
     let noise = camera.full_scale_e.zip(camera.read_noise_e);
     FrameSet {
-        kind: session::frames_kind(plan.kind),
-        frames,
-        transfer: Transfer::Linear,
         black: Some(f64::from(camera.black) * factor),
         white: Some(f64::from(camera.white) * factor),
-        channel: None,
-        layout: None,
         noise: noise.map(|(full, read)| NoiseModel { full_scale_e: full * n, read_noise_e: read * n.sqrt() }),
         dark: plan.subtracted(&plan.steps(), None).filter(|_| has_one_exposure(plan)).map(PathBuf::from),
-        flat: None,
         wavelength_nm: setup.wavelength_nm,
         band_nm: setup.band_nm,
         geometry: setup.geometry.map(|geometry| over(geometry, plan, camera)),
-        material: None,
-        angle_sigma_deg: None,
+        ..FrameSet::new(session::frames_kind(plan.kind), frames)
     }
 }
 

@@ -163,7 +163,43 @@ pub struct Geometry {
     pub camera_px: Option<[f64; 2]>,
 }
 
+impl FrameSet {
+    /// Linear photographs of which nothing more is known.
+    pub fn new(kind: Kind, frames: Vec<Frame>) -> Self {
+        Self {
+            kind,
+            frames,
+            transfer: Transfer::Linear,
+            black: None,
+            white: None,
+            channel: None,
+            layout: None,
+            noise: None,
+            angle_sigma_deg: None,
+            dark: None,
+            flat: None,
+            wavelength_nm: None,
+            band_nm: None,
+            geometry: None,
+            material: None,
+        }
+    }
+}
+
 impl Frame {
+    /// A photograph of which nothing more is known.
+    pub fn new(file: impl Into<PathBuf>) -> Self {
+        Self {
+            file: file.into(),
+            analyser_deg: None,
+            exposure_s: None,
+            gain: None,
+            spot: None,
+            flash: None,
+            dark: None,
+        }
+    }
+
     /// `1 / (exposure · gain)`.
     pub fn scale(&self) -> f64 {
         1.0 / (self.exposure_s.unwrap_or(1.0) * self.gain.unwrap_or(1.0))

@@ -11,7 +11,7 @@ use exr::meta::header::Header;
 use exr::prelude::f16;
 
 use super::read::{Decoded, Depth, Fault, Info, Raster, Samples, Source, check_size, open, zeroed};
-use crate::Result;
+use crate::{Error, Result};
 
 /// An EXR file as named planes.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,6 +24,18 @@ pub struct ExrMap {
     pub channels: BTreeMap<String, Vec<f32>>,
     /// Text and number attributes other than those that every EXR has, as text.
     pub attributes: BTreeMap<String, String>,
+}
+
+impl ExrMap {
+    /// Takes a channel out of the map that was read from `path`.
+    ///
+    /// # Errors
+    /// `Input` when there is none of that name.
+    pub fn take(&mut self, name: &str, path: &Path) -> Result<Vec<f32>> {
+        self.channels
+            .remove(name)
+            .ok_or_else(|| Error::file(path, format!("has no channel {name}"), "give a map that has one"))
+    }
 }
 
 /// Reads all channels and attributes of the first flat layer of an EXR file.

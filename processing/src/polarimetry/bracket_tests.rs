@@ -2,7 +2,7 @@
 
 use super::synthetic::{even_angles, normal};
 use super::{NoiseModel, Options, angle_difference, probe, reconstruct};
-use crate::frames::{Frame, FrameSet, Kind, Transfer, load, save};
+use crate::frames::{Frame, FrameSet, Kind, load, save};
 use crate::image::{encode_png16_gray, read_exr};
 use crate::progress::Silent;
 use nalgebra::{Matrix3, Vector3};
@@ -52,33 +52,13 @@ pub(super) fn photograph(folder: &Path, angles: usize, exposures: &[f64], noise:
             let file = format!("{k:02}_{j}.png");
             std::fs::write(folder.join(&file), encode_png16_gray(WIDTH, height, &codes).unwrap()).unwrap();
             frames.push(Frame {
-                file: file.into(),
                 analyser_deg: Some(psi.to_degrees()),
                 exposure_s: Some(*exposure),
-                gain: None,
-                spot: None,
-                flash: None,
-                dark: None,
+                ..Frame::new(file)
             });
         }
     }
-    let set = FrameSet {
-        kind: Kind::Polarization,
-        frames,
-        transfer: Transfer::Linear,
-        black: Some(BLACK),
-        white: Some(WHITE),
-        channel: None,
-        layout: None,
-        noise,
-        dark: None,
-        flat: None,
-        wavelength_nm: None,
-        band_nm: None,
-        geometry: None,
-        material: None,
-        angle_sigma_deg: None,
-    };
+    let set = FrameSet { black: Some(BLACK), white: Some(WHITE), noise, ..FrameSet::new(Kind::Polarization, frames) };
     write_set(folder, &set);
     angles
 }

@@ -75,8 +75,8 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         let circle = candidates.last()?.curve;
         let all = wanted == Model::Curve || points.len() >= CURVE_POINTS;
         // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
-        let explains = |c: &Candidate| c.curve.mirror.is_none() && c.widened(points.len()) < UNMODELLED_WIDENED;
-        candidates.extend(curves(points, &circle, begin).into_iter().filter(|c| all || explains(c)));
+        let to_their_noise = |c: &Candidate| c.curve.mirror.is_none() && c.widened(points.len()) < UNMODELLED_WIDENED;
+        candidates.extend(curves(points, &circle, begin).into_iter().filter(|c| all || to_their_noise(c)));
     }
     let widened = least(&candidates);
     let each: Vec<Evidence> = candidates.iter().map(|c| c.evidence(points, widened)).collect();
@@ -154,18 +154,19 @@ fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
     candidate.widened(points.len()) < NO_CURVE_WIDENED || off < NO_CURVE * candidate.size()
 }
 
-/// Share of the curve near which there are points.
+/// Share of the curve on which there are points: stretches that hold a tenth at least of what they would if all were alike.
 fn places(candidate: &Candidate, points: &[CloudPoint]) -> f64 {
     const PLACES: usize = 60;
+    const LOOKED_AT: usize = 6000;
     let (path, mut counts) = (Path::new(candidate.curve), [0_usize; PLACES]);
-    let all = points.iter().step_by(points.len().div_ceil(6000).max(1));
+    let all = points.iter().step_by(points.len().div_ceil(LOOKED_AT).max(1));
     let looked_at = all.clone().count();
     for point in all {
         let turn = orientation(candidate, &path, point).0.rem_euclid(std::f64::consts::PI) / std::f64::consts::PI;
         counts[((turn * PLACES as f64) as usize).min(PLACES - 1)] += 1;
     }
-    let near = |count: &&usize| **count * 10 * PLACES > looked_at;
-    counts.iter().filter(near).count() as f64 / PLACES as f64
+    let held = |count: &&usize| **count * 10 * PLACES > looked_at;
+    counts.iter().filter(held).count() as f64 / PLACES as f64
 }
 
 /// Mean difference of the orientations under two models after the best common offset, in rad.

@@ -87,8 +87,65 @@ fn hard_scenes_are_right() {
     }
 }
 
-/// Films and gratings drawn anew each time: r 0.7 to 1.5, ζ 0 to 180°, Δn 0 to 12°, any axis, half of them with a front
-/// reflection of amplitude up to 0.25 and any phase, orientations evenly spread or five.
+/// Light from around the bench makes every point's polarization less, which a film's fit must not take for something else.
+#[test]
+fn stray_light_is_part_of_the_model() {
+    let scene = |stray| Synthetic {
+        ratio: Complex::from_polar(1.2, 150f64.to_radians()),
+        retardance: 10f64.to_radians(),
+        axis: 0.35,
+        stray,
+        ..Synthetic::default()
+    };
+    let (choice, errors) = compared(&scene(0.0), 40_000, 7);
+    let none = errors[choice.chosen];
+    let (choice, errors) = compared(&scene(0.02), 40_000, 7);
+    let (found, chosen) = (errors[choice.chosen], &choice.candidates[choice.chosen]);
+    assert!(found < 1.25 * none + 0.05, "{none}\n{}", told(&choice, &errors));
+    // S0 is 1 + r² of light of intensity 2 without a film; one changes it by a few per cent.
+    let share = 0.04 / (1.0 + 1.44 + 0.04);
+    let stray = chosen.film.map_or(0.0, |f| f.stray);
+    assert!((stray / share - 1.0).abs() < 0.1, "{stray} {share}\n{}", told(&choice, &errors));
+}
+
+/// A map of few pixels far off every circle gets its film all the same; the error is that wanted of the large one.
+#[test]
+fn a_film_is_found_in_a_small_map() {
+    let scene = Synthetic {
+        ratio: Complex::from_polar(1.2, 20f64.to_radians()),
+        retardance: 10f64.to_radians(),
+        axis: 0.7,
+        ..Synthetic::default()
+    };
+    let (choice, errors) = compared(&scene, 4000, 7);
+    assert!(errors[choice.chosen] < 0.45, "{}", told(&choice, &errors));
+}
+
+/// Five orientations and a front reflection do not determine the film: a choice that is far off must not claim to know.
+#[test]
+fn few_orientations_leave_other_films_possible() {
+    let (choice, errors) = compared(&drawn(77_001), 30_000, 77_001);
+    let (found, claimed) = (errors[choice.chosen], choice.error.map(f64::to_degrees));
+    assert!(found < 1.0 || claimed.is_none_or(|c| c > 0.5 * found), "{found} {claimed:?}\n{}", told(&choice, &errors));
+}
+
+/// A film and a grating: r 0.7 to 1.5, ζ 0 to 180°, Δn 0 to 12°, any axis, half of them with a front reflection of amplitude up to
+/// 0.25 and any phase, orientations evenly spread or five.
+fn drawn(seed: u64) -> Synthetic {
+    let draw = |i: u64, low: f64, high: f64| low + (high - low) * uniform(seed, 1000 + i);
+    let front = Complex::from_polar(draw(5, 0.0, 0.25), draw(6, 0.0, TAU));
+    Synthetic {
+        ratio: Complex::from_polar(draw(1, 0.7f64.ln(), 1.5f64.ln()).exp(), draw(2, 0.0, PI)),
+        retardance: draw(3, 0.0, 12.0).to_radians(),
+        axis: draw(4, 0.0, PI),
+        front: if draw(7, 0.0, 1.0) < 0.5 { front } else { 0.0.into() },
+        spread: if draw(0, 0.0, 1.0) < 0.5 { Spread::Even } else { Spread::Bands(5) },
+        reflectance: 0.4,
+        ..Synthetic::default()
+    }
+}
+
+/// Films and gratings drawn anew each time.
 #[test]
 fn auto_is_nearly_the_best_of_its_models() {
     let count: u64 = std::env::var("NACRE_DRAWS").ok().and_then(|n| n.parse().ok()).unwrap_or(6);
@@ -97,17 +154,7 @@ fn auto_is_nearly_the_best_of_its_models() {
     let mut bad = 0;
     for k in 0..count {
         let seed = seed.wrapping_mul(1000) + k;
-        let draw = |i: u64, low: f64, high: f64| low + (high - low) * uniform(seed, 1000 + i);
-        let front = Complex::from_polar(draw(5, 0.0, 0.25), draw(6, 0.0, TAU));
-        let scene = Synthetic {
-            ratio: Complex::from_polar(draw(1, 0.7f64.ln(), 1.5f64.ln()).exp(), draw(2, 0.0, PI)),
-            retardance: draw(3, 0.0, 12.0).to_radians(),
-            axis: draw(4, 0.0, PI),
-            front: if draw(7, 0.0, 1.0) < 0.5 { front } else { 0.0.into() },
-            spread: if draw(0, 0.0, 1.0) < 0.5 { Spread::Even } else { Spread::Bands(5) },
-            reflectance: 0.4,
-            ..Synthetic::default()
-        };
+        let scene = drawn(seed);
         let (choice, errors) = compared(&scene, 30_000, seed);
         let best = errors.iter().copied().fold(f64::INFINITY, f64::min);
         let found = errors[choice.chosen];
@@ -124,7 +171,8 @@ fn auto_is_nearly_the_best_of_its_models() {
         }
     }
     println!("{bad} of {count} farther from the best than 1.25 x + 0.05°");
-    // What noise leaves undecided is a few in a hundred; a broken choice is most of them.
+    // One in seven was measured, mostly five orientations with a front reflection: more than four of six are chance once in 2500 runs,
+    // and what a broken choice does.
     assert!(3 * bad <= 2 * count, "seed {seed}: {bad} of {count}");
 }
 

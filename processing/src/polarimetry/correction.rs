@@ -51,8 +51,38 @@ pub struct ObliqueReport {
     pub gain: f64,
 }
 
+impl ObliqueReport {
+    /// Of the choices without and with the correction.
+    fn new(stand: &Stand, material: Material, [without, with]: [&Choice; 2]) -> Self {
+        let gain = without.likelihood - with.likelihood;
+        Self {
+            largest_deg: stand.largest_sin2.sqrt().asin().to_degrees(),
+            corrected: gain > 0.0,
+            material,
+            scatter: [without.scatter(), with.scatter()],
+            gain,
+        }
+    }
+
+    /// What belongs in front of a user.
+    pub fn warning(&self) -> Option<String> {
+        let most = FIRST_ORDER.sqrt().asin().to_degrees();
+        (self.largest_deg > most).then(|| {
+            format!(
+                "light falls in at up to {:.0}°, more than the {most:.0}° up to which what that does can be taken out: it was left, and \
+                 may make orientations wrong by more than σ says",
+                self.largest_deg
+            )
+        })
+    }
+}
+
 /// A correction of less than this, in standard deviations of a pixel, is not worth a thought.
 const MATTERS: f64 = 0.1;
+
+/// sin² of the largest angle of incidence (25°) up to which the effect is taken out: farther from the normal what is of higher
+/// order is as large as what is to be found, and a film that is not there takes it up (`nacre chart stress-oblique`).
+const FIRST_ORDER: f64 = 0.18;
 
 /// Points that are looked at to find out.
 const LOOKED_AT: usize = 6000;
@@ -208,6 +238,10 @@ pub(super) fn choose_corrected(
     let plain = choose(points, model, Begin::Anywhere)?;
     let uncorrected = |choice, report| Some(Corrected { choice, correction: None, report });
     let Some((stand, material)) = stand else { return uncorrected(plain, None) };
+    if stand.largest_sin2 > FIRST_ORDER {
+        let report = ObliqueReport::new(&stand, material, [&plain, &plain]);
+        return uncorrected(plain, Some(report));
+    }
     // No fewer than tell a film.
     let few: Vec<CloudPoint> = points.iter().step_by((points.len() / LOOKED_AT).max(1)).copied().collect();
     let at = |points: &[CloudPoint], films: &[Film]| choose(points, model, Begin::At(films));
@@ -222,14 +256,7 @@ pub(super) fn choose_corrected(
     let found = choose(&first.straighten(&few), model, Begin::Anywhere)?;
     let correction = film_of(&found).map_or(first, |film| Correction::new(stand, &material, &film));
     let choice = at(&correction.straighten(points), &found.films())?;
-    let gain = plain.likelihood - choice.likelihood;
-    let report = ObliqueReport {
-        largest_deg: stand.largest_sin2.sqrt().asin().to_degrees(),
-        corrected: gain > 0.0,
-        material,
-        scatter: [plain.scatter(), choice.scatter()],
-        gain,
-    };
+    let report = ObliqueReport::new(&stand, material, [&plain, &choice]);
     if report.corrected {
         Some(Corrected { choice, correction: Some(correction), report: Some(report) })
     } else {

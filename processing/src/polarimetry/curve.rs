@@ -48,9 +48,8 @@ impl Film {
 
     /// All parameters in the order of the fields.
     pub fn to_array(self) -> [f64; PARAMETERS] {
-        let front = self.front;
-        let plates = [self.ln_r, self.zeta, self.retardance, self.axis, front.re, front.im, self.source_error];
-        std::array::from_fn(|k| plates.get(k).copied().unwrap_or(if k == 7 { self.stray } else { self.shade }))
+        let Self { ln_r, zeta, retardance, axis, front, source_error, stray, shade } = self;
+        [ln_r, zeta, retardance, axis, front.re, front.im, source_error, stray, shade]
     }
 
     /// The inverse of [`Film::to_array`].

@@ -2,8 +2,8 @@
 
 use super::bracket_tests::write_set;
 use super::synthetic::normal;
-use super::{NoiseModel, NoiseSource, Options, Report, Smoothing, reconstruct};
-use crate::frames::{Frame, FrameSet, Kind, Transfer};
+use super::{Align, NoiseModel, NoiseSource, Options, Report, Smoothing, reconstruct};
+use crate::frames::{Frame, FrameSet, Kind};
 use crate::image::encode_png16_gray;
 use crate::progress::Silent;
 use std::path::Path;
@@ -71,29 +71,20 @@ impl Series {
             let codes: Vec<u16> = (0..SIZE * SIZE).map(code).collect();
             let file = format!("{k:02}.png");
             std::fs::write(folder.join(&file), encode_png16_gray(SIZE, SIZE, &codes).unwrap()).unwrap();
-            let (file, analyser_deg) = (file.into(), Some(*deg));
-            Frame { file, analyser_deg, exposure_s: None, gain: None, spot: None, flash: None, dark: None }
+            Frame { analyser_deg: Some(*deg), ..Frame::new(file) }
         };
         let frames = self.angles.iter().enumerate().map(frame).collect();
         let set = FrameSet {
-            kind: Kind::Polarization,
-            frames,
-            transfer: Transfer::Linear,
             black: Some(4000.0),
             white: Some(64_000.0),
-            channel: None,
-            layout: None,
             noise: told,
-            dark: None,
-            flat: None,
-            wavelength_nm: None,
-            band_nm: None,
-            geometry: None,
-            material: None,
             angle_sigma_deg: self.angle_sigma_deg,
+            ..FrameSet::new(Kind::Polarization, frames)
         };
         write_set(folder, &set);
-        let options = Options { model: super::Model::Sinusoid, smooth: Smoothing::NONE, ..Options::default() };
+        // Moving photographs back smooths their noise.
+        let (model, align, smooth) = (super::Model::Sinusoid, Align::Off, Smoothing::NONE);
+        let options = Options { model, align, smooth, ..Options::default() };
         reconstruct(folder, &folder.join("out"), &options, &Silent).unwrap()
     }
 }
@@ -140,14 +131,12 @@ fn coarse_codes_are_noise_too() {
     assert!((quiet.noise.floor * 12.0).sqrt() * 60_000.0 > 0.999, "{:?}", quiet.noise);
 }
 
-/// An analyser that moves the image by half a pixel as it turns makes edges differ, not noise larger.
+/// An analyser that moves the image by half a pixel as it turns makes edges differ; the noise is found larger by less than a tenth,
+/// although nothing moves the photographs back.
 #[test]
 fn moving_edges_are_not_noise() {
     let report = Series { shift: |k| 0.5 * f64::from(u8::from(k > 3)), ..Series::default() }.report(None);
-    // Moving photographs back smooths their noise.
-    if report.registration.as_ref().is_none_or(|r| !r.corrected) {
-        is_near(&report, camera, 0.05);
-    }
+    is_near(&report, camera, 0.1);
     assert!((0.8..=1.3).contains(&report.repeats.unwrap().chi2_median));
 }
 

@@ -11,7 +11,8 @@ use super::sample::Sample;
 use super::views::{View, brackets, views};
 use super::weighted::WeightedFit;
 use super::{
-    Align, Alignment, Design, Fit, FrameNoise, NoiseSource, Options, RepeatsReport, Report, StokesMaps, smooth,
+    Align, Alignment, Design, Fit, FrameNoise, NoiseSource, ObliqueReport, Options, RepeatsReport, Report, StokesMaps,
+    smooth,
 };
 use crate::frames::{Frame, LinearFrame, Linearizer, LoadedFrames};
 use crate::image::OutputFolder;
@@ -250,6 +251,7 @@ impl Running {
         report.with(systematic(&frames, &sample, &views, &noise, solved.choice.as_ref(), alignment.as_ref()));
         report.registration = alignment;
         report.warnings.extend(repeats.iter().filter_map(RepeatsReport::warning));
+        report.warnings.extend(report.oblique.iter().filter_map(ObliqueReport::warning).collect::<Vec<_>>());
         report.repeats = repeats;
         let solve_s = start.elapsed().as_secs_f64();
         let writer = Writer { folder: &folder, frames: &frames, options, progress };

@@ -55,7 +55,7 @@ const SETS: [Set; 4] = [
     (&[0, 1, 2, 3, 4, 5, 6, STRAY], &["stray", "front", "source"]),
 ];
 
-/// The same with metal without a grating in view.
+/// The same with metal without a grating in view, whose shade matters to stray light and to the front reflection only.
 const MIRROR_SETS: [Set; 4] = [
     (&[0, 1, 2, 3], &["mirror"]),
     (&[0, 1, 2, 3, STRAY, SHADE], &["stray", "mirror"]),

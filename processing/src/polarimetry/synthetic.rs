@@ -22,6 +22,8 @@ pub struct Synthetic {
     pub source_error: f64,
     /// What the panel's light is.
     pub source: Source,
+    /// Light without polarization that is seen beside it, in units of that which falls on the sample.
+    pub stray: f64,
     /// Which orientations are in view.
     pub spread: Spread,
     /// Reflectance varies evenly by ± this share.
@@ -96,6 +98,7 @@ impl Default for Synthetic {
             front: Complex::new(0.0, 0.0),
             source_error: 0.0,
             source: Source::Circular,
+            stray: 0.0,
             spread: Spread::Even,
             reflectance: 0.0,
             exposure: 0.8,
@@ -115,7 +118,7 @@ impl Synthetic {
     /// Intensity of a grating of orientation `theta` (rad) behind the analyser at `psi` (rad), for light of intensity 1
     /// (2018 paper, Eq. 5).
     pub fn intensity(&self, theta: f64, psi: f64) -> f64 {
-        0.5 * self.field(theta).stokes().through_analyser(psi)
+        0.5 * self.stokes(theta).through_analyser(psi)
     }
 
     fn field(&self, theta: f64) -> JonesVector {
@@ -133,7 +136,7 @@ impl Synthetic {
 
     /// Stokes parameters of the light behind film and grating of orientation `theta` (rad), for light of intensity 2.
     pub fn stokes(&self, theta: f64) -> Stokes {
-        self.field(theta).stokes()
+        self.field(theta).stokes() + Stokes::unpolarized(2.0 * self.stray)
     }
 
     /// Photographs `pixels` points, one row, and fits them.

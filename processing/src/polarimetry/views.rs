@@ -80,13 +80,9 @@ mod tests {
 
     fn grouped(frames: &[(f64, f64)]) -> Vec<Vec<usize>> {
         let frame = |(angle, exposure): &(f64, f64)| Frame {
-            file: "a.png".into(),
             analyser_deg: Some(*angle),
             exposure_s: Some(*exposure),
-            gain: None,
-            spot: None,
-            flash: None,
-            dark: None,
+            ..Frame::new("a.png")
         };
         brackets(&frames.iter().map(frame).collect::<Vec<_>>())
     }

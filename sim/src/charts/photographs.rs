@@ -5,7 +5,7 @@ use crate::config::BenchConfig;
 use nacre_drivers::Pattern;
 use nacre_processing::chart::Outcome;
 use nacre_processing::chart::polarimetry::judge;
-use nacre_processing::frames::{Frame, FrameSet, Geometry, Kind, Transfer, save};
+use nacre_processing::frames::{Frame, FrameSet, Geometry, Kind, save};
 use nacre_processing::image::{read_exr, write_png16_gray};
 use nacre_processing::polarimetry::{NoiseModel, Options, reconstruct};
 use nacre_processing::progress::Silent;
@@ -35,10 +35,7 @@ pub(super) fn outcome(config: &BenchConfig, options: &Options) -> Result<Outcome
     let seconds = begun.elapsed().as_secs_f64();
     let path = out.join("orientation.exr");
     let mut map = read_exr(&path)?;
-    let mut take = |name: &str| {
-        map.channels.remove(name).ok_or_else(|| Error::file(&path, format!("has no channel {name}"), "report this"))
-    };
-    let (orientation, sigma) = (take("orientation")?, take("sigma")?);
+    let (orientation, sigma) = (map.take("orientation", &path)?, map.take("sigma", &path)?);
     // Where there is no grating there is no truth to miss.
     let known: Vec<usize> = (0..truth.len()).filter(|i| truth[*i].is_finite()).collect();
     let of = |plane: &[f32]| -> Vec<f32> { known.iter().map(|i| plane[*i]).collect() };
@@ -58,37 +55,20 @@ fn photograph(mut bench: Bench, exposure_s: f64, folder: &Path) -> Result<Vec<f3
         let codes = codes(&mut bench, *angle, exposure_s).ok_or_else(late)?;
         let file = format!("{k:02}.png");
         write_png16_gray(&folder.join(&file), camera.width as usize, camera.height as usize, &codes)?;
-        frames.push(Frame {
-            file: file.into(),
-            analyser_deg: Some(*angle),
-            exposure_s: Some(exposure_s),
-            gain: None,
-            spot: None,
-            flash: None,
-            dark: None,
-        });
+        frames.push(Frame { analyser_deg: Some(*angle), exposure_s: Some(exposure_s), ..Frame::new(file) });
     }
     let set = FrameSet {
-        kind: Kind::Polarization,
-        frames,
-        transfer: Transfer::Linear,
         black: Some(black),
         white: Some(white),
-        channel: None,
-        layout: None,
         noise: Some(NoiseModel { full_scale_e: camera.well_e, read_noise_e: camera.read_noise_e }),
-        angle_sigma_deg: None,
-        dark: None,
-        flat: None,
         wavelength_nm: Some(config.filter.wavelength_nm),
-        band_nm: None,
         geometry: Some(Geometry {
             distance_mm: geometry.distance_mm,
             baseline_mm: geometry.baseline_mm,
             pixel_um: Some(bench.pixel_um()),
             camera_px: None,
         }),
-        material: None,
+        ..FrameSet::new(Kind::Polarization, frames)
     };
     let path = folder.join("frames.json");
     std::fs::write(&path, save(&set)).map_err(|e| Error::output(&path, e))?;
