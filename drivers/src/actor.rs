@@ -1,7 +1,7 @@
 //! One thread per device: it connects, answers one call at a time, and connects again when the link is lost.
 //!
-//! A caller that goes away leaves the device in a known state, since the call runs to its end on the device's own
-//! thread. After a reconnection nothing is repeated: no motion and no light comes back by itself.
+//! A caller that goes away leaves the device in a known state: the call runs to its end on the device's own thread, or, if
+//! it is one that can be interrupted, is dropped where it waits and followed by what ends it in order. After a reconnection nothing is repeated: no motion and no light comes back by itself.
 
 use crate::{Class, Clock, DeviceError, DeviceResult};
 use std::future::Future;
@@ -106,12 +106,55 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
         let named = command.to_owned();
         let job: Job<D> = Box::new(move |link, runtime| {
             let result = link.connected(&named).and_then(|device| runtime.block_on(run(device)));
-            if result.as_ref().is_err_and(|e| e.class == Class::Lost) {
-                link.device = None;
-            }
+            link.look_at(&result);
             // A caller that went away does not need the answer.
             let _ = answer.send(result);
         });
+        self.queue(command, limit, job, answered).await
+    }
+
+    /// Runs a call that is dropped when its caller goes away; then `end` brings the device to rest.
+    ///
+    /// # Errors
+    /// As [`Actor::call`]'s.
+    pub async fn interruptible<T: Send + 'static>(
+        &mut self,
+        command: &str,
+        limit: Duration,
+        run: impl for<'a> FnOnce(&'a mut D) -> Pending<'a, T> + Send + 'static,
+        end: impl for<'a> FnOnce(&'a mut D) -> Pending<'a, ()> + Send + 'static,
+    ) -> DeviceResult<T> {
+        let (mut answer, answered) = oneshot::channel();
+        let named = command.to_owned();
+        let job: Job<D> = Box::new(move |link, runtime| {
+            let result = link.connected(&named).and_then(|device| {
+                runtime.block_on(async {
+                    let done = tokio::select! {
+                        biased;
+                        () = answer.closed() => None,
+                        result = run(device) => Some(result),
+                    };
+                    match done {
+                        Some(result) => result.map(Some),
+                        None => end(device).await.map(|()| None),
+                    }
+                })
+            });
+            link.look_at(&result);
+            if let Some(result) = result.transpose() {
+                let _ = answer.send(result);
+            }
+        });
+        self.queue(command, limit, job, answered).await
+    }
+
+    async fn queue<T>(
+        &mut self,
+        command: &str,
+        limit: Duration,
+        job: Job<D>,
+        answered: oneshot::Receiver<DeviceResult<T>>,
+    ) -> DeviceResult<T> {
         let silent = || {
             let got = format!("none within {:.0} s", limit.as_secs_f64());
             let remedy = "unplug the device and plug it in again, then resume the session";
@@ -147,6 +190,13 @@ impl<D: ?Sized> Drop for Actor<D> {
 }
 
 impl<D: ?Sized> Link<D> {
+    /// A lost device is connected again before the next call.
+    fn look_at<T>(&mut self, result: &DeviceResult<T>) {
+        if result.as_ref().is_err_and(|e| e.class == Class::Lost) {
+            self.device = None;
+        }
+    }
+
     /// The device, connected again if need be: the same device, or none.
     fn connected(&mut self, command: &str) -> DeviceResult<&mut D> {
         if self.device.is_none() {
@@ -295,6 +345,28 @@ mod tests {
             assert!(error.got.contains("none within"), "{error}");
             assert!(actor.call("count", limit, |d| d.next()).await.is_err(), "still stuck");
             drop(held);
+        });
+    }
+
+    #[test]
+    fn what_is_interrupted_is_dropped_and_ended_in_order() {
+        run(async {
+            let mut actor = actor(|_| Some("one"), Arc::default(), 0).await.unwrap();
+            let ended = Arc::new(AtomicUsize::new(0));
+            let end = ended.clone();
+            let endless = actor.interruptible(
+                "count",
+                SECOND,
+                |_| -> Pending<'_, usize> { Box::pin(std::future::pending()) },
+                move |d| {
+                    end.fetch_add(1, Ordering::Relaxed);
+                    Box::pin(async move { d.next().await.map(drop) })
+                },
+            );
+            assert!(tokio::time::timeout(Duration::from_millis(20), endless).await.is_err());
+            // The lost link of its second call: the end was its first.
+            actor.call("count", SECOND, |d| d.next()).await.unwrap_err();
+            assert_eq!(ended.load(Ordering::Relaxed), 1);
         });
     }
 

@@ -68,12 +68,16 @@ impl Stage for StageHandle {
     }
 
     async fn home(&mut self) -> DeviceResult<Arrived> {
-        self.actor.call("home", self.limit(), |d| d.home()).await
+        self.actor.interruptible("home", self.limit(), |d| d.home(), |d| d.halt()).await
     }
 
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
         let command = format!("move to {angle_deg}°");
-        self.actor.call(&command, self.limit(), move |d| d.move_to(angle_deg)).await
+        self.actor.interruptible(&command, self.limit(), move |d| d.move_to(angle_deg), |d| d.halt()).await
+    }
+
+    async fn halt(&mut self) -> DeviceResult<()> {
+        self.actor.call("halt", self.limit(), |d| d.halt()).await
     }
 
     async fn position(&mut self) -> DeviceResult<f64> {

@@ -17,6 +17,8 @@ pub trait Stage: Send {
     async fn home(&mut self) -> DeviceResult<Arrived>;
     /// Moves to an absolute angle; returns once the stage stands still.
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived>;
+    /// Ends a movement whose call was dropped. One that cannot be cut short ([`StageInfo::halts`]) is waited for.
+    async fn halt(&mut self) -> DeviceResult<()>;
     /// Where it stands.
     async fn position(&mut self) -> DeviceResult<f64>;
 }
@@ -154,6 +156,10 @@ pub struct StageInfo {
     pub limits_deg: [f64; 2],
     /// A reported angle may differ from the asked one by this much.
     pub tolerance_deg: f64,
+    /// Angles are approached from this far below, so that backlash has no say; 0 for straight moves.
+    pub approach_deg: f64,
+    /// A movement can be cut short.
+    pub halts: bool,
     /// A person turns it, so a move takes as long as it takes.
     pub by_hand: bool,
 }

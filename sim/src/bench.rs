@@ -122,6 +122,12 @@ impl Bench {
         settled
     }
 
+    /// Ends a movement of the analyser where it is.
+    pub fn halt_analyser(&mut self) {
+        self.stage.halt(self.now);
+        self.steady_since = self.now;
+    }
+
     /// Where the analyser really stands.
     pub fn analyser_deg(&self) -> f64 {
         self.stage.angle(self.now)

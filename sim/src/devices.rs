@@ -67,6 +67,19 @@ impl SimDevice {
     }
 }
 
+impl SimDevice {
+    /// Waits for the stage; whoever drops this finds it turning.
+    async fn arrive(&mut self) -> DeviceResult<Arrived> {
+        loop {
+            match self.port.call(&Request::Arrive)? {
+                Reply::Arrived(arrived) => return Ok(arrived),
+                Reply::Turning => tokio::task::yield_now().await,
+                other => return Err(unexpected(&Request::Arrive, &other)),
+            }
+        }
+    }
+}
+
 fn unexpected(request: &Request, reply: &Reply) -> DeviceError {
     let got: String = format!("{reply:?}").chars().take(60).collect();
     error(request, "the answer to this request", &got)
@@ -79,11 +92,17 @@ impl Stage for SimDevice {
     }
 
     async fn home(&mut self) -> DeviceResult<Arrived> {
-        call!(self, Request::Home, Reply::Arrived(a) => a)
+        call!(self, Request::Home, Reply::Turning => ())?;
+        self.arrive().await
     }
 
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
-        call!(self, Request::MoveTo { angle_deg }, Reply::Arrived(a) => a)
+        call!(self, Request::MoveTo { angle_deg }, Reply::Turning => ())?;
+        self.arrive().await
+    }
+
+    async fn halt(&mut self) -> DeviceResult<()> {
+        call!(self, Request::Halt, Reply::At(_) => ())
     }
 
     async fn position(&mut self) -> DeviceResult<f64> {

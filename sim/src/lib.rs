@@ -10,6 +10,7 @@ mod camera;
 pub mod charts;
 mod config;
 mod devices;
+pub mod emulators;
 mod optics;
 mod port;
 mod random;

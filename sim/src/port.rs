@@ -22,7 +22,13 @@ pub enum Request {
     MoveTo {
         angle_deg: f64,
     },
+    /// Waits for a movement, a moment at a time where the bench takes as long as a real one.
+    Arrive,
+    /// Ends a movement where it is.
+    Halt,
     Position,
+    /// What time it is; no device is asked.
+    Now,
     Configure {
         exposure: Duration,
         gain: f64,
@@ -52,6 +58,8 @@ pub enum Request {
 pub enum Reply {
     Described(Box<Devices>),
     Arrived(Arrived),
+    /// A movement goes on.
+    Turning,
     Angle(f64),
     Controls(Controls),
     At(Duration),
@@ -96,6 +104,9 @@ pub struct Devices {
 /// A driver gives up after this long without an answer.
 const SILENCE: Duration = Duration::from_secs(5);
 
+/// A bench that takes as long as a real one answers this often while the analyser turns.
+const MOMENT: Duration = Duration::from_millis(20);
+
 /// The clock starts here, so that it can be set back.
 const EPOCH: Duration = Duration::from_secs(100_000);
 
@@ -117,12 +128,21 @@ struct State {
     set_back: bool,
     door_open: bool,
     door_changes: u64,
+    /// When the movement that was begun is over, and the angle that is reported then.
+    turning: Option<(Duration, f64)>,
 }
 
 impl SharedBench {
     /// Shares a bench whose time is virtual: only its devices' calls advance it.
     pub fn new(bench: Bench) -> Self {
-        let state = State { bench, commands: BTreeMap::new(), set_back: false, door_open: false, door_changes: 0 };
+        let state = State {
+            bench,
+            commands: BTreeMap::new(),
+            set_back: false,
+            door_open: false,
+            door_changes: 0,
+            turning: None,
+        };
         Self { state: Arc::new(Mutex::new(state)), begun: None }
     }
 
@@ -182,6 +202,7 @@ impl SharedBench {
         match request {
             Request::Home => self.turn(0.0, fault),
             Request::MoveTo { angle_deg } => self.turn(*angle_deg, fault),
+            Request::Arrive => Ok(self.arrive()),
             Request::NextFrame { fresh } => Ok(self.frame(*fresh, fault)),
             Request::Switch { on } => {
                 let since = self.lock().switch(*on);
@@ -206,11 +227,29 @@ impl SharedBench {
         }
         let target = if fault == Some(FaultKind::StopsShort) { 0.5 * (from + angle_deg) } else { angle_deg };
         let since = state.bench.turn_analyser(target);
-        drop(state);
-        self.wait_until(since);
-        let angle_deg = if fault == Some(FaultKind::Nonsense) { f64::NAN } else { target };
-        let since = self.lock().reported(since);
-        Ok(Reply::Arrived(Arrived { since, angle_deg }))
+        state.turning = Some((since, if fault == Some(FaultKind::Nonsense) { f64::NAN } else { target }));
+        Ok(Reply::Turning)
+    }
+
+    fn arrive(&self) -> Reply {
+        let (turning, now) = {
+            let state = self.lock();
+            (state.turning, state.bench.now())
+        };
+        let Some((since, angle_deg)) = turning else {
+            let mut state = self.lock();
+            let (since, angle_deg) = (state.reported(now), state.bench.analyser_deg());
+            return Reply::Arrived(Arrived { since, angle_deg });
+        };
+        let patience = if self.begun.is_some() { now + MOMENT } else { Duration::MAX };
+        self.wait_until(since.min(patience));
+        let mut state = self.lock();
+        if state.bench.now() < since {
+            return Reply::Turning;
+        }
+        state.turning = None;
+        let since = state.reported(since);
+        Reply::Arrived(Arrived { since, angle_deg })
     }
 
     fn frame(&self, fresh: Freshness, fault: Option<FaultKind>) -> Reply {
@@ -276,6 +315,12 @@ impl State {
         let shining = self.bench.shining();
         Ok(match *request {
             Request::Describe => Reply::Described(Box::new(describe(self.bench.config()))),
+            Request::Halt => {
+                self.bench.halt_analyser();
+                self.turning = None;
+                Reply::At(self.reported(now))
+            }
+            Request::Now => Reply::At(EPOCH + now),
             Request::Position if fault == Some(FaultKind::Nonsense) => Reply::Angle(f64::NAN),
             Request::Position => Reply::Angle(self.bench.analyser_deg()),
             Request::Configure { exposure, gain } => {
@@ -296,7 +341,11 @@ impl State {
             Request::Level => Reply::Level(Level { holds: !self.door_open, changes: self.door_changes }),
             Request::Light => Reply::Light { panel: shining.pattern != Pattern::Black, flash: shining.flash },
             // Answered before.
-            Request::Home | Request::MoveTo { .. } | Request::NextFrame { .. } | Request::Switch { .. } => {
+            Request::Home
+            | Request::MoveTo { .. }
+            | Request::Arrive
+            | Request::NextFrame { .. }
+            | Request::Switch { .. } => {
                 return Err(error(request, "a known request", "another"));
             }
         })
@@ -316,12 +365,12 @@ impl Clock for SharedBench {
 
 fn device(request: &Request) -> Option<FaultyDevice> {
     match request {
-        Request::Home | Request::MoveTo { .. } | Request::Position => Some(FaultyDevice::Stage),
+        Request::Home | Request::MoveTo { .. } | Request::Position | Request::Halt => Some(FaultyDevice::Stage),
         Request::Configure { .. } | Request::Cover { .. } | Request::NextFrame { .. } => Some(FaultyDevice::Camera),
         Request::Show { .. } => Some(FaultyDevice::Display),
         Request::Switch { .. } | Request::IsOn => Some(FaultyDevice::Flash),
         Request::Level => Some(FaultyDevice::Interlock),
-        Request::Describe | Request::Light => None,
+        Request::Describe | Request::Light | Request::Arrive | Request::Now => None,
     }
 }
 
@@ -341,7 +390,10 @@ fn name(device: Option<FaultyDevice>) -> &'static str {
 pub(crate) fn error(request: &Request, expected: &str, got: &str) -> DeviceError {
     let command = match request {
         Request::Describe | Request::Light => "describe itself".to_owned(),
+        Request::Now => "tell the time".into(),
         Request::Home => "home".into(),
+        Request::Arrive => "arrive".into(),
+        Request::Halt => "halt".into(),
         Request::MoveTo { angle_deg } => format!("move to {angle_deg}°"),
         Request::Position => "report its position".into(),
         Request::Configure { exposure, gain } => {
@@ -369,6 +421,8 @@ pub fn describe(bench: &BenchConfig) -> Devices {
             settling_s: stage.settle_ms / 1000.0,
             limits_deg: stage.limits_deg,
             tolerance_deg: 0.5,
+            approach_deg: 5.0,
+            halts: true,
             by_hand: false,
         },
         camera: CameraInfo {

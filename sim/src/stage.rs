@@ -41,11 +41,21 @@ impl Stage {
         let [random, _] = normals(key(&[self.seed, 0x57a6e, target_deg.to_bits(), u64::from(target_deg < from)]));
         let arrival = now + Duration::from_secs_f64(travel / self.config.speed_deg_s);
         let to = target_deg + missed + self.config.repeatability_deg * random;
-        self.moves.push(Move { start: now, arrival, from, to });
+        self.begin(Move { start: now, arrival, from, to });
+        arrival + self.settling()
+    }
+
+    /// Ends a movement at once.
+    pub fn halt(&mut self, now: Duration) {
+        let here = self.angle(now);
+        self.begin(Move { start: now, arrival: now, from: here, to: here });
+    }
+
+    fn begin(&mut self, next: Move) {
+        self.moves.push(next);
         if self.moves.len() > 8 {
             self.moves.remove(0);
         }
-        arrival + self.settling()
     }
 
     /// True angle at a time not before the last few moves.
@@ -88,6 +98,14 @@ mod tests {
         assert!((s.angle(Duration::from_millis(1250)) - 45.0).abs() < 1e-9);
         assert!((s.angle(Duration::from_millis(1501)) - 90.0).abs() > 0.1, "it rings");
         assert!((s.angle(done) - 90.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_move_that_is_halted_ends_there() {
+        let mut s = stage(0.0);
+        s.move_to(90.0, Duration::ZERO);
+        s.halt(Duration::from_millis(250));
+        assert!([250, 300, 5000].into_iter().all(|ms| (s.angle(Duration::from_millis(ms)) - 45.0).abs() < 1e-9));
     }
 
     #[test]

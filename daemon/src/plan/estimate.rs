@@ -6,9 +6,6 @@ use nacre_drivers::{CameraInfo, DisplayInfo, FlashInfo, StageInfo};
 use serde::Serialize;
 use std::time::Duration;
 
-/// Angles are approached from this far below, so that backlash has no say.
-const APPROACH_DEG: f64 = 5.0;
-
 /// What the devices of a bench can do.
 #[derive(Clone, Debug)]
 pub struct Limits {
@@ -54,8 +51,8 @@ pub struct Least {
 /// Stops on the way to `to` from `from`: two when the angle does not lie above, one otherwise. A person turns to the
 /// angle as they see fit.
 pub fn approach(from: f64, to: f64, stage: &StageInfo) -> Vec<f64> {
-    let below = (to - APPROACH_DEG).max(stage.limits_deg[0]);
-    if to <= from && below < to && !stage.by_hand { vec![below, to] } else { vec![to] }
+    let below = (to - stage.approach_deg).max(stage.limits_deg[0]);
+    if to <= from && below < to { vec![below, to] } else { vec![to] }
 }
 
 /// Longest time that the flash is on for a group of `exposures` exposures: it may come on just after one began.
@@ -157,6 +154,6 @@ mod tests {
         assert_eq!(approach(45.0, 45.0, &stage), [40.0, 45.0]);
         assert_eq!(approach(90.0, -8.0, &stage), [-10.0, -8.0]);
         assert_eq!(approach(90.0, -10.0, &stage), [-10.0]);
-        assert_eq!(approach(90.0, 0.0, &StageInfo { by_hand: true, ..stage }), [0.0]);
+        assert_eq!(approach(90.0, 0.0, &StageInfo { approach_deg: 0.0, ..stage }), [0.0]);
     }
 }

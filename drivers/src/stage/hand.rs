@@ -52,6 +52,8 @@ impl Stage for HandStage {
             settling_s: 1.0,
             limits_deg: [-360.0, 720.0],
             tolerance_deg: TOLERANCE_DEG,
+            approach_deg: 0.0,
+            halts: true,
             by_hand: true,
         }
     }
@@ -67,6 +69,14 @@ impl Stage for HandStage {
 
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
         self.turn(angle_deg).await
+    }
+
+    /// A hand that nobody asks any more stops by itself.
+    async fn halt(&mut self) -> DeviceResult<()> {
+        match &mut self.turned {
+            Some(stage) => stage.halt().await,
+            None => Ok(()),
+        }
     }
 
     async fn position(&mut self) -> DeviceResult<f64> {
