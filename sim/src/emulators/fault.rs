@@ -69,7 +69,7 @@ impl Strikes {
     }
 
     /// The fault that strikes the next command, which is counted.
-    pub fn next(&mut self) -> Option<ByteFaultKind> {
+    pub fn strike(&mut self) -> Option<ByteFaultKind> {
         self.commands += 1;
         let count = self.commands;
         let strikes = |f: &&ByteFault| count > f.after && f.times.is_none_or(|n| count <= f.after.saturating_add(n));
@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn faults_strike_when_they_are_due() {
         let mut strikes = Strikes::new(vec![ByteFault { kind: ByteFaultKind::Slow, after: 1, times: Some(2) }]);
-        let struck: Vec<bool> = (0..4).map(|_| strikes.next().is_some()).collect();
+        let struck: Vec<bool> = (0..4).map(|_| strikes.strike().is_some()).collect();
         assert_eq!(struck, [false, true, true, false]);
     }
 }
