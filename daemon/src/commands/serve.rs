@@ -1,11 +1,11 @@
 //! `nacre serve`, `nacre init` and `nacre token`.
 
-use super::bench::{read_bench, runtime};
+use super::bench::{place, runtime};
 use crate::Failure;
 use crate::console::Console;
 use crate::engine::Hands;
-use crate::rig::{Place, Rig};
-use crate::service::config::{BenchSection, Config, Role, default_path};
+use crate::rig::{BenchSection, Rig};
+use crate::service::config::{Config, Role, default_path};
 use crate::service::serve;
 use crate::session::sha256;
 use nacre_processing::Error;
@@ -85,7 +85,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     config.bench.sim |= args.sim;
     config.bench.file = args.bench.clone().or(config.bench.file);
     config.check_access()?;
-    let place = place(&config.bench)?;
+    let place = place(&config.bench, true)?;
     let built = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     let runtime = built.map_err(|e| Error::input("tokio", format!("cannot start: {e}"), "free some memory"))?;
     let interrupted = console.interrupted();
@@ -98,25 +98,15 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     runtime.block_on(serve(config, place, ready, stop))
 }
 
-fn place(bench: &BenchSection) -> Result<Place, Failure> {
-    match (bench.sim, &bench.socket) {
-        (true, Some(socket)) => Ok(Place::Socket(socket.clone())),
-        (true, None) => Ok(Place::Here { config: Box::new(read_bench(bench.file.as_ref())?), real_time: true }),
-        _ => {
-            Err(Error::input("bench", "no real device can be driven yet", "give --sim for the simulated bench").into())
-        }
-    }
-}
-
 /// Finds the devices, takes one trial frame and writes a configuration.
 pub fn init(args: &Init, console: &Console) -> Result<(), Failure> {
     if args.out.exists() && !args.force {
         return Err(Error::file(&args.out, "is already there", "choose another --out, or --force").into());
     }
     let config = Config { bench: BenchSection { sim: args.sim, ..BenchSection::default() }, ..Config::default() };
-    let place = place(&config.bench)?;
+    let place = place(&config.bench, true)?;
     let runtime = runtime()?;
-    let mut rig = Rig::open(&runtime, &place, false, console, &console.interrupted())?;
+    let mut rig = Rig::open(&runtime, &place, console, &console.interrupted())?;
     let ids = rig.ids.join(", ");
     let mut hands = Hands::new(&mut rig.devices);
     let frame = runtime.block_on(async {

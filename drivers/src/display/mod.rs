@@ -26,6 +26,11 @@ fn response_ms() -> f64 {
 pub enum DisplayDriver {
     /// The panel of the simulated bench.
     Simulated {},
+    /// A browser in full screen that has `/display` of the service open.
+    Page {
+        /// Width and height of the panel, in mm.
+        size_mm: [f64; 2],
+    },
 }
 
 impl DisplayConfig {
@@ -35,7 +40,7 @@ impl DisplayConfig {
     /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
     pub fn open(&self, _clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Display>>> {
         match &self.driver {
-            DisplayDriver::Simulated {} => None,
+            DisplayDriver::Simulated {} | DisplayDriver::Page { .. } => None,
         }
     }
 }
