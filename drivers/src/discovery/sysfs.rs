@@ -82,6 +82,8 @@ pub struct Usb {
     pub serial: Option<String>,
     /// Number of the bus that it is on.
     pub bus: u16,
+    /// Its number on the bus, another one each time that it is plugged in.
+    pub address: u16,
     /// Where it is plugged in, such as `1-4.2`.
     pub port: String,
     /// Its speed in Mbit/s.
@@ -92,13 +94,15 @@ impl Usb {
     /// The USB device at this folder of the tree.
     pub(crate) fn at(folder: &Path) -> Option<Self> {
         let hex = |file: &str| u16::from_str_radix(&text(&folder.join(file))?, 16).ok();
+        let number = |file: &str| text(&folder.join(file)).and_then(|t| t.parse().ok()).unwrap_or(0);
         Some(Self {
             vendor: hex("idVendor")?,
             product: hex("idProduct")?,
             manufacturer: text(&folder.join("manufacturer")),
             name: text(&folder.join("product")),
             serial: text(&folder.join("serial")),
-            bus: text(&folder.join("busnum")).and_then(|t| t.parse().ok()).unwrap_or(0),
+            bus: number("busnum"),
+            address: number("devnum"),
             port: name(folder),
             speed_mbit: text(&folder.join("speed")).and_then(|t| t.parse().ok()).filter(|s| *s > 0.0).unwrap_or(0.0),
         })
@@ -108,6 +112,11 @@ impl Usb {
     pub(crate) fn of(root: &Root, device: &Path) -> Option<Self> {
         let (device, sys) = (device.canonicalize().ok()?, root.sys.canonicalize().ok()?);
         device.ancestors().take_while(|folder| folder.starts_with(&sys)).find_map(Self::at)
+    }
+
+    /// Its device node.
+    pub fn node(&self, root: &Root) -> PathBuf {
+        root.dev.join(format!("bus/usb/{:03}/{:03}", self.bus, self.address))
     }
 
     /// Vendor and product as tools write them.

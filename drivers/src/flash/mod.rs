@@ -1,8 +1,10 @@
 //! Flashes: lamps that are switched over USB or a serial line.
 
+pub mod blink1;
 pub mod bulk;
 mod lamp;
 pub mod relay;
+pub mod serial_line;
 
 pub use lamp::{Lamp, Switchable, Timing};
 
@@ -42,6 +44,12 @@ pub enum FlashDriver {
     Simulated {},
     /// A lamp behind a HID relay.
     Relay(relay::Settings),
+    /// A blink(1) lamp.
+    Blink1(blink1::Settings),
+    /// Own electronics with bulk transfers.
+    Bulk(bulk::Settings),
+    /// A lamp switched by a line of a serial port.
+    SerialLine(serial_line::Settings),
 }
 
 impl FlashConfig {
@@ -57,6 +65,9 @@ impl FlashConfig {
         match &self.driver {
             FlashDriver::Simulated {} => None,
             FlashDriver::Relay(settings) => Some(relay::open(settings, timing, clock)),
+            FlashDriver::Blink1(settings) => Some(blink1::open(settings, timing, clock)),
+            FlashDriver::Bulk(settings) => Some(bulk::open(settings, timing, clock)),
+            FlashDriver::SerialLine(settings) => Some(serial_line::open(settings, timing, clock)),
         }
     }
 

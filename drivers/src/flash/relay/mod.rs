@@ -96,7 +96,11 @@ impl Relay {
         let reports = hid::open(DEVICE, path)?;
         let absent = 0xffu8.checked_shl(channels.into()).unwrap_or(0);
         let mut relay = Self { reports, serial: String::new(), channel, absent };
-        relay.serial = relay.status()?.serial;
+        let status = relay.status().map_err(|error| match error.class {
+            Class::Retry => error.class(Class::Setup).remedy("it is no relay of this kind: correct `path`"),
+            _ => error,
+        })?;
+        relay.serial = status.serial;
         Ok(relay)
     }
 
