@@ -5,12 +5,15 @@
 pub mod actor;
 pub mod camera;
 pub mod clock;
+pub mod discovery;
 pub mod display;
 pub mod error;
 pub mod flash;
 pub mod freshness;
 pub mod handles;
+pub mod hid;
 pub mod lock;
+pub mod seam;
 pub mod stage;
 pub mod traits;
 

@@ -1,9 +1,18 @@
 //! Flashes: lamps that are switched over USB or a serial line.
 
-use crate::{Clock, DeviceResult, Flash};
+pub mod blink1;
+pub mod bulk;
+mod lamp;
+pub mod relay;
+pub mod serial_line;
+
+pub use lamp::{Lamp, Switchable, Timing};
+
+use crate::{Class, Clock, DeviceError, DeviceResult, Flash};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// The flash of a bench.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -33,6 +42,14 @@ fn max_on_s() -> f64 {
 pub enum FlashDriver {
     /// The flash of the simulated bench.
     Simulated {},
+    /// A lamp behind a HID relay.
+    Relay(relay::Settings),
+    /// A blink(1) lamp.
+    Blink1(blink1::Settings),
+    /// Own electronics with bulk transfers.
+    Bulk(bulk::Settings),
+    /// A lamp switched by a line of a serial port.
+    SerialLine(serial_line::Settings),
 }
 
 impl FlashConfig {
@@ -45,9 +62,61 @@ impl FlashConfig {
     ///
     /// # Errors
     /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
-    pub fn open(&self, _clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Flash>>> {
+    pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Flash>>> {
+        let timing = match self.timing() {
+            Ok(timing) => timing,
+            Err(error) => return Some(Err(error)),
+        };
         match &self.driver {
             FlashDriver::Simulated {} => None,
+            FlashDriver::Relay(settings) => Some(relay::open(settings, timing, clock)),
+            FlashDriver::Blink1(settings) => Some(blink1::open(settings, timing, clock)),
+            FlashDriver::Bulk(settings) => Some(bulk::open(settings, timing, clock)),
+            FlashDriver::SerialLine(settings) => Some(serial_line::open(settings, timing, clock)),
+        }
+    }
+
+    /// # Errors
+    /// `Setup` when a time makes no sense.
+    fn timing(&self) -> DeviceResult<Timing> {
+        Ok(Timing {
+            settling: time("settling_ms", self.settling_ms, MAX_SETTLING_MS, 1e-3)?,
+            max_on: time("max_on_s", self.max_on_s, MAX_ON_S, 1.0)?,
+        })
+    }
+}
+
+/// Lamps that need longer to be steady are not for this.
+const MAX_SETTLING_MS: f64 = 60_000.0;
+
+/// Whatever shines for longer at a time is no flash.
+const MAX_ON_S: f64 = 600.0;
+
+fn time(key: &str, value: f64, most: f64, unit_s: f64) -> DeviceResult<Duration> {
+    if value > 0.0 && value <= most {
+        return Ok(Duration::from_secs_f64(value * unit_s));
+    }
+    let expected = format!("{key} above 0 and not above {most}");
+    Err(DeviceError::new("flash", "read its settings", expected, format!("{value}"))
+        .remedy(format!("correct `{key}` in the flash's settings"))
+        .class(Class::Setup))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SystemClock;
+
+    #[test]
+    fn times_that_make_no_sense_are_refused_by_name() {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+        let good = FlashConfig { driver: FlashDriver::Simulated {}, settling_ms: 20.0, max_on_s: 10.0 };
+        assert!(good.open(&clock).is_none());
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300] {
+            let error = FlashConfig { settling_ms: bad, ..good.clone() }.open(&clock).unwrap().err().unwrap();
+            assert!(error.remedy.contains("settling_ms") && error.class == Class::Setup, "{error}");
+            let error = FlashConfig { max_on_s: bad, ..good.clone() }.open(&clock).unwrap().err().unwrap();
+            assert!(error.remedy.contains("max_on_s"), "{error}");
         }
     }
 }

@@ -1,0 +1,102 @@
+//! Whether a device may be opened by this process, and if not, what would change that.
+
+use super::sysfs::{Root, text};
+use rustix::fs::Access as Mode;
+use serde::{Deserialize, Serialize};
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+
+/// Whether a device may be opened.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "access", rename_all = "snake_case")]
+pub enum Access {
+    /// It may be read and written.
+    Open,
+    /// It is there, but may not be opened.
+    Denied {
+        /// What the user can do.
+        remedy: String,
+    },
+    /// The kernel knows it, but there is no device node: a container without it.
+    NoNode {
+        /// What the user can do.
+        remedy: String,
+    },
+    /// It has no node to open.
+    NotNeeded,
+}
+
+impl Access {
+    /// What the user can do, if anything is needed.
+    pub fn remedy(&self) -> Option<&str> {
+        match self {
+            Self::Denied { remedy } | Self::NoNode { remedy } => Some(remedy),
+            Self::Open | Self::NotNeeded => None,
+        }
+    }
+}
+
+/// Whether the node may be read and written.
+pub fn check(root: &Root, node: &Path) -> Access {
+    match rustix::fs::access(node, Mode::READ_OK | Mode::WRITE_OK) {
+        Ok(()) => Access::Open,
+        Err(rustix::io::Errno::NOENT) => {
+            Access::NoNode { remedy: format!("make {} visible in the container (docker run --device)", node.display()) }
+        }
+        Err(_) => Access::Denied { remedy: remedy(node, group(root, node).as_deref()) },
+    }
+}
+
+/// What to do about a node of this group.
+pub fn remedy(node: &Path, group: Option<&str>) -> String {
+    match group {
+        Some(group) => format!("run `sudo usermod -aG {group} $USER`, then log out and in again"),
+        None => format!(
+            "{} belongs to root alone: install the udev rules of Nacre as {RULES_PATH}, run `sudo udevadm control \
+             --reload`, then plug the device in again",
+            node.display()
+        ),
+    }
+}
+
+/// Where the rules belong.
+pub const RULES_PATH: &str = "/etc/udev/rules.d/70-nacre.rules";
+
+/// The group that may read and write the node, if it is one that people are in.
+fn group(root: &Root, node: &Path) -> Option<String> {
+    let found = std::fs::metadata(node).ok()?;
+    let (gid, mode) = (found.gid(), found.mode());
+    if gid == 0 || mode & 0o060 != 0o060 {
+        return None;
+    }
+    group_name(&text(&root.etc.join("group"))?, gid)
+}
+
+fn group_name(groups: &str, gid: u32) -> Option<String> {
+    groups.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let (name, number) = (fields.next()?, fields.nth(1)?);
+        (number.parse() == Ok(gid)).then(|| name.to_owned())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_group_is_found_by_its_number() {
+        let groups = "root:x:0:\ndialout:x:20:ada\nbroken\n:::\nvideo:x:44:\n";
+        assert_eq!(group_name(groups, 20).as_deref(), Some("dialout"));
+        assert_eq!(group_name(groups, 21), None);
+    }
+
+    #[test]
+    fn remedies_name_the_group_or_the_rules() {
+        let node = Path::new("/dev/ttyUSB0");
+        assert!(remedy(node, Some("dialout")).contains("usermod -aG dialout"));
+        assert!(remedy(node, None).contains(RULES_PATH));
+        let missing = check(&Root::default(), Path::new("/dev/no such node"));
+        assert!(missing.remedy().unwrap().contains("container"));
+    }
+}

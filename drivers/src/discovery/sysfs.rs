@@ -1,0 +1,141 @@
+//! Reading of the kernel's device tree, in small bites: what is missing or odd is no device, never an error.
+
+use serde::{Deserialize, Serialize};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Longest file that is read; EDIDs are the longest.
+const MAX_FILE: u64 = 64 * 1024;
+
+/// Most entries of a folder that are looked at.
+const MAX_ENTRIES: usize = 4096;
+
+/// Where the system's folders are, so that tests can make up a machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Root {
+    /// The kernel's device tree.
+    pub sys: PathBuf,
+    /// Device nodes.
+    pub dev: PathBuf,
+    /// Processes and kernel.
+    pub proc: PathBuf,
+    /// Groups and users.
+    pub etc: PathBuf,
+}
+
+impl Default for Root {
+    fn default() -> Self {
+        Self::under(Path::new("/"))
+    }
+}
+
+impl Root {
+    /// A machine whose folders are all in one.
+    pub fn under(folder: &Path) -> Self {
+        Self { sys: folder.join("sys"), dev: folder.join("dev"), proc: folder.join("proc"), etc: folder.join("etc") }
+    }
+}
+
+/// The bytes of a small file.
+pub(crate) fn bytes(path: &Path) -> Option<Vec<u8>> {
+    let mut read = Vec::new();
+    std::fs::File::open(path).ok()?.take(MAX_FILE).read_to_end(&mut read).ok()?;
+    Some(read)
+}
+
+/// The text of a small file, without the white space around it; None when there is none.
+pub(crate) fn text(path: &Path) -> Option<String> {
+    let text = String::from_utf8_lossy(&bytes(path)?).trim().to_owned();
+    (!text.is_empty()).then_some(text)
+}
+
+/// The entries of a folder, in the order of their names; numbers count as numbers.
+pub(crate) fn entries(folder: &Path) -> Vec<PathBuf> {
+    let Ok(found) = std::fs::read_dir(folder) else { return vec![] };
+    let mut paths: Vec<PathBuf> = found.take(MAX_ENTRIES).flatten().map(|e| e.path()).collect();
+    paths.sort_by_key(|path| {
+        let name = name(path);
+        let stem = name.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+        let (stem, number) = name.split_at(stem);
+        (stem.to_owned(), number.parse::<u64>().unwrap_or(0), name.clone())
+    });
+    paths
+}
+
+/// The last part of a path.
+pub(crate) fn name(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+}
+
+/// A device on USB.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Usb {
+    /// Vendor number.
+    pub vendor: u16,
+    /// Product number.
+    pub product: u16,
+    /// Who made it, as it says.
+    pub manufacturer: Option<String>,
+    /// What it is, as it says.
+    pub name: Option<String>,
+    /// Its serial number, as it says; many cheap devices have none, or all the same.
+    pub serial: Option<String>,
+    /// Number of the bus that it is on.
+    pub bus: u16,
+    /// Its number on the bus, another one each time that it is plugged in.
+    pub address: u16,
+    /// Where it is plugged in, such as `1-4.2`.
+    pub port: String,
+    /// Its speed in Mbit/s.
+    pub speed_mbit: f64,
+}
+
+impl Usb {
+    /// The USB device at this folder of the tree.
+    pub(crate) fn at(folder: &Path) -> Option<Self> {
+        let hex = |file: &str| u16::from_str_radix(&text(&folder.join(file))?, 16).ok();
+        let number = |file: &str| text(&folder.join(file)).and_then(|t| t.parse().ok()).unwrap_or(0);
+        Some(Self {
+            vendor: hex("idVendor")?,
+            product: hex("idProduct")?,
+            manufacturer: text(&folder.join("manufacturer")),
+            name: text(&folder.join("product")),
+            serial: text(&folder.join("serial")),
+            bus: number("busnum"),
+            address: number("devnum"),
+            port: name(folder),
+            speed_mbit: text(&folder.join("speed")).and_then(|t| t.parse().ok()).filter(|s| *s > 0.0).unwrap_or(0.0),
+        })
+    }
+
+    /// The USB device that a device of another class belongs to.
+    pub(crate) fn of(root: &Root, device: &Path) -> Option<Self> {
+        let (device, sys) = (device.canonicalize().ok()?, root.sys.canonicalize().ok()?);
+        device.ancestors().take_while(|folder| folder.starts_with(&sys)).find_map(Self::at)
+    }
+
+    /// Its device node.
+    pub fn node(&self, root: &Root) -> PathBuf {
+        root.dev.join(format!("bus/usb/{:03}/{:03}", self.bus, self.address))
+    }
+
+    /// Vendor and product as tools write them.
+    pub fn numbers(&self) -> String {
+        format!("{:04x}:{:04x}", self.vendor, self.product)
+    }
+
+    /// What to call it.
+    pub fn words(&self) -> String {
+        let said = [self.manufacturer.as_deref(), self.name.as_deref()];
+        let said: Vec<&str> = said.into_iter().flatten().collect();
+        if said.is_empty() { "USB device".into() } else { said.join(" ") }
+    }
+
+    /// Numbers with the serial number, or else the place where it is plugged in.
+    pub fn identity(&self) -> String {
+        match &self.serial {
+            Some(serial) => format!("{} {serial}", self.numbers()),
+            None => format!("{} at {}", self.numbers(), self.port),
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! Cameras of the kernel's V4L2.
+
+use super::{Found, Kind, Root, Usb, check, entries, name, quoted, text};
+use std::path::{Path, PathBuf};
+
+/// Cameras. One camera has several nodes, of which only the first delivers pictures.
+pub(super) fn cameras(root: &Root) -> Vec<Found> {
+    entries(&root.sys.join("class/video4linux")).iter().filter_map(|folder| camera(root, folder)).collect()
+}
+
+fn camera(root: &Root, folder: &Path) -> Option<Found> {
+    let file = name(folder);
+    let first = text(&folder.join("index")).is_none_or(|index| index == "0");
+    if !first || !file.starts_with("video") {
+        return None;
+    }
+    let node = root.dev.join(&file);
+    let stable = by_id(root, &file);
+    let usb = Usb::of(root, &folder.join("device"));
+    let path = stable.as_ref().unwrap_or(&node);
+    Some(Found {
+        kind: Kind::Camera,
+        what: text(&folder.join("name")).unwrap_or_else(|| "camera".into()),
+        id: usb.as_ref().map_or_else(|| file.clone(), Usb::identity),
+        setting: Some(format!("{{ kind = \"v4l2\", device = {} }}", quoted(&path.to_string_lossy()))),
+        sure: true,
+        access: check(root, &node),
+        node: Some(node),
+        stable,
+        usb,
+    })
+}
+
+fn by_id(root: &Root, file: &str) -> Option<PathBuf> {
+    let ends_here = |link: &PathBuf| std::fs::read_link(link).is_ok_and(|to| name(&to) == file);
+    entries(&root.dev.join("v4l/by-id")).into_iter().find(ends_here)
+}

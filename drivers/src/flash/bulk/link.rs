@@ -1,0 +1,115 @@
+//! Bulk transfers: over libusb, or over a socket where an emulated device answers (see [`seam`](crate::seam)).
+
+use super::{DEVICE, PRODUCT, VENDOR};
+use crate::discovery::{Access, Root, Usb, check, usb_devices};
+use crate::hid;
+use crate::seam::{self, Seam, Transfer};
+use crate::{Class, DeviceError, DeviceResult};
+use rusb::UsbContext;
+use std::io;
+use std::path::Path;
+use std::time::Duration;
+
+/// A transfer that takes longer has failed.
+const SILENCE: Duration = Duration::from_millis(500);
+
+const INTERFACE: u8 = 0;
+const OUT: u8 = 0x01;
+const IN: u8 = 0x81;
+
+/// A device with a pipe in each direction.
+pub trait Bulk: Send {
+    /// Sends bytes.
+    ///
+    /// # Errors
+    /// `Lost` when the device is gone or silent, `Retry` when it refuses.
+    fn send(&mut self, bytes: &[u8]) -> DeviceResult<()>;
+
+    /// Receives bytes of one transfer; returns how many.
+    ///
+    /// # Errors
+    /// As [`Bulk::send`].
+    fn receive(&mut self, bytes: &mut [u8]) -> DeviceResult<usize>;
+}
+
+/// Opens the device at a socket.
+pub(super) fn socket(path: &str) -> DeviceResult<Box<dyn Bulk>> {
+    let wrong = |got: String| DeviceError::new(DEVICE, format!("open {path}"), "a device", got).class(Class::Setup);
+    let socket = path.strip_prefix(seam::PREFIX).ok_or_else(|| {
+        wrong("no socket".into()).remedy("give `serial` for a device on USB, `path = \"unix:…\"` for an emulated one")
+    })?;
+    let opened = Seam::open(Path::new(socket));
+    let remedy = "start the emulated device that this path belongs to";
+    opened.map(|seam| Box::new(Socket(seam)) as _).map_err(|e| wrong(e.to_string()).remedy(remedy))
+}
+
+/// Opens the device on USB; returns its identity as well.
+pub(super) fn usb(root: &Root, serial: Option<&str>) -> DeviceResult<(Box<dyn Bulk>, String)> {
+    let mut found = usb_devices(root);
+    found.retain(|usb| (usb.vendor, usb.product) == (VENDOR, PRODUCT));
+    found.retain(|usb| serial.is_none() || usb.serial.as_deref() == serial);
+    let named = |usb: &Usb| format!("serial = \"{}\"", usb.serial.as_deref().unwrap_or("none"));
+    let usb = hid::only(DEVICE, found, named)?;
+    let node = usb.node(root);
+    let cannot = |got: String| {
+        let command = format!("open {}", node.display());
+        DeviceError::new(DEVICE, command, "a device that may be opened", got).class(Class::Setup)
+    };
+    if let Access::Denied { remedy } | Access::NoNode { remedy } = check(root, &node) {
+        return Err(cannot("no permission".into()).remedy(remedy));
+    }
+    let remedy = "end other programs that use it, or unplug it and plug it in again";
+    let handle = open(&usb).map_err(|e| cannot(e.to_string()).remedy(remedy))?;
+    Ok((Box::new(Libusb(handle)), usb.identity()))
+}
+
+/// Where libusb does not work at all, no device is there either.
+fn open(usb: &Usb) -> rusb::Result<rusb::DeviceHandle<rusb::Context>> {
+    let context = rusb::Context::new().map_err(|_| rusb::Error::NoDevice)?;
+    let devices = context.devices()?;
+    let is_it = |d: &rusb::Device<_>| (u16::from(d.bus_number()), u16::from(d.address())) == (usb.bus, usb.address);
+    let device = devices.iter().find(is_it).ok_or(rusb::Error::NoDevice)?;
+    let handle = device.open()?;
+    // Not all systems can; claiming tells.
+    let _ = handle.set_auto_detach_kernel_driver(true);
+    handle.claim_interface(INTERFACE)?;
+    Ok(handle)
+}
+
+struct Libusb(rusb::DeviceHandle<rusb::Context>);
+
+fn failed(command: &str, error: rusb::Error) -> DeviceError {
+    let kind = match error {
+        rusb::Error::Timeout => io::ErrorKind::TimedOut,
+        rusb::Error::Pipe => io::ErrorKind::InvalidInput,
+        _ => io::ErrorKind::Other,
+    };
+    seam::failed(DEVICE, command, &io::Error::new(kind, error))
+}
+
+impl Bulk for Libusb {
+    fn send(&mut self, bytes: &[u8]) -> DeviceResult<()> {
+        let sent = self.0.write_bulk(OUT, bytes, SILENCE).map_err(|e| failed("take bytes", e))?;
+        if sent == bytes.len() { Ok(()) } else { Err(failed("take bytes", rusb::Error::Timeout)) }
+    }
+
+    fn receive(&mut self, bytes: &mut [u8]) -> DeviceResult<usize> {
+        self.0.read_bulk(IN, bytes, SILENCE).map_err(|e| failed("answer", e))
+    }
+}
+
+struct Socket(Seam);
+
+impl Bulk for Socket {
+    fn send(&mut self, bytes: &[u8]) -> DeviceResult<()> {
+        self.0.transfer(Transfer::BulkOut, bytes).map(drop).map_err(|e| seam::failed(DEVICE, "take bytes", &e))
+    }
+
+    fn receive(&mut self, bytes: &mut [u8]) -> DeviceResult<usize> {
+        let wanted = u16::try_from(bytes.len().min(seam::MAX_PAYLOAD)).unwrap_or(u16::MAX).to_le_bytes();
+        let got = self.0.transfer(Transfer::BulkIn, &wanted).map_err(|e| seam::failed(DEVICE, "answer", &e))?;
+        let length = got.len().min(bytes.len());
+        bytes[..length].copy_from_slice(&got[..length]);
+        Ok(length)
+    }
+}

@@ -1,0 +1,95 @@
+//! The reports of the relay.
+
+/// Most channels that a relay of this kind has.
+pub const MAX_CHANNELS: u8 = 8;
+
+/// Number of the feature report that tells serial number and state.
+pub const STATUS_REPORT: u8 = 1;
+
+/// Length of the status report.
+pub const STATUS_LENGTH: usize = 8;
+
+const ON: u8 = 0xff;
+const OFF: u8 = 0xfd;
+
+/// What a relay says of itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Status {
+    /// Its serial number: five letters or digits.
+    pub serial: String,
+    /// Channels that are on: bit 0 for channel 1.
+    pub on: u8,
+}
+
+/// The output report that switches one channel, counted from 1.
+pub fn switch(channel: u8, on: bool) -> [u8; 9] {
+    [0, if on { ON } else { OFF }, channel, 0, 0, 0, 0, 0, 0]
+}
+
+/// Reads a status report; None when it is none. The serial number takes the place of the report's number.
+pub fn status(report: &[u8]) -> Option<Status> {
+    let [serial @ .., 0, _, on] = <&[u8; STATUS_LENGTH]>::try_from(report).ok()? else { return None };
+    let printable = serial.iter().all(u8::is_ascii_graphic);
+    printable.then(|| Status { serial: serial.iter().map(|b| char::from(*b)).collect(), on: *on })
+}
+
+impl Status {
+    /// Whether a channel, counted from 1, is on.
+    pub fn is_on(&self, channel: u8) -> bool {
+        (1..=MAX_CHANNELS).contains(&channel) && self.on >> (channel - 1) & 1 == 1
+    }
+}
+
+/// Channels of a relay by its name, such as `USBRelay2`.
+pub fn channels(name: &str) -> Option<u8> {
+    let (_, number) = name.split_once("USBRelay")?;
+    number.trim().parse().ok().filter(|n| (1..=MAX_CHANNELS).contains(n))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn reports_are_those_of_the_protocol() {
+        assert_eq!(switch(1, true), [0, 0xff, 1, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(switch(2, false), [0, 0xfd, 2, 0, 0, 0, 0, 0, 0]);
+        let status = status(b"BITFT\0\0\x02").unwrap();
+        assert_eq!((status.serial.as_str(), status.is_on(1), status.is_on(2)), ("BITFT", false, true));
+        assert_eq!(channels("www.dcttech.com USBRelay2"), Some(2));
+        assert_eq!(channels("USBRelay99"), None);
+    }
+
+    #[test]
+    fn reports_of_other_devices_are_none() {
+        let others: [&[u8]; 5] = [b"", b"BITFT\0\0", b"BITFT\0\0\0\0", b"BIT T\0\0\0", b"BITFT\x01\0\0"];
+        assert!(others.iter().all(|report| status(report).is_none()));
+        let none = Status { serial: String::new(), on: 0xff };
+        assert!(!none.is_on(0) && !none.is_on(9));
+    }
+
+    proptest! {
+        #[test]
+        fn any_report_is_read(report in proptest::collection::vec(any::<u8>(), 0..20), channel: u8) {
+            if let Some(status) = status(&report) {
+                status.is_on(channel);
+            }
+        }
+
+        #[test]
+        fn what_is_on_is_read(serial in "[A-Z0-9]{5}", on: u8, channel in 1u8..=8) {
+            let mut report = serial.as_bytes().to_vec();
+            report.extend([0, 0, on]);
+            let status = status(&report).unwrap();
+            prop_assert_eq!(&status.serial, &serial);
+            prop_assert_eq!(status.is_on(channel), on & (1 << (channel - 1)) != 0);
+        }
+
+        #[test]
+        fn only_one_channel_is_named(channel in 1u8..=8, on: bool) {
+            let report = switch(channel, on);
+            prop_assert_eq!((report[2], report[1] == 0xff), (channel, on));
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! The seam where emulated USB devices attach: a Unix socket in place of a device node, given as `unix:/path`.
+//!
+//! Each transfer is one frame, and is answered by one:
+//!
+//! | byte | request | answer |
+//! |---|---|---|
+//! | 0 | 1 output report, 2 set a feature report, 3 get one (payload: its id, then how many bytes are wanted, 16 bits), 4 bulk out, 5 bulk in (payload: how many bytes are wanted, 16 bits) | 0 done, 1 refused (a stalled transfer) |
+//! | 1 | a tag | the same tag; others are dropped |
+//! | 2-3 | length of the payload, 16 bits, at most 4096 | the same |
+//! | 4… | payload | payload |
+//!
+//! Numbers have their low byte first. As on USB, no transfer remembers the one before: after an error, the next one
+//! connects again.
+
+use crate::{Class, DeviceError};
+use std::io::{self, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// What a path of an emulated device begins with.
+pub const PREFIX: &str = "unix:";
+
+/// Longest payload.
+pub const MAX_PAYLOAD: usize = 4096;
+
+/// A transfer without an answer for this long has failed.
+const SILENCE: Duration = Duration::from_millis(500);
+
+/// A transfer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Transfer {
+    Output = 1,
+    SetFeature = 2,
+    Feature = 3,
+    BulkOut = 4,
+    BulkIn = 5,
+}
+
+/// A link to an emulated device.
+pub(crate) struct Seam {
+    path: PathBuf,
+    stream: Option<UnixStream>,
+    tag: u8,
+}
+
+impl Seam {
+    /// Connects.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        let stream = Some(connect(path)?);
+        Ok(Self { path: path.into(), stream, tag: 0 })
+    }
+
+    /// Carries a transfer out; returns the answer's payload.
+    pub fn transfer(&mut self, kind: Transfer, payload: &[u8]) -> io::Result<Vec<u8>> {
+        let mut stream = match self.stream.take() {
+            Some(stream) => stream,
+            None => connect(&self.path)?,
+        };
+        self.tag = self.tag.wrapping_add(1);
+        let answer = exchange(&mut stream, kind, self.tag, payload)?;
+        self.stream = Some(stream);
+        answer.ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "a stalled transfer"))
+    }
+}
+
+fn connect(path: &Path) -> io::Result<UnixStream> {
+    let stream = UnixStream::connect(path)?;
+    stream.set_write_timeout(Some(SILENCE))?;
+    Ok(stream)
+}
+
+/// The answer's payload; None if the device refuses.
+fn exchange(stream: &mut UnixStream, kind: Transfer, tag: u8, payload: &[u8]) -> io::Result<Option<Vec<u8>>> {
+    let length = u16::try_from(payload.len()).ok().filter(|n| usize::from(*n) <= MAX_PAYLOAD);
+    let [low, high] = length.ok_or(io::ErrorKind::InvalidInput)?.to_le_bytes();
+    let mut frame = vec![kind as u8, tag, low, high];
+    frame.extend(payload);
+    stream.write_all(&frame)?;
+    let until = Instant::now() + SILENCE;
+    loop {
+        let mut head = [0; 4];
+        read(stream, &mut head, until)?;
+        let length = usize::from(u16::from_le_bytes([head[2], head[3]]));
+        if length > MAX_PAYLOAD || head[0] > 1 {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "bytes that are no frame"));
+        }
+        let mut answer = vec![0; length];
+        read(stream, &mut answer, until)?;
+        if head[1] == tag {
+            return Ok((head[0] == 0).then_some(answer));
+        }
+    }
+}
+
+/// Fills the buffer until a time, however the bytes trickle in.
+fn read(stream: &mut UnixStream, mut buffer: &mut [u8], until: Instant) -> io::Result<()> {
+    while !buffer.is_empty() {
+        let left = until.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(io::ErrorKind::TimedOut.into());
+        }
+        stream.set_read_timeout(Some(left.max(Duration::from_millis(1))))?;
+        match stream.read(buffer) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(n) => buffer = &mut buffer[n..],
+            Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(())
+}
+
+/// A failed transfer as a device error: refused ones may work again, after others the link is not to be trusted.
+pub(crate) fn failed(device: &str, command: &str, error: &io::Error) -> DeviceError {
+    let (got, class) = match error.kind() {
+        io::ErrorKind::InvalidInput => ("a refusal".into(), Class::Retry),
+        io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock => ("nothing in time".into(), Class::Lost),
+        _ => (format!("a lost link ({error})"), Class::Lost),
+    };
+    DeviceError::new(device, command, "an answer", got)
+        .remedy("check that it is plugged in, then resume the session")
+        .class(class)
+}
