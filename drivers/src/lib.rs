@@ -16,6 +16,7 @@ pub mod lock;
 pub mod seam;
 pub mod stage;
 pub mod traits;
+pub mod usb_reset;
 
 pub use actor::{Connect, Patience};
 pub use clock::{Clock, SystemClock};
