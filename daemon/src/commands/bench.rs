@@ -13,7 +13,7 @@ use tokio::runtime::Runtime;
 pub struct BenchArgs {
     /// Use the simulated bench.
     #[arg(long)]
-    sim: bool,
+    pub sim: bool,
     /// Description of the simulated bench (TOML); its defaults are used without it.
     #[arg(long, conflicts_with = "socket")]
     pub bench: Option<PathBuf>,

@@ -4,7 +4,7 @@ mod section;
 mod sources;
 mod terminal;
 
-pub use section::{BenchSection, Optics};
+pub use section::{BenchSection, Optics, lock_name};
 
 use crate::Failure;
 use crate::engine::{Devices, Watch};

@@ -157,7 +157,8 @@ impl BenchSection {
 /// Keys of settings that say which device it is.
 const NAMING: [&str; 8] = ["kind", "port", "address", "device", "serial", "path", "output", "card"];
 
-fn lock_name(driver: &serde_json::Value) -> Option<String> {
+/// What the lock of a device with these settings is called; None for what is no device of this machine.
+pub fn lock_name(driver: &serde_json::Value) -> Option<String> {
     let kind = driver.get("kind")?.as_str()?;
     if matches!(kind, "simulated" | "hand" | "page") {
         return None;
