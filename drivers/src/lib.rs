@@ -13,6 +13,7 @@ pub mod handles;
 pub mod lock;
 pub mod stage;
 pub mod traits;
+pub mod wire;
 
 pub use actor::{Connect, Patience};
 pub use clock::{Clock, SystemClock};
