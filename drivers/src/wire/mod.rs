@@ -25,6 +25,9 @@ const MAX_LINE: usize = 256;
 /// Most lines that wait; a device that sends more than anybody reads loses the oldest.
 const MAX_LINES: usize = 256;
 
+/// A device that is to be quiet for a time is waited for this many times as long.
+const MAX_TALK: u32 = 10;
+
 /// A cable to a device.
 pub trait Wire: Send {
     /// Sends all of these bytes.
@@ -147,6 +150,23 @@ impl Lines {
             }
             tokio::task::yield_now().await;
         }
+    }
+
+    /// Returns once nothing came for a while; what comes until then is forgotten.
+    ///
+    /// # Errors
+    /// `Lost`; `Retry` when it does not become quiet.
+    pub async fn quiet(&mut self, command: &str, time: Duration) -> DeviceResult<()> {
+        let begun = Instant::now();
+        while self.next(command, Instant::now() + time).await?.is_some() {
+            if begun.elapsed() > MAX_TALK * time {
+                let got = "a device that talks all the time";
+                return Err(DeviceError::new(&self.device, command, "an answer", got)
+                    .remedy("check the cable and the settings of the port, then try again")
+                    .class(Class::Retry));
+            }
+        }
+        self.clear(command)
     }
 
     fn lost(&self, command: &str, e: &io::Error) -> DeviceError {

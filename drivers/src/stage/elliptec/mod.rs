@@ -27,6 +27,9 @@ const POLL: Duration = Duration::from_millis(100);
 /// So many times a module must say that it is idle before the end of its movement counts as missed.
 const MISSED: u32 = 3;
 
+/// After this many times of an answer without a word, nothing late comes any more.
+const QUIET: u32 = 5;
+
 /// A search of frequencies takes no longer.
 const SEARCHING: Duration = Duration::from_secs(120);
 
@@ -41,6 +44,8 @@ pub struct Elliptec {
     identity: Identity,
     zero: Zero,
     cleaning: bool,
+    /// Answers that did not come in time may still come, and would be taken for those of later questions.
+    unsettled: bool,
 }
 
 /// Whether the module's angles can be believed.
@@ -82,7 +87,8 @@ impl Elliptec {
         let identity = Identity { kind: 0, serial: String::new(), year: String::new(), travel: 0, pulses: 1 };
         let lines = Lines::new(wire, &name, b"\r\n");
         let settings = settings.clone();
-        let mut stage = Self { lines, settings, clock, identity, zero: Zero::Unchecked, cleaning: false };
+        let mut stage =
+            Self { lines, settings, clock, identity, zero: Zero::Unchecked, cleaning: false, unsettled: false };
         wait(stage.identify())?;
         Ok(stage)
     }
@@ -121,7 +127,7 @@ impl Elliptec {
     pub async fn search_frequency(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "search its frequencies";
         for motor in [Motor::One, Motor::Two] {
-            self.begin(WHAT, Command::SearchFrequency(motor))?;
+            self.begin(WHAT, Command::SearchFrequency(motor)).await?;
             self.idle(WHAT, SEARCHING).await?;
         }
         Ok(())
@@ -133,7 +139,7 @@ impl Elliptec {
     /// As the module answers.
     pub async fn clean(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "clean its track";
-        self.begin(WHAT, Command::Clean)?;
+        self.begin(WHAT, Command::Clean).await?;
         self.cleaning = true;
         let cleaned = self.idle(WHAT, CLEANING).await;
         self.cleaning = false;
@@ -188,10 +194,19 @@ impl Elliptec {
             .remedy("it was reset or turned by hand: check its power supply, home it, then resume the session")
     }
 
+    /// Waits until nothing late can come any more.
+    async fn settle(&mut self, what: &str) -> DeviceResult<()> {
+        if self.unsettled {
+            self.lines.quiet(what, QUIET * self.answer()).await?;
+            self.unsettled = false;
+        }
+        self.lines.clear(what)
+    }
+
     /// Sends what moves; where it stands is not known from here on.
-    fn begin(&mut self, what: &str, command: Command) -> DeviceResult<()> {
+    async fn begin(&mut self, what: &str, command: Command) -> DeviceResult<()> {
         self.zero = Zero::Unchecked;
-        self.lines.clear(what)?;
+        self.settle(what).await?;
         self.lines.send(what, &command.encode(self.settings.address))
     }
 
@@ -211,8 +226,8 @@ impl Elliptec {
     /// Asks a question, once again if there is no answer that makes sense.
     async fn ask<T>(&mut self, what: &str, command: Command, pick: fn(Reply) -> Option<T>) -> DeviceResult<T> {
         let mut got = String::new();
+        self.settle(what).await?;
         for _ in 0..2 {
-            self.lines.clear(what)?;
             self.lines.send(what, &command.encode(self.settings.address))?;
             let until = Instant::now() + self.answer();
             got = loop {
@@ -233,6 +248,7 @@ impl Elliptec {
                     },
                 }
             };
+            self.unsettled = true;
         }
         Err(self.passing(what, "an answer", got))
     }
@@ -296,12 +312,13 @@ impl Elliptec {
                 Heard::Reply(Reply::Status(Status::Ok)) => (unanswered, idle) = (0, idle + 1),
                 Heard::Reply(Reply::Status(status)) => return Err(self.failed(what, status)),
                 Heard::Reply(_) => {}
-                Heard::Garbage(line) => got = line,
+                Heard::Garbage(line) => (got, self.unsettled) = (line, true),
                 Heard::Nothing if unanswered == 2 => {
                     return Err(self.passing(what, "an answer", format!("nothing within {} ms", limit.as_millis())));
                 }
                 Heard::Nothing => {
                     self.lines.send(what, &Command::Status.encode(self.settings.address))?;
+                    self.unsettled |= unanswered > 0;
                     unanswered += 1;
                 }
             }
@@ -325,7 +342,7 @@ impl Elliptec {
     }
 
     async fn find_zero(&mut self, what: &str) -> DeviceResult<i32> {
-        self.begin(what, Command::Home)?;
+        self.begin(what, Command::Home).await?;
         let at = self.finish(what).await?;
         if self.apart(at, 0) {
             let got = format!("{:.2}°", degrees(at, self.identity.pulses));
@@ -376,7 +393,7 @@ impl Stage for Elliptec {
         let what = format!("move to {angle_deg}°");
         let target = self.target(&what, angle_deg)?;
         self.be_sure(&what).await?;
-        self.begin(&what, Command::MoveTo(target))?;
+        self.begin(&what, Command::MoveTo(target)).await?;
         let at = self.finish(&what).await?;
         self.zero = Zero::Known(at);
         Ok(self.arrived(at))
@@ -385,7 +402,7 @@ impl Stage for Elliptec {
     /// Waits for the end of the movement, which nothing can end sooner; cleaning can be ended.
     async fn halt(&mut self) -> DeviceResult<()> {
         if std::mem::take(&mut self.cleaning) {
-            self.begin("halt", Command::Stop)?;
+            self.begin("halt", Command::Stop).await?;
         }
         self.idle("halt", self.longest_move()).await
     }
