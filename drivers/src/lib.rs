@@ -7,6 +7,7 @@ pub mod camera;
 pub mod clock;
 pub mod discovery;
 pub mod display;
+pub mod doctor;
 pub mod error;
 pub mod flash;
 pub mod freshness;

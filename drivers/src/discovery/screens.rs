@@ -20,7 +20,7 @@ fn screen(root: &Root, folder: &Path) -> Option<Found> {
         kind: Kind::Display,
         what: words(connector, edid.as_ref()),
         id: edid.as_ref().map_or_else(|| file.clone(), identity),
-        setting: Some(format!("{{ kind = \"drm\", connector = {} }}", quoted(connector))),
+        setting: Some(format!("{{ kind = \"kms\", output = {} }}", quoted(connector))),
         sure: false,
         access: check(root, &node),
         node: Some(node),

@@ -2,13 +2,22 @@
 //! through its [`Port`](crate::Port), and share no encoding or decoding with the drivers: both are written from the protocols.
 
 mod axis;
+mod blink1;
+mod bulk;
 pub mod elliptec;
 mod fault;
+mod lamp;
 mod mouth;
 mod pty;
+mod relay;
+mod reports;
 
+pub use blink1::Blink1Emulator;
+pub use bulk::BulkEmulator;
 pub use fault::{ByteFault, ByteFaultKind, Strikes};
 pub use pty::Pty;
+pub use relay::RelayEmulator;
+pub use reports::{Outcome, Peripheral, Served, Transfer};
 
 /// A device on the other end of a serial line.
 pub trait Emulator: Send {

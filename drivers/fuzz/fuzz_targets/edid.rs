@@ -1,0 +1,9 @@
+//! What monitors say of themselves.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use nacre_drivers::discovery::edid;
+
+fuzz_target!(|bytes: &[u8]| {
+    edid::parse(bytes);
+});

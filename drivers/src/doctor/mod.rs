@@ -1,0 +1,92 @@
+//! Whether this machine is fit for a bench: checks as data, each with what to do when it is not.
+
+mod devices;
+mod disk;
+mod machine;
+
+use crate::discovery::{Root, discover};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// One thing that was looked at.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Check {
+    /// What was looked at.
+    pub name: String,
+    /// How it stands.
+    pub ok: Health,
+    /// What was found.
+    pub found: String,
+    /// What the user can do; there is nothing to do where all is well.
+    pub remedy: Option<String>,
+}
+
+/// How something stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Health {
+    /// As it should be.
+    Ok,
+    /// It may give trouble.
+    Warn,
+    /// It will give trouble.
+    Bad,
+}
+
+impl Check {
+    fn ok(name: &str, found: impl Into<String>) -> Self {
+        Self { name: name.into(), ok: Health::Ok, found: found.into(), remedy: None }
+    }
+
+    fn not_ok(name: &str, ok: Health, found: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self { name: name.into(), ok, found: found.into(), remedy: Some(remedy.into()) }
+    }
+
+    /// The worse of two limits that a value falls below.
+    fn at_least(name: &str, value: f64, [warn, bad]: [f64; 2], found: String, remedy: &str) -> Self {
+        match value {
+            v if v >= warn => Self::ok(name, found),
+            v if v >= bad => Self::not_ok(name, Health::Warn, found, remedy),
+            _ => Self::not_ok(name, Health::Bad, found, remedy),
+        }
+    }
+}
+
+/// Looks at everything. `folder` is where measurements are kept; 64 MiB are written there and removed again.
+pub fn examine(root: &Root, folder: &Path) -> Vec<Check> {
+    let found = discover(root);
+    let mut checks = vec![machine::versions(root), machine::resolution(), machine::date(), machine::memory(root)];
+    checks.extend([disk::space(folder), disk::speed(folder, disk::AMOUNT)]);
+    checks.extend(machine::governor(root));
+    checks.push(devices::bandwidth(&found));
+    checks.extend(devices::blanking(root, &found, std::env::var_os("XDG_SESSION_TYPE").is_some()));
+    checks.extend(devices::access(&found));
+    checks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_check_that_is_not_ok_has_a_remedy() {
+        let folder = tempfile::tempdir().unwrap();
+        for root in [Root::default(), Root::under(folder.path())] {
+            let checks = examine(&root, folder.path());
+            assert!(checks.len() >= 7);
+            for check in checks {
+                assert_eq!(check.ok == Health::Ok, check.remedy.is_none(), "{check:?}");
+                assert!(!check.found.is_empty(), "{check:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn limits_are_two() {
+        let health = |value| Check::at_least("x", value, [10.0, 5.0], String::new(), "").ok;
+        assert_eq!([10.0, 9.0, 5.0, 4.0, f64::NAN].map(health), {
+            use Health::{Bad, Ok, Warn};
+            [Ok, Warn, Warn, Bad, Bad]
+        });
+    }
+}

@@ -1,0 +1,31 @@
+//! The bench's flash as the load of an emulated device.
+
+use crate::devices::Port;
+use crate::port::Request;
+
+/// What an emulated device switches.
+pub(super) struct Load {
+    port: Box<dyn Port>,
+    on: bool,
+}
+
+impl Load {
+    /// The bench's flash, switched off.
+    pub fn new(port: Box<dyn Port>) -> Self {
+        let mut load = Self { port, on: true };
+        load.set(false);
+        load
+    }
+
+    /// Switches the flash, if it is not so already. One that cannot be reached stays as it is.
+    pub fn set(&mut self, on: bool) {
+        if self.on != on && self.port.call(&Request::Switch { on }).is_ok() {
+            self.on = on;
+        }
+    }
+
+    /// Whether it is on.
+    pub fn is_on(&self) -> bool {
+        self.on
+    }
+}
