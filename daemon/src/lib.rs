@@ -51,12 +51,14 @@ enum Command {
     Capture(commands::capture::Args),
     /// Run the service: REST, events and the page.
     Serve(commands::serve::Args),
-    /// Find the devices and write a configuration of the service.
+    /// Find the devices and write a configuration.
     Init(commands::init::Args),
     /// Make a token for the service.
     Token(commands::serve::Token),
     /// What devices there are, and who uses them.
     Devices(commands::devices::Args),
+    /// Whether this machine is fit for a bench, and what to do if not.
+    Doctor(commands::doctor::Args),
     /// Move the analyser by hand.
     #[command(subcommand)]
     Stage(commands::manual::Stage),
@@ -106,6 +108,7 @@ pub fn main() -> ExitCode {
         Command::Init(args) => commands::init::run(&args, &console),
         Command::Token(args) => commands::serve::token(&args, &console),
         Command::Devices(args) => commands::devices::run(&args, &console),
+        Command::Doctor(args) => commands::doctor::run(&args, &console),
         Command::Stage(args) => commands::manual::stage(&args, &console),
         Command::Snap(args) => commands::manual::snap(&args, &console),
         Command::Flash(args) => commands::manual::flash(&args, &console),

@@ -7,12 +7,15 @@ use crate::engine::{Control, Hands, Input, guarded};
 use crate::guardian::Guarded;
 use crate::rig::Rig;
 use clap::Subcommand;
-use nacre_drivers::{DeviceError, Pattern};
+use nacre_drivers::stage::StageDriver;
+use nacre_drivers::stage::elliptec::Elliptec;
+use nacre_drivers::{DeviceError, Pattern, SystemClock};
 use nacre_processing::Error;
 use nacre_processing::image::write_png16_gray;
 use nacre_processing::progress::Progress;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Commands of the analyser's stage.
@@ -31,6 +34,12 @@ pub enum Stage {
     /// Find the mechanical zero.
     #[command(after_help = "Example:\n  nacre stage home --sim --socket /tmp/bench")]
     Home(BenchArgs),
+    /// Search the best motor frequencies of an Elliptec stage: when it gets stuck, or its load was changed. It moves.
+    #[command(after_help = "Example:\n  nacre stage search-frequency --config nacre.toml")]
+    SearchFrequency(BenchArgs),
+    /// Run the cleaning cycle of an Elliptec stage: minutes, over the whole turn.
+    #[command(after_help = "Example:\n  nacre stage clean --config nacre.toml")]
+    Clean(BenchArgs),
     /// Say where the analyser stands.
     #[command(after_help = "Example:\n  nacre stage where --sim --socket /tmp/bench --json")]
     Where(BenchArgs),
@@ -157,7 +166,10 @@ fn with_hands<T>(
 
 /// Moves or asks the stage.
 pub fn stage(command: &Stage, console: &Console) -> Result<(), Failure> {
-    let (Stage::Move { bench, .. } | Stage::Home(bench) | Stage::Where(bench)) = command;
+    let bench = match command {
+        Stage::SearchFrequency(bench) | Stage::Clean(bench) => return care(command, bench, console),
+        Stage::Move { bench, .. } | Stage::Home(bench) | Stage::Where(bench) => bench,
+    };
     let angle = with_hands(bench, console, async |hands| {
         match command {
             Stage::Move { angle_deg, .. } => {
@@ -172,11 +184,49 @@ pub fn stage(command: &Stage, console: &Console) -> Result<(), Failure> {
                 hands.turn(*angle_deg).await?;
             }
             Stage::Home(_) => hands.prepare(true).await?,
-            Stage::Where(_) => {}
+            _ => {}
         }
         Ok(hands.position().await?)
     })?;
     console.result(&format!("the analyser stands at {angle:.3}°"), &serde_json::json!({ "analyser_deg": angle }));
+    Ok(())
+}
+
+/// Looks after the mechanics of an Elliptec stage.
+fn care(command: &Stage, bench: &BenchArgs, console: &Console) -> Result<(), Failure> {
+    let section = bench.place()?.section;
+    let Some(StageDriver::Elliptec(settings)) = section.stage.as_ref().map(|s| &s.driver) else {
+        let remedy = "describe one as [bench.stage] in nacre.toml";
+        return Err(Error::input("stage", "is no Elliptec stage", remedy).into());
+    };
+    let _locks = section.lock()?;
+    let runtime = runtime()?;
+    let mut stage = Elliptec::open(settings, Arc::new(SystemClock))?;
+    console.stage("the stage looks after itself", 0);
+    runtime.block_on(async {
+        let interrupted = async {
+            hold(console, f64::INFINITY).await;
+        };
+        let work = async {
+            match command {
+                Stage::Clean(_) => stage.clean().await,
+                _ => stage.search_frequency().await,
+            }
+        };
+        let done = tokio::select! {
+            biased;
+            () = interrupted => None,
+            done = work => Some(done),
+        };
+        match done {
+            Some(done) => Ok(done?),
+            None => {
+                nacre_drivers::Stage::halt(&mut stage).await?;
+                Err(Failure::from(Error::Cancelled))
+            }
+        }
+    })?;
+    console.result("done; home the stage before the next session", &serde_json::json!({ "done": true }));
     Ok(())
 }
 

@@ -1,5 +1,6 @@
 //! One file per command.
 
+pub mod attach;
 pub mod bench;
 pub mod capture;
 pub mod catalogue;
@@ -7,6 +8,7 @@ pub mod chart;
 pub mod check;
 pub mod demo;
 pub mod devices;
+pub mod doctor;
 pub mod import;
 pub mod init;
 pub mod manual;

@@ -1,5 +1,6 @@
 //! `nacre sim`.
 
+use super::attach::Emulated;
 use super::bench::{read_bench, runtime};
 use crate::Failure;
 use crate::capture::{Capture, Taken, steer};
@@ -24,6 +25,8 @@ pub enum Sim {
     Render(Render),
     /// Run the simulated bench in a process of its own until Ctrl-C.
     Bench(Serve),
+    /// Emulate real devices on it, down to the bytes on the wire, until Ctrl-C.
+    Attach(super::attach::Args),
 }
 
 /// Arguments of `nacre sim bench`.
@@ -46,6 +49,8 @@ pub struct Serve {
     /// Take as long as a real bench.
     #[arg(long)]
     real_time: bool,
+    #[command(flatten)]
+    emulated: Emulated,
 }
 
 /// Arguments of `nacre sim render`.
@@ -111,12 +116,15 @@ pub fn run(command: &Sim, console: &Console) -> Result<(), Failure> {
     match command {
         Sim::Render(args) => render(args, console),
         Sim::Bench(args) => serve(args, console),
+        Sim::Attach(args) => super::attach::run(args, console),
     }
 }
 
 fn serve(args: &Serve, console: &Console) -> Result<(), Failure> {
     let bench = Bench::new(&read_bench(args.bench.as_ref())?, console)?;
     let shared = if args.real_time { SharedBench::real_time(bench) } else { SharedBench::new(bench) };
+    let port = shared.clone();
+    let _attached = args.emulated.start(|| Ok(Box::new(port.clone())))?;
     console.note(&format!("the bench listens at {}; Ctrl-C ends it", args.socket.display()));
     let served = socket::serve(&shared, &args.socket, || console.cancelled());
     Ok(served.map_err(|e| Error::output(&args.socket, e))?)
