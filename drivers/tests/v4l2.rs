@@ -163,8 +163,13 @@ fn a_camera_that_is_pulled_out_is_lost_and_comes_back() {
 #[test]
 fn a_usb_camera_obeys_exposure_and_gain() {
     let Some((device, _one)) = device("uvcvideo") else { return };
-    let mut camera =
-        open(&Settings { fps: Some(15.0), gain: GainScale::Unity(16.0), ..Settings::new(&device) }).unwrap();
+    let mut camera = open(&Settings {
+        fps: Some(15.0),
+        gain: GainScale::Unity(16.0),
+        size: Some([640, 480]),
+        ..Settings::new(&device)
+    })
+    .unwrap();
     println!("{:?}\n{:?}", camera.describe(), camera.warnings());
     let ms = Duration::from_millis;
     for exposure in [5, 10, 20] {
@@ -177,4 +182,27 @@ fn a_usb_camera_obeys_exposure_and_gain() {
     println!("control lag {lag} frames, {ramp:?}");
     let frame = next(&mut camera).unwrap();
     println!("frame {:?}, now {:?}", frame.stamp, SystemClock.now());
+}
+
+#[test]
+fn a_usb_camera_whose_cable_is_pulled_is_lost() {
+    if std::env::var_os("NACRE_TEST_PULLED").is_none() {
+        return println!("skipped: nobody pulls the cable (NACRE_TEST_PULLED)");
+    }
+    let Some((device, _one)) = device("uvcvideo") else { return };
+    let settings = Settings::new(&device);
+    let mut camera = open(&settings).unwrap();
+    let begun = SystemClock.now();
+    let mut frames = 0;
+    let error = loop {
+        match next(&mut camera) {
+            Ok(_) => frames += 1,
+            Err(error) => break error,
+        }
+        assert!(SystemClock.now() - begun < Duration::from_secs(120));
+    };
+    println!("after {frames} frames: {error}");
+    assert!(frames > 0 && error.class == Class::Lost);
+    drop(camera);
+    println!("opened again: {}", open(&settings).err().unwrap());
 }
