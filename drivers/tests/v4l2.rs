@@ -6,7 +6,7 @@
 
 use nacre_drivers::camera::measure;
 use nacre_drivers::camera::v4l2::{GainScale, Settings, V4l2Camera, kernel};
-use nacre_drivers::{Camera, Class, Clock, DeviceResult, Frame, Freshness, SystemClock};
+use nacre_drivers::{Camera, Class, Clock, DeviceResult, Frame, Freshness, SystemClock, usb_reset};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
@@ -182,6 +182,31 @@ fn a_usb_camera_obeys_exposure_and_gain() {
     println!("control lag {lag} frames, {ramp:?}");
     let frame = next(&mut camera).unwrap();
     println!("frame {:?}, now {:?}", frame.stamp, SystemClock.now());
+}
+
+#[test]
+fn a_usb_camera_that_is_reset_is_lost_and_comes_back() {
+    let Some((device, _one)) = device("uvcvideo") else { return };
+    let settings = Settings { size: Some([640, 480]), ..Settings::new(&device) };
+    let mut camera = open(&settings).unwrap();
+    let last = next(&mut camera).unwrap().stamp;
+    let place = usb_reset::sysfs_device("video4linux", device.as_ref()).unwrap();
+    let address = usb_reset::usb_address(&place).unwrap();
+    let reset = usb_reset::reset(address);
+    println!("reset {address:?}: {reset:?}");
+    reset.unwrap();
+    let after = (0..10).find_map(|_| next(&mut camera).err());
+    println!("after the reset: {after:?}");
+    assert!(after.is_none_or(|e| e.class == Class::Lost));
+    let id = camera.describe().id;
+    drop(camera);
+    let mut camera = (0..50).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(200));
+        open(&settings).ok()
+    });
+    let camera = camera.as_mut().unwrap();
+    assert_eq!(camera.describe().id, id);
+    assert!(next(camera).unwrap().stamp.sequence > last.sequence);
 }
 
 #[test]

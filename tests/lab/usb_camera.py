@@ -132,27 +132,24 @@ class Camera:
         return data
 
     def serve(self):
-        try:
-            while True:
-                header = self.receive(48)
-                command, sequence, _, inwards, endpoint = struct.unpack_from(">5I", header)
-                if command == 2:
-                    self.unlink(sequence, struct.unpack_from(">I", header, 20)[0])
+        while True:
+            header = self.receive(48)
+            command, sequence, _, inwards, endpoint = struct.unpack_from(">5I", header)
+            if command == 2:
+                self.unlink(sequence, struct.unpack_from(">I", header, 20)[0])
+                continue
+            length = struct.unpack_from(">i", header, 24)[0]
+            data = self.receive(length) if not inwards else b""
+            with self.changed:
+                if endpoint:
+                    self.waiting.append((sequence, length))
+                    self.changed.notify()
                     continue
-                length = struct.unpack_from(">i", header, 24)[0]
-                data = self.receive(length) if not inwards else b""
-                with self.changed:
-                    if endpoint:
-                        self.waiting.append((sequence, length))
-                        self.changed.notify()
-                        continue
-                    answer = self.request(header[40:], data)
-                    if answer is None:
-                        self.reply(sequence, STALL)
-                    else:
-                        self.reply(sequence, 0, answer[:length] if inwards else b"", None if inwards else length)
-        except (EOFError, OSError):
-            pass
+                answer = self.request(header[40:], data)
+                if answer is None:
+                    self.reply(sequence, STALL)
+                else:
+                    self.reply(sequence, 0, answer[:length] if inwards else b"", None if inwards else length)
 
     def unlink(self, sequence, unwanted):
         with self.changed:
@@ -188,11 +185,18 @@ class Camera:
                 self.reply(sequence, 0, bytes([2, 0x80 | parity | last]) + part)
 
 
+def unless_pulled(work):
+    try:
+        work()
+    except (EOFError, OSError):
+        pass
+
+
 def main():
     host, device = socket.socketpair()
     camera = Camera(device)
     for work in (camera.serve, camera.film):
-        threading.Thread(target=work, daemon=True).start()
+        threading.Thread(target=unless_pulled, args=[work], daemon=True).start()
     high_speed = 3
     with open("/sys/devices/platform/vhci_hcd.0/attach", "w") as attach:
         attach.write(f"0 {host.fileno()} {0x10002} {high_speed}")
