@@ -18,18 +18,23 @@ const SIZE: [u32; 2] = [640, 360];
 /// A device of this kernel driver, and nobody else at it.
 fn device(driver: &str) -> Option<(String, MutexGuard<'static, ()>)> {
     let one = ONE_AT_A_TIME.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let mut nodes: Vec<PathBuf> =
-        std::fs::read_dir("/sys/class/video4linux").into_iter().flatten().flatten().map(|e| e.path()).collect();
-    nodes.sort();
-    let found = nodes.into_iter().find(|node| {
-        node.join("device/driver").canonicalize().is_ok_and(|d| d.ends_with(driver))
-            && node.to_string_lossy().contains("video")
-    });
-    let Some(node) = found else {
+    let found = node(driver);
+    if found.is_none() {
         println!("skipped: no camera of the kernel driver {driver}");
-        return None;
+    }
+    Some((found?, one))
+}
+
+fn node(driver: &str) -> Option<String> {
+    let folder = std::fs::read_dir("/sys/class/video4linux").into_iter().flatten().flatten();
+    let mut nodes: Vec<PathBuf> = folder.map(|entry| entry.path()).collect();
+    nodes.sort();
+    let of_driver = |node: &PathBuf| {
+        let is = node.join("device/driver").canonicalize().is_ok_and(|d| d.ends_with(driver));
+        is && node.to_string_lossy().contains("video4linux/video")
     };
-    Some((format!("/dev/{}", node.file_name()?.to_string_lossy()), one))
+    let found = nodes.into_iter().find(of_driver)?;
+    Some(format!("/dev/{}", found.file_name()?.to_string_lossy()))
 }
 
 /// Sets a control by its name, written as `v4l2-ctl` writes it.
@@ -200,9 +205,11 @@ fn a_usb_camera_that_is_reset_is_lost_and_comes_back() {
     assert!(after.is_none_or(|e| e.class == Class::Lost));
     let id = camera.describe().id;
     drop(camera);
+    // It may have another number now, which its name in /dev/v4l/by-id would follow.
     let mut camera = (0..50).find_map(|_| {
-        std::thread::sleep(Duration::from_millis(200));
-        open(&settings).ok()
+        std::thread::sleep(Duration::from_millis(400));
+        let device = node("uvcvideo")?;
+        open(&Settings { device, ..settings.clone() }).inspect_err(|e| println!("not yet: {e}")).ok()
     });
     let camera = camera.as_mut().unwrap();
     assert_eq!(camera.describe().id, id);
