@@ -2,7 +2,7 @@
 //!
 //! NACRE_TEST_OUTPUT names an output that may be drawn on, NACRE_TEST_FOLDER a folder shared with whoever takes pictures
 //! of the screen: for each `N.ppm` that appears there, it answers with `N.taken`. `tests/lab/run` does so.
-#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
 
 use nacre_drivers::display::kms::{self, Geometry, Settings, Tone, draw};
 use nacre_drivers::{Clock, Display, Pattern, SystemClock};

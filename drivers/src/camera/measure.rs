@@ -8,6 +8,8 @@ use std::time::Duration;
 
 /// Frames looked at after an exposure was changed.
 const WATCHED: u32 = 40;
+/// So many frames of the new level in a row are taken for the end of the old one.
+const SETTLED: u32 = 10;
 /// How often the exposure is changed.
 const TOGGLES: u32 = 6;
 /// Frames that are averaged per exposure.
@@ -64,15 +66,20 @@ async fn frames_until(
 ) -> DeviceResult<u32> {
     let set_at = camera.configure(exposure, gain).await?.set_at;
     let mut first = None;
-    // The last frame that was not yet near the new level.
-    let mut last_old = None;
+    // The last frame that was not yet near the new level, and how many are since.
+    let (mut last_old, mut since) = (None, 0);
     for _ in 0..WATCHED {
         let frame = whole_frame(camera).await?;
         let stamp = frame.stamp;
         first = first.or((stamp.timestamp > set_at).then_some(stamp.sequence));
         let level = mean_level(camera, &frame);
         if (level - goal).abs() > 0.25 * (from - goal).abs() {
-            last_old = Some(stamp.sequence);
+            (last_old, since) = (Some(stamp.sequence), 0);
+        } else {
+            since += u32::from(first.is_some());
+        }
+        if since == SETTLED {
+            break;
         }
     }
     match (first, last_old) {
@@ -144,7 +151,7 @@ async fn settle(camera: &mut dyn Camera, set_at: Duration) -> DeviceResult<()> {
     let mut after = 0;
     for _ in 0..WATCHED {
         after += u32::from(camera.next_frame(Freshness::NEVER).await?.stamp.timestamp > set_at);
-        if after > WATCHED / 4 {
+        if after > SETTLED {
             break;
         }
     }

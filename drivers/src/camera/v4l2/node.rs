@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-/// A video device. [`super::kernel`] is the real one; tests have their own.
+/// A video device: one of the kernel, or a fake one in tests.
 ///
 /// Errors are the kernel's own: `ENODEV` for a device that is gone, `EBUSY` for one in use.
 pub trait Node: Send {

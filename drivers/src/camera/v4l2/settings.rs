@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// The device, best by a name that stays: `/dev/v4l/by-id/…` for this camera, `/dev/v4l/by-path/…` for this socket.
+    /// The device, by a name that stays: `/dev/v4l/by-id/…` for this camera, `/dev/v4l/by-path/…` for this socket. The
+    /// number in `/dev/video0` may be another one when the camera is plugged in again, or reset because it hangs.
     pub device: String,
     /// Name of the pixel format, as `v4l2-ctl --list-formats` shows it; without one, the most linear that is offered.
     #[serde(default, skip_serializing_if = "Option::is_none")]

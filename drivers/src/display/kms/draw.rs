@@ -80,19 +80,19 @@ impl Disc {
 
     /// Of [`PARTS`]² parts of a pixel, those within.
     fn parts_within(&self, column: usize, row: usize) -> usize {
-        let within = |x: f64, y: f64| {
+        let distance = |x: f64, y: f64| {
             let [dx, dy] = [x * self.pitch[0] - self.center[0], y * self.pitch[1] - self.center[1]];
-            dx * dx + dy * dy <= self.radius * self.radius
+            dx.hypot(dy)
         };
         let [x, y] = [column as f64, row as f64];
-        // A disc is convex: it has all of a pixel whose corners it has.
-        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
-        if corners.iter().all(|[a, b]| within(x + a, y + b)) {
-            return PARTS * PARTS;
+        let inwards = self.radius - distance(x + 0.5, y + 0.5);
+        // Only pixels at the edge need a closer look.
+        if inwards.abs() >= 0.5 * self.pitch[0].hypot(self.pitch[1]) {
+            return if inwards > 0.0 { PARTS * PARTS } else { 0 };
         }
         let middle = |part: usize| (part as f64 + 0.5) / PARTS as f64;
         let parts = (0..PARTS).flat_map(|a| (0..PARTS).map(move |b| (a, b)));
-        parts.filter(|(a, b)| within(x + middle(*a), y + middle(*b))).count()
+        parts.filter(|(a, b)| distance(x + middle(*a), y + middle(*b)) <= self.radius).count()
     }
 }
 
