@@ -79,6 +79,22 @@ fn an_interface_of_stages_is_found_by_its_chip() {
     assert_eq!(found.len(), 1);
 }
 
+/// Cheap adapters all have the same name, so that only the socket tells them apart.
+#[test]
+fn adapters_without_serial_number_are_named_by_their_place() {
+    let machine = Machine::new();
+    for n in 0..2 {
+        let usb = machine.usb(&format!("1-{n}"), "1a86:7523", &[("product", "USB Serial")]);
+        machine.class("tty", &format!("ttyUSB{n}"), &format!("{usb}/1-{n}:1.0"));
+        machine.link(&format!("dev/serial/by-path/pci-usb-0:{n}:1.0-port0"), &format!("../../ttyUSB{n}"));
+    }
+    machine.link("dev/serial/by-id/usb-1a86_USB_Serial-if00-port0", "../../ttyUSB1");
+    let found = discover(&machine.root());
+    let settings: Vec<&str> = found.iter().filter_map(|f| f.setting.as_deref()).collect();
+    assert!(settings[0].contains("\"grbl\"") && settings[0].contains("usb-0:0:1.0-port0"), "{settings:?}");
+    assert!(settings[1].contains("usb-0:1:1.0-port0"), "{settings:?}");
+}
+
 #[test]
 fn ports_without_anything_behind_are_left_out() {
     let machine = Machine::new();
