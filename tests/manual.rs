@@ -110,7 +110,7 @@ fn the_flash_goes_off_when_its_owner_hangs_or_its_time_is_up() {
     // Who keeps saying "I am alive" while the light stays on is not believed for ever.
     let (mut guardian, mark) = command();
     let mut guardian = guardian
-        .args(["guardian", bench.socket.to_str().unwrap()])
+        .args(["guardian", &format!("{{\"bench\":{:?}}}", bench.socket)])
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .spawn()

@@ -76,7 +76,8 @@ impl Capture<'_> {
             devices: self.rig.ids.clone(),
             exposure_s: exposure.as_secs_f64(),
             setup: self.rig.setup,
-            bench: Some(self.rig.config.clone()),
+            bench: self.rig.config.clone(),
+            section: self.rig.section.clone(),
         };
         let session = Session::create(disk, out, &description).map_err(|e| Error::output(out, e))?;
         self.take(session, &description, metering.map(|m| m.1))
@@ -95,11 +96,10 @@ impl Capture<'_> {
                 format!("was begun with {}, but here are {}", description.devices.join(", "), self.rig.ids.join(", "));
             return Err(Error::file(folder, problem, "resume it with its own devices, or begin a new session").into());
         }
-        let same = |bench: &nacre_sim::BenchConfig| {
-            nacre_sim::BenchConfig { faults: vec![], ..bench.clone() }
-                == nacre_sim::BenchConfig { faults: vec![], ..self.rig.config.clone() }
+        let faultless = |bench: &Option<nacre_sim::BenchConfig>| {
+            bench.clone().map(|bench| nacre_sim::BenchConfig { faults: vec![], ..bench })
         };
-        if !description.bench.as_ref().is_some_and(same) {
+        if faultless(&description.bench) != faultless(&self.rig.config) {
             let problem = "was begun on another simulated bench";
             return Err(Error::file(folder, problem, "give its own bench; only the faults may differ").into());
         }

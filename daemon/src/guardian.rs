@@ -4,11 +4,14 @@
 //! It talks JSON lines over its standard streams. Light goes off when the pipe closes, when no heartbeat came for
 //! 0.4 s, after the flash's longest on-time, on SIGTERM, and when the guardian starts.
 
-use nacre_drivers::{Class, DeviceError, DeviceResult, Flash, FlashInfo, Switched};
+use nacre_drivers::flash::FlashConfig;
+use nacre_drivers::{Class, Clock, DeviceError, DeviceResult, Flash, FlashInfo, Switched, SystemClock};
+use nacre_sim::SimDevice;
+use nacre_sim::socket::RemoteBench;
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::path::PathBuf;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -44,6 +47,32 @@ enum Answer {
     Described(FlashInfo),
     Switched(Switched),
     On(bool),
+}
+
+/// Which flash a guardian holds.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Guarded {
+    /// That of the simulated bench behind a socket.
+    Bench(PathBuf),
+    /// A device of this machine.
+    Device(FlashConfig),
+}
+
+impl Guarded {
+    /// Opens the flash itself.
+    ///
+    /// # Errors
+    /// As its driver answers.
+    pub fn open(&self) -> DeviceResult<Box<dyn Flash>> {
+        match self {
+            Self::Bench(socket) => Ok(Box::new(SimDevice::new(Box::new(RemoteBench::connect(socket)?))?)),
+            Self::Device(config) => config.open(&(Arc::new(SystemClock) as Arc<dyn Clock>)).unwrap_or_else(|| {
+                Err(DeviceError::new("flash guardian", "open the flash", "a device of this machine", "a simulated one")
+                    .class(Class::Setup))
+            }),
+        }
+    }
 }
 
 enum Event {
@@ -157,21 +186,24 @@ pub struct GuardedFlash {
     asks: Arc<Mutex<Option<ChildStdin>>>,
     answers: BufReader<ChildStdout>,
     info: FlashInfo,
+    /// Times the switching of a device of this machine, whose guardian knows no other clock than the machine's.
+    clock: Option<Arc<dyn Clock>>,
     /// Ends the heartbeat when dropped.
     stop: Option<Sender<()>>,
     heart: Option<JoinHandle<()>>,
 }
 
 impl GuardedFlash {
-    /// Starts a guardian for the flash of a simulated bench behind a socket.
+    /// Starts a guardian for a flash. What a device of this machine reports is timed on `clock`.
     ///
     /// # Errors
     /// It cannot be started, or cannot reach the flash.
-    pub fn start(socket: &Path) -> DeviceResult<Self> {
+    pub fn start(guarded: &Guarded, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
+        let described = serde_json::to_string(guarded).map_err(|e| lost("start", &e.to_string()))?;
         let exe = std::env::current_exe().map_err(|e| lost("start", &e.to_string()))?;
         let mut child = Command::new(exe)
             .arg("guardian")
-            .arg(socket)
+            .arg(described)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             // Ctrl-C is for the capture; the guardian ends when that closes the pipe.
@@ -192,7 +224,8 @@ impl GuardedFlash {
         });
         let info = FlashInfo { id: String::new(), settling_s: 0.0, max_on_s: 0.0 };
         let answers = BufReader::new(stdout);
-        let mut flash = Self { child, asks, answers, info, stop: Some(stop), heart: Some(heart) };
+        let clock = matches!(guarded, Guarded::Device(_)).then_some(clock);
+        let mut flash = Self { child, asks, answers, info, clock, stop: Some(stop), heart: Some(heart) };
         match flash.ask("describe itself", Ask::Describe)? {
             Answer::Described(info) => flash.info = info,
             _ => return Err(lost("describe itself", "another answer")),
@@ -246,7 +279,10 @@ impl Flash for GuardedFlash {
     async fn switch(&mut self, on: bool) -> DeviceResult<Switched> {
         let command = if on { "switch on" } else { "switch off" };
         match self.ask(command, Ask::Switch(on))? {
-            Answer::Switched(switched) => Ok(switched),
+            Answer::Switched(switched) => {
+                let settled = |clock: &Arc<dyn Clock>| clock.now() + Duration::from_secs_f64(self.info.settling_s);
+                Ok(Switched { since: self.clock.as_ref().map_or(switched.since, settled), ..switched })
+            }
             _ => Err(lost(command, "another answer")),
         }
     }

@@ -52,7 +52,7 @@ enum Command {
     /// Run the service: REST, events and the page.
     Serve(commands::serve::Args),
     /// Find the devices and write a configuration of the service.
-    Init(commands::serve::Init),
+    Init(commands::init::Args),
     /// Make a token for the service.
     Token(commands::serve::Token),
     /// What devices there are, and who uses them.
@@ -103,7 +103,7 @@ pub fn main() -> ExitCode {
         Command::Demo(args) => commands::demo::run(&args, &console),
         Command::Capture(args) => commands::capture::run(&args, &console),
         Command::Serve(args) => commands::serve::run(&args, &console),
-        Command::Init(args) => commands::serve::init(&args, &console),
+        Command::Init(args) => commands::init::run(&args, &console),
         Command::Token(args) => commands::serve::token(&args, &console),
         Command::Devices(args) => commands::devices::run(&args, &console),
         Command::Stage(args) => commands::manual::stage(&args, &console),

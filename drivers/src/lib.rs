@@ -17,6 +17,8 @@ pub mod lock;
 pub mod seam;
 pub mod stage;
 pub mod traits;
+pub mod usb_reset;
+pub mod wire;
 
 pub use actor::{Connect, Patience};
 pub use clock::{Clock, SystemClock};

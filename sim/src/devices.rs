@@ -68,10 +68,16 @@ impl SimDevice {
 }
 
 impl SimDevice {
-    /// Waits for the stage; whoever drops this finds it turning.
-    async fn arrive(&mut self) -> DeviceResult<Arrived> {
+    /// Turns the stage and waits for it; whoever drops this finds it turning.
+    async fn turn(&mut self, request: Request) -> DeviceResult<Arrived> {
+        call!(self, request.clone(), Reply::Turning => ())?;
+        // What goes wrong on the way belongs to the movement.
+        let moving = |e: DeviceError| {
+            let DeviceError { device, command, .. } = error(&request, "", "");
+            DeviceError { device, command, ..e }
+        };
         loop {
-            match self.port.call(&Request::Arrive)? {
+            match self.port.call(&Request::Arrive).map_err(moving)? {
                 Reply::Arrived(arrived) => return Ok(arrived),
                 Reply::Turning => tokio::task::yield_now().await,
                 other => return Err(unexpected(&Request::Arrive, &other)),
@@ -92,13 +98,11 @@ impl Stage for SimDevice {
     }
 
     async fn home(&mut self) -> DeviceResult<Arrived> {
-        call!(self, Request::Home, Reply::Turning => ())?;
-        self.arrive().await
+        self.turn(Request::Home).await
     }
 
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
-        call!(self, Request::MoveTo { angle_deg }, Reply::Turning => ())?;
-        self.arrive().await
+        self.turn(Request::MoveTo { angle_deg }).await
     }
 
     async fn halt(&mut self) -> DeviceResult<()> {

@@ -3,10 +3,11 @@
 
 use crate::devices::Port;
 use crate::port::{Reply, Request, SharedBench, error};
-use nacre_drivers::{Class, DeviceError, DeviceResult};
+use nacre_drivers::{Class, Clock, DeviceError, DeviceResult};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// Longest line of a request or answer.
@@ -132,6 +133,36 @@ impl RemoteBench {
             *codes = bytes.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
         }
         Ok(answer)
+    }
+}
+
+/// The clock of a bench in another process.
+pub struct RemoteClock {
+    bench: Mutex<(RemoteBench, Duration)>,
+}
+
+impl RemoteClock {
+    /// Connects to a bench's socket.
+    ///
+    /// # Errors
+    /// `Setup` when nobody listens there.
+    pub fn connect(path: &Path) -> DeviceResult<Self> {
+        Ok(Self { bench: Mutex::new((RemoteBench::connect(path)?, Duration::ZERO)) })
+    }
+}
+
+impl Clock for RemoteClock {
+    /// The time when it last answered, for a bench that is gone.
+    fn now(&self) -> Duration {
+        let mut bench = self.bench.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Ok(Reply::At(now)) = bench.0.call(&Request::Now) {
+            bench.1 = now;
+        }
+        bench.1
+    }
+
+    fn wait(&self, duration: Duration) {
+        std::thread::sleep(duration);
     }
 }
 

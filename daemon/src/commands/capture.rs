@@ -10,6 +10,7 @@ use crate::plan::{Plan, Role, Step};
 use crate::rig::{Place, Rig};
 use crate::session::{Ending, MortalDisk, SESSION_FILE, SessionFile, is_vacant};
 use nacre_drivers::Pattern;
+use nacre_drivers::stage::{Mounting, StageConfig, StageDriver};
 use nacre_processing::Error;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -23,9 +24,10 @@ Examples:
   nacre capture plan.toml --sim --bench bench.toml --out session --dry-run
   nacre capture plan.toml --sim --socket /tmp/bench --out session
   nacre capture --sim --resume session           goes on after a stop, a crash or a kill
+  nacre capture plan.toml --out session          with the devices that nacre.toml describes
 
 Ctrl-C ends after the frames in progress, a second one at once; SIGUSR1 pauses, SIGUSR2 goes
-on. Light is off after any end. Only the simulated bench can be driven so far.")]
+on. Light is off after any end.")]
 pub struct Args {
     /// The plan (TOML, or JSON by its name); `nacre schema plan` lists its keys.
     #[arg(required_unless_present = "resume")]
@@ -49,10 +51,14 @@ pub struct Args {
 /// Captures a session, or what is missing of one.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let plan = args.plan.as_ref().map(|path| Plan::read(path).map(|plan| (plan, path))).transpose()?;
-    let place = match &args.resume {
+    let mut place = match &args.resume {
         Some(folder) => bench_of(args, folder)?,
         None => args.bench.place()?,
     };
+    if args.hand {
+        place.section.stage = Some(StageConfig { driver: StageDriver::Hand {}, mounting: Mounting::default() });
+    }
+    let by_hand = place.section.by_hand();
     if let Some((plan, path)) = &plan {
         check_limits(plan, path, &place.limits()?)?;
         if args.dry_run {
@@ -63,8 +69,8 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         }
     }
     let (runtime, control) = (runtime()?, Arc::new(Control::default()));
-    let mut rig = Rig::open(&runtime, &place, args.hand, console, &console.interrupted())?;
-    steer(&runtime, &control, console, args.hand)
+    let mut rig = Rig::open(&runtime, &place, console, &console.interrupted())?;
+    steer(&runtime, &control, console, by_hand)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
     let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console };
     let taken = match (plan, &args.out, &args.resume) {
@@ -84,10 +90,14 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
 /// The bench to resume a session on: as given, or the one it was begun on.
 fn bench_of(args: &Args, folder: &Path) -> Result<Place, Failure> {
     let description = SessionFile::read(folder).map_err(|e| cannot_resume(folder, &e))?;
-    let given = args.bench.place()?;
-    if args.bench.socket.is_some() || args.bench.bench.is_some() {
-        return Ok(given);
+    if args.bench.is_given() {
+        return args.bench.place();
     }
+    if let Some(section) = &description.section {
+        section.check().map_err(|problem| Error::file(folder, problem, "`nacre schema config` lists all keys"))?;
+        return super::bench::place(section, false);
+    }
+    args.bench.place()?;
     let Some(config) = description.bench else {
         let remedy = "resume it on its own devices";
         return Err(Error::file(folder, "was not captured on the simulated bench", remedy).into());

@@ -4,14 +4,13 @@ use super::bench::{BenchArgs, runtime};
 use crate::Failure;
 use crate::console::Console;
 use crate::engine::{Control, Hands, Input, guarded};
+use crate::guardian::Guarded;
 use crate::rig::Rig;
 use clap::Subcommand;
-use nacre_drivers::{DeviceError, DeviceResult, Flash, Pattern};
+use nacre_drivers::{DeviceError, Pattern};
 use nacre_processing::Error;
 use nacre_processing::image::write_png16_gray;
 use nacre_processing::progress::Progress;
-use nacre_sim::SimDevice;
-use nacre_sim::socket::RemoteBench;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -110,8 +109,8 @@ pub struct Show {
 /// Arguments of the guardian.
 #[derive(clap::Args)]
 pub struct Guardian {
-    /// Socket of the simulated bench.
-    socket: PathBuf,
+    /// Which flash (JSON).
+    flash: String,
 }
 
 fn pattern(text: &str) -> Result<Pattern, String> {
@@ -134,7 +133,7 @@ fn with_hands<T>(
     work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
     let (runtime, control) = (runtime()?, Control::default());
-    let mut rig = Rig::open(&runtime, &bench.place()?, false, console, &console.interrupted())?;
+    let mut rig = Rig::open(&runtime, &bench.place()?, console, &console.interrupted())?;
     let mut hands = Hands::new(&mut rig.devices);
     let _ = control.send(Input::Start);
     runtime.block_on(async {
@@ -303,10 +302,9 @@ async fn hold(console: &Console, seconds: f64) {
 
 /// Runs the guardian on this process's standard streams.
 pub fn guardian(args: &Guardian) -> ExitCode {
-    let open = || -> DeviceResult<Box<dyn Flash>> {
-        Ok(Box::new(SimDevice::new(Box::new(RemoteBench::connect(&args.socket)?))?))
-    };
-    match crate::guardian::run(open) {
+    let guarded = serde_json::from_str::<Guarded>(&args.flash)
+        .map_err(|e| DeviceError::new("flash guardian", "start", "the description of a flash", e.to_string()));
+    match guarded.and_then(|guarded| crate::guardian::run(|| guarded.open())) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             use std::io::Write;

@@ -8,6 +8,7 @@ pub mod check;
 pub mod demo;
 pub mod devices;
 pub mod import;
+pub mod init;
 pub mod manual;
 pub mod plan;
 pub mod reconstruct;

@@ -73,7 +73,7 @@ fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Consol
         return Ok(plan.estimate(exposure, &limits, 0.0));
     }
     let (runtime, control) = (runtime()?, Control::default());
-    let mut rig = Rig::open(&runtime, &bench.described()?, false, console, &console.interrupted())?;
+    let mut rig = Rig::open(&runtime, &bench.described()?, console, &console.interrupted())?;
     let mut engine = Engine {
         runtime: &runtime,
         devices: &mut rig.devices,

@@ -1,16 +1,12 @@
 //! `nacre serve`, `nacre init` and `nacre token`.
 
-use super::bench::{read_bench, runtime};
+use super::bench::place;
 use crate::Failure;
 use crate::console::Console;
-use crate::engine::Hands;
-use crate::rig::{Place, Rig};
-use crate::service::config::{BenchSection, Config, Role, default_path};
+use crate::service::config::{Config, Role, default_path};
 use crate::service::serve;
 use crate::session::sha256;
 use nacre_processing::Error;
-use nacre_processing::image::encode_png16_gray;
-use nacre_processing::progress::Progress;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -43,24 +39,6 @@ pub struct Args {
     data: Option<PathBuf>,
 }
 
-/// Arguments of `nacre init`.
-#[derive(clap::Args)]
-#[command(after_help = "\
-Examples:
-  nacre init --sim
-  nacre init --sim --out /etc/nacre.toml")]
-pub struct Init {
-    /// Use the simulated bench.
-    #[arg(long)]
-    sim: bool,
-    /// Where to write the configuration.
-    #[arg(long, default_value = "nacre.toml")]
-    out: PathBuf,
-    /// Replace a configuration that is already there.
-    #[arg(long)]
-    force: bool,
-}
-
 /// Arguments of `nacre token`.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -85,7 +63,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     config.bench.sim |= args.sim;
     config.bench.file = args.bench.clone().or(config.bench.file);
     config.check_access()?;
-    let place = place(&config.bench)?;
+    let place = place(&config.bench, true)?;
     let built = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     let runtime = built.map_err(|e| Error::input("tokio", format!("cannot start: {e}"), "free some memory"))?;
     let interrupted = console.interrupted();
@@ -96,50 +74,6 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     };
     let ready = |address| console.note(&format!("Nacre is at http://{address}/  (Ctrl-C ends it)"));
     runtime.block_on(serve(config, place, ready, stop))
-}
-
-fn place(bench: &BenchSection) -> Result<Place, Failure> {
-    match (bench.sim, &bench.socket) {
-        (true, Some(socket)) => Ok(Place::Socket(socket.clone())),
-        (true, None) => Ok(Place::Here { config: Box::new(read_bench(bench.file.as_ref())?), real_time: true }),
-        _ => {
-            Err(Error::input("bench", "no real device can be driven yet", "give --sim for the simulated bench").into())
-        }
-    }
-}
-
-/// Finds the devices, takes one trial frame and writes a configuration.
-pub fn init(args: &Init, console: &Console) -> Result<(), Failure> {
-    if args.out.exists() && !args.force {
-        return Err(Error::file(&args.out, "is already there", "choose another --out, or --force").into());
-    }
-    let config = Config { bench: BenchSection { sim: args.sim, ..BenchSection::default() }, ..Config::default() };
-    let place = place(&config.bench)?;
-    let runtime = runtime()?;
-    let mut rig = Rig::open(&runtime, &place, false, console, &console.interrupted())?;
-    let ids = rig.ids.join(", ");
-    let mut hands = Hands::new(&mut rig.devices);
-    let frame = runtime.block_on(async {
-        hands.expose(Duration::from_millis(10), 1.0).await?;
-        hands.fresh().await
-    })?;
-    console.check()?;
-    let png = encode_png16_gray(frame.0.width, frame.0.height, &frame.0.codes);
-    let trial = args.out.with_extension("trial.png");
-    png.and_then(|png| std::fs::write(&trial, png)).map_err(|e| Error::output(&trial, e))?;
-    let text = toml::to_string(&config).map_err(|e| Error::input("configuration", e, "report this"))?;
-    let text = format!("# Configuration of `nacre serve`; `nacre schema config` lists all keys.\n{text}");
-    std::fs::write(&args.out, text).map_err(|e| Error::output(&args.out, e))?;
-    let message = format!(
-        "devices   {ids}\nframe     {} ({} × {} pixels)\nwrote     {}\nnext      nacre serve --config {}",
-        trial.display(),
-        frame.0.width,
-        frame.0.height,
-        args.out.display(),
-        args.out.display()
-    );
-    console.result(&message, &serde_json::json!({ "devices": rig.ids, "trial": trial, "config": args.out }));
-    Ok(())
 }
 
 /// Makes a token.

@@ -169,7 +169,7 @@ pub fn simulate(
         reconstruct: None,
     };
     let (runtime, control) = (runtime()?, Arc::new(Control::default()));
-    let mut rig = Rig::open(&runtime, &Place::here(config.clone()), false, console, &console.interrupted())?;
+    let mut rig = Rig::open(&runtime, &Place::here(config.clone()), console, &console.interrupted())?;
     steer(&runtime, &control, console, true)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
     let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console };

@@ -233,7 +233,7 @@ fn died() -> Failure {
 impl Owner {
     fn open(place: &Place, shared: Arc<Common>) -> Result<Self, Failure> {
         let runtime = crate::commands::bench::runtime()?;
-        let rig = Rig::open(&runtime, place, false, &Silent, &shared.end)?;
+        let rig = Rig::open(&runtime, place, &Silent, &shared.end)?;
         let camera = rig.devices.camera.describe();
         let exposure = Duration::from_secs_f64(camera.exposure_now_s.clamp(camera.exposure_s[0], camera.exposure_s[1]));
         let mut owner = Self {

@@ -1,5 +1,6 @@
 //! `nacre.toml`: how the service runs. Environment variables `NACRE_SERVE_…` override it.
 
+use crate::rig::BenchSection;
 use figment::Figment;
 use figment::error::Kind;
 use figment::providers::{Env, Format, Serialized, Toml};
@@ -49,20 +50,6 @@ pub enum Role {
     Operate,
     /// Delete.
     Administer,
-}
-
-/// Which bench.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct BenchSection {
-    /// The simulated one.
-    pub sim: bool,
-    /// Its description (bench.toml).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub file: Option<PathBuf>,
-    /// The simulated bench in a process of its own, behind this socket.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub socket: Option<PathBuf>,
 }
 
 /// What is refused.
@@ -152,7 +139,7 @@ impl Config {
         {
             return Err(format!("the sha256 of the token {:?} is no SHA-256; `nacre token` makes one", bad.name));
         }
-        Ok(())
+        self.bench.check()
     }
 
     /// Others may only reach the service with a token.

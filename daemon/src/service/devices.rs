@@ -226,7 +226,7 @@ fn at_rest(app: &App) -> Devices {
         display: PanelState { id: display.id.clone(), size_mm: display.size_mm, pattern: PatternBody::Black },
         flash: app.limits.flash.as_ref().map(|f| FlashState { id: f.id.clone(), on: false, max_on_s: f.max_on_s }),
         interlocks: app.interlocks.iter().map(|id| InterlockState { id: id.clone(), holds: None }).collect(),
-        simulated: true,
+        simulated: app.simulated,
     }
 }
 

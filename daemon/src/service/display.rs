@@ -101,6 +101,31 @@ pub struct DisplayState {
     size_mm: [f64; 2],
 }
 
+/// Why the page does not show a pattern.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotShown {
+    /// Nobody has it open.
+    #[error("no pattern page is open")]
+    NoPage,
+    /// It is behind something else.
+    #[error("the pattern page is hidden")]
+    Hidden,
+    /// It says nothing.
+    #[error("the pattern page did not acknowledge the pattern")]
+    Silent,
+}
+
+impl NotShown {
+    /// What the user can do.
+    pub fn remedy(self) -> &'static str {
+        match self {
+            Self::NoPage => "open /display on the LCD",
+            Self::Hidden => "bring it to the front",
+            Self::Silent => "check that it is in front and not asleep",
+        }
+    }
+}
+
 /// The way to the page.
 pub struct Link {
     wanted: watch::Sender<(PagePattern, String)>,
@@ -161,6 +186,27 @@ impl Link {
         self.bound.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Shows a pattern on the page; returns once the page has acknowledged it.
+    ///
+    /// # Errors
+    /// There is no page, or it does not show it.
+    pub async fn show(&self, pattern: PagePattern) -> Result<(), NotShown> {
+        let alive = self.alive();
+        let wanted = hashed(pattern);
+        let hash = wanted.1.clone();
+        // A page that is hidden or comes later shows it then.
+        self.acknowledged.send_replace(String::new());
+        self.wanted.send_replace(wanted);
+        match alive {
+            None => return Err(NotShown::NoPage),
+            Some(bound) if !bound.visible => return Err(NotShown::Hidden),
+            Some(_) => {}
+        }
+        let mut acknowledged = self.acknowledged.subscribe();
+        let shown = tokio::time::timeout(PATIENCE, acknowledged.wait_for(|h| *h == hash)).await;
+        if matches!(shown, Ok(Ok(_))) { Ok(()) } else { Err(NotShown::Silent) }
+    }
+
     /// The page that is bound and was heard of lately.
     fn alive(&self) -> Option<Bound> {
         self.bound().clone().filter(|b| b.heard.elapsed() < SILENCE)
@@ -210,25 +256,8 @@ pub async fn state(State(app): State<Arc<App>>) -> Json<DisplayState> {
 pub async fn show(State(app): State<Arc<App>>, Body(body): Body<ShowPattern>) -> Answer<Json<DisplayState>> {
     body.pattern.check()?;
     let size_mm = app.limits.display.size_mm;
-    match app.link.alive() {
-        None => {
-            return Err(Problem::new(Kind::Conflict, "no pattern page is open").remedy("open /display on the LCD"));
-        }
-        Some(bound) if !bound.visible => {
-            return Err(Problem::new(Kind::Conflict, "the pattern page is hidden").remedy("bring it to the front"));
-        }
-        Some(_) => {}
-    }
-    let wanted = hashed(body.pattern);
-    let hash = wanted.1.clone();
-    app.link.acknowledged.send_replace(String::new());
-    app.link.wanted.send_replace(wanted);
-    let mut acknowledged = app.link.acknowledged.subscribe();
-    let shown = tokio::time::timeout(PATIENCE, acknowledged.wait_for(|h| *h == hash)).await;
-    if !matches!(shown, Ok(Ok(_))) {
-        return Err(Problem::new(Kind::Conflict, "the pattern page did not acknowledge the pattern")
-            .remedy("check that it is in front and not asleep"));
-    }
+    let shown = app.link.show(body.pattern).await;
+    shown.map_err(|why| Problem::new(Kind::Conflict, why.to_string()).remedy(why.remedy()))?;
     Ok(Json(app.link.state(size_mm)))
 }
 

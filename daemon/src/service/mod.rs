@@ -13,6 +13,7 @@ pub mod events;
 pub mod files;
 pub mod maps;
 mod metrics;
+pub mod page_panel;
 pub mod plans;
 pub mod problem;
 pub mod reconstructions;
@@ -76,7 +77,9 @@ pub struct App {
     /// Runs of sessions.
     pub runs: Runs,
     /// The pattern page.
-    pub link: display::Link,
+    pub link: Arc<display::Link>,
+    /// Nothing of the bench is real.
+    pub simulated: bool,
     /// Places for event streams.
     pub subscribers: Arc<Semaphore>,
     /// Places for requests.
@@ -132,14 +135,17 @@ impl App {
             let path = config.data.join(folder);
             std::fs::create_dir_all(&path).map_err(|e| Error::output(&path, e))?;
         }
-        let limits = place.limits()?;
+        let simulated = place.simulated.is_some() && !place.section.has_real_device();
+        let link = Arc::new(display::Link::default());
+        let place = Place { page: Some(link.clone()), ..place };
         let catalogue = Catalogue::open(&config.data.join("catalogue.db")).await?;
         let rebuilt = catalogue.rebuild(&[config.data.join("sessions")], &nacre_processing::progress::Silent).await?;
         tracing::info!(sessions = rebuilt.sessions, "catalogue rebuilt");
         let jobs = Jobs::open(&config.data, work(config.data.clone())).await?;
         let bench = Bench::open(place).await?;
-        let interlocks = bench.work(|owner| Ok(owner.runtime.block_on(owner.rig.watch.ids()))).await;
-        let interlocks = interlocks.map_err(|p| Error::input("bench", p.detail(), "restart the service"))?;
+        let found =
+            bench.work(|owner| Ok((owner.rig.devices.limits(), owner.runtime.block_on(owner.rig.watch.ids())))).await;
+        let (limits, interlocks) = found.map_err(|p| Error::input("bench", p.detail(), "restart the service"))?;
         Ok(Arc::new(Self {
             limits,
             interlocks,
@@ -147,7 +153,8 @@ impl App {
             catalogue,
             jobs,
             runs: Runs::default(),
-            link: display::Link::default(),
+            link,
+            simulated,
             subscribers: Arc::new(Semaphore::new(config.limits.subscribers)),
             requests: Arc::new(Semaphore::new(config.limits.requests)),
             stopping: watch::Sender::new(false),

@@ -45,8 +45,8 @@ struct About {
 /// The program.
 #[utoipa::path(get, path = "/api/v1/about", tag = "service", operation_id = "about",
     responses((status = 200, body = About)))]
-async fn about() -> Json<About> {
-    Json(About { version: env!("CARGO_PKG_VERSION"), simulated: true })
+async fn about(State(app): State<Arc<App>>) -> Json<About> {
+    Json(About { version: env!("CARGO_PKG_VERSION"), simulated: app.simulated })
 }
 
 fn api() -> OpenApiRouter<Arc<App>> {

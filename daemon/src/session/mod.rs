@@ -15,6 +15,7 @@ pub use disk::{Disk, MortalDisk, RealDisk};
 pub use journal::{Commit, Ending, Entry, Journal, SeriesEnd, Timing};
 
 use crate::plan::{Plan, PlanKind};
+use crate::rig::BenchSection;
 use nacre_processing::frames::{Geometry, Kind};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -40,6 +41,9 @@ pub struct SessionFile {
     /// The simulated bench, for simulated sessions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bench: Option<nacre_sim::BenchConfig>,
+    /// Which devices of the machine took part, if any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub section: Option<BenchSection>,
 }
 
 /// What the frames were taken with, as far as it is known.

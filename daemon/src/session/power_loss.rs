@@ -151,6 +151,7 @@ fn description() -> SessionFile {
         devices: vec![],
         exposure_s: 0.01,
         bench: None,
+        section: None,
     }
 }
 

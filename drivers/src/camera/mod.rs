@@ -1,5 +1,8 @@
 //! Cameras.
 
+pub mod measure;
+pub mod v4l2;
+
 use crate::{Camera, Clock, DeviceResult};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,6 +22,8 @@ pub struct CameraConfig {
 pub enum CameraDriver {
     /// The camera of the simulated bench.
     Simulated {},
+    /// A camera of the kernel's V4L2: USB cameras, frame grabbers, camera modules.
+    V4l2(v4l2::Settings),
 }
 
 impl CameraConfig {
@@ -26,9 +31,10 @@ impl CameraConfig {
     ///
     /// # Errors
     /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
-    pub fn open(&self, _clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Camera>>> {
+    pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Camera>>> {
         match &self.driver {
             CameraDriver::Simulated {} => None,
+            CameraDriver::V4l2(settings) => Some(v4l2::open(settings, clock)),
         }
     }
 }

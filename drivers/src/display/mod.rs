@@ -1,9 +1,16 @@
 //! Panels: LCDs as programmable light.
 
+mod desktop;
+pub mod edid;
+pub mod kms;
+
+pub use desktop::desktop_warnings;
+
 use crate::{Clock, DeviceResult, Display};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// The panel of a bench.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -26,6 +33,13 @@ fn response_ms() -> f64 {
 pub enum DisplayDriver {
     /// The panel of the simulated bench.
     Simulated {},
+    /// The page `/display` of Nacre's service, in a browser on the panel's full screen.
+    Page {
+        /// Width and height of the picture in mm.
+        size_mm: [f64; 2],
+    },
+    /// A panel on an output of this machine that no desktop uses.
+    Kms(kms::Settings),
 }
 
 impl DisplayConfig {
@@ -33,9 +47,15 @@ impl DisplayConfig {
     ///
     /// # Errors
     /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
-    pub fn open(&self, _clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Display>>> {
+    pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Display>>> {
         match &self.driver {
-            DisplayDriver::Simulated {} => None,
+            DisplayDriver::Simulated {} | DisplayDriver::Page { .. } => None,
+            DisplayDriver::Kms(settings) => Some(self.open_kms(settings, clock)),
         }
+    }
+
+    fn open_kms(&self, settings: &kms::Settings, clock: &Arc<dyn Clock>) -> DeviceResult<Box<dyn Display>> {
+        let response = Duration::try_from_secs_f64(self.response_ms / 1e3).unwrap_or_default();
+        Ok(Box::new(kms::open(settings, response, clock)?))
     }
 }

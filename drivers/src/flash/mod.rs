@@ -53,6 +53,11 @@ pub enum FlashDriver {
 }
 
 impl FlashConfig {
+    /// Whether it is the simulated bench's.
+    pub fn is_simulated(&self) -> bool {
+        matches!(self.driver, FlashDriver::Simulated {})
+    }
+
     /// Opens a flash that is a device of this machine; None for the simulated one.
     ///
     /// # Errors

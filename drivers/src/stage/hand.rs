@@ -29,6 +29,20 @@ impl HandStage {
         Self { prompt, clock, turned, angle_deg: None }
     }
 
+    /// What a hand can do.
+    pub fn info() -> StageInfo {
+        StageInfo {
+            id: "hand-turned analyser".into(),
+            speed_deg_s: 20.0,
+            settling_s: 1.0,
+            limits_deg: [-360.0, 720.0],
+            tolerance_deg: TOLERANCE_DEG,
+            approach_deg: 0.0,
+            halts: true,
+            by_hand: true,
+        }
+    }
+
     async fn turn(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
         let command = format!("turn to {angle_deg}°");
         self.prompt
@@ -46,16 +60,7 @@ impl HandStage {
 #[async_trait]
 impl Stage for HandStage {
     fn describe(&self) -> StageInfo {
-        StageInfo {
-            id: "hand-turned analyser".into(),
-            speed_deg_s: 20.0,
-            settling_s: 1.0,
-            limits_deg: [-360.0, 720.0],
-            tolerance_deg: TOLERANCE_DEG,
-            approach_deg: 0.0,
-            halts: true,
-            by_hand: true,
-        }
+        Self::info()
     }
 
     /// A hand needs no zero: angles are read from the scale.

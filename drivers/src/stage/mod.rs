@@ -1,12 +1,14 @@
 //! Rotation stages. Each driver turns its own axis in degrees; [`Mounted`] makes it the analyser's angle.
 
+mod check;
+pub mod elliptec;
 mod hand;
 mod mount;
 
 pub use hand::{HandStage, Prompt};
 pub use mount::{Mounted, Mounting, Sense};
 
-use crate::{Clock, DeviceResult, Stage};
+use crate::{Class, Clock, DeviceError, DeviceResult, Stage};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -30,6 +32,8 @@ pub enum StageDriver {
     Simulated {},
     /// A person who turns the analyser when asked.
     Hand {},
+    /// A rotation stage of Thorlabs' Elliptec series.
+    Elliptec(elliptec::Settings),
 }
 
 impl StageConfig {
@@ -37,9 +41,27 @@ impl StageConfig {
     ///
     /// # Errors
     /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
-    pub fn open(&self, _clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Stage>>> {
-        match &self.driver {
-            StageDriver::Simulated {} | StageDriver::Hand {} => None,
-        }
+    pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Stage>>> {
+        let axis: DeviceResult<Box<dyn Stage>> = match &self.driver {
+            StageDriver::Simulated {} | StageDriver::Hand {} => return None,
+            StageDriver::Elliptec(settings) => boxed(elliptec::Elliptec::open(settings, clock.clone())),
+        };
+        Some(self.mount(axis))
     }
+
+    fn mount(&self, axis: DeviceResult<Box<dyn Stage>>) -> DeviceResult<Box<dyn Stage>> {
+        self.mounting.check().map_err(|e| misconfigured("stage", e))?;
+        Ok(Box::new(Mounted::new(axis?, self.mounting)))
+    }
+}
+
+fn boxed<S: Stage + 'static>(opened: DeviceResult<S>) -> DeviceResult<Box<dyn Stage>> {
+    opened.map(|stage| Box::new(stage) as Box<dyn Stage>)
+}
+
+/// The configuration is wrong: `problem` says which key, and what it must be.
+fn misconfigured(device: &str, problem: String) -> DeviceError {
+    DeviceError::new(device, "open", "a proper configuration", problem)
+        .remedy("correct the configuration of the stage")
+        .class(Class::Setup)
 }

@@ -1,0 +1,36 @@
+//! The person at the terminal, who turns the analyser.
+
+use super::Stop;
+use nacre_drivers::Prompt;
+use std::sync::atomic::Ordering;
+
+/// Asks the person at the terminal; gives up when the program is to stop.
+pub struct Terminal {
+    /// Counts who wants the end.
+    pub stop: Stop,
+}
+
+impl Prompt for Terminal {
+    fn ask(&mut self, request: &str) -> std::io::Result<()> {
+        use rustix::event::{PollFd, PollFlags, Timespec, poll};
+        use std::io::{Error, ErrorKind, Write};
+        writeln!(std::io::stderr().lock(), "{request}")?;
+        let stdin = std::io::stdin();
+        let wait = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
+        loop {
+            if self.stop.load(Ordering::Relaxed) > 0 {
+                return Err(ErrorKind::Interrupted.into());
+            }
+            if !poll(&mut [PollFd::new(&stdin, PollFlags::IN)], Some(&wait)).is_ok_and(|ready| ready > 0) {
+                continue;
+            }
+            // Byte by byte, since what is read ahead is not seen by the next poll.
+            let mut byte = [0];
+            match rustix::io::read(&stdin, &mut byte)? {
+                0 => return Err(Error::new(ErrorKind::UnexpectedEof, "the end of the terminal's input")),
+                _ if byte == *b"\n" => return Ok(()),
+                _ => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! Controls: everything automatic off, then manual values, then what the camera made of them.
+
+use super::node::{Node, Range};
+use super::settings::GainScale;
+use std::io;
+use std::time::Duration;
+
+/// Exposure control of cameras; its unit is 100 µs.
+pub const EXPOSURE: u32 = 0x009a_0902;
+/// Gain control; its unit is the camera's own.
+pub const GAIN: u32 = 0x0098_0913;
+/// Gain control of the sensor alone, for drivers without the other.
+pub const ANALOGUE_GAIN: u32 = 0x009e_0903;
+
+/// Units of [`EXPOSURE`] per second.
+const PER_SECOND: f64 = 1e4;
+
+/// What a camera must not do by itself: control, name, and the value that ends it. Switches come first, since manual
+/// values are refused before. What a camera does not have is left out.
+const OFF: [(u32, &str, i64); 14] = [
+    (0x009a_0901, "automatic exposure", 1),
+    (0x009a_0903, "priority of exposure over the frame rate", 0),
+    (0x0098_0912, "automatic gain", 0),
+    (0x0098_090c, "automatic white balance", 0),
+    (0x009a_090c, "automatic focus", 0),
+    (0x0098_0918, "suppression of mains flicker", 0),
+    (0x0098_0920, "automatic brightness", 0),
+    (0x0098_0919, "automatic hue", 0),
+    (0x0098_091c, "backlight compensation", 0),
+    (0x009a_0915, "wide dynamic range", 0),
+    (0x009a_0916, "image stabilization", 0),
+    (0x009a_0913, "bias of the exposure", 0),
+    (0x0098_091b, "sharpening", 0),
+    // Hundredths of the exponent.
+    (0x0098_0910, "gamma", 100),
+];
+
+/// Exposure and gain of a camera.
+#[derive(Clone, Copy, Debug)]
+pub struct Ranges {
+    /// None where there is no control.
+    pub exposure: Option<Range>,
+    /// The gain control with its range; None where there is none.
+    pub gain: Option<(u32, Range)>,
+}
+
+impl Ranges {
+    /// Reads them.
+    ///
+    /// # Errors
+    /// As the kernel answers.
+    pub fn read(node: &mut dyn Node) -> io::Result<Self> {
+        let usable = |range: Option<Range>| range.filter(|r| !r.fixed && r.high > 0 && r.high >= r.low);
+        let exposure = usable(node.range(EXPOSURE)?);
+        for id in [GAIN, ANALOGUE_GAIN] {
+            if let Some(range) = usable(node.range(id)?) {
+                return Ok(Self { exposure, gain: Some((id, range)) });
+            }
+        }
+        Ok(Self { exposure, gain: None })
+    }
+
+    /// Lowest and highest gain.
+    pub fn gains(&self, scale: GainScale) -> [f64; 2] {
+        match self.gain {
+            // A gain of 0 is none, whatever a camera says.
+            Some((_, Range { low, high, .. })) => match scale {
+                GainScale::Unity(_) => [low.max(1), high].map(|v| scale.linear(v, low)),
+                GainScale::DbPerStep(_) => [low, high].map(|v| scale.linear(v, low)),
+                GainScale::Lowest => [1.0, 1.0],
+            },
+            None => [1.0, 1.0],
+        }
+    }
+
+    /// Shortest and longest exposure in seconds, where there is a control.
+    pub fn exposures(&self) -> Option<[f64; 2]> {
+        self.exposure.map(|r| [r.low.max(1), r.high].map(|v| v as f64 / PER_SECOND))
+    }
+}
+
+/// Switches off what the camera would do by itself. Returns what it went on doing.
+///
+/// # Errors
+/// When the device is gone.
+pub fn all_manual(node: &mut dyn Node) -> io::Result<Vec<String>> {
+    let mut left = Vec::new();
+    for (id, name, off) in OFF {
+        let Some(range) = node.range(id)? else { continue };
+        let wanted = range.nearest(off as f64);
+        if !range.fixed {
+            match node.set(id, wanted) {
+                Err(e) if is_gone(&e) => return Err(e),
+                // What it is says more than why it could not be set.
+                _ => {}
+            }
+        }
+        match node.get(id) {
+            Err(e) if is_gone(&e) => return Err(e),
+            Ok(value) if value != off => left.push(format!("{name} is {value} in place of {off}")),
+            _ => {}
+        }
+    }
+    Ok(left)
+}
+
+/// Sets an exposure, rounded to what the camera can do; returns the one in force.
+///
+/// # Errors
+/// As the kernel answers.
+pub fn expose(node: &mut dyn Node, range: Range, exposure: Duration) -> io::Result<Duration> {
+    // 0 is no exposure, whatever a camera says.
+    let range = Range { low: if range.low < 1 { range.low + range.step.max(1) } else { range.low }, ..range };
+    node.set(EXPOSURE, range.nearest(exposure.as_secs_f64() * PER_SECOND).max(1))?;
+    exposure_now(node)
+}
+
+/// Exposure in force.
+///
+/// # Errors
+/// As the kernel answers.
+pub fn exposure_now(node: &mut dyn Node) -> io::Result<Duration> {
+    let value = node.get(EXPOSURE)?.clamp(0, 1 << 32);
+    Ok(Duration::from_micros(value.unsigned_abs() * 100))
+}
+
+/// Sets a gain, rounded to what the camera can do; returns the one in force.
+///
+/// # Errors
+/// As the kernel answers.
+pub fn amplify(node: &mut dyn Node, ranges: &Ranges, scale: GainScale, gain: f64) -> io::Result<f64> {
+    let Some((id, range)) = ranges.gain else { return Ok(1.0) };
+    node.set(id, range.nearest(scale.value(gain, range.low)))?;
+    let value = node.get(id)?;
+    Ok(match scale {
+        // Its unit is not known: all that this says is that it is not the lowest.
+        GainScale::Lowest if value != range.low => 1.0 + value.abs_diff(range.low) as f64,
+        _ => scale.linear(value, range.low),
+    })
+}
+
+/// The device is no longer there.
+pub fn is_gone(e: &io::Error) -> bool {
+    const GONE: [rustix::io::Errno; 3] =
+        [rustix::io::Errno::NODEV, rustix::io::Errno::NXIO, rustix::io::Errno::SHUTDOWN];
+    e.raw_os_error().is_some_and(|code| GONE.iter().any(|g| g.raw_os_error() == code))
+}

@@ -1,0 +1,262 @@
+//! The camera, on any [`Node`].
+
+use super::controls::{self, Ranges, is_gone};
+use super::node::{Buffer, Node};
+use super::open::{INTERVAL_S, Opened};
+use super::pixels::Picture;
+use super::sequence::Counter;
+use super::settings::{Settings, Timestamps};
+use crate::{Camera, CameraInfo, Class, Clock, Controls, DeviceError, DeviceResult, Frame, Freshness, Stamp};
+use async_trait::async_trait;
+use rustix::io::Errno;
+use std::io;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Longest wait in the kernel at a time.
+const SLICE: Duration = Duration::from_millis(200);
+/// A camera may take this many exposures, and [`SLACK`], for a frame.
+const PATIENCE: u32 = 3;
+const SLACK: Duration = Duration::from_secs(1);
+
+/// Does to the camera what unplugging it does, where that is possible; Err says why not.
+pub type Reset = Box<dyn FnMut() -> Result<(), String> + Send>;
+
+/// A camera of V4L2.
+pub struct V4l2Camera {
+    node: Box<dyn Node>,
+    clock: Arc<dyn Clock>,
+    reset: Reset,
+    settings: Settings,
+    info: CameraInfo,
+    picture: Picture,
+    ranges: Ranges,
+    interval: Duration,
+    exposure: Duration,
+    counter: Counter,
+    streaming: bool,
+    warnings: Vec<String>,
+}
+
+/// What came of a wait for a frame.
+enum Polled {
+    Frame(Frame),
+    /// Nothing yet, or a frame that is not newer than the last.
+    Nothing,
+    /// A frame whose time is not known.
+    NoTime,
+}
+
+impl V4l2Camera {
+    /// Prepares a camera: its format, everything automatic off. `id` is its stable identity.
+    ///
+    /// # Errors
+    /// `Setup` when it is no camera that can be used; `Lost` when it is gone.
+    pub fn open(
+        mut node: Box<dyn Node>,
+        id: &str,
+        settings: Settings,
+        clock: Arc<dyn Clock>,
+        reset: Reset,
+    ) -> DeviceResult<Self> {
+        let opened = Opened::new(node.as_mut(), id, &settings)?;
+        Ok(Self {
+            node,
+            clock,
+            reset,
+            info: opened.info(id, &settings),
+            picture: opened.picture,
+            ranges: opened.ranges,
+            interval: Duration::from_secs_f64(opened.interval_s.unwrap_or(INTERVAL_S)),
+            exposure: opened.exposure,
+            counter: Counter::default(),
+            streaming: false,
+            warnings: opened.warnings,
+            settings,
+        })
+    }
+
+    /// What the user should know: a lossy format, what the camera goes on doing by itself.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    fn start(&mut self) -> DeviceResult<()> {
+        if !self.streaming {
+            let started = self.node.start(self.settings.buffers);
+            started.map_err(|e| failure(&self.info.id, "start its stream", "a stream", &e))?;
+            self.counter.restart(self.clock.now());
+            self.streaming = true;
+        }
+        Ok(())
+    }
+
+    fn stop(&mut self) {
+        if self.streaming {
+            // One that does not stop is gone, which the next command says.
+            let _ = self.node.stop();
+            self.streaming = false;
+        }
+    }
+
+    /// The stream failed. A device that is pulled out fails in several ways before it is gone, so all are taken for it:
+    /// connecting again is no harm.
+    fn broken(&mut self, e: &io::Error) -> DeviceError {
+        self.stop();
+        failure(&self.info.id, "take a frame", "a frame", e).class(Class::Lost)
+    }
+
+    /// No frame came for so long that none will.
+    fn hangs(&mut self, waited: Duration) -> DeviceError {
+        self.stop();
+        let got = format!("none within {:.1} s", waited.as_secs_f64());
+        let error = |then: String| DeviceError::new(&self.info.id, "take a frame", "a frame", format!("{got}; {then}"));
+        match (self.reset)() {
+            Ok(()) => error("it was reset over USB".into())
+                .remedy("if it hangs again, connect it to a socket of its own, without a hub")
+                .class(Class::Lost),
+            Err(why) => error(format!("it cannot be reset: {why}"))
+                .remedy("unplug the camera and plug it in again, then resume the session")
+                .class(Class::Retry),
+        }
+    }
+
+    fn poll(&mut self, fresh: Freshness) -> DeviceResult<Polled> {
+        let readout = Duration::from_secs_f64(self.info.readout_s);
+        let polled = match self.node.dequeue(SLICE) {
+            Ok(Some(buffer)) if !buffer.monotonic => Ok(Polled::NoTime),
+            Ok(Some(buffer)) => {
+                let after_start = self.exposure + readout;
+                let end = end_of_readout(&buffer, self.settings.timestamps, after_start, self.clock.now());
+                Ok(match self.counter.number(buffer.sequence, end) {
+                    Some(sequence) => {
+                        Polled::Frame(frame(&self.picture, &buffer, Stamp { sequence, timestamp: end }, fresh))
+                    }
+                    None => Polled::Nothing,
+                })
+            }
+            Ok(None) => Ok(Polled::Nothing),
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => Ok(Polled::Nothing),
+            Err(e) => Err(e),
+        };
+        polled.map_err(|e| self.broken(&e))
+    }
+
+    fn set(&mut self, exposure: Duration, gain: f64) -> io::Result<(Duration, f64)> {
+        let exposure = match self.ranges.exposure {
+            // One that was set by other means stays.
+            _ if self.settings.exposure_ms.is_some() => self.exposure,
+            Some(range) => controls::expose(self.node.as_mut(), range, exposure)?,
+            None => self.exposure,
+        };
+        Ok((exposure, controls::amplify(self.node.as_mut(), &self.ranges, self.settings.gain, gain)?))
+    }
+}
+
+impl Drop for V4l2Camera {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+#[async_trait]
+impl Camera for V4l2Camera {
+    fn describe(&self) -> CameraInfo {
+        self.info.clone()
+    }
+
+    async fn configure(&mut self, exposure: Duration, gain: f64) -> DeviceResult<Controls> {
+        let set = self.set(exposure, gain);
+        let (exposure, gain) = set.map_err(|e| failure(&self.info.id, "set exposure and gain", "both set", &e))?;
+        self.exposure = exposure;
+        Ok(Controls { exposure, gain, set_at: self.clock.now() })
+    }
+
+    async fn cover(&mut self, closed: bool) -> DeviceResult<Duration> {
+        if !closed {
+            return Ok(self.clock.now());
+        }
+        Err(DeviceError::new(&self.info.id, "close the shutter", "a shutter", "a camera without one")
+            .remedy("put the lens cap on")
+            .class(Class::Setup))
+    }
+
+    async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame> {
+        self.start()?;
+        let begun = self.clock.now();
+        let patience = PATIENCE * (self.exposure.max(self.interval) + self.interval) + SLACK;
+        loop {
+            match self.poll(fresh)? {
+                Polled::Frame(frame) => return Ok(frame),
+                Polled::NoTime => {
+                    let got = "timestamps of another clock";
+                    let remedy = "choose another camera: with this one, old frames cannot be told from new ones";
+                    return Err(DeviceError::new(&self.info.id, "take a frame", "a time on the monotonic clock", got)
+                        .remedy(remedy)
+                        .class(Class::Setup));
+                }
+                Polled::Nothing => {}
+            }
+            let waited = self.clock.now().saturating_sub(begun);
+            if waited > patience {
+                return Err(self.hangs(waited));
+            }
+        }
+    }
+}
+
+/// When readout ended, and not later. `after_start` is from the start of exposure to there.
+fn end_of_readout(buffer: &Buffer<'_>, meaning: Timestamps, after_start: Duration, now: Duration) -> Duration {
+    let starts = match meaning {
+        Timestamps::Auto => buffer.start_of_exposure,
+        Timestamps::StartOfExposure => true,
+        Timestamps::EndOfReadout => false,
+    };
+    let end = if starts { buffer.timestamp.saturating_add(after_start) } else { buffer.timestamp };
+    // The frame is here, so it has ended.
+    end.min(now)
+}
+
+fn frame(picture: &Picture, buffer: &Buffer<'_>, stamp: Stamp, fresh: Freshness) -> Frame {
+    let Picture { width, height, .. } = *picture;
+    let nothing = Frame { stamp, width, height, damaged: buffer.error, codes: Vec::new() };
+    if !fresh.accepts(stamp) {
+        return nothing;
+    }
+    let unpacked = if buffer.error { None } else { picture.unpack(buffer.bytes).ok() };
+    match unpacked {
+        Some(codes) => Frame { codes, ..nothing },
+        None => Frame { damaged: true, codes: vec![0; width * height], ..nothing },
+    }
+}
+
+/// An error of the kernel, with what it means.
+pub(super) fn failure(id: &str, command: &str, expected: &str, e: &io::Error) -> DeviceError {
+    let error = DeviceError::new(id, command, expected, e.to_string());
+    let code = e.raw_os_error().map(Errno::from_raw_os_error);
+    if is_gone(e) {
+        return error.remedy("check the camera's cable and plug it in again").class(Class::Lost);
+    }
+    match code {
+        Some(Errno::BUSY) => error
+            .remedy("another program uses the camera: close it (`fuser -v /dev/video*` names it)")
+            .class(Class::Setup),
+        Some(Errno::ACCESS | Errno::PERM) => error
+            .remedy("let this user use cameras: `sudo usermod -aG video $USER`, then log in again")
+            .class(Class::Setup),
+        Some(Errno::NOENT) => error
+            .remedy("plug the camera in and give one of the names in /dev/v4l/by-id as `device`")
+            .class(Class::Setup),
+        Some(Errno::NOMEM) => error.remedy("set fewer `buffers` or a smaller `size`").class(Class::Setup),
+        Some(Errno::NOSPC) => error
+            .remedy(
+                "the USB bus is full: connect the camera to a socket of its own, or set a smaller size or lower fps",
+            )
+            .class(Class::Setup),
+        Some(Errno::INVAL | Errno::NOTTY) => {
+            error.remedy("the camera cannot do this: choose another format or camera").class(Class::Setup)
+        }
+        // A USB camera that is too busy for a command.
+        _ => error.remedy("plug the camera out and in again if this comes back").class(Class::Retry),
+    }
+}

@@ -1,0 +1,138 @@
+//! From a device node to a camera that can be used: format, frame rate, and what it can do.
+
+use super::controls::{self, Ranges};
+use super::driver::failure;
+use super::node::{Format, Node};
+use super::pixels::{FORMATS, Picture, PixelFormat};
+use super::settings::Settings;
+use crate::{CameraInfo, Class, DeviceError, DeviceResult};
+use std::io;
+use std::time::Duration;
+
+/// A camera as it was found and set up.
+pub(super) struct Opened {
+    pub picture: Picture,
+    pub format: Format,
+    pub ranges: Ranges,
+    /// From frame to frame, in seconds, where the camera tells.
+    pub interval_s: Option<f64>,
+    pub exposure: Duration,
+    pub exposures_s: [f64; 2],
+    pub warnings: Vec<String>,
+}
+
+/// Time from frame to frame where the camera does not tell it.
+pub(super) const INTERVAL_S: f64 = 0.05;
+
+impl Opened {
+    pub(super) fn new(node: &mut dyn Node, id: &str, settings: &Settings) -> DeviceResult<Self> {
+        settings.check().map_err(|wrong| {
+            setup(id, "settings of a V4L2 camera", wrong).remedy("correct the camera's settings in the configuration")
+        })?;
+        let (picture, format) = choose_format(node, id, settings)?;
+        let failed = |e| failure(id, "open", "a camera", &e);
+        let interval_s = set_interval(node, &format, settings.fps).map_err(failed)?;
+        let mut warnings = controls::all_manual(node).map_err(failed)?;
+        warnings.extend(Settings::warning(picture.format));
+        let ranges = Ranges::read(node).map_err(failed)?;
+        let (exposures_s, exposure) = exposures(node, id, settings, &ranges, interval_s)?;
+        Ok(Self { picture, format, ranges, interval_s, exposure, exposures_s, warnings })
+    }
+
+    pub(super) fn info(&self, id: &str, settings: &Settings) -> CameraInfo {
+        // Luma has a foot and a head unless the camera says otherwise. Where that is wrong, codes are given away.
+        let luma = !self.picture.format.raw() && !self.picture.is_jpeg();
+        let narrow = luma && self.format.full_range != Some(true);
+        let [black, white] = if narrow { [16, 235] } else { [0, self.picture.format.white()] };
+        CameraInfo {
+            id: id.to_owned(),
+            width: self.picture.width,
+            height: self.picture.height,
+            exposure_s: self.exposures_s,
+            exposure_now_s: self.exposure.as_secs_f64(),
+            gain: self.ranges.gains(settings.gain),
+            black: settings.black.unwrap_or(black),
+            white: settings.white.unwrap_or(white),
+            // A rolling shutter needs most of a frame's time to run down.
+            readout_s: settings.readout_ms.map_or(self.interval_s.unwrap_or(INTERVAL_S), |ms| ms / 1e3),
+            control_lag_frames: settings.control_lag_frames,
+            shutter: false,
+            full_scale_e: None,
+            read_noise_e: None,
+        }
+    }
+}
+
+fn setup(id: &str, expected: impl Into<Box<str>>, got: impl Into<Box<str>>) -> DeviceError {
+    DeviceError::new(id, "open", expected, got).class(Class::Setup)
+}
+
+fn choose_format(node: &mut dyn Node, id: &str, settings: &Settings) -> DeviceResult<(Picture, Format)> {
+    let failed = |e| failure(id, "set the format", "a picture format", &e);
+    let offered = node.formats().map_err(failed)?;
+    if offered.is_empty() {
+        let got = "a device without picture formats";
+        let remedy = "cameras have several devices, for pictures and for other data: give the one with video-index0";
+        return Err(setup(id, "a camera", got).remedy(remedy));
+    }
+    let wanted = match &settings.format {
+        Some(name) => PixelFormat::named(name).filter(|f| offered.contains(&f.fourcc)),
+        None => FORMATS.into_iter().find(|f| offered.contains(&f.fourcc)),
+    };
+    let Some(wanted) = wanted else {
+        let names: Vec<_> = offered.iter().take(64).map(|f| String::from_utf8_lossy(f).trim_end().to_owned()).collect();
+        let expected = settings.format.clone().unwrap_or_else(|| "a format that Nacre reads".into());
+        return Err(setup(id, expected, format!("only {}", names.join(", "))).remedy("choose another format or camera"));
+    };
+    let largest = |sizes: Vec<[u32; 2]>| sizes.into_iter().max_by_key(|[w, h]| u64::from(*w) * u64::from(*h));
+    let size = match settings.size {
+        Some(size) => size,
+        None => largest(node.sizes(wanted.fourcc).map_err(failed)?).unwrap_or([640, 480]),
+    };
+    let got = node.set_format(wanted.fourcc, size).map_err(failed)?;
+    let named = |fourcc: [u8; 4], [w, h]: [u32; 2]| format!("{} of {w} × {h}", String::from_utf8_lossy(&fourcc));
+    let another = settings.size.is_some_and(|asked| asked != got.size);
+    if got.fourcc != wanted.fourcc || another {
+        let remedy = "choose a format and size that the camera offers";
+        return Err(setup(id, named(wanted.fourcc, size), named(got.fourcc, got.size)).remedy(remedy));
+    }
+    let [width, height, stride] = [got.size[0], got.size[1], got.stride].map(|v| v as usize);
+    let stride = if wanted.row_bytes(width) == 0 { 0 } else { stride };
+    let picture = Picture { format: wanted, width, height, stride };
+    picture.check().map_err(|wrong| setup(id, "pictures", wrong).remedy("choose another size or format"))?;
+    Ok((picture, got))
+}
+
+/// Sets the frame rate, where one is wished; returns the time from frame to frame.
+fn set_interval(node: &mut dyn Node, format: &Format, fps: Option<f64>) -> io::Result<Option<f64>> {
+    let wanted = match fps {
+        None => None,
+        Some(fps) => {
+            let nearest = |a: &f64, b: &f64| (a * fps).ln().abs().total_cmp(&(b * fps).ln().abs());
+            // A camera with a continuous range says so by none of its own.
+            let offered = node.intervals(format)?.into_iter().filter(|s| s.is_finite() && *s > 0.0);
+            Some(offered.min_by(nearest).unwrap_or(1.0 / fps))
+        }
+    };
+    Ok(node.interval(wanted)?.filter(|s| s.is_finite() && *s > 0.0 && *s < 3600.0))
+}
+
+/// Shortest and longest exposure, and the one in force.
+fn exposures(
+    node: &mut dyn Node,
+    id: &str,
+    settings: &Settings,
+    ranges: &Ranges,
+    interval_s: Option<f64>,
+) -> DeviceResult<([f64; 2], Duration)> {
+    if let Some(ms) = settings.exposure_ms {
+        return Ok(([ms / 1e3; 2], Duration::from_secs_f64(ms / 1e3)));
+    }
+    let Some([low, high]) = ranges.exposures() else {
+        let remedy = "choose another camera, or set its exposure by its maker's tools and give it as `exposure_ms`";
+        return Err(setup(id, "a manual exposure in 100 µs", "a camera without this control").remedy(remedy));
+    };
+    let now = controls::exposure_now(node).map_err(|e| failure(id, "read the exposure", "a value", &e))?;
+    // Longer than a frame, most cameras only say that they expose.
+    Ok(([low, interval_s.map_or(high, |s| high.min(s)).max(low)], now))
+}

@@ -1,0 +1,66 @@
+//! What a desktop does to a panel behind Nacre's back: it blanks the screen, tints it at night, and dims it.
+
+/// Processes, and what they may do. Names are as the kernel cuts them, to 15 letters.
+const MEDDLERS: [(&str, &str); 12] = [
+    (
+        "gnome-shell",
+        "GNOME may blank the screen, and tint it at night: switch off Screen Blank, Night Light and automatic brightness",
+    ),
+    ("plasmashell", "KDE may blank the screen, and tint it at night: switch off Screen Energy Saving and Night Light"),
+    ("cinnamon", "Cinnamon may blank the screen: switch off the screensaver and Night Light"),
+    ("xfce4-power-man", "XFCE may blank the screen: switch on its presentation mode"),
+    ("redshift", "redshift tints the screen: end it"),
+    ("gammastep", "gammastep tints the screen: end it"),
+    ("wlsunset", "wlsunset tints the screen: end it"),
+    ("swayidle", "swayidle may blank the screen: end it"),
+    ("hypridle", "hypridle may blank the screen: end it"),
+    ("xscreensaver", "xscreensaver may cover the screen: end it"),
+    ("light-locker", "light-locker may blank the screen: end it"),
+    ("clight", "clight changes the brightness: end it"),
+];
+
+/// Most processes looked at.
+const MAX_PROCESSES: usize = 65_536;
+
+/// What may change the panel's picture while Nacre measures, as far as can be seen: for the user to switch off.
+pub fn desktop_warnings() -> Vec<String> {
+    let names = std::fs::read_dir("/proc").into_iter().flatten().flatten().take(MAX_PROCESSES).filter_map(|entry| {
+        let number = entry.file_name().to_string_lossy().bytes().all(|b| b.is_ascii_digit());
+        number.then(|| std::fs::read_to_string(entry.path().join("comm")).ok()).flatten()
+    });
+    warnings(std::env::var("XDG_SESSION_TYPE").ok().as_deref(), names)
+}
+
+fn warnings(session: Option<&str>, processes: impl Iterator<Item = String>) -> Vec<String> {
+    let mut found = Vec::new();
+    for name in processes {
+        let said = MEDDLERS.iter().find(|(meddler, _)| name.trim() == *meddler).map(|(_, does)| (*does).to_owned());
+        if let Some(said) = said.filter(|s| !found.contains(s)) {
+            found.push(said);
+        }
+    }
+    if found.is_empty() && matches!(session, Some("x11")) {
+        found.push("X11 blanks the screen after ten minutes: run `xset s off -dpms`".to_owned());
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_meddles_is_named_once() {
+        let running = ["init\n", "redshift\n", "gnome-shell\n", "redshift\n", "not-redshift\n"].map(str::to_owned);
+        let said = warnings(Some("wayland"), running.into_iter());
+        assert!(said.len() == 2 && said[0].contains("redshift") && said[1].contains("Night Light"), "{said:?}");
+        assert!(warnings(Some("x11"), std::iter::empty())[0].contains("xset"));
+        assert!(warnings(None, std::iter::empty()).is_empty());
+    }
+
+    #[test]
+    fn names_are_not_longer_than_the_kernel_keeps_them() {
+        assert!(MEDDLERS.iter().all(|(name, _)| name.len() <= 15));
+        desktop_warnings();
+    }
+}

@@ -1,0 +1,36 @@
+//! Checks of configured values that stages have in common. Each says which key is wrong, and what it must be.
+
+use std::path::Path;
+
+/// Longest time that can be configured.
+const MAX_MS: u64 = 3_600_000;
+
+pub(super) fn port(port: &Path) -> Result<(), String> {
+    if port.as_os_str().is_empty() {
+        return Err("port is missing; give the serial port, such as /dev/ttyUSB0".into());
+    }
+    Ok(())
+}
+
+pub(super) fn milliseconds(key: &str, value: u64, least: u64) -> Result<(), String> {
+    if (least..=MAX_MS).contains(&value) {
+        return Ok(());
+    }
+    Err(format!("{key} is {value}; give {least} to {MAX_MS}"))
+}
+
+pub(super) fn number(key: &str, value: f64, low: f64, high: f64) -> Result<(), String> {
+    if value >= low && value <= high {
+        return Ok(());
+    }
+    Err(format!("{key} is {value}; give {low} to {high}"))
+}
+
+pub(super) fn limits([low, high]: [f64; 2]) -> Result<(), String> {
+    number("limits_deg", low, -1e5, 1e5)?;
+    number("limits_deg", high, -1e5, 1e5)?;
+    if high - low >= 1.0 {
+        return Ok(());
+    }
+    Err(format!("limits_deg is [{low}, {high}]; give the lower angle first"))
+}

@@ -1,0 +1,421 @@
+//! Rotation stages of Thorlabs' Elliptec series: piezo motors on a serial bus.
+//!
+//! A module that loses its power in the middle comes back with another zero and says nothing about it. So angles are
+//! believed only after homing by this program, and only as long as each movement ended as the protocol has it; after
+//! anything else the next movement homes first. For the same reason the driver repeats questions, but not movements.
+
+pub mod protocol;
+mod settings;
+#[cfg(test)]
+mod tests;
+
+pub use settings::Settings;
+
+use crate::wire::{Lines, SerialWire, Wire, shown, wait};
+use crate::{Arrived, Class, Clock, DeviceError, DeviceResult, Stage, StageInfo};
+use async_trait::async_trait;
+use protocol::{Command, Identity, Motor, Reply, Status, degrees, parse, pulses};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Rate of the bus.
+const BAUD: u32 = 9600;
+
+/// How long to wait for the end of a movement before asking whether it goes on.
+const POLL: Duration = Duration::from_millis(100);
+
+/// So many times a module must say that it is idle before the end of its movement counts as missed.
+const MISSED: u32 = 3;
+
+/// After this many times of an answer without a word, nothing late comes any more.
+const QUIET: u32 = 5;
+
+/// A search of frequencies takes no longer.
+const SEARCHING: Duration = Duration::from_secs(120);
+
+/// Cleaning takes no longer; the manual says minutes.
+const CLEANING: Duration = Duration::from_secs(1800);
+
+/// A rotation stage on an Elliptec bus.
+pub struct Elliptec {
+    lines: Lines,
+    settings: Settings,
+    clock: Arc<dyn Clock>,
+    identity: Identity,
+    zero: Zero,
+    cleaning: bool,
+    /// Answers that did not come in time may still come, and would be taken for those of later questions.
+    unsettled: bool,
+}
+
+/// Whether the module's angles can be believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Zero {
+    /// It was not homed by this program, or not since something went wrong.
+    Unchecked,
+    /// It was found to have forgotten it.
+    Forgotten,
+    /// It was homed, and stood at so many pulses after the last movement.
+    Known(i32),
+}
+
+/// What was heard on the bus.
+enum Heard {
+    Reply(Reply),
+    Garbage(String),
+    Nothing,
+}
+
+impl Elliptec {
+    /// Opens the port and asks who is there.
+    ///
+    /// # Errors
+    /// `Setup` when the port cannot be opened or something else is there; as the module answers.
+    pub fn open(settings: &Settings, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
+        let name = format!("Elliptec stage {}", char::from(settings.address));
+        settings.check().map_err(|e| crate::stage::misconfigured(&name, e))?;
+        let wire = SerialWire::open(&name, &settings.port, BAUD)?;
+        Self::on(Box::new(wire), settings, clock)
+    }
+
+    /// The same on a cable that is open.
+    ///
+    /// # Errors
+    /// As [`Elliptec::open`].
+    pub fn on(wire: Box<dyn Wire>, settings: &Settings, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
+        let name = format!("Elliptec stage {}", char::from(settings.address));
+        let identity = Identity { kind: 0, serial: String::new(), year: String::new(), travel: 0, pulses: 1 };
+        let lines = Lines::new(wire, &name, b"\r\n");
+        let settings = settings.clone();
+        let mut stage =
+            Self { lines, settings, clock, identity, zero: Zero::Unchecked, cleaning: false, unsettled: false };
+        wait(stage.identify())?;
+        Ok(stage)
+    }
+
+    async fn identify(&mut self) -> DeviceResult<()> {
+        const WHAT: &str = "identify itself";
+        // It may still be turning for whoever drove it before.
+        self.idle(WHAT, self.longest_move()).await?;
+        let identity = self
+            .ask(WHAT, Command::Identity, |reply| match reply {
+                Reply::Identity(identity) => Some(identity),
+                _ => None,
+            })
+            .await?;
+        if let Some(other) = identity.not_rotary() {
+            return Err(self
+                .error(WHAT, "a rotation stage", format!("an {}, {other}", identity.name()))
+                .remedy("correct port and address in the configuration")
+                .class(Class::Setup));
+        }
+        let (name, address) = (identity.name(), char::from(self.settings.address));
+        self.lines.rename(&format!("Elliptec {name} s/n {} address {address}", identity.serial));
+        self.identity = identity;
+        Ok(())
+    }
+
+    /// What it says that it is.
+    pub fn identity(&self) -> &Identity {
+        &self.identity
+    }
+
+    /// Searches the best frequency of each motor: after the load was changed, or when it gets stuck. It moves.
+    ///
+    /// # Errors
+    /// As the module answers.
+    pub async fn search_frequency(&mut self) -> DeviceResult<()> {
+        const WHAT: &str = "search its frequencies";
+        for motor in [Motor::One, Motor::Two] {
+            self.begin(WHAT, Command::SearchFrequency(motor)).await?;
+            self.idle(WHAT, SEARCHING).await?;
+        }
+        Ok(())
+    }
+
+    /// Runs the cleaning cycle, which takes minutes and sweeps the whole turn; [`Stage::halt`] ends it.
+    ///
+    /// # Errors
+    /// As the module answers.
+    pub async fn clean(&mut self) -> DeviceResult<()> {
+        const WHAT: &str = "clean its track";
+        self.begin(WHAT, Command::Clean).await?;
+        self.cleaning = true;
+        let cleaned = self.idle(WHAT, CLEANING).await;
+        self.cleaning = false;
+        cleaned
+    }
+
+    fn longest_move(&self) -> Duration {
+        Duration::from_millis(self.settings.move_ms)
+    }
+
+    fn answer(&self) -> Duration {
+        Duration::from_millis(self.settings.answer_ms)
+    }
+
+    fn error(&self, what: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError {
+        DeviceError::new(self.lines.device(), what, expected, got)
+    }
+
+    /// A question or a movement that may work when it is tried again.
+    fn passing(&self, what: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError {
+        self.error(what, expected, got)
+            .remedy("check cable, power and the address of the stage, then try again")
+            .class(Class::Retry)
+    }
+
+    /// A status that is neither ok nor busy: whatever it was doing, it is not done.
+    fn failed(&mut self, what: &str, status: Status) -> DeviceError {
+        self.zero = if status == Status::Initialising { Zero::Forgotten } else { Zero::Unchecked };
+        let (class, remedy) = match status {
+            Status::CommunicationTimeout | Status::CommandError => (Class::Retry, "check the cable, then try again"),
+            Status::MechanicalTimeout => (
+                Class::Stop,
+                "check that it turns freely; search its frequencies or clean its track if it gets stuck without a load",
+            ),
+            Status::OutOfRange | Status::OutOfTravel => (Class::Setup, "correct limits_deg of the stage"),
+            Status::Isolated | Status::OutOfIsolation => (Class::Stop, "switch it off and on, then home it"),
+            Status::Initialising => (
+                Class::Stop,
+                "it was reset and has forgotten its zero: check its power supply, home it, then resume the session",
+            ),
+            Status::Thermal => (Class::Stop, "let it cool down, then resume the session"),
+            _ => (Class::Stop, "switch it off and on, and have it repaired if this comes back"),
+        };
+        let got = format!("status {} ({})", status.code(), status.name());
+        self.error(what, "status 0 (ok)", got).remedy(remedy).class(class)
+    }
+
+    fn forgot(&mut self, what: &str, expected: i32, got: i32) -> DeviceError {
+        self.zero = Zero::Forgotten;
+        let [expected, got] = [expected, got].map(|p| format!("{:.2}°", degrees(p, self.identity.pulses)));
+        self.error(what, &format!("to find it where it was left, at {expected}"), got)
+            .remedy("it was reset or turned by hand: check its power supply, home it, then resume the session")
+    }
+
+    /// Waits until nothing late can come any more.
+    async fn settle(&mut self, what: &str) -> DeviceResult<()> {
+        if self.unsettled {
+            self.lines.quiet(what, QUIET * self.answer()).await?;
+            self.unsettled = false;
+        }
+        self.lines.clear(what)
+    }
+
+    /// Sends what moves; where it stands is not known from here on.
+    async fn begin(&mut self, what: &str, command: Command) -> DeviceResult<()> {
+        self.zero = Zero::Unchecked;
+        self.settle(what).await?;
+        self.lines.send(what, &command.encode(self.settings.address))
+    }
+
+    /// What this module says next; others on the bus do not matter.
+    async fn hear(&mut self, what: &str, until: Instant) -> DeviceResult<Heard> {
+        loop {
+            let Some(line) = self.lines.next(what, until).await? else { return Ok(Heard::Nothing) };
+            match parse(&line) {
+                Some((_, Reply::Other)) => {}
+                Some((from, reply)) if from == self.settings.address => return Ok(Heard::Reply(reply)),
+                Some(_) => {}
+                None => return Ok(Heard::Garbage(shown(&line))),
+            }
+        }
+    }
+
+    /// Asks a question, once again if there is no answer that makes sense.
+    async fn ask<T>(&mut self, what: &str, command: Command, pick: fn(Reply) -> Option<T>) -> DeviceResult<T> {
+        let mut got = String::new();
+        self.settle(what).await?;
+        for _ in 0..2 {
+            self.lines.send(what, &command.encode(self.settings.address))?;
+            let until = Instant::now() + self.answer();
+            got = loop {
+                match self.hear(what, until).await? {
+                    Heard::Nothing => break format!("nothing within {} ms", self.settings.answer_ms),
+                    Heard::Garbage(line) => break line,
+                    // Left over from a question that was asked twice.
+                    Heard::Reply(Reply::Status(Status::Ok)) if command != Command::Status => {}
+                    Heard::Reply(Reply::Status(status)) if command != Command::Status => {
+                        return Err(match status {
+                            Status::Busy => self.passing(what, "an answer", "status 9 (busy)"),
+                            status => self.failed(what, status),
+                        });
+                    }
+                    Heard::Reply(reply) => match pick(reply) {
+                        Some(answer) => return Ok(answer),
+                        None => continue,
+                    },
+                }
+            };
+            self.unsettled = true;
+        }
+        Err(self.passing(what, "an answer", got))
+    }
+
+    async fn status(&mut self, what: &str) -> DeviceResult<Status> {
+        self.ask(what, Command::Status, |reply| match reply {
+            Reply::Status(status) => Some(status),
+            _ => None,
+        })
+        .await
+    }
+
+    async fn pulses_now(&mut self, what: &str) -> DeviceResult<i32> {
+        self.ask(what, Command::Position, |reply| match reply {
+            Reply::Position(pulses) => Some(pulses),
+            _ => None,
+        })
+        .await
+    }
+
+    /// Waits until it is not busy.
+    async fn idle(&mut self, what: &str, limit: Duration) -> DeviceResult<()> {
+        let until = Instant::now() + limit;
+        loop {
+            match self.status(what).await? {
+                Status::Ok => return Ok(()),
+                Status::Busy if Instant::now() < until => self.pause(what).await?,
+                Status::Busy => return Err(self.stuck(what, limit)),
+                status => return Err(self.failed(what, status)),
+            }
+        }
+    }
+
+    async fn pause(&mut self, what: &str) -> DeviceResult<()> {
+        let until = Instant::now() + POLL / 2;
+        while self.lines.next(what, until).await?.is_some() {}
+        Ok(())
+    }
+
+    fn stuck(&self, what: &str, limit: Duration) -> DeviceError {
+        let got = format!("status 9 (busy) for {:.1} s", limit.as_secs_f64());
+        self.error(what, "status 0 (ok)", got)
+            .remedy("check that it turns freely, switch it off and on, then resume the session")
+    }
+
+    /// Waits for the end of a movement; returns where it stands then.
+    async fn finish(&mut self, what: &str) -> DeviceResult<i32> {
+        let until = Instant::now() + self.longest_move();
+        let (mut unanswered, mut idle) = (0, 0);
+        let mut got = "an end without its position".to_owned();
+        while Instant::now() < until {
+            let limit = if unanswered > 0 { self.answer() } else { POLL };
+            match self.hear(what, Instant::now() + limit).await? {
+                // Late words of an earlier movement look the same, but it is busy then.
+                Heard::Reply(Reply::Position(_)) => match self.status(what).await? {
+                    Status::Ok => return self.pulses_now(what).await,
+                    Status::Busy => (unanswered, idle) = (0, 0),
+                    status => return Err(self.failed(what, status)),
+                },
+                Heard::Reply(Reply::Status(Status::Busy)) => (unanswered, idle) = (0, 0),
+                Heard::Reply(Reply::Status(Status::Ok)) => (unanswered, idle) = (0, idle + 1),
+                Heard::Reply(Reply::Status(status)) => return Err(self.failed(what, status)),
+                Heard::Reply(_) => {}
+                Heard::Garbage(line) => (got, self.unsettled) = (line, true),
+                Heard::Nothing if unanswered == 2 => {
+                    return Err(self.passing(what, "an answer", format!("nothing within {} ms", limit.as_millis())));
+                }
+                Heard::Nothing => {
+                    self.lines.send(what, &Command::Status.encode(self.settings.address))?;
+                    self.unsettled |= unanswered > 0;
+                    unanswered += 1;
+                }
+            }
+            if idle == MISSED {
+                return Err(self.passing(what, "the position at the end", got));
+            }
+        }
+        Err(self.stuck(what, self.longest_move()))
+    }
+
+    /// That it stands where it was left; homes it where that is not known.
+    async fn be_sure(&mut self, what: &str) -> DeviceResult<()> {
+        let Zero::Known(left) = self.zero else { return self.find_zero(what).await.map(drop) };
+        let now = self.pulses_now(what).await?;
+        if self.apart(left, now) { Err(self.forgot(what, left, now)) } else { Ok(()) }
+    }
+
+    fn apart(&self, a: i32, b: i32) -> bool {
+        let [a, b] = [a, b].map(|p| degrees(p, self.identity.pulses));
+        (a - b).abs() > self.settings.tolerance_deg
+    }
+
+    async fn find_zero(&mut self, what: &str) -> DeviceResult<i32> {
+        self.begin(what, Command::Home).await?;
+        let at = self.finish(what).await?;
+        if self.apart(at, 0) {
+            let got = format!("{:.2}°", degrees(at, self.identity.pulses));
+            return Err(self.passing(what, "0° after homing", got));
+        }
+        self.zero = Zero::Known(at);
+        Ok(at)
+    }
+
+    fn arrived(&self, at: i32) -> Arrived {
+        let since = self.clock.now() + Duration::from_millis(self.settings.settling_ms);
+        Arrived { since, angle_deg: degrees(at, self.identity.pulses) }
+    }
+
+    fn target(&self, what: &str, angle_deg: f64) -> DeviceResult<i32> {
+        let [low, high] = self.settings.limits_deg;
+        let target = if angle_deg >= low && angle_deg <= high { pulses(angle_deg, self.identity.pulses) } else { None };
+        target.ok_or_else(|| {
+            self.error(what, &format!("an angle from {low}° to {high}°"), format!("{angle_deg}°"))
+                .remedy("correct the plan, or limits_deg of the stage")
+                .class(Class::Setup)
+        })
+    }
+}
+
+#[async_trait]
+impl Stage for Elliptec {
+    fn describe(&self) -> StageInfo {
+        StageInfo {
+            id: self.lines.device().to_owned(),
+            speed_deg_s: self.settings.speed_deg_s,
+            settling_s: self.settings.settling_ms as f64 / 1000.0,
+            limits_deg: self.settings.limits_deg,
+            tolerance_deg: self.settings.tolerance_deg,
+            approach_deg: 0.0,
+            // `st` does not end a move to a position.
+            halts: false,
+            by_hand: false,
+        }
+    }
+
+    async fn home(&mut self) -> DeviceResult<Arrived> {
+        let at = self.find_zero("home").await?;
+        Ok(self.arrived(at))
+    }
+
+    async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
+        let what = format!("move to {angle_deg}°");
+        let target = self.target(&what, angle_deg)?;
+        self.be_sure(&what).await?;
+        self.begin(&what, Command::MoveTo(target)).await?;
+        let at = self.finish(&what).await?;
+        self.zero = Zero::Known(at);
+        Ok(self.arrived(at))
+    }
+
+    /// Waits for the end of the movement, which nothing can end sooner; cleaning can be ended.
+    async fn halt(&mut self) -> DeviceResult<()> {
+        if std::mem::take(&mut self.cleaning) {
+            self.begin("halt", Command::Stop).await?;
+        }
+        self.idle("halt", self.longest_move()).await
+    }
+
+    async fn position(&mut self) -> DeviceResult<f64> {
+        const WHAT: &str = "report its position";
+        let now = self.pulses_now(WHAT).await?;
+        match self.zero {
+            Zero::Known(left) if self.apart(left, now) => Err(self.forgot(WHAT, left, now)),
+            Zero::Forgotten => Err(self
+                .error(WHAT, "an angle", "a module that was reset and not homed since")
+                .remedy("home it, then resume the session")),
+            _ => Ok(degrees(now, self.identity.pulses)),
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! A cable that replays a transcript.
+
+use super::Wire;
+use std::collections::VecDeque;
+use std::io;
+use std::time::Duration;
+
+/// What must be sent, and what comes back then.
+pub(crate) struct Replay {
+    steps: VecDeque<(String, String)>,
+    waiting: VecDeque<u8>,
+}
+
+impl Replay {
+    /// Sending anything else than these, in this order, is a lost link.
+    pub(crate) fn new(steps: &[(&str, &str)]) -> Self {
+        let steps = steps.iter().map(|(sent, came)| ((*sent).to_owned(), (*came).to_owned())).collect();
+        Self { steps, waiting: VecDeque::new() }
+    }
+}
+
+impl Wire for Replay {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match self.steps.pop_front() {
+            Some((sent, came)) if sent.as_bytes() == bytes => {
+                self.waiting.extend(came.bytes());
+                Ok(())
+            }
+            step => Err(io::Error::other(format!("sent “{}”, transcript: {step:?}", bytes.escape_ascii()))),
+        }
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], limit: Duration) -> io::Result<usize> {
+        if self.waiting.is_empty() {
+            std::thread::sleep(limit.min(Duration::from_millis(1)));
+        }
+        let count = self.waiting.len().min(buffer.len());
+        self.waiting.drain(..count).zip(buffer).for_each(|(byte, place)| *place = byte);
+        Ok(count)
+    }
+
+    fn clear(&mut self) -> io::Result<()> {
+        self.waiting.clear();
+        Ok(())
+    }
+}

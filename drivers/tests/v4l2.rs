@@ -1,0 +1,180 @@
+//! The V4L2 driver on a real kernel: its virtual camera (`modprobe vivid`), and a USB camera, simulated or real.
+//!
+//! Without them the tests skip. `tests/lab/run` boots a kernel that has them.
+#![cfg(feature = "v4l2")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use nacre_drivers::camera::measure;
+use nacre_drivers::camera::v4l2::{GainScale, Settings, V4l2Camera, kernel};
+use nacre_drivers::{Camera, Class, Clock, DeviceResult, Frame, Freshness, SystemClock};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::Duration;
+
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+const SIZE: [u32; 2] = [640, 360];
+
+/// A device of this kernel driver, and nobody else at it.
+fn device(driver: &str) -> Option<(String, MutexGuard<'static, ()>)> {
+    let one = ONE_AT_A_TIME.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let mut nodes: Vec<PathBuf> =
+        std::fs::read_dir("/sys/class/video4linux").into_iter().flatten().flatten().map(|e| e.path()).collect();
+    nodes.sort();
+    let found = nodes.into_iter().find(|node| {
+        node.join("device/driver").canonicalize().is_ok_and(|d| d.ends_with(driver))
+            && node.to_string_lossy().contains("video")
+    });
+    let Some(node) = found else {
+        println!("skipped: no camera of the kernel driver {driver}");
+        return None;
+    };
+    Some((format!("/dev/{}", node.file_name()?.to_string_lossy()), one))
+}
+
+/// Sets a control by its name, written as `v4l2-ctl` writes it.
+fn control(device: &str, name: &str, value: i64) {
+    let plain = |name: &str| name.to_lowercase().replace(|c: char| !c.is_alphanumeric(), "_");
+    let node = v4l::Device::with_path(device).unwrap();
+    let id = node.query_controls().unwrap().into_iter().find(|c| plain(&c.name) == name).unwrap().id;
+    node.set_control(v4l::Control { id, value: v4l::control::Value::Integer(value) }).unwrap();
+}
+
+fn settings(device: &str, format: &str) -> Settings {
+    Settings {
+        format: Some(format.into()),
+        size: Some(SIZE),
+        exposure_ms: Some(5.0),
+        readout_ms: Some(5.0),
+        ..Settings::new(device)
+    }
+}
+
+fn open(settings: &Settings) -> DeviceResult<V4l2Camera> {
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+    kernel::open(settings, &clock)
+}
+
+fn run<T>(future: impl Future<Output = T>) -> T {
+    tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(future)
+}
+
+fn next(camera: &mut V4l2Camera) -> DeviceResult<Frame> {
+    run(camera.next_frame(Freshness::default()))
+}
+
+fn mean(frame: &Frame) -> f64 {
+    frame.codes.iter().map(|c| f64::from(*c)).sum::<f64>() / frame.codes.len() as f64
+}
+
+#[test]
+fn all_formats_show_the_same_picture_in_order() {
+    let Some((device, _one)) = device("vivid") else { return };
+    control(&device, "osd_text_mode", 2);
+    let mut means = Vec::new();
+    for name in ["GREY", "Y10", "Y12", "Y16", "BA81", "GBRG", "BG10", "RG12", "BYR2", "YUYV", "UYVY"] {
+        let mut camera = open(&settings(&device, name)).unwrap();
+        let info = camera.describe();
+        let frames: Vec<Frame> = (0..5).map(|_| next(&mut camera).unwrap()).collect();
+        for pair in frames.windows(2) {
+            assert!(pair[1].stamp.sequence > pair[0].stamp.sequence, "{name}");
+            assert!(pair[1].stamp.timestamp > pair[0].stamp.timestamp, "{name}");
+        }
+        let last = frames.last().unwrap();
+        let age = SystemClock.now() - last.stamp.timestamp;
+        assert!(age < Duration::from_secs(2), "{name}: {age:?}");
+        assert_eq!((last.width, last.height, last.codes.len()), (640, 360, 640 * 360));
+        let full = f64::from(u32::from(info.white.max(255)) + 1).log2().ceil();
+        let level = mean(last) / 2f64.powf(full) * 256.0;
+        println!("{name}: white {}, mean {:.2} of 256, {} frames after {age:?}", info.white, level, frames.len());
+        assert!(last.codes.iter().max() > last.codes.iter().min(), "{name}: a picture");
+        means.push((name, level));
+    }
+    for (name, level) in &means[1..4] {
+        assert!((level - means[0].1).abs() < 1.0, "{name}: {level} against {:?}", means[0]);
+    }
+}
+
+#[test]
+fn faults_of_a_stream_are_told_and_overcome() {
+    let Some((device, _one)) = device("vivid") else { return };
+    let grey = settings(&device, "GREY");
+    let mut camera = open(&grey).unwrap();
+    next(&mut camera).unwrap();
+
+    control(&device, "inject_v4l2_buf_flag_error", 1);
+    let damaged = (0..20).filter(|_| next(&mut camera).unwrap().damaged).count();
+    println!("error flag: {damaged} of 20 frames");
+    assert!(damaged >= 1 && damaged < 20);
+
+    control(&device, "percentage_of_dropped_buffers", 40);
+    let numbers: Vec<u64> = (0..20).map(|_| next(&mut camera).unwrap().stamp.sequence).collect();
+    control(&device, "percentage_of_dropped_buffers", 0);
+    println!("dropped: {} numbers for 20 frames", numbers[19] - numbers[0] + 1);
+    assert!(numbers[19] - numbers[0] > 19);
+
+    control(&device, "inject_fatal_streaming_error", 1);
+    let error = (0..20).find_map(|_| next(&mut camera).err()).unwrap();
+    println!("fatal error: {error}");
+    assert_eq!(error.class, Class::Lost);
+    drop(camera);
+
+    for fault in ["inject_vidioc_reqbufs_error", "inject_vidioc_qbuf_error", "inject_vidioc_streamon_error"] {
+        let mut camera = open(&grey).unwrap();
+        control(&device, fault, 1);
+        let error = next(&mut camera).unwrap_err();
+        println!("{fault}: {error}");
+        next(&mut camera).unwrap();
+    }
+}
+
+#[test]
+fn a_queue_of_old_frames_is_seen_through() {
+    let Some((device, _one)) = device("vivid") else { return };
+    let mut camera = open(&settings(&device, "GREY")).unwrap();
+    next(&mut camera).unwrap();
+    std::thread::sleep(Duration::from_secs(1));
+    let now = SystemClock.now();
+    let fresh = Freshness { steady_since: now, first_sequence: 0, duration: Duration::from_millis(10) };
+    let mut stale = 0;
+    while !fresh.accepts(run(camera.next_frame(fresh)).unwrap().stamp) {
+        stale += 1;
+    }
+    println!("{stale} old frames");
+    assert!((1..10).contains(&stale));
+}
+
+#[test]
+fn a_camera_that_is_pulled_out_is_lost_and_comes_back() {
+    let Some((device, _one)) = device("vivid") else { return };
+    let grey = settings(&device, "GREY");
+    let mut camera = open(&grey).unwrap();
+    let last = next(&mut camera).unwrap().stamp;
+    control(&device, "disconnect", 1);
+    let error = (0..10).find_map(|_| next(&mut camera).err()).unwrap();
+    println!("disconnected: {error}");
+    assert_eq!(error.class, Class::Lost);
+    // The virtual camera comes back when nobody has it open.
+    drop(camera);
+    let again = next(&mut open(&grey).unwrap()).unwrap().stamp;
+    assert!(again.sequence > last.sequence && again.timestamp > last.timestamp);
+}
+
+#[test]
+fn a_usb_camera_obeys_exposure_and_gain() {
+    let Some((device, _one)) = device("uvcvideo") else { return };
+    let mut camera =
+        open(&Settings { fps: Some(15.0), gain: GainScale::Unity(16.0), ..Settings::new(&device) }).unwrap();
+    println!("{:?}\n{:?}", camera.describe(), camera.warnings());
+    let ms = Duration::from_millis;
+    for exposure in [5, 10, 20] {
+        let controls = run(camera.configure(ms(exposure), 1.0)).unwrap();
+        assert_eq!(controls.exposure, ms(exposure));
+    }
+    let lag = run(measure::control_lag(&mut camera, [ms(5), ms(20)], 1.0)).unwrap();
+    let exposures: Vec<Duration> = [4, 8, 12, 16, 20].map(ms).into();
+    let ramp = run(measure::exposure_ramp(&mut camera, &exposures, 1.0)).unwrap();
+    println!("control lag {lag} frames, {ramp:?}");
+    let frame = next(&mut camera).unwrap();
+    println!("frame {:?}, now {:?}", frame.stamp, SystemClock.now());
+}

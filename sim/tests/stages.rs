@@ -1,0 +1,163 @@
+//! Drivers of stages on serial ports, down to the wire, on the simulated bench: whatever goes wrong, a stage that says that it
+//! arrived stands where it says.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
+
+use nacre_drivers::stage::{StageConfig, StageDriver, elliptec};
+use nacre_drivers::wire::wait;
+use nacre_drivers::{Arrived, Class, Clock, DeviceResult, Stage, SystemClock};
+use nacre_processing::progress::Silent;
+use nacre_sim::emulators::{self, ByteFault, ByteFaultKind, Emulator, Pty};
+use nacre_sim::{Bench, BenchConfig, SharedBench};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tempfile::TempDir;
+
+/// A stage's angle may differ from the truth by this much.
+const TOLERANCE_DEG: f64 = 0.2;
+
+/// A small bench whose stage is quick.
+fn bench() -> SharedBench {
+    let mut config = BenchConfig::default();
+    (config.camera.width, config.camera.height) = (16, 16);
+    (config.stage.speed_deg_s, config.stage.settle_ms) = (900.0, 10.0);
+    SharedBench::real_time(Bench::new(&config, &Silent).unwrap())
+}
+
+/// A device on a port of its own, and the bench behind it.
+struct Rig {
+    bench: SharedBench,
+    port: PathBuf,
+    _device: Pty,
+    _folder: TempDir,
+}
+
+impl Rig {
+    fn new<E: Emulator + 'static>(device: impl FnOnce(SharedBench) -> E) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let (bench, port) = (bench(), folder.path().join("port"));
+        let device = Pty::start(&port, device(bench.clone())).unwrap();
+        Self { bench, port, _device: device, _folder: folder }
+    }
+
+    fn true_deg(&self) -> f64 {
+        // Requests let the time of the bench pass.
+        self.bench.now();
+        self.bench.look(Bench::analyser_deg)
+    }
+
+    /// Whoever says that it arrived is there.
+    fn check(&self, arrived: &DeviceResult<Arrived>, fault: &str) {
+        if let Ok(arrived) = arrived {
+            let truth = self.true_deg();
+            assert!((arrived.angle_deg - truth).abs() < TOLERANCE_DEG, "{fault}: {arrived:?}, really {truth}°");
+        }
+    }
+}
+
+fn fault(kind: ByteFaultKind, after: u64, times: Option<u64>) -> Vec<ByteFault> {
+    vec![ByteFault { kind, after, times }]
+}
+
+fn open(driver: StageDriver) -> DeviceResult<Box<dyn Stage>> {
+    let config = StageConfig { driver, mounting: Default::default() };
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+    config.open(&clock).unwrap()
+}
+
+fn ell(options: emulators::elliptec::Options) -> Rig {
+    Rig::new(|bench| emulators::elliptec::Elliptec::new(Box::new(bench), options))
+}
+
+fn ell_driver(port: &Path) -> StageDriver {
+    StageDriver::Elliptec(elliptec::Settings {
+        port: port.to_path_buf(),
+        answer_ms: 120,
+        move_ms: 1500,
+        settling_ms: 10,
+        ..Default::default()
+    })
+}
+
+#[test]
+fn an_elliptec_stage_turns_the_analyser() {
+    let rig = ell(Default::default());
+    // It stands elsewhere when it is switched on.
+    let mut stage = open(ell_driver(&rig.port)).unwrap();
+    assert_eq!(stage.describe().id, "Elliptec ELL14 s/n 11400517 address 0");
+    rig.check(&Ok(wait(stage.home()).unwrap()), "home");
+    for angle in [45.0, 90.0, 22.5, 359.0, 0.0] {
+        let arrived = wait(stage.move_to(angle)).unwrap();
+        assert!((arrived.angle_deg - angle).abs() < TOLERANCE_DEG);
+        rig.check(&Ok(arrived), "move");
+        assert!((wait(stage.position()).unwrap() - rig.true_deg()).abs() < TOLERANCE_DEG);
+    }
+}
+
+#[test]
+fn an_elliptec_stage_that_was_left_anywhere_homes_first() {
+    let rig = ell(Default::default());
+    rig.bench.answer(&nacre_sim::Request::MoveTo { angle_deg: 77.0 }).unwrap();
+    let mut stage = open(ell_driver(&rig.port)).unwrap();
+    let arrived = wait(stage.move_to(30.0)).unwrap();
+    assert!((arrived.angle_deg - 30.0).abs() < TOLERANCE_DEG);
+    rig.check(&Ok(arrived), "first move");
+}
+
+/// Opens, homes, moves up and back to 0, as a session does; every end must be true. Returns what went wrong first.
+fn session(rig: &Rig, driver: StageDriver, name: &str) -> DeviceResult<()> {
+    let mut stage = open(driver)?;
+    let mut first = Ok(());
+    let mut note = |arrived: DeviceResult<Arrived>| {
+        rig.check(&arrived, name);
+        if first.is_ok() {
+            first = arrived.map(drop);
+        }
+    };
+    note(wait(stage.home()));
+    for angle in [60.0, 0.0, 15.0, 15.0] {
+        note(wait(stage.move_to(angle)));
+    }
+    first
+}
+
+#[test]
+fn no_fault_makes_an_elliptec_stage_arrive_wrongly() {
+    let rigs: Vec<_> = ByteFaultKind::ALL
+        .into_iter()
+        .flat_map(|kind| [(kind, 6, Some(1)), (kind, 9, Some(1)), (kind, 9, None)])
+        .collect();
+    std::thread::scope(|scope| {
+        for (kind, after, times) in rigs {
+            scope.spawn(move || {
+                let faults = fault(kind, after, times);
+                let rig = ell(emulators::elliptec::Options { faults, ..Default::default() });
+                let name = format!("{kind:?} after {after}, {times:?}");
+                let result = session(&rig, ell_driver(&rig.port), &name);
+                expect_words(kind, times, result, &name);
+            });
+        }
+    });
+}
+
+/// What the user reads fits what went wrong.
+fn expect_words(kind: ByteFaultKind, times: Option<u64>, result: DeviceResult<()>, name: &str) {
+    use ByteFaultKind::*;
+    let words: &[&str] = match kind {
+        Dropped => &["lost link"],
+        Reset => &["initialising", "reset"],
+        WrongStatus => &["mechanical timeout", "alarm"],
+        StuckBusy => &["busy", "Run"],
+        _ => &["“", "nothing", "without its position", "late"],
+    };
+    match result {
+        // Passing faults may be got over.
+        Ok(()) if times.is_some() || kind == Resend => {}
+        Ok(()) => panic!("{name}: nothing noticed"),
+        Err(error) => {
+            assert!(words.iter().any(|word| error.got.contains(word)), "{name}: {error}");
+            assert_eq!(error.class == Class::Lost, kind == Dropped, "{name}: {error}");
+            assert!(!error.remedy.is_empty());
+        }
+    }
+}
