@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use nacre_drivers::discovery::edid;
+use nacre_drivers::display::edid;
 
 fuzz_target!(|bytes: &[u8]| {
-    edid::parse(bytes);
+    let _ = edid::parse(bytes);
 });

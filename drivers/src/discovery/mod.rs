@@ -3,7 +3,6 @@
 //! A device that is there but may not be opened is listed, with what would change that.
 
 mod access;
-pub mod edid;
 mod hid;
 mod rules;
 mod screens;
