@@ -122,3 +122,48 @@ pub(crate) fn failed(device: &str, command: &str, error: &io::Error) -> DeviceEr
         .remedy("check that it is plugged in, then resume the session")
         .class(class)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::os::unix::net::UnixListener;
+
+    /// What a transfer makes of an answer of any bytes, after which the other end is gone.
+    fn answered(bytes: &[u8]) -> io::Result<Vec<u8>> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("socket");
+        let listener = UnixListener::bind(&path)?;
+        let mut seam = Seam::open(&path)?;
+        let (mut other, _) = listener.accept()?;
+        other.write_all(bytes)?;
+        other.shutdown(std::net::Shutdown::Write)?;
+        seam.transfer(Transfer::Feature, &[1, 8, 0])
+    }
+
+    #[test]
+    fn late_answers_are_passed_over() {
+        assert_eq!(answered(&[0, 200, 1, 0, 9, 0, 1, 2, 0, 5, 6]).unwrap(), [5, 6]);
+        assert_eq!(answered(&[1, 1, 0, 0]).unwrap_err().kind(), io::ErrorKind::InvalidInput);
+        assert_eq!(answered(&[0, 1, 2, 0, 5]).unwrap_err().kind(), io::ErrorKind::UnexpectedEof);
+        assert_eq!(answered(&[7, 1, 0, 0]).unwrap_err().kind(), io::ErrorKind::InvalidData);
+    }
+
+    #[test]
+    fn silence_ends() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("socket");
+        let _listener = UnixListener::bind(&path).unwrap();
+        let mut seam = Seam::open(&path).unwrap();
+        assert_eq!(seam.transfer(Transfer::Output, &[0]).unwrap_err().kind(), io::ErrorKind::TimedOut);
+        let long = vec![0; MAX_PAYLOAD + 1];
+        assert!(seam.transfer(Transfer::Output, &long).is_err(), "too long");
+    }
+
+    proptest! {
+        #[test]
+        fn any_answer_is_read(bytes in proptest::collection::vec(any::<u8>(), 0..40)) {
+            let _ = answered(&bytes);
+        }
+    }
+}

@@ -4,14 +4,14 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
 use nacre_drivers::flash::{FlashConfig, FlashDriver, blink1, bulk, relay};
-use nacre_drivers::{Clock, DeviceResult, Flash, SystemClock};
+use nacre_drivers::{Class, Clock, DeviceResult, Flash, FlashHandle, Patience, SystemClock};
 use nacre_processing::progress::Silent;
 use nacre_sim::emulators::{Blink1Emulator, BulkEmulator, ByteFault, ByteFaultKind, Peripheral, RelayEmulator, Served};
 use nacre_sim::{Bench, BenchConfig, Reply, Request, SharedBench};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 enum Kind {
     Relay,
     Blink1,
@@ -68,7 +68,7 @@ impl Rig {
 }
 
 fn run<T>(future: impl Future<Output = T>) -> T {
-    tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(future)
+    tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap().block_on(future)
 }
 
 #[test]
@@ -200,6 +200,34 @@ fn lamps_with_a_watch_go_off_by_themselves() {
         assert!((0.2..3.0).contains(&after.as_secs_f64()), "{kind:?}: {after:?}");
         std::thread::sleep(Duration::from_millis(50));
         assert!(!rig.lit(), "{kind:?}: and stays off");
+    }
+}
+
+/// On its own thread, as the engine has it: a lost link comes back with the light off, and nothing is repeated.
+#[test]
+fn a_lost_link_comes_back_dark() {
+    for (kind, opening) in ALL.into_iter().zip([3, 23, 4]) {
+        // The command itself passes; its read-back does not.
+        let rig = Arc::new(Rig::new(
+            kind,
+            vec![ByteFault { kind: ByteFaultKind::Dropped, after: opening + 2, times: Some(1) }],
+        ));
+        let (clock, opened): (Arc<dyn Clock>, _) = (Arc::new(SystemClock), rig.clone());
+        let patience = Patience { total: Duration::from_secs(5), clock };
+        run(async {
+            let mut flash = FlashHandle::start(Box::new(move || opened.open(10.0)), patience).await.unwrap();
+            let lost = loop {
+                match flash.switch(true).await {
+                    Ok(switched) => assert!(switched.on),
+                    Err(error) => break error,
+                }
+            };
+            assert_eq!(lost.class, Class::Lost, "{kind:?} {lost}");
+            assert!(!rig.lit(), "{kind:?}");
+            assert_eq!(flash.is_on().await, Ok(false), "{kind:?}");
+            assert!(flash.switch(true).await.unwrap().on && rig.lit(), "{kind:?}");
+        });
+        assert!(!rig.lit(), "{kind:?}: off at the end");
     }
 }
 

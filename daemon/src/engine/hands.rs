@@ -304,7 +304,12 @@ impl<'a> Hands<'a> {
     /// # Errors
     /// As the camera answers; `Stop` for another size and for a clock that runs backwards, `Retry` for a damaged frame.
     pub async fn next_frame(&mut self, fresh: Freshness) -> DeviceResult<Frame> {
-        let frame = timed(&mut self.stopwatch, self.devices.camera.next_frame(fresh)).await?;
+        let taken = timed(&mut self.stopwatch, self.devices.camera.next_frame(fresh)).await;
+        if taken.as_ref().is_err_and(|e| e.class == Class::Lost) {
+            // It comes back with settings of its own.
+            self.memory.asked = None;
+        }
+        let frame = taken?;
         let info = &self.limits.camera;
         let error = |expected: String, got: String| DeviceError::new(&info.id, "take a frame", expected, got);
         let pixels = if fresh.accepts(frame.stamp) { info.width * info.height } else { frame.codes.len() };

@@ -3,7 +3,6 @@
 //! A device that is there but may not be opened is listed, with what would change that.
 
 mod access;
-pub mod edid;
 mod hid;
 mod rules;
 mod screens;
@@ -72,6 +71,14 @@ pub fn discover(root: &Root) -> Vec<Found> {
     found.extend(screens::screens(root));
     found.extend(usb::others(root));
     found
+}
+
+/// The name that udev gives a node by its device's serial number, or, as devices without one have the same name, by the
+/// place where it is plugged in.
+pub(crate) fn stable_name(root: &Root, class: &str, node: &str, usb: Option<&Usb>) -> Option<PathBuf> {
+    let has_serial = usb.is_some_and(|usb| usb.serial.is_some());
+    let links = entries(&root.dev.join(class).join(if has_serial { "by-id" } else { "by-path" }));
+    links.into_iter().find(|link| std::fs::read_link(link).is_ok_and(|to| name(&to) == node))
 }
 
 /// A text as TOML writes it.

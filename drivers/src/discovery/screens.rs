@@ -1,6 +1,7 @@
 //! Outputs of graphics cards with a monitor on them.
 
-use super::{Found, Kind, Root, bytes, check, edid, entries, name, quoted, text};
+use super::{Found, Kind, Root, bytes, check, entries, name, quoted, text};
+use crate::display::edid::{self, Edid};
 use std::path::Path;
 
 /// Connected monitors.
@@ -14,12 +15,12 @@ fn screen(root: &Root, folder: &Path) -> Option<Found> {
     if !card.starts_with("card") || text(&folder.join("status"))? != "connected" {
         return None;
     }
-    let edid = bytes(&folder.join("edid")).and_then(|b| edid::parse(&b));
+    let edid = bytes(&folder.join("edid")).and_then(|b| edid::parse(&b).ok());
     let node = root.dev.join("dri").join(card);
     Some(Found {
         kind: Kind::Display,
         what: words(connector, edid.as_ref()),
-        id: edid.as_ref().map_or_else(|| file.clone(), identity),
+        id: edid.as_ref().map_or_else(|| file.clone(), Edid::id),
         setting: Some(format!("{{ kind = \"kms\", output = {} }}", quoted(connector))),
         sure: false,
         access: check(root, &node),
@@ -29,17 +30,9 @@ fn screen(root: &Root, folder: &Path) -> Option<Found> {
     })
 }
 
-fn words(connector: &str, edid: Option<&edid::Edid>) -> String {
+fn words(connector: &str, edid: Option<&Edid>) -> String {
     let Some(edid) = edid else { return format!("monitor on {connector}, which does not say what it is") };
-    let name = if edid.name.is_empty() { &edid.maker } else { &edid.name };
+    let name = edid.name.as_ref().unwrap_or(&edid.maker);
     let size = edid.size_mm.map_or_else(|| "of unknown size".into(), |[w, h]| format!("{w} mm × {h} mm"));
     format!("monitor {name} on {connector}, {size}")
-}
-
-fn identity(edid: &edid::Edid) -> String {
-    let serial = match edid.serial_text.as_str() {
-        "" => edid.serial.to_string(),
-        text => text.to_owned(),
-    };
-    format!("{}-{:04x} {serial}", edid.maker, edid.product)
 }

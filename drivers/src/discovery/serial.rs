@@ -1,7 +1,7 @@
 //! Serial ports with a device behind them.
 
-use super::{Found, Kind, Root, Usb, check, entries, name, quoted};
-use std::path::{Path, PathBuf};
+use super::{Found, Kind, Root, Usb, check, entries, name, quoted, stable_name};
+use std::path::Path;
 
 /// Serial ports. Those that the kernel makes up without hardware are left out.
 pub(super) fn ports(root: &Root) -> Vec<Found> {
@@ -20,7 +20,7 @@ fn port(root: &Root, folder: &Path) -> Option<Found> {
     }
     let name = name(folder);
     let node = root.dev.join(&name);
-    let stable = by_id(root, &name);
+    let stable = stable_name(root, "serial", &name, usb.as_ref());
     let path = stable.as_ref().unwrap_or(&node);
     let (kind, what, driver) = usb.as_ref().map_or((Kind::Other, "serial port of the machine", None), known);
     let what = match &usb {
@@ -49,10 +49,4 @@ fn known(usb: &Usb) -> (Kind, &'static str, Option<&'static str>) {
         }
         _ => (Kind::Other, "serial port", None),
     }
-}
-
-/// The name that udev gives a port by its device's serial number.
-fn by_id(root: &Root, name: &str) -> Option<PathBuf> {
-    let ends_here = |link: &PathBuf| std::fs::read_link(link).is_ok_and(|to| super::name(&to) == name);
-    entries(&root.dev.join("serial/by-id")).into_iter().find(ends_here)
 }

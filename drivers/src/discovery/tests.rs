@@ -79,6 +79,22 @@ fn an_interface_of_stages_is_found_by_its_chip() {
     assert_eq!(found.len(), 1);
 }
 
+/// Cheap adapters all have the same name, so that only the socket tells them apart.
+#[test]
+fn adapters_without_serial_number_are_named_by_their_place() {
+    let machine = Machine::new();
+    for n in 0..2 {
+        let usb = machine.usb(&format!("1-{n}"), "1a86:7523", &[("product", "USB Serial")]);
+        machine.class("tty", &format!("ttyUSB{n}"), &format!("{usb}/1-{n}:1.0"));
+        machine.link(&format!("dev/serial/by-path/pci-usb-0:{n}:1.0-port0"), &format!("../../ttyUSB{n}"));
+    }
+    machine.link("dev/serial/by-id/usb-1a86_USB_Serial-if00-port0", "../../ttyUSB1");
+    let found = discover(&machine.root());
+    let settings: Vec<&str> = found.iter().filter_map(|f| f.setting.as_deref()).collect();
+    assert!(settings[0].contains("\"grbl\"") && settings[0].contains("usb-0:0:1.0-port0"), "{settings:?}");
+    assert!(settings[1].contains("usb-0:1:1.0-port0"), "{settings:?}");
+}
+
 #[test]
 fn ports_without_anything_behind_are_left_out() {
     let machine = Machine::new();
@@ -139,11 +155,24 @@ fn a_camera_is_listed_once() {
     );
 }
 
+/// A monitor "Panel 24" by ABC of 527 mm × 296 mm with 1920 × 1080 pixels.
+fn edid() -> Vec<u8> {
+    let mut block = vec![0u8; 128];
+    block[1..7].fill(0xff);
+    block[8..16].copy_from_slice(&[0x04, 0x43, 0x34, 0x12, 7, 0, 0, 0]);
+    let timing = [2, 0x3a, 0x80, 0x18, 0x71, 0x38, 0x2d, 0x40, 0x58, 0x2c, 0x45, 0, 0x0f, 0x28, 0x21, 0, 0, 0x1e];
+    block[54..72].copy_from_slice(&timing);
+    block[72..90].copy_from_slice(b"\0\0\0\xfc\0Panel 24\n    ");
+    block[90..108].copy_from_slice(b"\0\0\0\xff\0S123\n        ");
+    block[127] = block.iter().fold(0u8, |sum, b| sum.wrapping_add(*b)).wrapping_neg();
+    block
+}
+
 #[test]
 fn a_monitor_says_its_size_and_empty_outputs_are_left_out() {
     let machine = Machine::new();
     machine.write("sys/class/drm/card0-HDMI-A-1/status", "connected\n");
-    machine.write("sys/class/drm/card0-HDMI-A-1/edid", edid::tests::example());
+    machine.write("sys/class/drm/card0-HDMI-A-1/edid", edid());
     machine.write("sys/class/drm/card0-DP-1/status", "disconnected\n");
     machine.write("sys/class/drm/card0-DP-2/status", "connected\n");
     machine.write("sys/class/drm/version", "drm\n");
@@ -153,7 +182,7 @@ fn a_monitor_says_its_size_and_empty_outputs_are_left_out() {
     let panel = find(&found, "Panel 24");
     assert_eq!(
         (panel.what.as_str(), panel.id.as_str()),
-        ("monitor Panel 24 on HDMI-A-1, 527 mm × 296 mm", "ABC-1234 S123")
+        ("monitor Panel 24 on HDMI-A-1, 527 mm × 296 mm", "ABC 1234 Panel 24 S123")
     );
     assert!(panel.setting.as_ref().unwrap().contains("HDMI-A-1"));
 }

@@ -1,7 +1,7 @@
 //! Cameras of the kernel's V4L2.
 
-use super::{Found, Kind, Root, Usb, check, entries, name, quoted, text};
-use std::path::{Path, PathBuf};
+use super::{Found, Kind, Root, Usb, check, entries, name, quoted, stable_name, text};
+use std::path::Path;
 
 /// Cameras. One camera has several nodes, of which only the first delivers pictures.
 pub(super) fn cameras(root: &Root) -> Vec<Found> {
@@ -15,8 +15,8 @@ fn camera(root: &Root, folder: &Path) -> Option<Found> {
         return None;
     }
     let node = root.dev.join(&file);
-    let stable = by_id(root, &file);
     let usb = Usb::of(root, &folder.join("device"));
+    let stable = stable_name(root, "v4l", &file, usb.as_ref());
     let path = stable.as_ref().unwrap_or(&node);
     Some(Found {
         kind: Kind::Camera,
@@ -29,9 +29,4 @@ fn camera(root: &Root, folder: &Path) -> Option<Found> {
         stable,
         usb,
     })
-}
-
-fn by_id(root: &Root, file: &str) -> Option<PathBuf> {
-    let ends_here = |link: &PathBuf| std::fs::read_link(link).is_ok_and(|to| name(&to) == file);
-    entries(&root.dev.join("v4l/by-id")).into_iter().find(ends_here)
 }
