@@ -2,6 +2,7 @@
 
 mod check;
 pub mod elliptec;
+pub mod grbl;
 mod hand;
 mod mount;
 
@@ -34,6 +35,8 @@ pub enum StageDriver {
     Hand {},
     /// A rotation stage of Thorlabs' Elliptec series.
     Elliptec(elliptec::Settings),
+    /// A rotary axis on a motor controller that runs GRBL 1.1.
+    Grbl(grbl::Settings),
 }
 
 impl StageConfig {
@@ -42,16 +45,15 @@ impl StageConfig {
     /// # Errors
     /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
     pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Stage>>> {
+        if let Err(problem) = self.mounting.check() {
+            return Some(Err(misconfigured("stage", problem)));
+        }
         let axis: DeviceResult<Box<dyn Stage>> = match &self.driver {
             StageDriver::Simulated {} | StageDriver::Hand {} => return None,
             StageDriver::Elliptec(settings) => boxed(elliptec::Elliptec::open(settings, clock.clone())),
+            StageDriver::Grbl(settings) => boxed(grbl::Grbl::open(settings, clock.clone())),
         };
-        Some(self.mount(axis))
-    }
-
-    fn mount(&self, axis: DeviceResult<Box<dyn Stage>>) -> DeviceResult<Box<dyn Stage>> {
-        self.mounting.check().map_err(|e| misconfigured("stage", e))?;
-        Ok(Box::new(Mounted::new(axis?, self.mounting)))
+        Some(axis.map(|axis| Box::new(Mounted::new(axis, self.mounting)) as Box<dyn Stage>))
     }
 }
 
