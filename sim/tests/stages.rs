@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
-use nacre_drivers::stage::{StageConfig, StageDriver, elliptec};
+use nacre_drivers::stage::{StageConfig, StageDriver, elliptec, grbl};
 use nacre_drivers::wire::wait;
 use nacre_drivers::{Arrived, Class, Clock, DeviceResult, Stage, SystemClock};
 use nacre_processing::progress::Silent;
@@ -55,10 +55,6 @@ impl Rig {
     }
 }
 
-fn fault(kind: ByteFaultKind, after: u64, times: Option<u64>) -> Vec<ByteFault> {
-    vec![ByteFault { kind, after, times }]
-}
-
 fn open(driver: StageDriver) -> DeviceResult<Box<dyn Stage>> {
     let config = StageConfig { driver, mounting: Default::default() };
     let clock: Arc<dyn Clock> = Arc::new(SystemClock);
@@ -72,8 +68,8 @@ fn ell(options: emulators::elliptec::Options) -> Rig {
 fn ell_driver(port: &Path) -> StageDriver {
     StageDriver::Elliptec(elliptec::Settings {
         port: port.to_path_buf(),
-        answer_ms: 120,
-        move_ms: 1500,
+        answer_ms: 100,
+        move_ms: 900,
         settling_ms: 10,
         ..Default::default()
     })
@@ -121,23 +117,116 @@ fn session(rig: &Rig, driver: StageDriver, name: &str) -> DeviceResult<()> {
     first
 }
 
-#[test]
-fn no_fault_makes_an_elliptec_stage_arrive_wrongly() {
-    let rigs: Vec<_> = ByteFaultKind::ALL
-        .into_iter()
-        .flat_map(|kind| [(kind, 6, Some(1)), (kind, 9, Some(1)), (kind, 9, None)])
-        .collect();
+/// Every fault, early and late, once and for good, each with a device of its own.
+fn all_faults(device: fn(Vec<ByteFault>) -> Rig, driver: fn(&Path) -> StageDriver) {
     std::thread::scope(|scope| {
-        for (kind, after, times) in rigs {
-            scope.spawn(move || {
-                let faults = fault(kind, after, times);
-                let rig = ell(emulators::elliptec::Options { faults, ..Default::default() });
-                let name = format!("{kind:?} after {after}, {times:?}");
-                let result = session(&rig, ell_driver(&rig.port), &name);
-                expect_words(kind, times, result, &name);
-            });
+        for kind in ByteFaultKind::ALL {
+            for (after, times) in [(6, Some(1)), (9, Some(1)), (9, None)] {
+                scope.spawn(move || {
+                    let rig = device(vec![ByteFault { kind, after, times }]);
+                    let name = format!("{kind:?} after {after}, {times:?}");
+                    let result = session(&rig, driver(&rig.port), &name);
+                    expect_words(kind, times, result, &name);
+                });
+            }
         }
     });
+}
+
+#[test]
+fn no_fault_makes_an_elliptec_stage_arrive_wrongly() {
+    all_faults(|faults| ell(emulators::elliptec::Options { faults, ..Default::default() }), ell_driver);
+}
+
+fn controller(options: emulators::grbl::Options) -> Rig {
+    Rig::new(|bench| emulators::grbl::Grbl::new(Box::new(bench), options))
+}
+
+fn grbl_driver(port: &Path) -> StageDriver {
+    StageDriver::Grbl(grbl_settings(port))
+}
+
+fn grbl_settings(port: &Path) -> grbl::Settings {
+    grbl::Settings {
+        port: port.to_path_buf(),
+        answer_ms: 100,
+        start_ms: 1000,
+        move_ms: 900,
+        home_ms: 900,
+        settling_ms: 10,
+        ..Default::default()
+    }
+}
+
+#[test]
+fn a_grbl_axis_turns_the_analyser() {
+    let in_work = emulators::grbl::Options { work: true, ..Default::default() };
+    let geared = emulators::grbl::Options { axis: 'X', degrees_per_unit: -3.0, homes: false, ..Default::default() };
+    for options in [Default::default(), in_work, geared] {
+        let rig = controller(options.clone());
+        let settings = grbl::Settings {
+            axis: if options.axis == 'X' { grbl::protocol::Axis::X } else { grbl::protocol::Axis::A },
+            degrees_per_unit: options.degrees_per_unit,
+            homes: options.homes,
+            ..grbl_settings(&rig.port)
+        };
+        let mut stage = open(StageDriver::Grbl(settings)).unwrap();
+        assert!(stage.describe().id.starts_with("GRBL 1.1h.20190825 on "));
+        rig.check(&Ok(wait(stage.home()).unwrap()), "home");
+        for angle in [45.0, 90.0, -22.5, 359.0, 0.0] {
+            let arrived = wait(stage.move_to(angle)).unwrap();
+            assert!((arrived.angle_deg - angle).abs() < TOLERANCE_DEG);
+            rig.check(&Ok(arrived), "move");
+            assert!((wait(stage.position()).unwrap() - rig.true_deg()).abs() < TOLERANCE_DEG);
+        }
+    }
+}
+
+#[test]
+fn no_fault_makes_a_grbl_axis_arrive_wrongly() {
+    all_faults(|faults| controller(emulators::grbl::Options { faults, ..Default::default() }), grbl_driver);
+}
+
+/// A move that is dropped after a moment, as the program does when somebody stops it, and then ended in order.
+fn cut_short(rig: &Rig, driver: StageDriver) -> f64 {
+    let mut stage = open(driver).unwrap();
+    wait(stage.home()).unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
+    runtime.block_on(async {
+        let cut = tokio::time::timeout(std::time::Duration::from_millis(150), stage.move_to(355.0)).await;
+        assert!(cut.is_err(), "it was to be cut short");
+        stage.halt().await.unwrap();
+    });
+    let [stopped, reported] = [rig.true_deg(), wait(stage.position()).unwrap()];
+    std::thread::sleep(std::time::Duration::from_millis(50));
+    assert!((stopped - rig.true_deg()).abs() < 1e-6, "it still moves");
+    assert!((stopped - reported).abs() < TOLERANCE_DEG);
+    let arrived = wait(stage.move_to(20.0)).unwrap();
+    assert!((arrived.angle_deg - 20.0).abs() < TOLERANCE_DEG);
+    rig.check(&Ok(arrived), "after the stop");
+    stopped
+}
+
+#[test]
+fn a_movement_is_cut_short_where_that_is_possible() {
+    let rig = controller(Default::default());
+    let stopped = cut_short(&rig, grbl_driver(&rig.port));
+    assert!(stopped > 1.0 && stopped < 350.0, "{stopped}");
+    let rig = ell(Default::default());
+    assert!(cut_short(&rig, ell_driver(&rig.port)) > 354.0, "nothing ends it sooner");
+}
+
+#[test]
+fn a_port_comes_back_after_its_link_was_dropped_and_goes_with_its_device() {
+    let faults = vec![ByteFault { kind: ByteFaultKind::Dropped, after: 6, times: Some(1) }];
+    let rig = ell(emulators::elliptec::Options { faults, ..Default::default() });
+    let error = session(&rig, ell_driver(&rig.port), "dropped").unwrap_err();
+    assert_eq!(error.class, Class::Lost);
+    std::thread::sleep(std::time::Duration::from_millis(600));
+    session(&rig, ell_driver(&rig.port), "again").unwrap();
+    let Rig { port, _device, _folder, .. } = rig;
+    drop(_device);
+    assert!(port.symlink_metadata().is_err(), "the link is removed");
 }
 
 /// What the user reads fits what went wrong.
@@ -147,7 +236,7 @@ fn expect_words(kind: ByteFaultKind, times: Option<u64>, result: DeviceResult<()
         Dropped => &["lost link"],
         Reset => &["initialising", "reset"],
         WrongStatus => &["mechanical timeout", "alarm"],
-        StuckBusy => &["busy", "Run"],
+        StuckBusy => &["busy", "Run", "nothing"],
         _ => &["“", "nothing", "without its position", "late"],
     };
     match result {

@@ -4,6 +4,7 @@
 mod axis;
 pub mod elliptec;
 mod fault;
+pub mod grbl;
 mod mouth;
 mod pty;
 

@@ -12,7 +12,7 @@ mod tests;
 pub use settings::Settings;
 
 use crate::wire::{Lines, SerialWire, Wire, shown, wait};
-use crate::{Arrived, Class, Clock, DeviceResult, Stage, StageInfo};
+use crate::{Arrived, Class, Clock, DeviceError, DeviceResult, Stage, StageInfo};
 use async_trait::async_trait;
 use protocol::{Line, Place, Report, State, move_line, parse};
 use std::sync::Arc;
@@ -51,6 +51,13 @@ enum Zero {
     Forgotten,
     /// It was found, and this is where the axis stood after the last movement, in degrees.
     Known(f64),
+}
+
+/// What was heard.
+enum Heard {
+    Line(Line),
+    Garbage(String),
+    Nothing,
 }
 
 impl Grbl {
@@ -122,12 +129,10 @@ impl Grbl {
         Duration::from_millis(self.settings.answer_ms)
     }
 
-    /// What it says next, but for messages; none if it is nothing, or nothing that GRBL says.
-    async fn hear(&mut self, what: &str, until: Instant) -> DeviceResult<Result<Line, String>> {
+    /// What it says next, but for messages.
+    async fn hear(&mut self, what: &str, until: Instant) -> DeviceResult<Heard> {
         loop {
-            let Some(line) = self.lines.next(what, until).await? else {
-                return Ok(Err(format!("nothing within {} ms", self.settings.answer_ms)));
-            };
+            let Some(line) = self.lines.next(what, until).await? else { return Ok(Heard::Nothing) };
             match parse(&line) {
                 Some(Line::Message(_)) => {}
                 Some(Line::Started(_)) => return Err(self.restarted(what)),
@@ -135,12 +140,22 @@ impl Grbl {
                 Some(Line::Error(code)) => return Err(self.refused(what, code)),
                 Some(Line::Report(report)) => {
                     self.learn(&report);
-                    return Ok(Ok(Line::Report(report)));
+                    return Ok(Heard::Line(Line::Report(report)));
                 }
-                Some(line) => return Ok(Ok(line)),
-                None => return Ok(Err(shown(&line))),
+                Some(line) => return Ok(Heard::Line(line)),
+                None => return Ok(Heard::Garbage(shown(&line))),
             }
         }
+    }
+
+    /// What was asked for did not come; it may still come.
+    fn unheard(&mut self, what: &str, expected: &str, heard: Heard, limit: Duration) -> DeviceError {
+        self.unsettled = true;
+        let got = match heard {
+            Heard::Garbage(line) => line,
+            _ => format!("nothing within {} ms", limit.as_millis()),
+        };
+        self.passing(what, expected, got)
     }
 
     fn learn(&mut self, report: &Report) {
@@ -152,12 +167,9 @@ impl Grbl {
     async fn settle(&mut self, what: &str) -> DeviceResult<()> {
         let time = if self.unsettled { QUIET * self.answer() } else { Duration::ZERO };
         for _ in 0..MAX_TALK {
-            match self.hear(what, Instant::now() + time).await? {
-                Err(nothing) if nothing.starts_with("nothing") => {
-                    self.unsettled = false;
-                    return Ok(());
-                }
-                _ => {}
+            if let Heard::Nothing = self.hear(what, Instant::now() + time).await? {
+                self.unsettled = false;
+                return Ok(());
             }
         }
         Err(self.passing(what, "an answer", "a controller that talks all the time".into()))
@@ -170,34 +182,33 @@ impl Grbl {
         let until = Instant::now() + limit;
         loop {
             match self.hear(what, until).await? {
-                Ok(Line::Ok) => return Ok(()),
+                Heard::Line(Line::Ok) => return Ok(()),
                 // A report that was asked for earlier.
-                Ok(_) => {}
-                Err(got) => {
-                    self.unsettled = true;
-                    return Err(self.passing(what, "ok", got));
-                }
+                Heard::Line(_) => {}
+                other => return Err(self.unheard(what, "ok", other, limit)),
             }
         }
     }
 
     /// Asks for a report, once again if there is none that makes sense.
     async fn report(&mut self, what: &str) -> DeviceResult<Report> {
-        let mut last = String::new();
-        for _ in 0..2 {
-            self.settle(what).await?;
-            self.lines.send(what, protocol::REPORT)?;
-            let until = Instant::now() + self.answer();
-            last = loop {
-                match self.hear(what, until).await? {
-                    Ok(Line::Report(report)) => return Ok(report),
-                    Ok(_) => {}
-                    Err(got) => break got,
-                }
-            };
-            self.unsettled = true;
+        match self.report_once(what).await {
+            Err(e) if e.class == Class::Retry => self.report_once(what).await,
+            other => other,
         }
-        Err(self.passing(what, "a report", last))
+    }
+
+    async fn report_once(&mut self, what: &str) -> DeviceResult<Report> {
+        self.settle(what).await?;
+        self.lines.send(what, protocol::REPORT)?;
+        let until = Instant::now() + self.answer();
+        loop {
+            match self.hear(what, until).await? {
+                Heard::Line(Line::Report(report)) => return Ok(report),
+                Heard::Line(_) => {}
+                other => return Err(self.unheard(what, "a report", other, self.answer())),
+            }
+        }
     }
 
     /// State, and place of the axis in degrees.
