@@ -4,6 +4,7 @@ mod check;
 pub mod elliptec;
 pub mod grbl;
 mod hand;
+pub mod line;
 mod mount;
 
 pub use hand::{HandStage, Prompt};
@@ -37,6 +38,8 @@ pub enum StageDriver {
     Elliptec(elliptec::Settings),
     /// A rotary axis on a motor controller that runs GRBL 1.1.
     Grbl(grbl::Settings),
+    /// A stage that takes lines of text, which are described here.
+    Line(Box<line::Settings>),
 }
 
 impl StageConfig {
@@ -51,6 +54,7 @@ impl StageConfig {
         let axis: DeviceResult<Box<dyn Stage>> = match &self.driver {
             StageDriver::Simulated {} | StageDriver::Hand {} => return None,
             StageDriver::Elliptec(settings) => boxed(elliptec::Elliptec::open(settings, clock.clone())),
+            StageDriver::Line(settings) => boxed(line::LineStage::open(settings, clock.clone())),
             StageDriver::Grbl(settings) => boxed(grbl::Grbl::open(settings, clock.clone())),
         };
         Some(axis.map(|axis| Box::new(Mounted::new(axis, self.mounting)) as Box<dyn Stage>))
