@@ -71,3 +71,37 @@ fn misconfigured(device: &str, problem: String) -> DeviceError {
         .remedy("correct the configuration of the stage")
         .class(Class::Setup)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SystemClock;
+
+    fn opened(driver: StageDriver, mounting: Mounting) -> DeviceError {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+        StageConfig { driver, mounting }.open(&clock).unwrap().err().unwrap()
+    }
+
+    #[test]
+    fn what_cannot_be_opened_is_an_error_of_the_setup() {
+        let nowhere = elliptec::Settings { port: "/dev/there-is-no-such-port".into(), ..Default::default() };
+        let gear = Mounting { gear: 0.0, ..Mounting::default() };
+        for (driver, mounting, word) in [
+            (StageDriver::Elliptec(nowhere.clone()), Mounting::default(), "/dev/there-is-no-such-port"),
+            (StageDriver::Elliptec(nowhere), gear, "mounting.gear"),
+            (StageDriver::Elliptec(elliptec::Settings::default()), Mounting::default(), "port is missing"),
+            (StageDriver::Grbl(grbl::Settings::default()), Mounting::default(), "port is missing"),
+        ] {
+            let error = opened(driver, mounting);
+            assert!(error.class == Class::Setup && error.to_string().contains(word), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_device_of_this_machine_is_not_opened_here() {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+        for driver in [StageDriver::Simulated {}, StageDriver::Hand {}] {
+            assert!(StageConfig { driver, mounting: Mounting::default() }.open(&clock).is_none());
+        }
+    }
+}
