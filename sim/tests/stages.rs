@@ -229,6 +229,100 @@ fn a_port_comes_back_after_its_link_was_dropped_and_goes_with_its_device() {
     assert!(port.symlink_metadata().is_err(), "the link is removed");
 }
 
+/// A stage with a language of its own: it answers when a move has begun.
+struct Teller {
+    bench: SharedBench,
+    heard: String,
+}
+
+impl Teller {
+    fn answer(&self, line: &str) -> String {
+        use nacre_sim::{Reply, Request};
+        let request = match line.split_once(' ') {
+            Some(("MOVE", angle)) => Request::MoveTo { angle_deg: angle.parse().unwrap() },
+            _ if line == "HOME" => Request::Home,
+            _ if line == "STOP" => Request::Halt,
+            _ => Request::Position,
+        };
+        match self.bench.answer(&request) {
+            Ok(Reply::Angle(angle)) => format!("POS {angle:.2}\r\n"),
+            Ok(_) => "OK\r\n".into(),
+            Err(e) => format!("ERR {e}\r\n"),
+        }
+    }
+}
+
+impl Emulator for Teller {
+    fn receive(&mut self, bytes: &[u8]) -> Vec<emulators::Action> {
+        self.heard.push_str(std::str::from_utf8(bytes).unwrap());
+        let mut actions = vec![];
+        while let Some((line, rest)) = self.heard.split_once("\r\n") {
+            actions.push(emulators::Action::Send(self.answer(line).into_bytes()));
+            self.heard = rest.to_owned();
+        }
+        actions
+    }
+
+    fn tick(&mut self) -> Vec<emulators::Action> {
+        vec![]
+    }
+}
+
+/// A configuration as a user writes it.
+fn read(text: &str) -> Result<StageConfig, String> {
+    toml::from_str(text).map_err(|e| e.to_string())
+}
+
+#[test]
+fn a_stage_that_the_configuration_describes_turns_the_analyser() {
+    let rig = Rig::new(|bench| Teller { bench, heard: String::new() });
+    let config = r#"
+        [driver]
+        kind = "line"
+        port = "PORT"
+        home = { send = "HOME", reply = "OK" }
+        move = { send = "MOVE {angle:.3}", reply = "OK" }
+        position = { send = "POS?", reply = "POS {angle}" }
+        halt = { send = "STOP", reply = "OK" }
+        errors = ["ERR{any}"]
+        motion = { answer_ms = 200, move_ms = 2000, settling_ms = 20, tolerance_deg = 0.2, limits_deg = [-400, 800] }
+    "#;
+    let config = read(&config.replace("PORT", &rig.port.display().to_string())).unwrap();
+    let mut stage = open(config.driver.clone()).unwrap();
+    rig.check(&Ok(wait(stage.home()).unwrap()), "home");
+    for angle in [45.0, 300.0, 0.0] {
+        let arrived = wait(stage.move_to(angle)).unwrap();
+        assert!((arrived.angle_deg - angle).abs() < TOLERANCE_DEG);
+        rig.check(&Ok(arrived), "move");
+    }
+    // What the stage refuses is said in its words.
+    let error = wait(stage.move_to(790.0)).unwrap_err();
+    assert!(error.got.contains("ERR"), "{error}");
+    drop(stage);
+    assert!(cut_short(&rig, config.driver) < 350.0);
+}
+
+#[test]
+fn configurations_are_read_and_unknown_keys_refused() {
+    let config = read(
+        "[driver]\nkind = \"elliptec\"\nport = \"/dev/ttyUSB0\"\naddress = \"b\"\n[mounting]\nzero_deg = 12.5\nsense = \"clockwise\"",
+    );
+    let StageDriver::Elliptec(settings) = config.unwrap().driver else { panic!("another driver") };
+    assert_eq!(char::from(settings.address), 'B');
+    let config = read("driver = { kind = \"grbl\", port = \"/dev/ttyACM0\", axis = \"X\", homes = false }");
+    let StageDriver::Grbl(settings) = config.unwrap().driver else { panic!("another driver") };
+    assert!(!settings.homes && settings.baud == 115_200);
+    for (wrong, word) in [
+        ("driver = { kind = \"elliptec\", prot = \"x\" }", "prot"),
+        ("driver = { kind = \"elliptec\", address = \"G\" }", "no address"),
+        ("driver = { kind = \"grbl\", axis = \"W\" }", "W"),
+        ("driver = { kind = \"line\", port = \"x\" }", "move"),
+    ] {
+        let error = read(wrong).unwrap_err();
+        assert!(error.contains(word), "{error}");
+    }
+}
+
 /// What the user reads fits what went wrong.
 fn expect_words(kind: ByteFaultKind, times: Option<u64>, result: DeviceResult<()>, name: &str) {
     use ByteFaultKind::*;
