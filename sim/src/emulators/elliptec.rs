@@ -40,7 +40,7 @@ impl Default for Options {
             kind: 14,
             pulses_per_turn: 143_360,
             wrong_status: 2,
-            late_ms: 300,
+            late_ms: 400,
             care_ms: 500,
             faults: vec![],
         }

@@ -39,7 +39,7 @@ impl Default for Options {
             homes: true,
             work: false,
             wrong_status: 9,
-            late_ms: 300,
+            late_ms: 400,
             faults: vec![],
         }
     }
