@@ -71,7 +71,7 @@ fn ell_driver(port: &Path) -> StageDriver {
 
 /// The same, soon impatient.
 fn hasty_ell(port: &Path) -> StageDriver {
-    let (port, answer_ms, move_ms) = (port.to_path_buf(), 150, 1200);
+    let (port, answer_ms, move_ms) = (port.to_path_buf(), 150, 3000);
     StageDriver::Elliptec(elliptec::Settings { port, answer_ms, move_ms, settling_ms: 10, ..Default::default() })
 }
 
@@ -162,7 +162,7 @@ fn grbl_settings(port: &Path) -> grbl::Settings {
 /// Soon impatient.
 fn hasty_grbl(port: &Path) -> StageDriver {
     let short = grbl_settings(port);
-    StageDriver::Grbl(grbl::Settings { answer_ms: 150, start_ms: 500, move_ms: 1200, home_ms: 1200, ..short })
+    StageDriver::Grbl(grbl::Settings { answer_ms: 150, start_ms: 500, move_ms: 3000, home_ms: 3000, ..short })
 }
 
 #[test]
@@ -338,7 +338,7 @@ fn expect_words(kind: ByteFaultKind, times: Option<u64>, result: DeviceResult<()
         Reset => &["initialising", "reset"],
         WrongStatus => &["mechanical timeout", "alarm", "error 9"],
         StuckBusy => &["busy", "Run", "nothing"],
-        _ => &["“", "nothing", "without its"],
+        _ => &["“", "without its"],
     };
     match result {
         // Passing faults may be got over.
@@ -346,7 +346,7 @@ fn expect_words(kind: ByteFaultKind, times: Option<u64>, result: DeviceResult<()
         Ok(()) => panic!("{name}: nothing noticed"),
         Err(error) => {
             // On a busy machine any answer may be late.
-            let late = error.got.starts_with("nothing") || error.got.starts_with("none");
+            let late = ["nothing", "none", "an end without"].iter().any(|words| error.got.starts_with(words));
             let fits = late || words.iter().any(|word| error.got.contains(word));
             assert!(fits, "{name}: {error}");
             assert!(late || (error.class == Class::Lost) == (kind == Dropped), "{name}: {error}");

@@ -256,7 +256,7 @@ impl Elliptec {
     /// Waits for the end of a movement; returns where it stands then.
     async fn finish(&mut self, what: &str) -> DeviceResult<i32> {
         let until = Instant::now() + self.longest_move();
-        let (mut unanswered, mut idle) = (0, 0);
+        let (mut unanswered, mut idle, mut busy) = (0, 0, false);
         let mut got = "an end without its position".to_owned();
         while Instant::now() < until {
             let limit = if unanswered > 0 { self.answer() } else { POLL };
@@ -264,11 +264,11 @@ impl Elliptec {
                 // Late words of an earlier movement look the same, but it is busy then.
                 Heard::Reply(Reply::Position(_)) => match self.status(what).await? {
                     Status::Ok => return self.pulses_now(what).await,
-                    Status::Busy => (unanswered, idle) = (0, 0),
+                    Status::Busy => (unanswered, idle, busy) = (0, 0, true),
                     status => return Err(self.failed(what, status)),
                 },
-                Heard::Reply(Reply::Status(Status::Busy)) => (unanswered, idle) = (0, 0),
-                Heard::Reply(Reply::Status(Status::Ok)) => (unanswered, idle) = (0, idle + 1),
+                Heard::Reply(Reply::Status(Status::Busy)) => (unanswered, idle, busy) = (0, 0, true),
+                Heard::Reply(Reply::Status(Status::Ok)) => (unanswered, idle, busy) = (0, idle + 1, false),
                 Heard::Reply(Reply::Status(status)) => return Err(self.failed(what, status)),
                 Heard::Reply(_) => {}
                 Heard::Garbage(line) => (got, self.unsettled) = (line, true),
@@ -285,7 +285,11 @@ impl Elliptec {
                 return Err(self.passing(what, "the position at the end", got));
             }
         }
-        Err(self.stuck(what, self.longest_move()))
+        Err(if busy {
+            self.stuck(what, self.longest_move())
+        } else {
+            self.passing(what, "the end of the movement", got)
+        })
     }
 
     /// That it stands where it was left; homes it where that is not known.
