@@ -7,7 +7,7 @@ use nacre_processing::Error;
 use nacre_processing::progress::Progress;
 use nacre_sim::Port;
 use nacre_sim::emulators::{
-    Blink1Emulator, BulkEmulator, ByteFault, ByteFaultKind, Pty, RelayEmulator, Served, elliptec,
+    Blink1Emulator, BulkEmulator, ByteFault, ByteFaultKind, Pty, RelayEmulator, Served, elliptec, grbl,
 };
 use nacre_sim::socket::RemoteBench;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ pub struct Args {
 /// Which devices to emulate.
 #[derive(clap::Args, Default)]
 pub struct Emulated {
-    /// A device and where its port or socket is to be: elliptec, relay, blink1 or bulk.
+    /// A device and where its port or socket is to be: elliptec, grbl, relay, blink1 or bulk.
     #[arg(long = "device", value_name = "KIND=PATH", value_parser = device)]
     devices: Vec<(Kind, PathBuf)>,
     /// What goes wrong: no_answer, half_answer, dropped, garbage, resend, reset, slow, wrong_status or stuck_busy, after so
@@ -54,6 +54,7 @@ pub struct Emulated {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Elliptec,
+    Grbl,
     Relay,
     Blink1,
     Bulk,
@@ -71,10 +72,11 @@ pub struct Attached {
 fn kind(text: &str) -> Result<Kind, String> {
     Ok(match text {
         "elliptec" => Kind::Elliptec,
+        "grbl" => Kind::Grbl,
         "relay" => Kind::Relay,
         "blink1" => Kind::Blink1,
         "bulk" => Kind::Bulk,
-        other => return Err(format!("{other:?} cannot be emulated; give elliptec, relay, blink1 or bulk")),
+        other => return Err(format!("{other:?} cannot be emulated; give elliptec, grbl, relay, blink1 or bulk")),
     })
 }
 
@@ -114,6 +116,10 @@ impl Emulated {
                         ..elliptec::Options::default()
                     };
                     attached.ports.push(Pty::start(path, elliptec::Elliptec::new(port, options)).map_err(bad)?);
+                }
+                Kind::Grbl => {
+                    let options = grbl::Options { faults, ..grbl::Options::default() };
+                    attached.ports.push(Pty::start(path, grbl::Grbl::new(port, options)).map_err(bad)?);
                 }
                 Kind::Relay => attached.sockets.push(serve(Box::new(RelayEmulator::new(port, *b"NACRE", 1, 1)))?),
                 Kind::Blink1 => attached.sockets.push(serve(Box::new(Blink1Emulator::new(port)))?),

@@ -2,7 +2,9 @@
 
 mod check;
 pub mod elliptec;
+pub mod grbl;
 mod hand;
+pub mod line;
 mod mount;
 
 pub use hand::{HandStage, Prompt};
@@ -34,6 +36,10 @@ pub enum StageDriver {
     Hand {},
     /// A rotation stage of Thorlabs' Elliptec series.
     Elliptec(elliptec::Settings),
+    /// A rotary axis on a motor controller that runs GRBL 1.1.
+    Grbl(grbl::Settings),
+    /// A stage that takes lines of text, which are described here.
+    Line(Box<line::Settings>),
 }
 
 impl StageConfig {
@@ -42,16 +48,16 @@ impl StageConfig {
     /// # Errors
     /// `Setup` when it is not there, may not be opened or is something else; the message says what to do.
     pub fn open(&self, clock: &Arc<dyn Clock>) -> Option<DeviceResult<Box<dyn Stage>>> {
+        if let Err(problem) = self.mounting.check() {
+            return Some(Err(misconfigured("stage", problem)));
+        }
         let axis: DeviceResult<Box<dyn Stage>> = match &self.driver {
             StageDriver::Simulated {} | StageDriver::Hand {} => return None,
             StageDriver::Elliptec(settings) => boxed(elliptec::Elliptec::open(settings, clock.clone())),
+            StageDriver::Line(settings) => boxed(line::LineStage::open(settings, clock.clone())),
+            StageDriver::Grbl(settings) => boxed(grbl::Grbl::open(settings, clock.clone())),
         };
-        Some(self.mount(axis))
-    }
-
-    fn mount(&self, axis: DeviceResult<Box<dyn Stage>>) -> DeviceResult<Box<dyn Stage>> {
-        self.mounting.check().map_err(|e| misconfigured("stage", e))?;
-        Ok(Box::new(Mounted::new(axis?, self.mounting)))
+        Some(axis.map(|axis| Box::new(Mounted::new(axis, self.mounting)) as Box<dyn Stage>))
     }
 }
 
@@ -64,4 +70,38 @@ fn misconfigured(device: &str, problem: String) -> DeviceError {
     DeviceError::new(device, "open", "a proper configuration", problem)
         .remedy("correct the configuration of the stage")
         .class(Class::Setup)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SystemClock;
+
+    fn opened(driver: StageDriver, mounting: Mounting) -> DeviceError {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+        StageConfig { driver, mounting }.open(&clock).unwrap().err().unwrap()
+    }
+
+    #[test]
+    fn what_cannot_be_opened_is_an_error_of_the_setup() {
+        let nowhere = elliptec::Settings { port: "/dev/there-is-no-such-port".into(), ..Default::default() };
+        let gear = Mounting { gear: 0.0, ..Mounting::default() };
+        for (driver, mounting, word) in [
+            (StageDriver::Elliptec(nowhere.clone()), Mounting::default(), "/dev/there-is-no-such-port"),
+            (StageDriver::Elliptec(nowhere), gear, "mounting.gear"),
+            (StageDriver::Elliptec(elliptec::Settings::default()), Mounting::default(), "port is missing"),
+            (StageDriver::Grbl(grbl::Settings::default()), Mounting::default(), "port is missing"),
+        ] {
+            let error = opened(driver, mounting);
+            assert!(error.class == Class::Setup && error.to_string().contains(word), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_device_of_this_machine_is_not_opened_here() {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+        for driver in [StageDriver::Simulated {}, StageDriver::Hand {}] {
+            assert!(StageConfig { driver, mounting: Mounting::default() }.open(&clock).is_none());
+        }
+    }
 }

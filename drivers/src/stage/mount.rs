@@ -138,3 +138,125 @@ impl Stage for Mounted {
         Ok(self.mounting.analyser_deg(self.axis.position().await?))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::DeviceError;
+    use crate::wire::wait;
+    use proptest::prelude::*;
+    use std::sync::{Arc, Mutex};
+    use std::time::Duration;
+
+    /// An axis that goes where it is sent, and its log.
+    #[derive(Clone, Default)]
+    struct Axis {
+        sent: Arc<Mutex<Vec<f64>>>,
+        /// It stands there after homing.
+        home_deg: f64,
+    }
+
+    impl Axis {
+        fn arrive(&self, angle_deg: f64) -> DeviceResult<Arrived> {
+            self.sent.lock().unwrap().push(angle_deg);
+            Ok(Arrived { since: Duration::from_secs(7), angle_deg })
+        }
+    }
+
+    #[async_trait]
+    impl Stage for Axis {
+        fn describe(&self) -> StageInfo {
+            StageInfo {
+                id: "axis".into(),
+                speed_deg_s: 90.0,
+                settling_s: 0.1,
+                limits_deg: [-90.0, 360.0],
+                tolerance_deg: 0.3,
+                approach_deg: 0.0,
+                halts: true,
+                by_hand: false,
+            }
+        }
+
+        async fn home(&mut self) -> DeviceResult<Arrived> {
+            self.arrive(self.home_deg)
+        }
+
+        async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
+            self.arrive(angle_deg)
+        }
+
+        async fn halt(&mut self) -> DeviceResult<()> {
+            Ok(())
+        }
+
+        async fn position(&mut self) -> DeviceResult<f64> {
+            let none = || DeviceError::new("axis", "report its position", "an angle", "none");
+            self.sent.lock().unwrap().last().copied().ok_or_else(none)
+        }
+    }
+
+    fn mounting(zero_deg: f64, sense: Sense, gear: f64) -> Mounting {
+        Mounting { zero_deg, sense, gear, ..Mounting::default() }
+    }
+
+    proptest! {
+        #[test]
+        fn angles_come_back(angle in -720.0..720.0_f64, zero in -360.0..360.0_f64, gear in 0.01..100.0_f64, flip: bool) {
+            let sense = if flip { Sense::Clockwise } else { Sense::Anticlockwise };
+            let mounting = mounting(zero, sense, gear);
+            prop_assert!((mounting.analyser_deg(mounting.axis_deg(angle)) - angle).abs() < 1e-8);
+            let mut stage = Mounted::new(Box::new(Axis::default()), mounting);
+            let arrived = wait(stage.move_to(angle)).unwrap();
+            prop_assert!((arrived.angle_deg - angle).abs() < 1e-8);
+            prop_assert!((wait(stage.position()).unwrap() - angle).abs() < 1e-8);
+            prop_assert_eq!(arrived.since, Duration::from_secs(7));
+        }
+
+        #[test]
+        fn limits_are_those_of_the_axis(zero in -90.0..90.0_f64, gear in 0.5..3.0_f64, flip: bool) {
+            let sense = if flip { Sense::Clockwise } else { Sense::Anticlockwise };
+            let mounting = mounting(zero, sense, gear);
+            let [low, high] = Mounted::new(Box::new(Axis::default()), mounting).describe().limits_deg;
+            prop_assert!(low < high);
+            for angle in [low, high, 0.5 * (low + high)] {
+                let axis = mounting.axis_deg(angle);
+                prop_assert!((-90.0 - 1e-9..=360.0 + 1e-9).contains(&axis), "{axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_gear_divides_speed_and_tolerance_and_own_limits_narrow() {
+        let mounting = Mounting { limits_deg: Some([-10.0, 400.0]), ..mounting(30.0, Sense::Anticlockwise, 2.0) };
+        let info = Mounted::new(Box::new(Axis::default()), mounting).describe();
+        assert_eq!((info.speed_deg_s, info.tolerance_deg, info.approach_deg), (45.0, 0.15, 5.0));
+        assert_eq!(info.limits_deg, [-10.0, 165.0]);
+    }
+
+    #[test]
+    fn homing_ends_at_the_analysers_zero() {
+        for (zero, home, sent) in [(30.0, 0.0, vec![0.0, 30.0]), (30.0, 30.0, vec![30.0]), (0.0, -1.0, vec![-1.0, 0.0])]
+        {
+            let axis = Axis { home_deg: home, ..Axis::default() };
+            let mut stage = Mounted::new(Box::new(axis.clone()), mounting(zero, Sense::Clockwise, 1.0));
+            assert_eq!(wait(stage.home()).unwrap().angle_deg, 0.0);
+            assert_eq!(*axis.sent.lock().unwrap(), sent);
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_mounting_is_named() {
+        let good = Mounting::default();
+        for (wrong, key) in [
+            (Mounting { gear: 0.0, ..good }, "gear"),
+            (Mounting { gear: f64::NAN, ..good }, "gear"),
+            (Mounting { zero_deg: f64::INFINITY, ..good }, "zero_deg"),
+            (Mounting { approach_deg: -1.0, ..good }, "approach_deg"),
+            (Mounting { limits_deg: Some([0.0, 90.0]), ..good }, "limits_deg"),
+        ] {
+            assert!(wrong.check().unwrap_err().contains(key));
+        }
+        assert_eq!(good.check(), Ok(()));
+    }
+}

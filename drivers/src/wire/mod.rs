@@ -25,6 +25,9 @@ const MAX_LINE: usize = 256;
 /// Most lines that wait; a device that sends more than anybody reads loses the oldest.
 const MAX_LINES: usize = 256;
 
+/// Lines that came in time are read for this long afterwards.
+const FLOOD: Duration = Duration::from_secs(1);
+
 /// A device that is to be quiet for a time is waited for this many times as long.
 const MAX_TALK: u32 = 10;
 
@@ -139,6 +142,11 @@ impl Lines {
     pub async fn next(&mut self, command: &str, until: Instant) -> DeviceResult<Option<Vec<u8>>> {
         let mut bytes = [0; 256];
         loop {
+            // Whoever skips the lines of a device that never stops talking must come to an end, too.
+            if Instant::now() > until + FLOOD {
+                self.buffer.clear();
+                return Ok(None);
+            }
             if let Some(line) = self.buffer.pop() {
                 return Ok(Some(line));
             }
@@ -239,6 +247,33 @@ mod tests {
         lines.send("ask", b"a").unwrap();
         let until = Instant::now() + Duration::from_millis(5);
         assert_eq!(wait(lines.next("ask", until)), Ok(None));
+    }
+
+    /// Says the same line for ever.
+    struct Chatter;
+
+    impl Wire for Chatter {
+        fn send(&mut self, _: &[u8]) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn receive(&mut self, buffer: &mut [u8], _: Duration) -> io::Result<usize> {
+            buffer[..6].copy_from_slice(b"hello\n");
+            Ok(6)
+        }
+
+        fn clear(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn who_never_stops_talking_is_not_listened_to_for_ever() {
+        let mut lines = Lines::new(Box::new(Chatter), "stage", b"\n");
+        let error = wait(lines.quiet("ask", Duration::from_millis(2))).unwrap_err();
+        assert!(error.class == Class::Retry && error.got.contains("talks"), "{error}");
+        let until = Instant::now();
+        while wait(lines.next("ask", until)).unwrap().is_some() {}
     }
 
     #[test]

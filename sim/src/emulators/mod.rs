@@ -6,6 +6,7 @@ mod blink1;
 mod bulk;
 pub mod elliptec;
 mod fault;
+pub mod grbl;
 mod lamp;
 mod mouth;
 mod pty;

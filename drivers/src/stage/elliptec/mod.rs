@@ -4,6 +4,7 @@
 //! believed only after homing by this program, and only as long as each movement ended as the protocol has it; after
 //! anything else the next movement homes first. For the same reason the driver repeats questions, but not movements.
 
+mod errors;
 pub mod protocol;
 mod settings;
 #[cfg(test)]
@@ -12,7 +13,7 @@ mod tests;
 pub use settings::Settings;
 
 use crate::wire::{Lines, SerialWire, Wire, shown, wait};
-use crate::{Arrived, Class, Clock, DeviceError, DeviceResult, Stage, StageInfo};
+use crate::{Arrived, Class, Clock, DeviceResult, Stage, StageInfo};
 use async_trait::async_trait;
 use protocol::{Command, Identity, Motor, Reply, Status, degrees, parse, pulses};
 use std::sync::Arc;
@@ -95,8 +96,12 @@ impl Elliptec {
 
     async fn identify(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "identify itself";
-        // It may still be turning for whoever drove it before.
-        self.idle(WHAT, self.longest_move()).await?;
+        // It may still be turning for whoever drove it before, and an error of then is told once.
+        match self.idle(WHAT, self.longest_move()).await {
+            Err(e) if matches!(e.class, Class::Stop | Class::Setup) => self.idle(WHAT, self.longest_move()).await?,
+            other => other?,
+        }
+        self.zero = Zero::Unchecked;
         let identity = self
             .ask(WHAT, Command::Identity, |reply| match reply {
                 Reply::Identity(identity) => Some(identity),
@@ -152,46 +157,6 @@ impl Elliptec {
 
     fn answer(&self) -> Duration {
         Duration::from_millis(self.settings.answer_ms)
-    }
-
-    fn error(&self, what: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError {
-        DeviceError::new(self.lines.device(), what, expected, got)
-    }
-
-    /// A question or a movement that may work when it is tried again.
-    fn passing(&self, what: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError {
-        self.error(what, expected, got)
-            .remedy("check cable, power and the address of the stage, then try again")
-            .class(Class::Retry)
-    }
-
-    /// A status that is neither ok nor busy: whatever it was doing, it is not done.
-    fn failed(&mut self, what: &str, status: Status) -> DeviceError {
-        self.zero = if status == Status::Initialising { Zero::Forgotten } else { Zero::Unchecked };
-        let (class, remedy) = match status {
-            Status::CommunicationTimeout | Status::CommandError => (Class::Retry, "check the cable, then try again"),
-            Status::MechanicalTimeout => (
-                Class::Stop,
-                "check that it turns freely; search its frequencies or clean its track if it gets stuck without a load",
-            ),
-            Status::OutOfRange | Status::OutOfTravel => (Class::Setup, "correct limits_deg of the stage"),
-            Status::Isolated | Status::OutOfIsolation => (Class::Stop, "switch it off and on, then home it"),
-            Status::Initialising => (
-                Class::Stop,
-                "it was reset and has forgotten its zero: check its power supply, home it, then resume the session",
-            ),
-            Status::Thermal => (Class::Stop, "let it cool down, then resume the session"),
-            _ => (Class::Stop, "switch it off and on, and have it repaired if this comes back"),
-        };
-        let got = format!("status {} ({})", status.code(), status.name());
-        self.error(what, "status 0 (ok)", got).remedy(remedy).class(class)
-    }
-
-    fn forgot(&mut self, what: &str, expected: i32, got: i32) -> DeviceError {
-        self.zero = Zero::Forgotten;
-        let [expected, got] = [expected, got].map(|p| format!("{:.2}°", degrees(p, self.identity.pulses)));
-        self.error(what, &format!("to find it where it was left, at {expected}"), got)
-            .remedy("it was reset or turned by hand: check its power supply, home it, then resume the session")
     }
 
     /// Waits until nothing late can come any more.
@@ -288,16 +253,10 @@ impl Elliptec {
         Ok(())
     }
 
-    fn stuck(&self, what: &str, limit: Duration) -> DeviceError {
-        let got = format!("status 9 (busy) for {:.1} s", limit.as_secs_f64());
-        self.error(what, "status 0 (ok)", got)
-            .remedy("check that it turns freely, switch it off and on, then resume the session")
-    }
-
     /// Waits for the end of a movement; returns where it stands then.
     async fn finish(&mut self, what: &str) -> DeviceResult<i32> {
         let until = Instant::now() + self.longest_move();
-        let (mut unanswered, mut idle) = (0, 0);
+        let (mut unanswered, mut idle, mut busy) = (0, 0, false);
         let mut got = "an end without its position".to_owned();
         while Instant::now() < until {
             let limit = if unanswered > 0 { self.answer() } else { POLL };
@@ -305,11 +264,11 @@ impl Elliptec {
                 // Late words of an earlier movement look the same, but it is busy then.
                 Heard::Reply(Reply::Position(_)) => match self.status(what).await? {
                     Status::Ok => return self.pulses_now(what).await,
-                    Status::Busy => (unanswered, idle) = (0, 0),
+                    Status::Busy => (unanswered, idle, busy) = (0, 0, true),
                     status => return Err(self.failed(what, status)),
                 },
-                Heard::Reply(Reply::Status(Status::Busy)) => (unanswered, idle) = (0, 0),
-                Heard::Reply(Reply::Status(Status::Ok)) => (unanswered, idle) = (0, idle + 1),
+                Heard::Reply(Reply::Status(Status::Busy)) => (unanswered, idle, busy) = (0, 0, true),
+                Heard::Reply(Reply::Status(Status::Ok)) => (unanswered, idle, busy) = (0, idle + 1, false),
                 Heard::Reply(Reply::Status(status)) => return Err(self.failed(what, status)),
                 Heard::Reply(_) => {}
                 Heard::Garbage(line) => (got, self.unsettled) = (line, true),
@@ -326,7 +285,11 @@ impl Elliptec {
                 return Err(self.passing(what, "the position at the end", got));
             }
         }
-        Err(self.stuck(what, self.longest_move()))
+        Err(if busy {
+            self.stuck(what, self.longest_move())
+        } else {
+            self.passing(what, "the end of the movement", got)
+        })
     }
 
     /// That it stands where it was left; homes it where that is not known.

@@ -247,7 +247,7 @@ fn hex(data: &str, digits: usize) -> Option<u32> {
 /// Pulses at an angle; none where 32 bits do not suffice.
 pub fn pulses(angle_deg: f64, pulses_per_turn: u32) -> Option<i32> {
     let pulses = (angle_deg / 360.0 * f64::from(pulses_per_turn)).round();
-    (pulses.abs() <= f64::from(i32::MAX)).then_some(pulses as i32)
+    (pulses >= f64::from(i32::MIN) && pulses <= f64::from(i32::MAX)).then_some(pulses as i32)
 }
 
 /// Angle of so many pulses.
@@ -289,6 +289,15 @@ mod tests {
         for line in bent.into_iter().chain(["0in", "0gs", "0IN0E11400517", "0PO0000°0", "0PO+0000460"]) {
             assert_eq!(parse(line.as_bytes()), None, "{line}");
         }
+    }
+
+    /// Found by fuzzing.
+    #[test]
+    fn the_lowest_position_has_an_angle_and_comes_back() {
+        let (_, reply) = parse(b"0PO80000000").unwrap();
+        assert_eq!(reply, Reply::Position(i32::MIN));
+        assert_eq!(pulses(degrees(i32::MIN, 143_360), 143_360), Some(i32::MIN));
+        assert_eq!([1e9, f64::NAN].map(|angle| pulses(angle, 143_360)), [None; 2]);
     }
 
     #[test]

@@ -36,6 +36,12 @@ fn it_says_who_it_is() {
 }
 
 #[test]
+fn an_old_error_is_forgotten_once_it_was_told() {
+    open(&[("2gs", "2GS02\r\n"), IDLE, IDENTITY]).unwrap();
+    assert!(open(&[("2gs", "2GS02\r\n"), ("2gs", "2GS02\r\n")]).err().unwrap().got.contains("mechanical"));
+}
+
+#[test]
 fn a_linear_stage_is_refused_by_name() {
     let error = open(&[IDLE, ("2in", "2IN141140051720231701003C00000400\r\n")]).err().unwrap();
     assert!(error.class == Class::Setup && error.got.contains("ELL20, a linear stage"), "{error}");

@@ -1,0 +1,54 @@
+//! What goes wrong with an Elliptec stage, and what to do then.
+
+use super::protocol::{Status, degrees};
+use super::{Elliptec, Zero};
+use crate::{Class, DeviceError};
+use std::time::Duration;
+
+impl Elliptec {
+    pub(super) fn error(&self, what: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError {
+        DeviceError::new(self.lines.device(), what, expected, got)
+    }
+
+    /// A question or a movement that may work when it is tried again.
+    pub(super) fn passing(&self, what: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError {
+        self.error(what, expected, got)
+            .remedy("check cable, power and the address of the stage, then try again")
+            .class(Class::Retry)
+    }
+
+    /// A status that is neither ok nor busy: whatever it was doing, it is not done.
+    pub(super) fn failed(&mut self, what: &str, status: Status) -> DeviceError {
+        self.zero = if status == Status::Initialising { Zero::Forgotten } else { Zero::Unchecked };
+        let (class, remedy) = match status {
+            Status::CommunicationTimeout | Status::CommandError => (Class::Retry, "check the cable, then try again"),
+            Status::MechanicalTimeout => (
+                Class::Stop,
+                "check that it turns freely; search its frequencies or clean its track if it gets stuck without a load",
+            ),
+            Status::OutOfRange | Status::OutOfTravel => (Class::Setup, "correct limits_deg of the stage"),
+            Status::Isolated | Status::OutOfIsolation => (Class::Stop, "switch it off and on, then home it"),
+            Status::Initialising => (
+                Class::Stop,
+                "it was reset and has forgotten its zero: check its power supply, home it, then resume the session",
+            ),
+            Status::Thermal => (Class::Stop, "let it cool down, then resume the session"),
+            _ => (Class::Stop, "switch it off and on, and have it repaired if this comes back"),
+        };
+        let got = format!("status {} ({})", status.code(), status.name());
+        self.error(what, "status 0 (ok)", got).remedy(remedy).class(class)
+    }
+
+    pub(super) fn forgot(&mut self, what: &str, expected: i32, got: i32) -> DeviceError {
+        self.zero = Zero::Forgotten;
+        let [expected, got] = [expected, got].map(|p| format!("{:.2}°", degrees(p, self.identity.pulses)));
+        self.error(what, &format!("to find it where it was left, at {expected}"), got)
+            .remedy("it was reset or turned by hand: check its power supply, home it, then resume the session")
+    }
+
+    pub(super) fn stuck(&self, what: &str, limit: Duration) -> DeviceError {
+        let got = format!("status 9 (busy) for {:.1} s", limit.as_secs_f64());
+        self.error(what, "status 0 (ok)", got)
+            .remedy("check that it turns freely, switch it off and on, then resume the session")
+    }
+}

@@ -1,0 +1,377 @@
+//! A rotary axis on a motor controller that runs GRBL 1.1.
+//!
+//! GRBL says `ok` when it has queued a line, so the end of a movement is seen in its reports: idle, and at the target. A
+//! controller that starts anew in the middle counts from another zero; it says so, and a place that changed says so too.
+
+mod errors;
+pub mod protocol;
+mod settings;
+#[cfg(test)]
+mod tests;
+
+pub use settings::Settings;
+
+use crate::wire::{Lines, SerialWire, Wire, shown, wait};
+use crate::{Arrived, Class, Clock, DeviceError, DeviceResult, Stage, StageInfo};
+use async_trait::async_trait;
+use protocol::{Line, Place, Report, State, move_line, parse};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How often reports are asked for while it moves.
+const POLL: Duration = Duration::from_millis(50);
+
+/// So many reports of rest away from the target end a movement.
+const SHORT: u32 = 3;
+
+/// After this many times of an answer without a word, nothing late comes any more.
+const QUIET: u32 = 5;
+
+/// So many lines are looked at before it counts as quiet.
+const MAX_TALK: u32 = 1000;
+
+/// A rotary axis of a GRBL controller.
+pub struct Grbl {
+    lines: Lines,
+    settings: Settings,
+    clock: Arc<dyn Clock>,
+    zero: Zero,
+    /// Where the axis' work coordinates start, as last reported.
+    offset: Option<f64>,
+    /// Answers that did not come in time may still come.
+    unsettled: bool,
+}
+
+/// Whether the controller's coordinates can be believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Zero {
+    /// Not yet known.
+    Unchecked,
+    /// It started anew, or lost steps.
+    Forgotten,
+    /// It was found, and this is where the axis stood after the last movement, in degrees.
+    Known(f64),
+}
+
+/// What was heard.
+enum Heard {
+    Line(Line),
+    Garbage(String),
+    Nothing,
+}
+
+impl Grbl {
+    /// Opens the port, which restarts many a controller, and asks who is there.
+    ///
+    /// # Errors
+    /// `Setup` when the port cannot be opened or something else is there; as the controller answers.
+    pub fn open(settings: &Settings, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
+        settings.check().map_err(|e| crate::stage::misconfigured("GRBL stage", e))?;
+        let wire = SerialWire::open("GRBL stage", &settings.port, settings.baud)?;
+        Self::on(Box::new(wire), settings, clock)
+    }
+
+    /// The same on a cable that is open.
+    ///
+    /// # Errors
+    /// As [`Grbl::open`].
+    pub fn on(wire: Box<dyn Wire>, settings: &Settings, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
+        let lines = Lines::new(wire, "GRBL stage", b"\r\n");
+        let (settings, zero) = (settings.clone(), Zero::Unchecked);
+        let mut stage = Self { lines, settings, clock, zero, offset: None, unsettled: false };
+        wait(stage.start())?;
+        Ok(stage)
+    }
+
+    /// Waits for the first report, and asks for the version.
+    async fn start(&mut self) -> DeviceResult<()> {
+        const WHAT: &str = "start";
+        let until = Instant::now() + Duration::from_millis(self.settings.start_ms);
+        let mut reported = false;
+        while !reported && Instant::now() < until {
+            self.lines.send(WHAT, protocol::REPORT)?;
+            let next = Instant::now() + self.answer();
+            while let Some(line) = self.lines.next(WHAT, next).await? {
+                if matches!(parse(&line), Some(Line::Report(_))) {
+                    reported = true;
+                    break;
+                }
+            }
+        }
+        if !reported {
+            let got = format!("none within {} ms", self.settings.start_ms);
+            return Err(self
+                .error(WHAT, "a report of GRBL", got)
+                .remedy("check that the controller runs GRBL 1.1, and port and baud in the configuration")
+                .class(Class::Setup));
+        }
+        let version = self.version(WHAT).await?;
+        self.lines.rename(&format!("GRBL {version} on {}", self.settings.port.display()));
+        Ok(())
+    }
+
+    async fn version(&mut self, what: &str) -> DeviceResult<String> {
+        self.lines.send(what, b"$I\n")?;
+        let until = Instant::now() + self.answer();
+        let mut version = None;
+        while let Some(line) = self.lines.next(what, until).await? {
+            match parse(&line) {
+                Some(Line::Message(text)) => version = text.strip_prefix("VER:").map(str::to_owned).or(version),
+                Some(Line::Ok) => break,
+                _ => {}
+            }
+        }
+        let version = version.as_deref().map(|v| v.trim_end_matches(':').to_owned());
+        version.ok_or_else(|| self.passing(what, "its version", "none".into()))
+    }
+
+    fn answer(&self) -> Duration {
+        Duration::from_millis(self.settings.answer_ms)
+    }
+
+    /// What it says next, but for messages.
+    async fn hear(&mut self, what: &str, until: Instant) -> DeviceResult<Heard> {
+        loop {
+            let Some(line) = self.lines.next(what, until).await? else { return Ok(Heard::Nothing) };
+            match parse(&line) {
+                Some(Line::Message(_)) => {}
+                Some(Line::Started(_)) => return Err(self.restarted(what)),
+                Some(Line::Alarm(code)) => return Err(self.alarmed(what, Some(code))),
+                Some(Line::Error(code)) => return Err(self.refused(what, code)),
+                Some(Line::Report(report)) => {
+                    self.learn(&report);
+                    return Ok(Heard::Line(Line::Report(report)));
+                }
+                Some(line) => return Ok(Heard::Line(line)),
+                None => return Ok(Heard::Garbage(shown(&line))),
+            }
+        }
+    }
+
+    /// What was asked for did not come; it may still come.
+    fn unheard(&mut self, what: &str, expected: &str, heard: Heard, limit: Duration) -> DeviceError {
+        self.unsettled = true;
+        let got = match heard {
+            Heard::Garbage(line) => line,
+            _ => format!("nothing within {} ms", limit.as_millis()),
+        };
+        self.passing(what, expected, got)
+    }
+
+    fn learn(&mut self, report: &Report) {
+        let offset = report.offset.as_ref().and_then(|o| o.get(self.settings.axis.index()));
+        self.offset = offset.copied().or(self.offset);
+    }
+
+    /// Looks at what came without being asked for, and waits until nothing late can come any more.
+    async fn settle(&mut self, what: &str) -> DeviceResult<()> {
+        let time = if self.unsettled { QUIET * self.answer() } else { Duration::ZERO };
+        for _ in 0..MAX_TALK {
+            if let Heard::Nothing = self.hear(what, Instant::now() + time).await? {
+                self.unsettled = false;
+                return Ok(());
+            }
+        }
+        Err(self.passing(what, "an answer", "a controller that talks all the time".into()))
+    }
+
+    /// Sends a line and waits until it is taken.
+    async fn command(&mut self, what: &str, line: &str, limit: Duration) -> DeviceResult<()> {
+        self.settle(what).await?;
+        self.lines.send(what, line.as_bytes())?;
+        let until = Instant::now() + limit;
+        loop {
+            match self.hear(what, until).await? {
+                Heard::Line(Line::Ok) => return Ok(()),
+                // A report that was asked for earlier.
+                Heard::Line(_) => {}
+                other => return Err(self.unheard(what, "ok", other, limit)),
+            }
+        }
+    }
+
+    /// Asks for a report, once again if there is none that makes sense.
+    async fn report(&mut self, what: &str) -> DeviceResult<Report> {
+        match self.report_once(what).await {
+            Err(e) if e.class == Class::Retry => self.report_once(what).await,
+            other => other,
+        }
+    }
+
+    async fn report_once(&mut self, what: &str) -> DeviceResult<Report> {
+        self.settle(what).await?;
+        self.lines.send(what, protocol::REPORT)?;
+        let until = Instant::now() + self.answer();
+        loop {
+            match self.hear(what, until).await? {
+                Heard::Line(Line::Report(report)) => return Ok(report),
+                Heard::Line(_) => {}
+                other => return Err(self.unheard(what, "a report", other, self.answer())),
+            }
+        }
+    }
+
+    /// State, and place of the axis in degrees.
+    async fn look(&mut self, what: &str) -> DeviceResult<(State, f64)> {
+        // Work coordinates tell the place only with their start, which is not in every report.
+        for _ in 0..40 {
+            let report = self.report(what).await?;
+            let index = self.settings.axis.index();
+            let units = match (&report.place, self.offset) {
+                (Some(Place::Machine(axes)), _) => axes.get(index).copied(),
+                (Some(Place::Work(axes)), Some(offset)) => axes.get(index).map(|a| a + offset),
+                (Some(Place::Work(_)), None) => continue,
+                (None, _) => None,
+            };
+            return match units {
+                Some(units) => Ok((report.state, units * self.settings.degrees_per_unit)),
+                None => Err(self.no_axis(what)),
+            };
+        }
+        Err(self.passing(what, "a report with WCO", "none".into()))
+    }
+
+    /// Waits until it is idle, at the target if there is one; returns where it stands.
+    async fn rest(&mut self, what: &str, target_deg: Option<f64>, limit: Duration) -> DeviceResult<f64> {
+        let until = Instant::now() + limit;
+        let mut short = 0;
+        loop {
+            let (state, at) = self.look(what).await?;
+            match state {
+                State::Idle if target_deg.is_none_or(|t| (at - t).abs() <= self.settings.tolerance_deg) => {
+                    return Ok(at);
+                }
+                State::Idle if short + 1 == SHORT => return Err(self.stopped_short(what, target_deg, at)),
+                State::Idle => short += 1,
+                State::Run | State::Jog | State::Home if Instant::now() < until => short = 0,
+                State::Alarm => return Err(self.alarmed(what, None)),
+                state => return Err(self.not_idle(what, state)),
+            }
+            self.pause(what).await?;
+        }
+    }
+
+    async fn pause(&mut self, what: &str) -> DeviceResult<()> {
+        let until = Instant::now() + POLL;
+        while Instant::now() < until {
+            // What it says meanwhile of its own accord is heard.
+            let _ = self.hear(what, until).await?;
+        }
+        Ok(())
+    }
+
+    async fn find_zero(&mut self, what: &str) -> DeviceResult<f64> {
+        let limit = Duration::from_millis(self.settings.home_ms);
+        if self.settings.homes {
+            self.zero = Zero::Unchecked;
+            self.command(what, "$H\n", limit).await?;
+        } else if self.zero == Zero::Forgotten {
+            return Err(self.lost_zero(what));
+        }
+        let at = self.rest(what, None, limit).await?;
+        self.zero = Zero::Known(at);
+        Ok(at)
+    }
+
+    /// That it stands where it was left; homes it where that is not known.
+    async fn be_sure(&mut self, what: &str) -> DeviceResult<()> {
+        let Zero::Known(left) = self.zero else { return self.find_zero(what).await.map(drop) };
+        let at = self.rest(what, None, self.answer()).await?;
+        if (at - left).abs() > self.settings.tolerance_deg {
+            return Err(self.moved_away(what, left, at));
+        }
+        Ok(())
+    }
+
+    async fn turn(&mut self, what: &str, angle_deg: f64) -> DeviceResult<Arrived> {
+        let [low, high] = self.settings.limits_deg;
+        if !(angle_deg >= low && angle_deg <= high) {
+            return Err(self
+                .error(what, &format!("an angle from {low}° to {high}°"), format!("{angle_deg}°"))
+                .remedy("correct the plan, or limits_deg of the stage")
+                .class(Class::Setup));
+        }
+        self.be_sure(what).await?;
+        self.zero = Zero::Unchecked;
+        let scale = self.settings.degrees_per_unit;
+        let line = move_line(self.settings.axis, angle_deg / scale, self.settings.feed_deg_min / scale.abs());
+        let limit = Duration::from_millis(self.settings.move_ms);
+        self.command(what, &line, self.answer()).await?;
+        let at = self.rest(what, Some(angle_deg), limit).await?;
+        self.zero = Zero::Known(at);
+        Ok(self.arrived(at))
+    }
+
+    fn arrived(&self, angle_deg: f64) -> Arrived {
+        Arrived { since: self.clock.now() + Duration::from_millis(self.settings.settling_ms), angle_deg }
+    }
+
+    /// Holds the movement, and forgets it once the axis stands.
+    async fn end_movement(&mut self) -> DeviceResult<()> {
+        const WHAT: &str = "halt";
+        self.lines.send(WHAT, protocol::HOLD)?;
+        let until = Instant::now() + Duration::from_millis(self.settings.move_ms);
+        while Instant::now() < until {
+            match self.look(WHAT).await {
+                Ok((State::Hold { still: true } | State::Idle | State::Alarm, _)) => break,
+                Ok(_) => self.pause(WHAT).await?,
+                Err(e) if e.class == Class::Lost => return Err(e),
+                // While it homes, it answers nothing but a reset.
+                Err(_) => break,
+            }
+        }
+        self.lines.send(WHAT, protocol::RESET)?;
+        let until = Instant::now() + self.answer();
+        while let Some(line) = self.lines.next(WHAT, until).await? {
+            if matches!(parse(&line), Some(Line::Started(_))) {
+                let (state, _) = self.look(WHAT).await.unwrap_or((State::Alarm, 0.0));
+                self.zero = if state == State::Idle { Zero::Unchecked } else { Zero::Forgotten };
+                return Ok(());
+            }
+        }
+        Err(self.passing(WHAT, "a restart after the reset", format!("none within {} ms", self.settings.answer_ms)))
+    }
+}
+
+#[async_trait]
+impl Stage for Grbl {
+    fn describe(&self) -> StageInfo {
+        StageInfo {
+            id: self.lines.device().to_owned(),
+            speed_deg_s: self.settings.feed_deg_min / 60.0,
+            settling_s: self.settings.settling_ms as f64 / 1000.0,
+            limits_deg: self.settings.limits_deg,
+            tolerance_deg: self.settings.tolerance_deg,
+            approach_deg: 0.0,
+            halts: true,
+            by_hand: false,
+        }
+    }
+
+    async fn home(&mut self) -> DeviceResult<Arrived> {
+        let found = self.find_zero("home").await.map(|at| self.arrived(at));
+        found.map_err(|e| self.for_good(e))
+    }
+
+    async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
+        let turned = self.turn(&format!("move to {angle_deg}°"), angle_deg).await;
+        turned.map_err(|e| self.for_good(e))
+    }
+
+    async fn halt(&mut self) -> DeviceResult<()> {
+        self.end_movement().await.map_err(|e| self.for_good(e))
+    }
+
+    async fn position(&mut self) -> DeviceResult<f64> {
+        const WHAT: &str = "report its position";
+        let looked = self.look(WHAT).await.map_err(|e| self.for_good(e));
+        let (_, at) = looked?;
+        match self.zero {
+            Zero::Known(left) if (at - left).abs() > self.settings.tolerance_deg => {
+                Err(self.moved_away(WHAT, left, at))
+            }
+            Zero::Forgotten => Err(self.lost_zero(WHAT)),
+            _ => Ok(at),
+        }
+    }
+}

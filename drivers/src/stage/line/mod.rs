@@ -1,0 +1,335 @@
+//! A stage that the configuration describes by its lines of text.
+//!
+//! Whatever it says, a move is over only when it reports to stand at the target.
+
+pub mod pattern;
+mod settings;
+#[cfg(test)]
+mod tests;
+
+pub use settings::{Exchange, Motion, Settings};
+
+use crate::wire::{Lines, SerialWire, Wire, shown, wait};
+use crate::{Arrived, Class, Clock, DeviceError, DeviceResult, Stage, StageInfo};
+use async_trait::async_trait;
+use pattern::{Match, Pattern};
+use settings::{Phrases, Said};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How often a moving stage is asked.
+const POLL: Duration = Duration::from_millis(50);
+
+/// A stage whose position stays the same for so many questions stands.
+const STILL: u32 = 4;
+
+/// After this many times of an answer without a word, nothing late comes any more.
+const QUIET: u32 = 5;
+
+/// A stage that takes lines of text.
+pub struct LineStage {
+    lines: Lines,
+    settings: Settings,
+    phrases: Phrases,
+    clock: Arc<dyn Clock>,
+    zero: Zero,
+    /// Answers that did not come in time may still come.
+    unsettled: bool,
+}
+
+/// Whether the stage's angles can be believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Zero {
+    /// It was not homed by this program, or not since something went wrong.
+    Unchecked,
+    /// It was not found where it was left.
+    Forgotten,
+    /// It was found, and stood there after the last movement, in degrees.
+    Known(f64),
+}
+
+impl LineStage {
+    /// Opens the port and asks for the position.
+    ///
+    /// # Errors
+    /// `Setup` when the configuration is wrong or the port cannot be opened; as the stage answers.
+    pub fn open(settings: &Settings, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
+        settings.read().map_err(|e| crate::stage::misconfigured(&settings.name, e))?;
+        let wire = SerialWire::open(&settings.name, &settings.port, settings.baud)?;
+        Self::on(Box::new(wire), settings, clock)
+    }
+
+    /// The same on a cable that is open.
+    ///
+    /// # Errors
+    /// As [`LineStage::open`].
+    pub fn on(wire: Box<dyn Wire>, settings: &Settings, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
+        let phrases = settings.read().map_err(|e| crate::stage::misconfigured(&settings.name, e))?;
+        let id = format!("{} on {}", settings.name, settings.port.display());
+        let (lines, settings) = (Lines::new(wire, &id, b"\r\n"), settings.clone());
+        let mut stage = Self { lines, settings, phrases, clock, zero: Zero::Unchecked, unsettled: false };
+        wait(stage.place("report its position"))
+            .map_err(|e| if e.class == Class::Retry { e.class(Class::Setup) } else { e })?;
+        Ok(stage)
+    }
+
+    fn answer(&self) -> Duration {
+        Duration::from_millis(self.settings.motion.answer_ms)
+    }
+
+    fn longest_move(&self) -> Duration {
+        Duration::from_millis(self.settings.motion.move_ms)
+    }
+
+    fn error(&self, what: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError {
+        DeviceError::new(self.lines.device(), what, expected, got)
+    }
+
+    fn passing(&self, what: &str, expected: &str, got: impl Into<Box<str>>) -> DeviceError {
+        self.error(what, expected, got)
+            .remedy("check cable, power and the lines in the configuration, then try again")
+            .class(Class::Retry)
+    }
+
+    /// Waits until nothing late can come any more.
+    async fn settle(&mut self, what: &str) -> DeviceResult<()> {
+        if self.unsettled {
+            self.lines.quiet(what, QUIET * self.answer()).await?;
+            self.unsettled = false;
+        }
+        self.lines.clear(what)
+    }
+
+    /// Sends a line.
+    async fn say(&mut self, what: &str, text: &str) -> DeviceResult<()> {
+        self.settle(what).await?;
+        self.lines.send(what, format!("{text}{}", self.settings.terminator).as_bytes())
+    }
+
+    /// The next line; an error if it looks like one.
+    async fn hear(&mut self, what: &str, limit: Duration) -> DeviceResult<Vec<u8>> {
+        let Some(line) = self.lines.next(what, Instant::now() + limit).await? else {
+            self.unsettled = true;
+            return Err(self.passing(what, "an answer", format!("nothing within {} ms", limit.as_millis())));
+        };
+        let units = self.settings.units_per_deg;
+        if self.phrases.errors.iter().any(|e| e.matches(&line, units).is_some()) {
+            self.zero = Zero::Unchecked;
+            return Err(self.error(what, "no error", shown(&line)).remedy("see the manual of the stage, then resume"));
+        }
+        Ok(line)
+    }
+
+    /// The answer that looks as it should.
+    async fn expect(
+        &mut self,
+        what: &str,
+        which: fn(&Phrases) -> Option<&Said>,
+        limit: Duration,
+    ) -> DeviceResult<Match> {
+        let line = self.hear(what, limit).await?;
+        let reply: Option<&Pattern> = which(&self.phrases).map(|said| &said.reply);
+        match reply.and_then(|r| r.matches(&line, self.settings.units_per_deg)) {
+            Some(matched) => Ok(matched),
+            None => {
+                self.unsettled = true;
+                Err(self.passing(what, "the reply in the configuration", shown(&line)))
+            }
+        }
+    }
+
+    /// A whole exchange; none if the configuration has it not.
+    async fn exchange(
+        &mut self,
+        what: &str,
+        which: fn(&Phrases) -> Option<&Said>,
+        angle_deg: f64,
+        limit: Duration,
+    ) -> DeviceResult<Option<Match>> {
+        let Some(text) = which(&self.phrases).map(|s| s.send.fill(angle_deg, self.settings.units_per_deg)) else {
+            return Ok(None);
+        };
+        self.say(what, &text).await?;
+        self.expect(what, which, limit).await.map(Some)
+    }
+
+    /// Where it stands; asked once again if the answer makes no sense.
+    async fn place(&mut self, what: &str) -> DeviceResult<f64> {
+        let mut answer = self.exchange(what, |p| Some(&p.position), 0.0, self.answer()).await;
+        if answer.as_ref().is_err_and(|e| e.class == Class::Retry) {
+            answer = self.exchange(what, |p| Some(&p.position), 0.0, self.answer()).await;
+        }
+        match answer? {
+            Some(Match::Degrees(angle)) => Ok(angle),
+            _ => Err(self.passing(what, "an angle", "none")),
+        }
+    }
+
+    /// Waits until it says that it stands, where it can be asked.
+    async fn stands(&mut self, what: &str) -> DeviceResult<()> {
+        let until = Instant::now() + self.longest_move();
+        while let Some(text) = self.phrases.poll.as_ref().map(|p| p.send.fill(0.0, 1.0)) {
+            self.say(what, &text).await?;
+            let line = self.hear(what, self.answer()).await?;
+            let stands = self.phrases.poll.as_ref().and_then(|p| p.reply.matches(&line, self.settings.units_per_deg));
+            if stands.is_some() {
+                return Ok(());
+            }
+            if Instant::now() > until {
+                return Err(self.error(what, "the end of the movement", shown(&line)).remedy(
+                    "check that it turns freely, and poll.reply in the configuration, then resume the session",
+                ));
+            }
+            self.pause(what).await?;
+        }
+        Ok(())
+    }
+
+    async fn pause(&mut self, what: &str) -> DeviceResult<()> {
+        let until = Instant::now() + POLL;
+        while self.lines.next(what, until).await?.is_some() {}
+        Ok(())
+    }
+
+    /// Waits until its position does not change any more, at the target if there is one; returns the position.
+    async fn rest(&mut self, what: &str, target_deg: Option<f64>) -> DeviceResult<f64> {
+        let tolerance = self.settings.motion.tolerance_deg;
+        let until = Instant::now() + self.longest_move();
+        let (mut last, mut still) = (f64::NAN, 0);
+        while Instant::now() < until {
+            let at = self.place(what).await?;
+            still = if (at - last).abs() <= tolerance { still + 1 } else { 0 };
+            let there = target_deg.is_none_or(|t| (at - t).abs() <= tolerance);
+            match (there, still) {
+                (true, 1..) => return Ok(at),
+                (false, STILL..) => {
+                    let expected = format!("{}°", target_deg.unwrap_or(0.0));
+                    return Err(self.passing(what, &expected, format!("rest at {at:.2}°, without its end")));
+                }
+                _ => last = at,
+            }
+            self.pause(what).await?;
+        }
+        Err(self.error(what, "rest", "a movement that does not end").remedy("switch it off, then resume the session"))
+    }
+
+    async fn find_zero(&mut self, what: &str) -> DeviceResult<f64> {
+        if self.phrases.home.is_some() {
+            self.zero = Zero::Unchecked;
+            let limit = if self.phrases.poll.is_some() { self.answer() } else { self.longest_move() };
+            self.exchange(what, |p| p.home.as_ref(), 0.0, limit).await?;
+            self.stands(what).await?;
+        } else if self.zero == Zero::Forgotten {
+            return Err(self.lost_zero(what));
+        }
+        let at = self.rest(what, None).await?;
+        self.zero = Zero::Known(at);
+        Ok(at)
+    }
+
+    fn again(&self) -> &'static str {
+        if self.phrases.home.is_some() {
+            "home it, then resume the session"
+        } else {
+            "set its zero as its manual says, then begin a new session"
+        }
+    }
+
+    fn lost_zero(&self, what: &str) -> DeviceError {
+        self.error(what, "a known zero", "a stage that was reset since it was set").remedy(self.again())
+    }
+
+    fn moved_away(&mut self, what: &str, left: f64, at: f64) -> DeviceError {
+        self.zero = Zero::Forgotten;
+        let expected = format!("to find it where it was left, at {left:.2}°");
+        self.error(what, &expected, format!("{at:.2}°, after a reset or another program's move")).remedy(self.again())
+    }
+
+    async fn turn(&mut self, what: &str, angle_deg: f64) -> DeviceResult<Arrived> {
+        let Motion { limits_deg: [low, high], tolerance_deg, .. } = self.settings.motion;
+        if !(angle_deg >= low && angle_deg <= high) {
+            return Err(self
+                .error(what, &format!("an angle from {low}° to {high}°"), format!("{angle_deg}°"))
+                .remedy("correct the plan, or limits_deg of the stage")
+                .class(Class::Setup));
+        }
+        match self.zero {
+            Zero::Known(left) => {
+                let at = self.place(what).await?;
+                if (at - left).abs() > tolerance_deg {
+                    return Err(self.moved_away(what, left, at));
+                }
+            }
+            _ => drop(self.find_zero(what).await?),
+        }
+        self.zero = Zero::Unchecked;
+        let limit = if self.phrases.poll.is_some() { self.answer() } else { self.longest_move() };
+        self.exchange(what, |p| Some(&p.go), angle_deg, limit).await?;
+        self.stands(what).await?;
+        let at = self.rest(what, Some(angle_deg)).await?;
+        self.zero = Zero::Known(at);
+        Ok(self.arrived(at))
+    }
+
+    fn arrived(&self, angle_deg: f64) -> Arrived {
+        Arrived { since: self.clock.now() + Duration::from_millis(self.settings.motion.settling_ms), angle_deg }
+    }
+
+    /// Without homing, a link that comes back leads to a stage that may have started anew.
+    fn for_good(&self, error: DeviceError) -> DeviceError {
+        match error.class {
+            Class::Lost if self.phrases.home.is_none() => error.class(Class::Stop).remedy(self.again()),
+            _ => error,
+        }
+    }
+}
+
+#[async_trait]
+impl Stage for LineStage {
+    fn describe(&self) -> StageInfo {
+        let motion = &self.settings.motion;
+        StageInfo {
+            id: self.lines.device().to_owned(),
+            speed_deg_s: motion.speed_deg_s,
+            settling_s: motion.settling_ms as f64 / 1000.0,
+            limits_deg: motion.limits_deg,
+            tolerance_deg: motion.tolerance_deg,
+            approach_deg: 0.0,
+            halts: self.phrases.halt.is_some(),
+            by_hand: false,
+        }
+    }
+
+    async fn home(&mut self) -> DeviceResult<Arrived> {
+        let found = self.find_zero("home").await.map(|at| self.arrived(at));
+        found.map_err(|e| self.for_good(e))
+    }
+
+    async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
+        let turned = self.turn(&format!("move to {angle_deg}°"), angle_deg).await;
+        turned.map_err(|e| self.for_good(e))
+    }
+
+    async fn halt(&mut self) -> DeviceResult<()> {
+        // The answer to what was dropped may still come.
+        let said = self.exchange("halt", |p| p.halt.as_ref(), 0.0, self.answer()).await;
+        match said {
+            Err(e) if e.class != Class::Retry => return Err(self.for_good(e)),
+            _ => {}
+        }
+        let rest = self.rest("halt", None).await;
+        rest.map(drop).map_err(|e| self.for_good(e))
+    }
+
+    async fn position(&mut self) -> DeviceResult<f64> {
+        const WHAT: &str = "report its position";
+        let at = self.place(WHAT).await.map_err(|e| self.for_good(e))?;
+        match self.zero {
+            Zero::Known(left) if (at - left).abs() > self.settings.motion.tolerance_deg => {
+                Err(self.moved_away(WHAT, left, at))
+            }
+            Zero::Forgotten => Err(self.lost_zero(WHAT)),
+            _ => Ok(at),
+        }
+    }
+}

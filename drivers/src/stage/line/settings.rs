@@ -1,0 +1,171 @@
+//! Configuration of a stage by its lines of text.
+
+use super::pattern::{Pattern, Template};
+use crate::stage::check;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// A stage that takes and answers lines of text, described here.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// Serial port, such as /dev/ttyUSB0 or a link in /dev/serial/by-id.
+    pub port: PathBuf,
+    /// What it is called.
+    #[serde(default = "name")]
+    pub name: String,
+    /// Rate of the port.
+    #[serde(default = "baud")]
+    pub baud: u32,
+    /// Ends each line that is sent.
+    #[serde(default = "terminator")]
+    pub terminator: String,
+    /// Finds the zero. Without it the stage's angles are taken as they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub home: Option<Exchange>,
+    /// Moves to `{angle}` or `{units}`.
+    #[serde(rename = "move")]
+    pub go: Exchange,
+    /// Asks for the position, answered with `{angle}` or `{units}`.
+    pub position: Exchange,
+    /// Asks whether it stands; the reply is that of a stage that does. Without it, moves and homing are answered when they
+    /// are over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub poll: Option<Exchange>,
+    /// Ends a movement.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub halt: Option<Exchange>,
+    /// Replies that are errors, such as `ERR{any}`.
+    #[serde(default)]
+    pub errors: Vec<String>,
+    /// The stage's own units per degree, for `{units}`.
+    #[serde(default = "one")]
+    pub units_per_deg: f64,
+    /// What else there is to know.
+    #[serde(default)]
+    pub motion: Motion,
+}
+
+/// A line that is sent, and what its reply looks like. Placeholders are `{angle}`, `{units}`, `{number}` and `{any}`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Exchange {
+    /// The line; `{angle:.3}` is the target with three decimals.
+    pub send: String,
+    /// The reply.
+    pub reply: String,
+}
+
+/// Times and angles of a stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Motion {
+    /// It answers within this time, in ms.
+    pub answer_ms: u64,
+    /// The longest movement, homing included, takes no longer than this, in ms.
+    pub move_ms: u64,
+    /// Time until it stands still after a move, in ms.
+    pub settling_ms: u64,
+    /// Speed in degrees per second, for estimates.
+    pub speed_deg_s: f64,
+    /// A reported angle may differ from the asked one by this much, in degrees.
+    pub tolerance_deg: f64,
+    /// Lowest and highest angle of the axis.
+    pub limits_deg: [f64; 2],
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        Self {
+            answer_ms: 1000,
+            move_ms: 60_000,
+            settling_ms: 200,
+            speed_deg_s: 30.0,
+            tolerance_deg: 0.1,
+            limits_deg: [0.0, 360.0],
+        }
+    }
+}
+
+fn name() -> String {
+    "stage".into()
+}
+
+fn baud() -> u32 {
+    9600
+}
+
+fn terminator() -> String {
+    "\r\n".into()
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// An exchange that was read.
+pub(super) struct Said {
+    pub(super) send: Template,
+    pub(super) reply: Pattern,
+}
+
+/// All of a stage's exchanges.
+pub(super) struct Phrases {
+    pub(super) home: Option<Said>,
+    pub(super) go: Said,
+    pub(super) position: Said,
+    pub(super) poll: Option<Said>,
+    pub(super) halt: Option<Said>,
+    pub(super) errors: Vec<Pattern>,
+}
+
+impl Settings {
+    /// Reads all templates and patterns, and checks the rest.
+    ///
+    /// # Errors
+    /// The key and what is wrong with it.
+    pub(super) fn read(&self) -> Result<Phrases, String> {
+        check::port(&self.port)?;
+        check::number("units_per_deg", self.units_per_deg.abs(), 1e-6, 1e9)?;
+        if self.terminator.is_empty() || self.terminator.len() > 4 {
+            return Err("terminator must have 1 to 4 bytes, such as \"\\r\\n\"".into());
+        }
+        self.motion.check()?;
+        let optional = |key, exchange: &Option<Exchange>| exchange.as_ref().map(|e| said(key, e, false)).transpose();
+        let position = said("position", &self.position, false)?;
+        if !position.reply.has_angle() {
+            return Err("position.reply needs {angle} or {units}".into());
+        }
+        let error = |text: &String| Pattern::new(text).map_err(|e| format!("errors: {e}"));
+        Ok(Phrases {
+            home: optional("home", &self.home)?,
+            go: said("move", &self.go, true)?,
+            position,
+            poll: optional("poll", &self.poll)?,
+            halt: optional("halt", &self.halt)?,
+            errors: self.errors.iter().map(error).collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+fn said(key: &str, exchange: &Exchange, target: bool) -> Result<Said, String> {
+    let send = Template::new(&exchange.send).map_err(|e| format!("{key}.send: {e}"))?;
+    let reply = Pattern::new(&exchange.reply).map_err(|e| format!("{key}.reply: {e}"))?;
+    match send.has_target() {
+        has if has == target => Ok(Said { send, reply }),
+        true => Err(format!("{key}.send: only a move has a target")),
+        false => Err(format!("{key}.send needs {{angle}} or {{units}}")),
+    }
+}
+
+impl Motion {
+    fn check(&self) -> Result<(), String> {
+        check::milliseconds("motion.answer_ms", self.answer_ms, 1)?;
+        check::milliseconds("motion.move_ms", self.move_ms, 1)?;
+        check::milliseconds("motion.settling_ms", self.settling_ms, 0)?;
+        check::number("motion.speed_deg_s", self.speed_deg_s, 0.01, 1e4)?;
+        check::number("motion.tolerance_deg", self.tolerance_deg, 1e-3, 5.0)?;
+        check::limits(self.limits_deg)
+    }
+}
