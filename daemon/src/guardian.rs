@@ -102,8 +102,19 @@ pub fn run(open: impl Fn() -> DeviceResult<Box<dyn Flash>>) -> DeviceResult<()> 
         }
         let _ = tell.send(Event::End);
     });
-    let mut guard = Guard { flash: open()?, open, runtime, lit: None, beat: Instant::now() };
-    guard.off_for_sure()?;
+    let begun = open().and_then(|flash| {
+        let mut guard = Guard { flash, open, runtime, lit: None, beat: Instant::now() };
+        guard.off_for_sure().map(|()| guard)
+    });
+    let mut guard = match begun {
+        Ok(guard) => guard,
+        // Whoever started it is the one to say so.
+        Err(error) => {
+            let told = serde_json::to_string(&DeviceResult::<Answer>::Err(error.clone()));
+            let told = told.map_err(std::io::Error::from).and_then(|line| writeln!(std::io::stdout(), "{line}"));
+            return told.map_err(|_| error);
+        }
+    };
     loop {
         match events.recv_timeout(guard.patience()) {
             Ok(Event::Asked(Ask::Beat)) => guard.beat = Instant::now(),
