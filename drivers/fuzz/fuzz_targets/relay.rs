@@ -6,7 +6,9 @@ use nacre_drivers::flash::relay::protocol;
 
 fuzz_target!(|report: &[u8]| {
     if let Some(status) = protocol::status(report) {
-        (0..=u8::MAX).for_each(|channel| drop(status.is_on(channel)));
+        for channel in 0..=u8::MAX {
+            let _ = status.is_on(channel);
+        }
     }
     protocol::channels(&String::from_utf8_lossy(report));
 });
