@@ -7,7 +7,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// `nacre serve --sim` in a process of its own, ended in order when dropped.
+/// `nacre serve` in a process of its own, ended in order when dropped.
 pub struct Service {
     child: Child,
     /// Where it listens.
@@ -29,9 +29,14 @@ pub struct Answer {
 impl Service {
     /// On a small simulated bench, with its data in `place`.
     pub fn start(place: &Place, more: &[&str]) -> Self {
+        Self::serve(place, &[&["--sim", "--bench", &place.text("bench.toml")], more].concat())
+    }
+
+    /// With the devices of a configuration, or whatever else the arguments say.
+    pub fn serve(place: &Place, args: &[&str]) -> Self {
         let (mut command, mark) = command();
-        command.args(["serve", "--sim", "--listen", "127.0.0.1:0", "--bench", &place.text("bench.toml")]);
-        command.args(["--data", &place.text("data")]).args(more).current_dir(place.path(""));
+        command.args(["serve", "--listen", "127.0.0.1:0"]).args(args);
+        command.args(["--data", &place.text("data")]).current_dir(place.path(""));
         let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the service starts");
         let mut line = String::new();
         let mut stderr = BufReader::new(child.stderr.take().unwrap());

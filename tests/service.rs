@@ -196,6 +196,7 @@ fn stop_reaches_what_waits() {
     let stage = |service: &Service| service.get("/api/v1/devices").expect(200).json()["stage"]["analyser_deg"].clone();
     let angle = stage(&service).as_f64().unwrap();
     assert!(angle > 0.0, "the second never began: {angle}");
+    assert!(angle < 690.0, "the first was cut short: {angle}");
     service.post("/api/v1/devices/stage/home", &json!({})).expect(200);
 
     for pause_ms in 0..20 {

@@ -1,5 +1,5 @@
 //! HID devices at the level of reports: on a device node, or on a socket where an emulated device answers (see
-//! [`seam`](crate::seam)).
+//! [`crate::seam`]).
 
 use crate::discovery::{Access, HidNode, Root, check, hid_nodes};
 use crate::seam::{self, Seam, Transfer};

@@ -193,6 +193,10 @@ pub struct CameraInfo {
     pub full_scale_e: Option<f64>,
     /// Read noise in electrons, where known.
     pub read_noise_e: Option<f64>,
+    /// Exposures in seconds that suit the panel: whole periods of its refresh, where that is known.
+    pub steady_exposures_s: Vec<f64>,
+    /// What the user should know: a lossy format, what the camera goes on doing by itself.
+    pub warnings: Vec<String>,
 }
 
 /// What a panel is and can do.

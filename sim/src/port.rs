@@ -439,6 +439,8 @@ pub fn describe(bench: &BenchConfig) -> Devices {
             shutter: true,
             full_scale_e: Some(camera.well_e),
             read_noise_e: Some(camera.read_noise_e),
+            steady_exposures_s: vec![],
+            warnings: vec![],
         },
         display: DisplayInfo { id: id(FaultyDevice::Display), size_mm: bench.panel.size_mm },
         flash: FlashInfo {

@@ -35,11 +35,12 @@ export function cameraPanel() {
   const gain = number({ id: "gain", required: true });
   const apply = h("button", { type: "submit" }, "Set");
   const about = h("small", { class: "soft" });
+  const warnings = h("div", { class: "stack" });
   let range = [0.1, 1000];
   const place = (ms) => (1000 * Math.log(ms / range[0])) / Math.log(range[1] / range[0]);
   const send = () => command(apply, "/devices/camera/set", { exposure_ms: exposure.valueAsNumber, gain: gain.valueAsNumber });
   const form = h("form", { class: "stack", onsubmit: (event) => { event.preventDefault(); send(); } },
-    h("div", { class: "fields" }, field("Exposure (ms)", exposure), field("Gain", gain), apply), slider, about);
+    h("div", { class: "fields" }, field("Exposure (ms)", exposure), field("Gain", gain), apply), slider, about, warnings);
   dirty(form, [exposure, gain]);
   slider.addEventListener("input", () => {
     exposure.value = Number((range[0] * (range[1] / range[0]) ** (slider.value / 1000)).toPrecision(3));
@@ -57,6 +58,7 @@ export function cameraPanel() {
       follow(gain, camera.gain);
       if (document.activeElement !== slider && !exposure.dataset.dirty) slider.value = place(camera.exposure_ms);
       say(about, `${camera.id} · ${camera.width} × ${camera.height} · ${plain(range[0])} to ${plain(range[1])} ms`);
+      warnings.replaceChildren(...camera.warnings.map((text) => h("p", { class: "message", "data-tone": "warn" }, text)));
     },
   };
 }

@@ -79,7 +79,7 @@ export function stagePanel() {
       const [low, high] = stage.limits_deg;
       input.min = low;
       input.max = high;
-      say(about, `${stage.id} · ${plain(low)}° to ${plain(high)}°${stage.by_hand ? " · turned by hand" : ` · ${plain(stage.speed_deg_s)}°/s`}`);
+      say(about, `${stage.id} · ${plain(low)}° to ${plain(high)}°${stage.by_hand ? " · turned by hand" : ` · ${plain(stage.speed_deg_s)}°/s`}${stage.halts ? "" : " · STOP does not cut a movement short"}`);
       paint();
     },
   };

@@ -72,6 +72,9 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let mut rig = Rig::open(&runtime, &place, console, &console.interrupted())?;
     steer(&runtime, &control, console, by_hand)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
+    for warning in rig.devices.camera.describe().warnings {
+        console.note(&format!("warning: {warning}"));
+    }
     let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console };
     let taken = match (plan, &args.out, &args.resume) {
         (Some((plan, _)), Some(out), _) => capture.begin(plan, out, MortalDisk::default()),

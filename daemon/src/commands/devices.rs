@@ -120,6 +120,14 @@ fn described(args: &Args, console: &Console) -> Result<(), Failure> {
     };
     let text: Vec<String> = devices.iter().map(line).collect();
     console.result(&text.join("\n"), &devices);
+    let suiting: Vec<String> =
+        limits.camera.steady_exposures_s.iter().take(12).map(|s| format!("{:.2}", 1000.0 * s)).collect();
+    if !suiting.is_empty() {
+        console.note(&format!("exposures that suit the panel's refresh: {} ms", suiting.join(", ")));
+    }
+    for warning in &limits.camera.warnings {
+        console.note(&format!("warning: {warning}"));
+    }
     Ok(())
 }
 

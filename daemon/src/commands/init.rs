@@ -8,6 +8,7 @@ use crate::rig::{BenchSection, Rig};
 use crate::service::config::Config;
 use nacre_drivers::camera::{CameraConfig, CameraDriver, measure};
 use nacre_drivers::discovery::{Found, Kind, Root, discover};
+use nacre_drivers::display::desktop_warnings;
 use nacre_drivers::{Camera, CameraHandle, Clock, Frame, Freshness, Patience, SystemClock};
 use nacre_processing::Error;
 use nacre_processing::image::encode_png16_gray;
@@ -157,6 +158,7 @@ fn real(section: &mut BenchSection, console: &Console) -> Result<Trial, Failure>
     if let Some(opened) = section.display.as_ref().and_then(|d| d.open(&clock)) {
         trial.ids.push(opened?.describe().id);
     }
+    trial.notes.extend(desktop_warnings());
     if let Some(opened) = section.flash.as_ref().and_then(|f| f.open(&clock)) {
         trial.ids.push(opened?.describe().id);
     }
@@ -170,7 +172,9 @@ fn real(section: &mut BenchSection, console: &Console) -> Result<Trial, Failure>
     runtime.block_on(async {
         let patience = Patience { total: Duration::from_secs(2), clock };
         let mut camera = CameraHandle::start(connect, patience).await?;
-        trial.ids.push(camera.describe().id);
+        let info = camera.describe();
+        trial.ids.push(info.id);
+        trial.notes.extend(info.warnings);
         console.stage("measuring the camera", 0);
         trial.frame = Some(first_frame(&mut camera).await?);
         if let Some(CameraConfig { driver: CameraDriver::V4l2(settings) }) = &mut section.camera {

@@ -39,7 +39,16 @@ pub async fn meter(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) 
         progress.step();
     }
     hands.dark().await?;
-    shortest.ok_or_else(|| nothing(&hands.limits().camera, Duration::ZERO).into())
+    let camera = &hands.limits().camera;
+    let shortest = shortest.ok_or_else(|| nothing(camera, Duration::ZERO))?;
+    Ok(steady(shortest, &camera.steady_exposures_s))
+}
+
+/// The longest exposure that suits the panel's refresh and is not longer, where that gives away less than half of it.
+fn steady(exposure: Duration, suiting_s: &[f64]) -> Duration {
+    let fits = |s: &f64| (0.5..=1.0 + 1e-9).contains(&(s / exposure.as_secs_f64()));
+    let longest = suiting_s.iter().copied().filter(fits).max_by(f64::total_cmp);
+    longest.map_or(exposure, Duration::from_secs_f64)
 }
 
 /// What shines in the steps whose exposure is to be metered, each once.
@@ -129,4 +138,18 @@ fn nothing(camera: &CameraInfo, exposure: Duration) -> DeviceError {
     let got = format!("none up to {} s", exposure.as_secs_f64());
     DeviceError::new(&camera.id, "meter the exposure", "a level between black and white", got)
         .remedy("check that the light is on and the lens open, or set camera.exposure_ms")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metered_exposures_are_whole_periods_of_the_panel() {
+        let suiting: Vec<f64> = (1..10).map(|n| f64::from(n) / 60.0).collect();
+        let of = |ms: u64| steady(Duration::from_millis(ms), &suiting).as_secs_f64();
+        assert!((of(40) - 2.0 / 60.0).abs() < 1e-9 && (of(20) - 1.0 / 60.0).abs() < 1e-9);
+        // None is short enough, or all are far too short: as metered.
+        assert_eq!((of(10), of(1000)), (0.01, 1.0));
+    }
 }

@@ -43,6 +43,8 @@ struct StageState {
     limits_deg: [f64; 2],
     speed_deg_s: f64,
     by_hand: bool,
+    /// A movement can be cut short; STOP waits for the end of one that cannot.
+    halts: bool,
 }
 
 #[derive(Clone, Debug, Serialize, ToSchema)]
@@ -58,6 +60,8 @@ struct CameraState {
     gain_range: [f64; 2],
     black: u16,
     white: u16,
+    /// What the user should know of it.
+    warnings: Vec<String>,
 }
 
 #[derive(Clone, Debug, Serialize, ToSchema)]
@@ -211,6 +215,7 @@ fn at_rest(app: &App) -> Devices {
             limits_deg: stage.limits_deg,
             speed_deg_s: stage.speed_deg_s,
             by_hand: stage.by_hand,
+            halts: stage.halts,
         },
         camera: CameraState {
             id: camera.id.clone(),
@@ -222,6 +227,7 @@ fn at_rest(app: &App) -> Devices {
             gain_range: camera.gain,
             black: camera.black,
             white: camera.white,
+            warnings: camera.warnings.clone(),
         },
         display: PanelState { id: display.id.clone(), size_mm: display.size_mm, pattern: PatternBody::Black },
         flash: app.limits.flash.as_ref().map(|f| FlashState { id: f.id.clone(), on: false, max_on_s: f.max_on_s }),

@@ -26,7 +26,7 @@ pub(super) fn bandwidth(found: &[Found]) -> Check {
 }
 
 /// A panel that goes dark by itself spoils a measurement. What a desktop does cannot be read for sure.
-pub(super) fn blanking(root: &Root, found: &[Found], desktop: bool) -> Vec<Check> {
+pub(super) fn blanking(root: &Root, found: &[Found], meddlers: &[String]) -> Vec<Check> {
     let name = "screen blanking";
     let mut checks = vec![];
     if !found.iter().any(|f| f.kind == Kind::Display) {
@@ -37,12 +37,10 @@ pub(super) fn blanking(root: &Root, found: &[Found], desktop: bool) -> Vec<Check
         let found = format!("the console goes dark after {seconds} s");
         checks.push(Check::not_ok(name, Health::Warn, found, "run `setterm --blank 0`, or boot with consoleblank=0"));
     }
-    if desktop {
-        let remedy = "set the delay to never (GNOME: gsettings set org.gnome.desktop.session idle-delay 0; X11: xset s \
-                      off -dpms)";
-        let found = "a desktop runs, which may make its screens dark after a while";
-        checks.push(Check::not_ok(name, Health::Warn, found, remedy));
-    }
+    checks.extend(meddlers.iter().map(|said| {
+        let (found, remedy) = said.split_once(": ").unwrap_or((said, "end it"));
+        Check::not_ok(name, Health::Warn, found, remedy)
+    }));
     if checks.is_empty() {
         checks.push(Check::ok(name, "nothing is known to make screens dark"));
     }
@@ -124,13 +122,14 @@ mod tests {
     fn screens_that_go_dark_are_noticed_where_there_is_one() {
         let folder = tempfile::tempdir().unwrap();
         let root = Root::under(folder.path());
-        assert!(blanking(&root, &[], true).is_empty());
+        let said = ["redshift tints the screen: end it".to_owned()];
+        assert!(blanking(&root, &[], &said).is_empty());
         let panel = [Found { kind: Kind::Display, ..camera(1, 0.0) }];
-        assert_eq!(blanking(&root, &panel, false)[0].ok, Health::Ok);
+        assert_eq!(blanking(&root, &panel, &[])[0].ok, Health::Ok);
         let parameters = root.sys.join("module/kernel/parameters");
         std::fs::create_dir_all(&parameters).unwrap();
         std::fs::write(parameters.join("consoleblank"), "600\n").unwrap();
-        let checks = blanking(&root, &panel, true);
+        let checks = blanking(&root, &panel, &said);
         assert!(checks.len() == 2 && checks.iter().all(|c| c.ok == Health::Warn));
     }
 }

@@ -59,7 +59,7 @@ pub fn examine(root: &Root, folder: &Path) -> Vec<Check> {
     checks.extend([disk::space(folder), disk::speed(folder, disk::AMOUNT)]);
     checks.extend(machine::governor(root));
     checks.push(devices::bandwidth(&found));
-    checks.extend(devices::blanking(root, &found, std::env::var_os("XDG_SESSION_TYPE").is_some()));
+    checks.extend(devices::blanking(root, &found, &crate::display::desktop_warnings()));
     checks.extend(devices::access(&found));
     checks
 }

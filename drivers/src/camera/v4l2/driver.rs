@@ -35,7 +35,6 @@ pub struct V4l2Camera {
     exposure: Duration,
     counter: Counter,
     streaming: bool,
-    warnings: Vec<String>,
 }
 
 /// What came of a wait for a frame.
@@ -71,14 +70,8 @@ impl V4l2Camera {
             exposure: opened.exposure,
             counter: Counter::default(),
             streaming: false,
-            warnings: opened.warnings,
             settings,
         })
-    }
-
-    /// What the user should know: a lossy format, what the camera goes on doing by itself.
-    pub fn warnings(&self) -> &[String] {
-        &self.warnings
     }
 
     fn start(&mut self) -> DeviceResult<()> {

@@ -5,6 +5,7 @@ use super::driver::failure;
 use super::node::{Format, Node};
 use super::pixels::{FORMATS, Picture, PixelFormat};
 use super::settings::Settings;
+use crate::camera::measure::refresh_multiples;
 use crate::{CameraInfo, Class, DeviceError, DeviceResult};
 use std::io;
 use std::time::Duration;
@@ -59,6 +60,8 @@ impl Opened {
             shutter: false,
             full_scale_e: None,
             read_noise_e: None,
+            steady_exposures_s: settings.panel_refresh_hz.map_or(vec![], |hz| refresh_multiples(hz, self.exposures_s)),
+            warnings: self.warnings.clone(),
         }
     }
 }

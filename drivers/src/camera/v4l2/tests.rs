@@ -47,7 +47,7 @@ fn automatic_controls_go_first_and_manual_values_are_read_back() {
     let controls = run(camera.configure(Duration::from_micros(12_345), 1.0)).unwrap();
     assert_eq!((controls.exposure, controls.gain), (Duration::from_micros(12_300), 1.0), "in steps of 100 µs");
     assert_eq!((node.value(EXPOSURE), node.value(GAIN)), (123, 0));
-    assert!(camera.warnings().is_empty(), "{:?}", camera.warnings());
+    assert!(camera.describe().warnings.is_empty(), "{:?}", camera.describe().warnings);
 }
 
 #[test]
@@ -55,7 +55,7 @@ fn what_the_camera_clamps_is_reported() {
     let node = FakeNode::new();
     node.state().clamps.extend([(EXPOSURE, 50), (0x0098_0910, 90)]);
     let mut camera = open(&node);
-    assert!(camera.warnings()[0].contains("gamma is 90"), "{:?}", camera.warnings());
+    assert!(camera.describe().warnings[0].contains("gamma is 90"), "{:?}", camera.describe().warnings);
     assert_eq!(run(camera.configure(20 * MS, 1.0)).unwrap().exposure, 5 * MS);
 }
 
