@@ -48,6 +48,8 @@ struct Link<D: ?Sized> {
     identity: fn(&D) -> String,
     id: String,
     patience: Patience,
+    /// Why a call that was dropped could not be ended in order.
+    unended: Option<DeviceError>,
 }
 
 impl<D: ?Sized + Send + 'static> Actor<D> {
@@ -75,7 +77,7 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
             if tell.send(Ok((id.clone(), describe(&device)))).is_err() {
                 return;
             }
-            let mut link = Link { connect, device: Some(device), identity, id, patience };
+            let mut link = Link { connect, device: Some(device), identity, id, patience, unended: None };
             queue.into_iter().for_each(|job| job(&mut link, &runtime));
         };
         let thread = std::thread::Builder::new().name("device".into()).spawn(serve).map_err(|e| no_thread(&e))?;
@@ -127,7 +129,8 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
         let (mut answer, answered) = oneshot::channel();
         let named = command.to_owned();
         let job: Job<D> = Box::new(move |link, runtime| {
-            let result = link.connected(&named).and_then(|device| {
+            let unended = link.unended.take().map_or(Ok(()), Err);
+            let result = unended.and_then(|()| link.connected(&named)).and_then(|device| {
                 runtime.block_on(async {
                     let done = tokio::select! {
                         biased;
@@ -141,8 +144,9 @@ impl<D: ?Sized + Send + 'static> Actor<D> {
                 })
             });
             link.look_at(&result);
-            if let Some(result) = result.transpose() {
-                let _ = answer.send(result);
+            // What could not be brought to rest for a caller that went away is told the next one.
+            if let Some(Err(Err(error))) = result.transpose().map(|result| answer.send(result)) {
+                link.unended = Some(error);
             }
         });
         self.queue(command, limit, job, answered).await

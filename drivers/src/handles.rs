@@ -13,9 +13,6 @@ use std::time::Duration;
 /// What a device may take beyond its nominal time. A simulated one renders meanwhile.
 pub const MARGIN: Duration = Duration::from_secs(60);
 
-/// A person who turns the analyser may take this long.
-const BY_HAND: Duration = Duration::from_secs(24 * 3600);
-
 /// A device with what it says of itself.
 pub struct Handle<D: ?Sized, Info> {
     actor: Actor<D>,
@@ -55,9 +52,7 @@ start!(Interlock, InterlockInfo, "an interlock");
 
 impl StageHandle {
     fn limit(&self) -> Duration {
-        let [low, high] = self.info.limits_deg;
-        let seconds = (high - low).abs() / self.info.speed_deg_s.max(1e-3) + self.info.settling_s;
-        MARGIN + if self.info.by_hand { BY_HAND } else { Duration::from_secs_f64(seconds.clamp(0.0, 1e6)) }
+        MARGIN + Duration::from_secs_f64(self.info.longest_s.clamp(0.0, 1e6))
     }
 }
 
@@ -121,6 +116,14 @@ impl Display for DisplayHandle {
 
     async fn show(&mut self, pattern: Pattern) -> DeviceResult<Shown> {
         self.actor.call("show a pattern", MARGIN, move |d| d.show(pattern)).await
+    }
+
+    async fn dark(&mut self) -> DeviceResult<Shown> {
+        self.actor.call("go dark", MARGIN, |d| d.dark()).await
+    }
+
+    async fn still_shows(&mut self) -> DeviceResult<()> {
+        self.actor.call("say whether it still shows it", MARGIN, |d| d.still_shows()).await
     }
 }
 

@@ -1,6 +1,7 @@
 //! Devices of a bench: what they can be asked for, how they fail, their time, and the rule for fresh frames.
 //!
-//! Drivers of real devices come later; the simulated bench implements these traits today.
+//! Each family of devices has a folder; the enumerations `StageDriver`, `CameraDriver`, `DisplayDriver` and `FlashDriver` list
+//! them. The simulated bench implements the same traits.
 
 pub mod actor;
 pub mod camera;

@@ -1,8 +1,10 @@
-//! One process per device: a lock per stable device id that names its holder.
+//! One process per device: a lock per stable device id that names its holder. All users of the machine share the locks, since
+//! they share the devices.
 
 use crate::{Class, DeviceError, DeviceResult};
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read, Seek, Write};
+use std::fs::{File, OpenOptions, Permissions, TryLockError};
+use std::io::{ErrorKind, Read, Seek, Write};
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 /// Holds a device until dropped; the system releases it also when the process is killed.
@@ -18,19 +20,19 @@ impl DeviceLock {
         let path = folder.join(file_name(id, place));
         let cannot = |e: std::io::Error| {
             DeviceError::new(id, "lock the device", "a lock file", format!("{}: {e}", path.display()))
-                .remedy("make the folder writable, or set XDG_RUNTIME_DIR to one that is")
+                .remedy("make the folder writable")
                 .class(Class::Setup)
         };
-        std::fs::create_dir_all(&folder).map_err(cannot)?;
-        let mut file =
-            OpenOptions::new().create(true).truncate(false).read(true).write(true).open(&path).map_err(cannot)?;
+        make_folder(&folder).map_err(cannot)?;
+        let mut file = open(&path).map_err(cannot)?;
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(taken(id, &holder(&mut file))),
             Err(TryLockError::Error(e)) => return Err(cannot(e)),
         }
-        let written = file.set_len(0).and_then(|()| write!(file, "process {}", std::process::id()));
-        written.map_err(cannot)?;
+        // A file of another user that may only be read is a lock all the same, without its holder's name.
+        let _ =
+            file.set_len(0).and_then(|()| file.rewind()).and_then(|()| write!(file, "process {}", std::process::id()));
         Ok(Self(file))
     }
 
@@ -56,8 +58,41 @@ fn taken(id: &str, holder: &str) -> DeviceError {
         .class(Class::Setup)
 }
 
+/// Where Linux keeps locks of devices; not what a user's environment says, which differs between users.
 fn lock_folder() -> PathBuf {
-    std::env::var_os("XDG_RUNTIME_DIR").map_or_else(std::env::temp_dir, PathBuf::from).join("nacre-locks")
+    let locks = Path::new("/run/lock");
+    if locks.is_dir() { locks.join("nacre") } else { "/tmp/nacre-locks".into() }
+}
+
+/// Like /tmp: everybody may add files, and nobody remove those of others.
+fn make_folder(folder: &Path) -> std::io::Result<()> {
+    match std::fs::create_dir(folder) {
+        Ok(()) => std::fs::set_permissions(folder, Permissions::from_mode(0o1777)),
+        Err(e) if e.kind() == ErrorKind::AlreadyExists => Ok(()),
+        Err(e) => Err(e),
+    }
+}
+
+/// Opens a lock file, made by whoever came first. The kernel refuses to "create" a file of another user in such a folder, so
+/// that is tried last; links are not followed.
+fn open(path: &Path) -> std::io::Result<File> {
+    let plain = || {
+        let mut options = OpenOptions::new();
+        options.read(true).custom_flags(rustix::fs::OFlags::NOFOLLOW.bits().cast_signed());
+        options
+    };
+    match plain().write(true).open(path) {
+        Err(e) if e.kind() == ErrorKind::PermissionDenied => plain().open(path),
+        Err(e) if e.kind() == ErrorKind::NotFound => {
+            let made = plain().write(true).create_new(true).open(path);
+            match made {
+                Ok(file) => file.set_permissions(Permissions::from_mode(0o666)).map(|()| file),
+                // Somebody else was first.
+                Err(_) => plain().write(true).open(path),
+            }
+        }
+        other => other,
+    }
 }
 
 /// Readable, and different for different devices: what is no letter or digit is written as its bytes.

@@ -44,6 +44,14 @@ pub trait Display: Send {
     fn describe(&self) -> DisplayInfo;
     /// Shows a pattern; returns once it can be seen.
     async fn show(&mut self, pattern: Pattern) -> DeviceResult<Shown>;
+    /// Sees to it that it gives no light. Unlike black that is shown, this need not be visible: a panel that nobody sees is dark.
+    async fn dark(&mut self) -> DeviceResult<Shown> {
+        self.show(Pattern::Black).await
+    }
+    /// That what was shown last can still be seen, for those that others may cover.
+    async fn still_shows(&mut self) -> DeviceResult<()> {
+        Ok(())
+    }
 }
 
 /// The flash.
@@ -158,6 +166,8 @@ pub struct StageInfo {
     pub tolerance_deg: f64,
     /// Angles are approached from this far below, so that backlash has no say; 0 for straight moves.
     pub approach_deg: f64,
+    /// The longest that a movement may take, with homing before it.
+    pub longest_s: f64,
     /// A movement can be cut short.
     pub halts: bool,
     /// A person turns it, so a move takes as long as it takes.

@@ -422,6 +422,7 @@ pub fn describe(bench: &BenchConfig) -> Devices {
             limits_deg: stage.limits_deg,
             tolerance_deg: 0.5,
             approach_deg: 5.0,
+            longest_s: (stage.limits_deg[1] - stage.limits_deg[0]) / stage.speed_deg_s + stage.settle_ms / 1000.0,
             halts: true,
             by_hand: false,
         },

@@ -59,6 +59,10 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         place.section.stage = Some(StageConfig { driver: StageDriver::Hand {}, mounting: Mounting::default() });
     }
     let by_hand = place.section.by_hand();
+    if place.section.has_page() && !args.dry_run {
+        let remedy = "take the session through `nacre serve`, or describe a panel of kind kms";
+        return Err(Error::input("bench.display", "is the pattern page, which only the service has", remedy).into());
+    }
     if let Some((plan, path)) = &plan {
         check_limits(plan, path, &place.limits()?)?;
         if args.dry_run {
@@ -97,6 +101,10 @@ fn bench_of(args: &Args, folder: &Path) -> Result<Place, Failure> {
         return args.bench.place();
     }
     if let Some(section) = &description.section {
+        if args.bench.sim && section.has_real_device() {
+            let problem = "was captured with devices that are not simulated";
+            return Err(Error::file(folder, problem, "resume it without --sim").into());
+        }
         section.check().map_err(|problem| Error::file(folder, problem, "`nacre schema config` lists all keys"))?;
         return super::bench::place(section, false);
     }

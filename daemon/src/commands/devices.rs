@@ -71,8 +71,8 @@ impl<'a> From<&'a Found> for Listed<'a> {
 
 fn used_by(found: &Found) -> Option<String> {
     let driver: toml::Value = toml::from_str(&format!("driver = {}", found.setting.as_ref()?)).ok()?;
-    let name = crate::rig::lock_name(&serde_json::to_value(driver.get("driver")?).ok()?)?;
-    DeviceLock::holder(&name, "")
+    let (kind, place) = crate::rig::lock_name(&serde_json::to_value(driver.get("driver")?).ok()?)?;
+    DeviceLock::holder(&kind, &place)
 }
 
 /// What is plugged in, as a person reads it.

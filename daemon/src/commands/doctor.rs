@@ -29,16 +29,13 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         return Err(Error::file(&args.data, "is no folder", "give the folder that sessions go into").into());
     }
     let mut checks = examine(&Root::default(), &args.data);
-    let cameras = if cfg!(feature = "v4l2") { "with cameras (V4L2)" } else { "without cameras (V4L2)" };
-    checks.insert(
-        0,
-        Check {
-            name: "program".into(),
-            ok: Health::Ok,
-            found: format!("nacre {}, built {cameras}", env!("CARGO_PKG_VERSION")),
-            remedy: None,
-        },
-    );
+    let (ok, found, remedy) = if cfg!(feature = "v4l2") {
+        (Health::Ok, "this program was built with them (V4L2)", None)
+    } else {
+        let remedy = "cargo build --release --features v4l2, with Debian's libclang1-14 or newer installed";
+        (Health::Warn, "this program was built without them (V4L2)", Some(remedy.to_owned()))
+    };
+    checks.insert(0, Check { name: "cameras".into(), ok, found: found.into(), remedy });
     let width = checks.iter().map(|c| c.name.chars().count()).max().unwrap_or_default();
     let mut text = String::new();
     for check in &checks {

@@ -7,14 +7,15 @@ use crate::engine::Hands;
 use crate::rig::{BenchSection, Rig};
 use crate::service::config::Config;
 use nacre_drivers::camera::{CameraConfig, CameraDriver, measure};
-use nacre_drivers::discovery::{Found, Kind, Root, discover};
+use nacre_drivers::discovery::{Kind, Root, discover};
 use nacre_drivers::display::desktop_warnings;
 use nacre_drivers::{Camera, CameraHandle, Clock, Frame, Freshness, Patience, SystemClock};
 use nacre_processing::Error;
-use nacre_processing::image::encode_png16_gray;
+use nacre_processing::image::write_png16_gray;
 use nacre_processing::progress::Progress;
 use serde::de::DeserializeOwned;
-use std::path::PathBuf;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -66,21 +67,22 @@ const EXPOSURE: Duration = Duration::from_millis(10);
 
 /// Finds the devices, takes one trial frame and writes a configuration.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
-    if args.out.exists() && !args.force {
-        return Err(Error::file(&args.out, "is already there", "choose another --out, or --force").into());
+    let picture = args.out.with_extension("trial.png");
+    if let Some(there) = [&args.out, &picture].into_iter().find(|path| path.exists() && !args.force) {
+        return Err(Error::file(there, "is already there", "choose another --out, or --force").into());
     }
-    let mut section = if args.sim { BenchSection { sim: true, ..BenchSection::default() } } else { chosen(args)? };
-    let trial = if args.sim { simulated(&section, console)? } else { real(&mut section, console)? };
+    let (mut section, chosen_notes) =
+        if args.sim { (BenchSection { sim: true, ..BenchSection::default() }, vec![]) } else { chosen(args)? };
+    let mut trial = if args.sim { simulated(&section, console)? } else { real(&mut section, console)? };
+    trial.notes.splice(0..0, chosen_notes);
     console.check()?;
     let config = Config { bench: section, ..Config::default() };
-    let picture = args.out.with_extension("trial.png");
     if let Some(frame) = &trial.frame {
-        let png = encode_png16_gray(frame.width, frame.height, &frame.codes);
-        png.and_then(|png| std::fs::write(&picture, png)).map_err(|e| Error::output(&picture, e))?;
+        write_png16_gray(&picture, frame.width, frame.height, &frame.codes)?;
     }
     let text = toml::to_string(&config).map_err(|e| Error::input("configuration", e, "report this"))?;
     let text = format!("# Configuration of Nacre; `nacre schema config` lists all keys.\n{text}");
-    std::fs::write(&args.out, text).map_err(|e| Error::output(&args.out, e))?;
+    write_whole(&args.out, text.as_bytes()).map_err(|e| Error::output(&args.out, e))?;
     let mut message = format!("devices   {}\n", trial.ids.join("\n          "));
     if let Some(frame) = &trial.frame {
         message += &format!("frame     {} ({} × {} pixels)\n", picture.display(), frame.width, frame.height);
@@ -95,13 +97,21 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The devices that are to be used: as said, or as found.
-fn chosen(args: &Args) -> Result<BenchSection, Failure> {
+/// Writes a file that appears whole or not at all.
+fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = tempfile::NamedTempFile::new_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path).map(drop).map_err(|e| e.error)
+}
+
+/// The devices that are to be used, as said or as found, and what was guessed.
+fn chosen(args: &Args) -> Result<(BenchSection, Vec<String>), Failure> {
     let found = discover(&Root::default());
     let first = |kind: Kind| {
-        let mut of_kind: Vec<&Found> = found.iter().filter(|f| f.kind == kind && f.setting.is_some()).collect();
-        of_kind.sort_by_key(|f| !f.sure);
-        of_kind.first().and_then(|f| f.setting.clone())
+        // What may be something else is not spoken to without being asked.
+        found.iter().find(|f| f.kind == kind && f.sure).and_then(|f| f.setting.clone())
     };
     let driver = |said: &Option<String>, kind: Kind| match said.as_deref() {
         Some("none") => None,
@@ -114,8 +124,20 @@ fn chosen(args: &Args) -> Result<BenchSection, Failure> {
     })?;
     // Without a motor a person turns the analyser; without a screen of its own the panel is a browser on any screen.
     let stage = driver(&args.stage, Kind::Stage).unwrap_or_else(|| "{ kind = \"hand\" }".into());
-    let page = || "{ kind = \"page\", size_mm = [510.0, 287.0] }".to_owned();
-    let display = args.display.clone().unwrap_or_else(page);
+    let mut notes: Vec<String> = found
+        .iter()
+        .filter(|f| f.kind == Kind::Stage && args.stage.is_none())
+        .filter_map(|f| f.setting.as_ref().map(|s| format!("{} may be the stage: --stage '{s}'", f.what)))
+        .collect();
+    let page = |size: [f64; 2]| format!("{{ kind = \"page\", size_mm = [{:?}, {:?}] }}", size[0], size[1]);
+    let display = match (&args.display, found.iter().find_map(|f| f.size_mm)) {
+        (Some(said), _) => said.clone(),
+        (None, Some(size)) => page(size),
+        (None, None) => {
+            notes.push("the panel's size_mm is a guess: measure it and correct it".into());
+            page([531.0, 299.0])
+        }
+    };
     let flash = driver(&args.flash, Kind::Flash);
     let section = BenchSection {
         stage: Some(read("stage", &stage)?),
@@ -125,7 +147,7 @@ fn chosen(args: &Args) -> Result<BenchSection, Failure> {
         ..BenchSection::default()
     };
     section.check().map_err(|problem| Error::input("bench", problem, "`nacre schema config` lists all keys"))?;
-    Ok(section)
+    Ok((section, notes))
 }
 
 /// Reads a driver as `nacre devices` writes it.

@@ -3,6 +3,7 @@
 use super::bench::place;
 use crate::Failure;
 use crate::console::Console;
+use crate::rig::BenchSection;
 use crate::service::config::{Config, Role, default_path};
 use crate::service::serve;
 use crate::session::sha256;
@@ -60,8 +61,17 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let mut config = Config::read(path.as_deref())?;
     config.listen = args.listen.unwrap_or(config.listen);
     config.data = args.data.clone().unwrap_or(config.data);
-    config.bench.sim |= args.sim;
+    if args.sim && !config.bench.sim {
+        // Nothing real moves, whatever the configuration describes.
+        config.bench = BenchSection { sim: true, ..BenchSection::default() };
+    }
     config.bench.file = args.bench.clone().or(config.bench.file);
+    let wrong = |problem| Error::input("bench", problem, "`nacre schema config` lists all keys");
+    config.bench.check().map_err(wrong)?;
+    if config.bench.by_hand() && !std::io::IsTerminal::is_terminal(&std::io::stdin()) {
+        let remedy = "start the service in a terminal, where Enter says that it is turned";
+        return Err(Error::input("bench.stage", "is turned by hand, but nobody can be asked", remedy).into());
+    }
     config.check_access()?;
     let place = place(&config.bench, true)?;
     let built = tokio::runtime::Builder::new_multi_thread().enable_all().build();

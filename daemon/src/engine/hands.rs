@@ -2,7 +2,7 @@
 
 use crate::plan::{Limits, approach};
 use nacre_drivers::{
-    Camera, Class, Controls, DeviceError, DeviceResult, Display, Flash, Frame, Freshness, Pattern, Stage, Stamp,
+    Camera, Class, Controls, DeviceError, DeviceResult, Display, Flash, Frame, Freshness, Pattern, Shown, Stage, Stamp,
 };
 use std::time::{Duration, Instant};
 
@@ -130,8 +130,24 @@ impl<'a> Hands<'a> {
             Some(_) => self.switch(false).await,
             None => Ok(()),
         };
-        let panel = self.show(Pattern::Black).await;
+        let shown = timed(&mut self.stopwatch, self.devices.display.dark()).await;
+        let panel = shown.and_then(|shown| self.believe(shown, Pattern::Black));
         flash.and(panel)
+    }
+
+    /// That the light is still as it was asked for, at the end of what it was asked for.
+    ///
+    /// # Errors
+    /// `Stop` when the flash went off by itself; as the panel answers.
+    pub async fn still_lit(&mut self, flash: bool) -> DeviceResult<()> {
+        timed(&mut self.stopwatch, self.devices.display.still_shows()).await?;
+        if flash && !self.is_lit().await? {
+            let device = self.limits.flash.as_ref().map_or("flash", |f| f.id.as_str());
+            return Err(DeviceError::new(device, "switch on and stay on during the exposure", "on", "off").remedy(
+                "check lamp, supply and whether anything else switches it (by hand?), then resume the session",
+            ));
+        }
+        Ok(())
     }
 
     /// Sets exposure and gain, and waits until frames are sure to have them.
@@ -192,6 +208,11 @@ impl<'a> Hands<'a> {
     /// As the panel answers; `Retry` when it acknowledges another pattern.
     pub async fn show(&mut self, pattern: Pattern) -> DeviceResult<()> {
         let shown = timed(&mut self.stopwatch, self.devices.display.show(pattern)).await?;
+        self.believe(shown, pattern)
+    }
+
+    /// That the panel acknowledges what it was asked for.
+    fn believe(&mut self, shown: Shown, pattern: Pattern) -> DeviceResult<()> {
         if shown.pattern != pattern {
             let (expected, got) = (format!("{pattern:?}"), format!("{:?}", shown.pattern));
             return Err(DeviceError::new(&self.limits.display.id, "show a pattern", expected, got)

@@ -128,6 +128,7 @@ async fn lit(hands: &mut Hands<'_>, flash: bool) -> Result<Frame, Failure> {
         hands.switch(true).await?;
     }
     let (frame, _) = hands.fresh().await?;
+    hands.still_lit(flash).await?;
     if flash {
         hands.switch(false).await?;
     }

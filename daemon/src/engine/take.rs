@@ -223,6 +223,7 @@ async fn take(
             send(out, &mut waiting).await?;
         }
     }
+    hands.still_lit(state.flash).await?;
     if state.flash {
         hands.switch(false).await?;
         send(out, &mut waiting).await?;

@@ -8,7 +8,8 @@ use nacre_drivers::{DeviceLock, DeviceResult};
 use nacre_processing::frames::Geometry;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 
 use crate::session::Setup;
 
@@ -100,13 +101,15 @@ impl BenchSection {
     /// The key and what it must be.
     pub fn check(&self) -> Result<(), String> {
         self.stage.as_ref().map_or(Ok(()), |s| s.mounting.check().map_err(|e| format!("bench.stage.{e}")))?;
+        self.display.as_ref().map_or(Ok(()), |d| d.check().map_err(|e| format!("bench.display.{e}")))?;
+        self.flash.as_ref().map_or(Ok(()), |f| f.check().map_err(|e| format!("bench.flash.{e}")))?;
         self.optics.check()?;
         if self.has_real_camera() && self.sim {
             return Err("bench.sim is true, but the camera is real: its clock is not that of simulated devices; \
                         describe all devices, or leave the camera out"
                 .into());
         }
-        if self.sim && self.socket.is_none() && self.has_real_device() && !self.by_hand() {
+        if self.sim && self.socket.is_none() && self.has_real_device() {
             return Err(
                 "bench.sim is true without a socket, but devices are described: the simulated sample would not \
                         see them; run `nacre sim bench --socket PATH` and `nacre sim attach`, and give bench.socket"
@@ -121,12 +124,20 @@ impl BenchSection {
         self.camera.as_ref().is_some_and(|c| !matches!(c.driver, CameraDriver::Simulated {}))
     }
 
-    /// Whether any device is described that is not simulated.
+    /// Whether any device is described that is not simulated; a person's hand is none.
     pub fn has_real_device(&self) -> bool {
         self.has_real_camera()
-            || self.stage.as_ref().is_some_and(|s| !matches!(s.driver, StageDriver::Simulated {}))
+            || self
+                .stage
+                .as_ref()
+                .is_some_and(|s| !matches!(s.driver, StageDriver::Simulated {} | StageDriver::Hand {}))
             || self.display.as_ref().is_some_and(|d| !matches!(d.driver, DisplayDriver::Simulated {}))
             || self.flash.as_ref().is_some_and(|f| !matches!(f.driver, FlashDriver::Simulated {}))
+    }
+
+    /// Whether the panel is a page of the service.
+    pub fn has_page(&self) -> bool {
+        self.display.as_ref().is_some_and(|d| matches!(d.driver, DisplayDriver::Page { .. }))
     }
 
     /// Whether the analyser is turned by a person.
@@ -139,38 +150,60 @@ impl BenchSection {
     /// # Errors
     /// `Setup`, naming the holder.
     pub fn lock(&self) -> DeviceResult<Vec<DeviceLock>> {
-        self.lock_names().iter().map(|name| DeviceLock::take(name, "")).collect()
-    }
-
-    /// What the locks of its devices are called: driver and whatever tells one from another.
-    pub fn lock_names(&self) -> Vec<String> {
         let drivers = [
             self.stage.as_ref().map(|s| serde_json::to_value(&s.driver)),
             self.camera.as_ref().map(|c| serde_json::to_value(&c.driver)),
             self.display.as_ref().map(|d| serde_json::to_value(&d.driver)),
             self.flash.as_ref().map(|f| serde_json::to_value(&f.driver)),
         ];
-        drivers.into_iter().flatten().flatten().filter_map(|driver| lock_name(&driver)).collect()
+        let names = drivers.into_iter().flatten().flatten().filter_map(|driver| lock_name(&driver));
+        names.map(|(kind, place)| DeviceLock::take(&kind, &place)).collect()
     }
 }
 
-/// Keys of settings that say which device it is.
-const NAMING: [&str; 8] = ["kind", "port", "address", "device", "serial", "path", "output", "card"];
-
-/// What the lock of a device with these settings is called; None for what is no device of this machine.
-pub fn lock_name(driver: &serde_json::Value) -> Option<String> {
+/// What the lock of a device with these settings is called, kind and place, however they are spelled: a node has the same
+/// number by each of its names. None for what is no device of this machine.
+///
+/// Lamps on HID and USB that are found by themselves share one lock per kind, since looking for one opens all.
+pub fn lock_name(driver: &serde_json::Value) -> Option<(String, String)> {
     let kind = driver.get("kind")?.as_str()?;
-    if matches!(kind, "simulated" | "hand" | "page") {
-        return None;
-    }
-    let plain = |v: &serde_json::Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
-    let words = NAMING.iter().filter_map(|key| driver.get(key)).filter(|v| !v.is_null()).map(plain);
-    Some(words.collect::<Vec<_>>().join(" "))
+    let path = ["port", "device", "path", "output"].iter().find_map(|key| driver.get(key)?.as_str());
+    let place = match (kind, path) {
+        ("simulated" | "hand" | "page", _) => return None,
+        (_, Some(path)) if path.starts_with("unix:") => {
+            let socket = Path::new(&path["unix:".len()..]);
+            socket.canonicalize().unwrap_or_else(|_| socket.to_path_buf()).to_string_lossy().into_owned()
+        }
+        ("relay" | "blink1" | "bulk", _) => String::new(),
+        (_, path) => {
+            let path = path.unwrap_or_default();
+            let node = Path::new(path).canonicalize().unwrap_or_default();
+            // The numbers of pseudo-terminals, on which emulated devices are, soon belong to others.
+            let found = std::fs::metadata(&node).ok().filter(|f| f.rdev() != 0 && !node.starts_with("/dev/pts"));
+            found.map_or_else(|| path.to_owned(), |found| format!("{:x}", found.rdev()))
+        }
+    };
+    Some((kind.to_owned(), place))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_device_has_one_lock_by_whatever_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("stage");
+        std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+        let name = |port: &Path, kind: &str| lock_name(&serde_json::json!({ "kind": kind, "port": port })).unwrap();
+        assert_eq!(name(&link, "elliptec"), name(Path::new("/dev/null"), "elliptec"));
+        assert_ne!(name(&link, "elliptec"), name(Path::new("/dev/zero"), "elliptec"));
+        let relay = |settings| lock_name(&settings).unwrap();
+        let found = relay(serde_json::json!({ "kind": "relay", "channel": 1 }));
+        assert_eq!(found, relay(serde_json::json!({ "kind": "relay", "serial": "6QMBS", "path": "/dev/nacre-relay" })));
+        assert_ne!(found, relay(serde_json::json!({ "kind": "relay", "path": "unix:/tmp/a" })));
+        assert_eq!(lock_name(&serde_json::json!({ "kind": "page", "size_mm": [1, 2] })), None);
+    }
 
     #[test]
     fn what_does_not_fit_together_is_refused() {
@@ -180,6 +213,9 @@ mod tests {
             ("stage = { driver = { kind = \"hand\" }, mounting = { gear = 0 } }", "bench.stage.mounting.gear"),
             ("stage = { driver = { kind = \"robot\" } }", "robot"),
             ("optics = { distance_mm = -3 }", "bench.optics.distance_mm"),
+            ("display = { driver = { kind = \"page\", size_mm = [500, nan] } }", "bench.display.size_mm"),
+            ("display = { driver = { kind = \"page\", size_mm = [500, 300] }, response_ms = nan }", "response_ms"),
+            ("flash = { driver = { kind = \"relay\" }, settling_ms = 20000 }", "bench.flash"),
         ] {
             let error = read(text).unwrap_err();
             assert!(error.contains(words), "{error}");

@@ -161,9 +161,10 @@ impl Sources {
     /// None is described.
     pub fn display(&self) -> DeviceResult<Connect<dyn Display>> {
         let (config, clock, dial) = (self.section.display.clone(), self.clock.clone(), self.dial.clone());
-        if let Some(DisplayConfig { driver: DisplayDriver::Page { size_mm }, response_ms }) = config {
-            let link = self.page.clone().ok_or_else(page_needs_service)?;
-            let response = Duration::from_secs_f64(response_ms.clamp(0.0, 1e5) / 1000.0);
+        if let Some(DisplayConfig { driver: DisplayDriver::Page { size_mm }, .. }) = config {
+            // Without a service nobody ever opens the page: it is dark, and shows nothing.
+            let link = self.page.clone().unwrap_or_default();
+            let response = config.as_ref().map_or(Duration::ZERO, DisplayConfig::response);
             let panel = move || PagePanel { link: link.clone(), size_mm, response, clock: clock.clone() };
             return Ok(Box::new(move || Ok(Box::new(panel()) as Box<dyn Display>)));
         }
@@ -235,12 +236,6 @@ pub fn limits(section: &BenchSection, simulated: Option<Devices>) -> DeviceResul
         None => simulated.map(|s| s.flash.clone()),
     };
     Ok(Limits { stage, camera, display, flash })
-}
-
-fn page_needs_service() -> DeviceError {
-    DeviceError::new("pattern page /display", "open", "a service that serves it", "a command without one")
-        .remedy("take the session through `nacre serve`")
-        .class(Class::Setup)
 }
 
 fn missing(what: &str) -> DeviceError {

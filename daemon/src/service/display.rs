@@ -207,6 +207,18 @@ impl Link {
         if matches!(shown, Ok(Ok(_))) { Ok(()) } else { Err(NotShown::Silent) }
     }
 
+    /// That the page still shows what it was asked for last.
+    ///
+    /// # Errors
+    /// It is gone, hidden, or shows something else.
+    pub fn still_shows(&self) -> Result<(), NotShown> {
+        let alive = self.alive().ok_or(NotShown::NoPage)?;
+        if !alive.visible {
+            return Err(NotShown::Hidden);
+        }
+        if *self.acknowledged.borrow() == self.wanted.borrow().1 { Ok(()) } else { Err(NotShown::Silent) }
+    }
+
     /// The page that is bound and was heard of lately.
     fn alive(&self) -> Option<Bound> {
         self.bound().clone().filter(|b| b.heard.elapsed() < SILENCE)
@@ -256,6 +268,10 @@ pub async fn state(State(app): State<Arc<App>>) -> Json<DisplayState> {
 pub async fn show(State(app): State<Arc<App>>, Body(body): Body<ShowPattern>) -> Answer<Json<DisplayState>> {
     body.pattern.check()?;
     let size_mm = app.limits.display.size_mm;
+    if app.config.bench.has_page() {
+        return Err(Problem::new(Kind::Conflict, "the pattern page is the bench's panel")
+            .remedy("show patterns with /api/v1/devices/display/show, which interlocks and STOP know of"));
+    }
     let shown = app.link.show(body.pattern).await;
     shown.map_err(|why| Problem::new(Kind::Conflict, why.to_string()).remedy(why.remedy()))?;
     Ok(Json(app.link.state(size_mm)))

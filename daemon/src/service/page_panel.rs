@@ -23,6 +23,12 @@ impl PagePanel {
     pub fn info(size_mm: [f64; 2]) -> DisplayInfo {
         DisplayInfo { id: "pattern page /display".into(), size_mm }
     }
+
+    fn not_shown(&self, command: &str, why: NotShown) -> DeviceError {
+        DeviceError::new(&self.describe().id, command, "its acknowledgement", why.to_string())
+            .remedy(format!("{}, then resume the session", why.remedy()))
+            .class(if why == NotShown::Silent { Class::Retry } else { Class::Stop })
+    }
 }
 
 #[async_trait]
@@ -36,22 +42,22 @@ impl Display for PagePanel {
             Pattern::Black => PagePattern::Black {},
             Pattern::Disc { center_mm, diameter_mm } => PagePattern::Disc { center_mm, diameter_mm },
         };
-        match self.link.show(asked).await {
-            Ok(()) => {}
-            // A page that is not there, or hidden, is dark, and will be black when it comes back.
-            Err(NotShown::NoPage | NotShown::Hidden) if pattern == Pattern::Black => {}
-            Err(why) => {
-                return Err(DeviceError::new(
-                    &self.describe().id,
-                    "show a pattern",
-                    "its acknowledgement",
-                    why.to_string(),
-                )
-                .remedy(format!("{}, then resume the session", why.remedy()))
-                .class(if why == NotShown::Silent { Class::Retry } else { Class::Stop }));
-            }
-        }
+        self.link.show(asked).await.map_err(|why| self.not_shown("show a pattern", why))?;
         Ok(Shown { since: self.clock.now() + self.response, pattern })
+    }
+
+    /// A page that is not there, or hidden, gives no light, and will be black when it comes back.
+    async fn dark(&mut self) -> DeviceResult<Shown> {
+        match self.link.show(PagePattern::Black {}).await {
+            Ok(()) | Err(NotShown::NoPage | NotShown::Hidden) => {
+                Ok(Shown { since: self.clock.now() + self.response, pattern: Pattern::Black })
+            }
+            Err(why) => Err(self.not_shown("go dark", why)),
+        }
+    }
+
+    async fn still_shows(&mut self) -> DeviceResult<()> {
+        self.link.still_shows().map_err(|why| self.not_shown("go on showing the pattern", why))
     }
 }
 
@@ -70,10 +76,13 @@ mod tests {
         };
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         let before = SystemClock.now();
-        let black = runtime.block_on(panel.show(Pattern::Black)).unwrap();
-        assert!(black.since >= before + Duration::from_millis(30));
-        let disc = Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 50.0 };
-        let error = runtime.block_on(panel.show(disc)).unwrap_err();
-        assert!(error.got.contains("no pattern page") && error.remedy.contains("/display"), "{error}");
+        let dark = runtime.block_on(panel.dark()).unwrap();
+        assert!(dark.since >= before + Duration::from_millis(30));
+        // What a frame is to be taken of must be seen, black as well.
+        for pattern in [Pattern::Black, Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 50.0 }] {
+            let error = runtime.block_on(panel.show(pattern)).unwrap_err();
+            assert!(error.got.contains("no pattern page") && error.remedy.contains("/display"), "{error}");
+        }
+        assert!(runtime.block_on(panel.still_shows()).is_err());
     }
 }

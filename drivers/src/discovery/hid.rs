@@ -55,6 +55,7 @@ fn device(root: &Root, hid: HidNode) -> Option<Found> {
         what: format!("{what} ({})", hid.name),
         id,
         stable: None,
+        size_mm: None,
         setting: Some(setting),
         sure: true,
         access: check(root, &hid.node),

@@ -37,6 +37,8 @@ pub struct Found {
     pub node: Option<PathBuf>,
     /// A name of its node that stays the same.
     pub stable: Option<PathBuf>,
+    /// Width and height of a panel in mm, where it tells.
+    pub size_mm: Option<[f64; 2]>,
     /// The USB device that it belongs to.
     pub usb: Option<Usb>,
     /// What to write as `driver` into nacre.toml, as an inline table of TOML; None when it is of no known kind.

@@ -26,6 +26,7 @@ fn screen(root: &Root, folder: &Path) -> Option<Found> {
         access: check(root, &node),
         node: Some(node),
         stable: None,
+        size_mm: edid.as_ref().and_then(|e| e.size_mm),
         usb: None,
     })
 }

@@ -36,6 +36,7 @@ fn port(root: &Root, folder: &Path) -> Option<Found> {
         access: check(root, &node),
         node: Some(node),
         stable,
+        size_mm: None,
         usb,
     })
 }

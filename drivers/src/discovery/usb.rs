@@ -22,6 +22,7 @@ fn flash(root: &Root, usb: Usb) -> Found {
         what: format!("flash with bulk transfers ({})", usb.words()),
         id: usb.identity(),
         stable: None,
+        size_mm: None,
         setting: Some(format!("{{ kind = \"bulk\"{serial} }}")),
         // The number is one that anybody may use for experiments.
         sure: usb.name.as_deref() == Some(bulk::NAME),

@@ -27,6 +27,7 @@ fn camera(root: &Root, folder: &Path) -> Option<Found> {
         access: check(root, &node),
         node: Some(node),
         stable,
+        size_mm: None,
         usb,
     })
 }

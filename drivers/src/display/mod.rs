@@ -43,6 +43,27 @@ pub enum DisplayDriver {
 }
 
 impl DisplayConfig {
+    /// Says what is wrong with it.
+    ///
+    /// # Errors
+    /// The key and what it must be.
+    pub fn check(&self) -> Result<(), String> {
+        if !(0.0..=10_000.0).contains(&self.response_ms) {
+            return Err(format!("response_ms is {}; give 0 to 10000", self.response_ms));
+        }
+        match &self.driver {
+            DisplayDriver::Simulated {} => Ok(()),
+            DisplayDriver::Page { size_mm } if size_mm.iter().all(|mm| (1.0..=1e5).contains(mm)) => Ok(()),
+            DisplayDriver::Page { size_mm } => Err(format!("size_mm is {size_mm:?}; give width and height in mm")),
+            DisplayDriver::Kms(settings) => settings.check(),
+        }
+    }
+
+    /// Time until a new picture is steady.
+    pub fn response(&self) -> Duration {
+        Duration::try_from_secs_f64(self.response_ms / 1e3).unwrap_or_default()
+    }
+
     /// Opens a panel that is a device of this machine; None for those that are not.
     ///
     /// # Errors
@@ -55,7 +76,6 @@ impl DisplayConfig {
     }
 
     fn open_kms(&self, settings: &kms::Settings, clock: &Arc<dyn Clock>) -> DeviceResult<Box<dyn Display>> {
-        let response = Duration::try_from_secs_f64(self.response_ms / 1e3).unwrap_or_default();
-        Ok(Box::new(kms::open(settings, response, clock)?))
+        Ok(Box::new(kms::open(settings, self.response(), clock)?))
     }
 }

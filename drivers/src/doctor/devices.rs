@@ -53,15 +53,19 @@ pub(super) fn access(found: &[Found]) -> Vec<Check> {
         Some(node) => format!("{} at {}", device.what, node.display()),
         None => device.what.clone(),
     };
-    let check = |device: &Found| {
+    let found: Vec<&Found> = found.iter().filter(|f| f.kind != Kind::Other).collect();
+    let check = |device: &&Found| {
+        // A panel can be a browser's as well, and what only may be a stage need not be one.
+        let needed = device.sure && device.kind != Kind::Display;
+        let health = if needed { Health::Bad } else { Health::Warn };
         let name = format!("access to {}", device.id);
         match &device.access {
             Access::Open | Access::NotNeeded => Check::ok(&name, words(device)),
             Access::Denied { remedy } => {
-                Check::not_ok(&name, Health::Bad, format!("{} may not be opened", words(device)), remedy)
+                Check::not_ok(&name, health, format!("{} may not be opened", words(device)), remedy)
             }
             Access::NoNode { remedy } => {
-                Check::not_ok(&name, Health::Bad, format!("{} has no device node", words(device)), remedy)
+                Check::not_ok(&name, health, format!("{} has no device node", words(device)), remedy)
             }
         }
     };
@@ -94,6 +98,7 @@ mod tests {
             id: "0001:0002 at 1-1".into(),
             node: Some("/dev/video0".into()),
             stable: None,
+            size_mm: None,
             usb: Some(usb),
             setting: None,
             sure: true,

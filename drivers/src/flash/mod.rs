@@ -76,13 +76,40 @@ impl FlashConfig {
         }
     }
 
+    /// Says what is wrong with it.
+    ///
     /// # Errors
-    /// `Setup` when a time makes no sense.
+    /// The key and what it must be.
+    pub fn check(&self) -> Result<(), String> {
+        let sane = |value: f64, most: f64| value > 0.0 && value <= most;
+        if !sane(self.settling_ms, MAX_SETTLING_MS) {
+            return Err(format!("settling_ms is {}; give more than 0 and up to {MAX_SETTLING_MS}", self.settling_ms));
+        }
+        if !sane(self.max_on_s, MAX_ON_S) {
+            return Err(format!("max_on_s is {}; give more than 0 and up to {MAX_ON_S}", self.max_on_s));
+        }
+        if self.settling_ms >= 1000.0 * self.max_on_s {
+            return Err(format!("settling_ms is {}, but it may be on for {} s only", self.settling_ms, self.max_on_s));
+        }
+        match &self.driver {
+            FlashDriver::Blink1(blink1::Settings { serial: Some(_), path: Some(_), .. })
+            | FlashDriver::Bulk(bulk::Settings { serial: Some(_), path: Some(_), .. }) => {
+                Err("driver has both serial and path; give one of them".into())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// # Errors
+    /// `Setup` when it makes no sense.
     fn timing(&self) -> DeviceResult<Timing> {
-        Ok(Timing {
-            settling: time("settling_ms", self.settling_ms, MAX_SETTLING_MS, 1e-3)?,
-            max_on: time("max_on_s", self.max_on_s, MAX_ON_S, 1.0)?,
-        })
+        self.check().map_err(|problem| {
+            DeviceError::new("flash", "read its settings", "settings that make sense", problem)
+                .remedy("correct them in the configuration")
+                .class(Class::Setup)
+        })?;
+        let [settling, max_on] = [self.settling_ms / 1000.0, self.max_on_s].map(Duration::from_secs_f64);
+        Ok(Timing { settling, max_on })
     }
 }
 
@@ -91,16 +118,6 @@ const MAX_SETTLING_MS: f64 = 60_000.0;
 
 /// Whatever shines for longer at a time is no flash.
 const MAX_ON_S: f64 = 600.0;
-
-fn time(key: &str, value: f64, most: f64, unit_s: f64) -> DeviceResult<Duration> {
-    if value > 0.0 && value <= most {
-        return Ok(Duration::from_secs_f64(value * unit_s));
-    }
-    let expected = format!("{key} above 0 and not above {most}");
-    Err(DeviceError::new("flash", "read its settings", expected, format!("{value}"))
-        .remedy(format!("correct `{key}` in the flash's settings"))
-        .class(Class::Setup))
-}
 
 #[cfg(test)]
 mod tests {
@@ -114,9 +131,9 @@ mod tests {
         assert!(good.open(&clock).is_none());
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300] {
             let error = FlashConfig { settling_ms: bad, ..good.clone() }.open(&clock).unwrap().err().unwrap();
-            assert!(error.remedy.contains("settling_ms") && error.class == Class::Setup, "{error}");
+            assert!(error.got.contains("settling_ms") && error.class == Class::Setup, "{error}");
             let error = FlashConfig { max_on_s: bad, ..good.clone() }.open(&clock).unwrap().err().unwrap();
-            assert!(error.remedy.contains("max_on_s"), "{error}");
+            assert!(error.got.contains("max_on_s"), "{error}");
         }
     }
 }

@@ -38,6 +38,8 @@ impl HandStage {
             limits_deg: [-360.0, 720.0],
             tolerance_deg: TOLERANCE_DEG,
             approach_deg: 0.0,
+            // A person may take this long.
+            longest_s: 24.0 * 3600.0,
             halts: true,
             by_hand: true,
         }

@@ -1,6 +1,6 @@
 //! How the analyser sits on a stage's axis: zero, sense, gearing, and from which side angles are approached.
 
-use crate::{Arrived, DeviceResult, Stage, StageInfo};
+use crate::{Arrived, Class, DeviceError, DeviceResult, Stage, StageInfo};
 use async_trait::async_trait;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -56,8 +56,8 @@ impl Mounting {
             return Err(format!("mounting.approach_deg is {}; give 0 to 90", self.approach_deg));
         }
         match self.limits_deg {
-            Some([low, high]) if !(sane(low, -1e5, 1e5) && sane(high, -1e5, 1e5) && high - low >= 180.0) => {
-                Err(format!("mounting.limits_deg is [{low}, {high}]; give at least half a turn"))
+            Some([low, high]) if !(sane(low, -1e5, 0.0) && sane(high, 0.0, 1e5) && high - low >= 180.0) => {
+                Err(format!("mounting.limits_deg is [{low}, {high}]; give at least half a turn, with 0 in it"))
             }
             _ => Ok(()),
         }
@@ -112,6 +112,8 @@ impl Stage for Mounted {
             speed_deg_s: axis.speed_deg_s / self.mounting.gear,
             tolerance_deg: axis.tolerance_deg / self.mounting.gear,
             approach_deg: self.mounting.approach_deg,
+            // Homing goes on to the analyser's own zero.
+            longest_s: 2.0 * axis.longest_s,
             limits_deg,
             ..axis
         }
@@ -121,11 +123,17 @@ impl Stage for Mounted {
     async fn home(&mut self) -> DeviceResult<Arrived> {
         let arrived = self.axis.home().await?;
         let zero = self.mounting.axis_deg(0.0);
-        let arrived = if zero == arrived.angle_deg { arrived } else { self.axis.move_to(zero).await? };
-        Ok(self.seen(arrived))
+        if zero == arrived.angle_deg { Ok(self.seen(arrived)) } else { self.move_to(0.0).await }
     }
 
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
+        let StageInfo { id, limits_deg: [low, high], .. } = self.describe();
+        if !(low..=high).contains(&angle_deg) {
+            let (command, expected) = (format!("move to {angle_deg}°"), format!("an angle from {low}° to {high}°"));
+            return Err(DeviceError::new(&id, command, expected, format!("{angle_deg}°"))
+                .remedy("correct the plan, or limits_deg of the mounting")
+                .class(Class::Setup));
+        }
         let arrived = self.axis.move_to(self.mounting.axis_deg(angle_deg)).await?;
         Ok(self.seen(arrived))
     }
@@ -167,6 +175,7 @@ mod tests {
     impl Stage for Axis {
         fn describe(&self) -> StageInfo {
             StageInfo {
+                longest_s: 1.0,
                 id: "axis".into(),
                 speed_deg_s: 90.0,
                 settling_s: 0.1,
@@ -202,15 +211,20 @@ mod tests {
 
     proptest! {
         #[test]
-        fn angles_come_back(angle in -720.0..720.0_f64, zero in -360.0..360.0_f64, gear in 0.01..100.0_f64, flip: bool) {
+        fn angles_come_back(share in 0.0..1.0_f64, zero in -360.0..360.0_f64, gear in 0.01..100.0_f64, flip: bool) {
             let sense = if flip { Sense::Clockwise } else { Sense::Anticlockwise };
             let mounting = mounting(zero, sense, gear);
-            prop_assert!((mounting.analyser_deg(mounting.axis_deg(angle)) - angle).abs() < 1e-8);
             let mut stage = Mounted::new(Box::new(Axis::default()), mounting);
+            let [low, high] = stage.describe().limits_deg;
+            let angle = low + share * (high - low);
+            prop_assert!((mounting.analyser_deg(mounting.axis_deg(angle)) - angle).abs() < 1e-8);
             let arrived = wait(stage.move_to(angle)).unwrap();
             prop_assert!((arrived.angle_deg - angle).abs() < 1e-8);
             prop_assert!((wait(stage.position()).unwrap() - angle).abs() < 1e-8);
             prop_assert_eq!(arrived.since, Duration::from_secs(7));
+            for beyond in [low - 1.0, high + 1.0, f64::NAN] {
+                prop_assert_eq!(wait(stage.move_to(beyond)).unwrap_err().class, Class::Setup);
+            }
         }
 
         #[test]

@@ -120,7 +120,7 @@ impl V4l2Camera {
             Ok(Some(buffer)) if !buffer.monotonic => Ok(Polled::NoTime),
             Ok(Some(buffer)) => {
                 let after_start = self.exposure + readout;
-                let end = end_of_readout(&buffer, self.settings.timestamps, after_start, self.clock.now());
+                let end = end_of_readout(&buffer, &self.settings, after_start, self.clock.now());
                 Ok(match self.counter.number(buffer.sequence, end) {
                     Some(sequence) => {
                         Polled::Frame(frame(&self.picture, &buffer, Stamp { sequence, timestamp: end }, fresh))
@@ -160,7 +160,7 @@ impl Camera for V4l2Camera {
 
     async fn configure(&mut self, exposure: Duration, gain: f64) -> DeviceResult<Controls> {
         let set = self.set(exposure, gain);
-        let (exposure, gain) = set.map_err(|e| failure(&self.info.id, "set exposure and gain", "both set", &e))?;
+        let (exposure, gain) = set.map_err(|e| refused(&self.info.id, &e))?;
         self.exposure = exposure;
         Ok(Controls { exposure, gain, set_at: self.clock.now() })
     }
@@ -199,13 +199,15 @@ impl Camera for V4l2Camera {
 }
 
 /// When readout ended, and not later. `after_start` is from the start of exposure to there.
-fn end_of_readout(buffer: &Buffer<'_>, meaning: Timestamps, after_start: Duration, now: Duration) -> Duration {
-    let starts = match meaning {
+fn end_of_readout(buffer: &Buffer<'_>, settings: &Settings, after_start: Duration, now: Duration) -> Duration {
+    let starts = match settings.timestamps {
         Timestamps::Auto => buffer.start_of_exposure,
         Timestamps::StartOfExposure => true,
         Timestamps::EndOfReadout => false,
     };
-    let end = if starts { buffer.timestamp.saturating_add(after_start) } else { buffer.timestamp };
+    let latency = Duration::try_from_secs_f64(settings.latency_ms / 1e3).unwrap_or_default();
+    let end =
+        if starts { buffer.timestamp.saturating_add(after_start) } else { buffer.timestamp.saturating_sub(latency) };
     // The frame is here, so it has ended.
     end.min(now)
 }
@@ -220,6 +222,19 @@ fn frame(picture: &Picture, buffer: &Buffer<'_>, stamp: Stamp, fresh: Freshness)
     match unpacked {
         Some(codes) => Frame { codes, ..nothing },
         None => Frame { damaged: true, codes: vec![0; width * height], ..nothing },
+    }
+}
+
+/// An error of the kernel about a control, whose codes mean something else than those of opening.
+fn refused(id: &str, e: &io::Error) -> DeviceError {
+    let error = failure(id, "set exposure and gain", "both set", e);
+    match e.raw_os_error().map(Errno::from_raw_os_error) {
+        Some(Errno::BUSY) => error.remedy("the camera was not ready: try again").class(Class::Retry),
+        Some(Errno::ACCESS) => error.remedy(
+            "the camera holds this control itself: switch its automatic off (`v4l2-ctl -L` lists the controls), or give \
+             exposure_ms as it is",
+        ),
+        _ => error,
     }
 }
 

@@ -79,7 +79,8 @@ pub struct Buffer<'a> {
     pub timestamp: Duration,
     /// The timestamp is on the monotonic clock.
     pub monotonic: bool,
-    /// The timestamp is that of the exposure's start; otherwise it is not later than the end of readout.
+    /// The timestamp is that of the exposure's start; otherwise that of the frame's arrival, which may be later than the end of
+    /// readout by the time that the camera takes to work on it ([`super::Settings::latency_ms`]).
     pub start_of_exposure: bool,
     /// The driver says that the frame is damaged.
     pub error: bool,

@@ -38,6 +38,10 @@ pub struct Settings {
     /// Time from the end of the first row's exposure to that of the last, and the transfer; without it, the time from frame to frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readout_ms: Option<f64>,
+    /// How much later than the end of readout a frame's timestamp may be, in ms: the time that a camera works on a picture before
+    /// sending it. Cameras with a picture processor or MJPEG buffer one or two frames.
+    #[serde(default)]
+    pub latency_ms: f64,
     /// The exposure of a camera that has no control for it, in ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure_ms: Option<f64>,
@@ -119,6 +123,7 @@ impl Settings {
             black: None,
             white: None,
             readout_ms: None,
+            latency_ms: 0.0,
             exposure_ms: None,
             gain: GainScale::default(),
             timestamps: Timestamps::default(),
@@ -156,6 +161,7 @@ impl Settings {
         within("control_lag_frames", Some(f64::from(self.control_lag_frames)), 0.0, 100.0)?;
         within("panel_refresh_hz", self.panel_refresh_hz, 1.0, 1000.0)?;
         within("readout_ms", self.readout_ms, 0.0, 60_000.0)?;
+        within("latency_ms", Some(self.latency_ms), 0.0, 60_000.0)?;
         within("exposure_ms", self.exposure_ms, 1e-3, 3_600_000.0)?;
         within("buffers", Some(f64::from(self.buffers)), 2.0, 32.0)
     }

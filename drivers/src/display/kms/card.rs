@@ -150,9 +150,11 @@ impl Output {
     fn flipped(&self) -> io::Result<()> {
         loop {
             let mut fds = [PollFd::new(&self.card, PollFlags::IN)];
-            if poll(&mut fds, Some(&FLIP_LIMIT))? == 0 {
-                return Err(io::ErrorKind::TimedOut.into());
-            }
+            match poll(&mut fds, Some(&FLIP_LIMIT)) {
+                Ok(0) => return Err(io::ErrorKind::TimedOut.into()),
+                Err(rustix::io::Errno::INTR) => continue,
+                ready => ready?,
+            };
             if self.card.receive_events()?.any(|event| matches!(event, Event::PageFlip(_))) {
                 return Ok(());
             }
@@ -184,7 +186,11 @@ impl Screen for Output {
         match self.seen {
             None => self.card.set_crtc(self.crtc, Some(handle), (0, 0), &[self.connector], Some(self.mode))?,
             Some(_) => {
-                self.card.page_flip(self.crtc, handle, PageFlipFlags::EVENT, None)?;
+                // Once it is not known which picture is seen, the next one sets the mode anew.
+                let before = self.seen.take();
+                self.card
+                    .page_flip(self.crtc, handle, PageFlipFlags::EVENT, None)
+                    .inspect_err(|_| self.seen = before)?;
                 self.flipped()?;
             }
         }

@@ -1,6 +1,6 @@
 //! Bulk transfers: over libusb, or over a socket where an emulated device answers (see [`seam`](crate::seam)).
 
-use super::{DEVICE, PRODUCT, VENDOR};
+use super::{DEVICE, NAME, PRODUCT, VENDOR};
 use crate::discovery::{Access, Root, Usb, check, usb_devices};
 use crate::hid;
 use crate::seam::{self, Seam, Transfer};
@@ -47,6 +47,8 @@ pub(super) fn socket(path: &str) -> DeviceResult<Box<dyn Bulk>> {
 pub(super) fn usb(root: &Root, serial: Option<&str>) -> DeviceResult<(Box<dyn Bulk>, String)> {
     let mut found = usb_devices(root);
     found.retain(|usb| (usb.vendor, usb.product) == (VENDOR, PRODUCT));
+    // The numbers are for experiments, and so anybody's; the name is not.
+    found.retain(|usb| usb.name.as_deref() == Some(NAME));
     found.retain(|usb| serial.is_none() || usb.serial.as_deref() == serial);
     let named = |usb: &Usb| format!("serial = \"{}\"", usb.serial.as_deref().unwrap_or("none"));
     let usb = hid::only(DEVICE, found, named)?;

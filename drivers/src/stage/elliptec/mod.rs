@@ -98,7 +98,7 @@ impl Elliptec {
         const WHAT: &str = "identify itself";
         // It may still be turning for whoever drove it before, and an error of then is told once.
         match self.idle(WHAT, self.longest_move()).await {
-            Err(e) if matches!(e.class, Class::Stop | Class::Setup) => self.idle(WHAT, self.longest_move()).await?,
+            Err(e) if e.class != Class::Lost => self.idle(WHAT, self.longest_move()).await?,
             other => other?,
         }
         self.zero = Zero::Unchecked;
@@ -341,6 +341,7 @@ impl Stage for Elliptec {
             limits_deg: self.settings.limits_deg,
             tolerance_deg: self.settings.tolerance_deg,
             approach_deg: 0.0,
+            longest_s: 2.0 * self.settings.move_ms as f64 / 1000.0,
             // `st` does not end a move to a position.
             halts: false,
             by_hand: false,

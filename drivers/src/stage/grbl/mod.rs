@@ -27,8 +27,8 @@ const SHORT: u32 = 3;
 /// After this many times of an answer without a word, nothing late comes any more.
 const QUIET: u32 = 5;
 
-/// So many lines are looked at before it counts as quiet.
-const MAX_TALK: u32 = 1000;
+/// A controller that talks for so many times the time of an answer, without a pause, talks for ever.
+const TALK: u32 = 40;
 
 /// A rotary axis of a GRBL controller.
 pub struct Grbl {
@@ -36,6 +36,8 @@ pub struct Grbl {
     settings: Settings,
     clock: Arc<dyn Clock>,
     zero: Zero,
+    /// It is on its way to its switch.
+    homing: bool,
     /// Where the axis' work coordinates start, as last reported.
     offset: Option<f64>,
     /// Answers that did not come in time may still come.
@@ -49,6 +51,8 @@ enum Zero {
     Unchecked,
     /// It started anew, or lost steps.
     Forgotten,
+    /// It was known when a movement to there began, in degrees; nothing is known of its end.
+    Going(f64),
     /// It was found, and this is where the axis stood after the last movement, in degrees.
     Known(f64),
 }
@@ -78,7 +82,7 @@ impl Grbl {
     pub fn on(wire: Box<dyn Wire>, settings: &Settings, clock: Arc<dyn Clock>) -> DeviceResult<Self> {
         let lines = Lines::new(wire, "GRBL stage", b"\r\n");
         let (settings, zero) = (settings.clone(), Zero::Unchecked);
-        let mut stage = Self { lines, settings, clock, zero, offset: None, unsettled: false };
+        let mut stage = Self { lines, settings, clock, zero, homing: false, offset: None, unsettled: false };
         wait(stage.start())?;
         Ok(stage)
     }
@@ -166,7 +170,8 @@ impl Grbl {
     /// Looks at what came without being asked for, and waits until nothing late can come any more.
     async fn settle(&mut self, what: &str) -> DeviceResult<()> {
         let time = if self.unsettled { QUIET * self.answer() } else { Duration::ZERO };
-        for _ in 0..MAX_TALK {
+        let until = Instant::now() + time + TALK * self.answer();
+        while Instant::now() < until {
             if let Heard::Nothing = self.hear(what, Instant::now() + time).await? {
                 self.unsettled = false;
                 return Ok(());
@@ -262,13 +267,25 @@ impl Grbl {
 
     async fn find_zero(&mut self, what: &str) -> DeviceResult<f64> {
         let limit = Duration::from_millis(self.settings.home_ms);
-        if self.settings.homes {
-            self.zero = Zero::Unchecked;
-            self.command(what, "$H\n", limit).await?;
-        } else if self.zero == Zero::Forgotten {
+        if self.zero == Zero::Forgotten && !self.settings.homes {
             return Err(self.lost_zero(what));
         }
+        if self.settings.homes {
+            if matches!(self.zero, Zero::Going(_)) {
+                // A movement whose end was not heard of may go on.
+                self.rest(what, None, limit).await?;
+            }
+            self.zero = Zero::Unchecked;
+            self.homing = true;
+            self.command(what, "$H\n", limit).await?;
+        }
         let at = self.rest(what, None, limit).await?;
+        self.homing = false;
+        if let Zero::Going(to) = self.zero
+            && (at - to).abs() > self.settings.tolerance_deg
+        {
+            return Err(self.moved_away(what, to, at));
+        }
         self.zero = Zero::Known(at);
         Ok(at)
     }
@@ -292,7 +309,7 @@ impl Grbl {
                 .class(Class::Setup));
         }
         self.be_sure(what).await?;
-        self.zero = Zero::Unchecked;
+        self.zero = Zero::Going(angle_deg);
         let scale = self.settings.degrees_per_unit;
         let line = move_line(self.settings.axis, angle_deg / scale, self.settings.feed_deg_min / scale.abs());
         let limit = Duration::from_millis(self.settings.move_ms);
@@ -311,12 +328,23 @@ impl Grbl {
         const WHAT: &str = "halt";
         self.lines.send(WHAT, protocol::HOLD)?;
         let until = Instant::now() + Duration::from_millis(self.settings.move_ms);
-        while Instant::now() < until {
+        // While it homes, it answers nothing but a reset.
+        let homing = std::mem::take(&mut self.homing);
+        let mut stood = None;
+        while Instant::now() < until && !homing {
             match self.look(WHAT).await {
-                Ok((State::Hold { still: true } | State::Idle | State::Alarm, _)) => break,
+                Ok((State::Hold { still: true } | State::Idle, at)) => {
+                    stood = Some(at);
+                    break;
+                }
+                Ok((State::Alarm, _)) => break,
+                // A byte can get lost.
+                Ok((State::Run | State::Jog, _)) => {
+                    self.lines.send(WHAT, protocol::HOLD)?;
+                    self.pause(WHAT).await?;
+                }
                 Ok(_) => self.pause(WHAT).await?,
                 Err(e) if e.class == Class::Lost => return Err(e),
-                // While it homes, it answers nothing but a reset.
                 Err(_) => break,
             }
         }
@@ -324,8 +352,13 @@ impl Grbl {
         let until = Instant::now() + self.answer();
         while let Some(line) = self.lines.next(WHAT, until).await? {
             if matches!(parse(&line), Some(Line::Started(_))) {
-                let (state, _) = self.look(WHAT).await.unwrap_or((State::Alarm, 0.0));
-                self.zero = if state == State::Idle { Zero::Unchecked } else { Zero::Forgotten };
+                let forgotten = self.zero == Zero::Forgotten;
+                let (state, at) = self.look(WHAT).await.unwrap_or((State::Alarm, 0.0));
+                let kept = stood.is_some_and(|s: f64| (s - at).abs() <= self.settings.tolerance_deg);
+                self.zero = match state {
+                    State::Idle if kept && !forgotten => Zero::Known(at),
+                    _ => Zero::Forgotten,
+                };
                 return Ok(());
             }
         }
@@ -343,6 +376,7 @@ impl Stage for Grbl {
             limits_deg: self.settings.limits_deg,
             tolerance_deg: self.settings.tolerance_deg,
             approach_deg: 0.0,
+            longest_s: (self.settings.home_ms + self.settings.move_ms) as f64 / 1000.0,
             halts: true,
             by_hand: false,
         }

@@ -44,6 +44,8 @@ enum Zero {
     Unchecked,
     /// It was not found where it was left.
     Forgotten,
+    /// It was known when a movement from here to there began, in degrees; nothing is known of its end.
+    Going { from: f64, to: f64 },
     /// It was found, and stood there after the last movement, in degrees.
     Known(f64),
 }
@@ -114,7 +116,9 @@ impl LineStage {
         };
         let units = self.settings.units_per_deg;
         if self.phrases.errors.iter().any(|e| e.matches(&line, units).is_some()) {
-            self.zero = Zero::Unchecked;
+            if self.phrases.home.is_some() {
+                self.zero = Zero::Unchecked;
+            }
             return Err(self.error(what, "no error", shown(&line)).remedy("see the manual of the stage, then resume"));
         }
         Ok(line)
@@ -198,15 +202,22 @@ impl LineStage {
         let (mut last, mut still) = (f64::NAN, 0);
         while Instant::now() < until {
             let at = self.place(what).await?;
-            still = if (at - last).abs() <= tolerance { still + 1 } else { 0 };
+            // The first of the places that are alike stays, so that creeping is noticed.
+            if (at - last).abs() <= tolerance {
+                still += 1;
+            } else {
+                (last, still) = (at, 0);
+            }
+            // At its target, or as it says itself, it is done; otherwise it may not have begun yet.
+            let enough = if target_deg.is_some() || self.phrases.poll.is_some() { 1 } else { STILL };
             let there = target_deg.is_none_or(|t| (at - t).abs() <= tolerance);
             match (there, still) {
-                (true, 1..) => return Ok(at),
+                (true, n) if n >= enough => return Ok(at),
                 (false, STILL..) => {
                     let expected = format!("{}°", target_deg.unwrap_or(0.0));
                     return Err(self.passing(what, &expected, format!("rest at {at:.2}°, without its end")));
                 }
-                _ => last = at,
+                _ => {}
             }
             self.pause(what).await?;
         }
@@ -223,6 +234,12 @@ impl LineStage {
             return Err(self.lost_zero(what));
         }
         let at = self.rest(what, None).await?;
+        if let Zero::Going { to, .. } = self.zero
+            && (at - to).abs() > self.settings.motion.tolerance_deg
+            && self.phrases.home.is_none()
+        {
+            return Err(self.moved_away(what, to, at));
+        }
         self.zero = Zero::Known(at);
         Ok(at)
     }
@@ -231,7 +248,7 @@ impl LineStage {
         if self.phrases.home.is_some() {
             "home it, then resume the session"
         } else {
-            "set its zero as its manual says, then begin a new session"
+            "set its zero as its manual says, start nacre again, then begin a new session"
         }
     }
 
@@ -262,7 +279,8 @@ impl LineStage {
             }
             _ => drop(self.find_zero(what).await?),
         }
-        self.zero = Zero::Unchecked;
+        let Zero::Known(from) = self.zero else { return Err(self.lost_zero(what)) };
+        self.zero = Zero::Going { from, to: angle_deg };
         let limit = if self.phrases.poll.is_some() { self.answer() } else { self.longest_move() };
         self.exchange(what, |p| Some(&p.go), angle_deg, limit).await?;
         self.stands(what).await?;
@@ -295,6 +313,7 @@ impl Stage for LineStage {
             limits_deg: motion.limits_deg,
             tolerance_deg: motion.tolerance_deg,
             approach_deg: 0.0,
+            longest_s: 2.0 * motion.move_ms as f64 / 1000.0,
             halts: self.phrases.halt.is_some(),
             by_hand: false,
         }
@@ -312,13 +331,22 @@ impl Stage for LineStage {
 
     async fn halt(&mut self) -> DeviceResult<()> {
         // The answer to what was dropped may still come.
-        let said = self.exchange("halt", |p| p.halt.as_ref(), 0.0, self.answer()).await;
-        match said {
-            Err(e) if e.class != Class::Retry => return Err(self.for_good(e)),
-            _ => {}
+        for _ in 0..2 {
+            match self.exchange("halt", |p| p.halt.as_ref(), 0.0, self.answer()).await {
+                Ok(_) => break,
+                Err(e) if e.class != Class::Retry => return Err(self.for_good(e)),
+                Err(_) => {}
+            }
         }
-        let rest = self.rest("halt", None).await;
-        rest.map(drop).map_err(|e| self.for_good(e))
+        self.stands("halt").await.map_err(|e| self.for_good(e))?;
+        let at = self.rest("halt", None).await.map_err(|e| self.for_good(e))?;
+        // Stopped on its way it knows where it is; anywhere else it has forgotten its zero.
+        if let Zero::Going { from, to } = self.zero {
+            let slack = self.settings.motion.tolerance_deg;
+            let on_its_way = at >= from.min(to) - slack && at <= from.max(to) + slack;
+            self.zero = if on_its_way { Zero::Known(at) } else { Zero::Forgotten };
+        }
+        Ok(())
     }
 
     async fn position(&mut self) -> DeviceResult<f64> {

@@ -31,11 +31,14 @@ fn open(settings: &Settings, steps: &[(&str, &str)]) -> DeviceResult<LineStage> 
 
 const AT_0: (&str, &str) = ("POS?\r\n", "POS 0.0\r\n");
 const AT_45: (&str, &str) = ("POS?\r\n", "POS 45.0\r\n");
+/// Asked when it is opened, and until it is sure to stand.
+const RESTS: [(&str, &str); 6] = [AT_0; 6];
 const GO: &str = "MOVE 45.0\r\n";
 
 #[test]
 fn a_move_ends_where_the_position_says() {
-    let mut stage = open(&settings(), &[AT_0, AT_0, AT_0, (GO, "OK\r\n"), AT_0, AT_45, AT_45, AT_45]).unwrap();
+    let steps: Vec<_> = RESTS.into_iter().chain([(GO, "OK\r\n"), AT_0, AT_45, AT_45, AT_45]).collect();
+    let mut stage = open(&settings(), &steps).unwrap();
     assert_eq!(stage.describe().id, "belt stage on /dev/replay");
     assert_eq!(wait(stage.move_to(45.0)).unwrap().angle_deg, 45.0);
     assert_eq!(wait(stage.position()).unwrap(), 45.0);
@@ -54,7 +57,7 @@ fn units_polls_and_homing_are_as_configured() {
         ..settings()
     };
     let (at_0, at_9, ready) = (("P\r", "0\r"), ("P\r", "900\r"), ("S\r", "READY\r"));
-    let moved = [("A900\r", "OK\r"), ("S\r", "BUSY\r"), ready, at_9, at_9, ("X\r", "OK\r"), at_9, at_9];
+    let moved = [("A900\r", "OK\r"), ("S\r", "BUSY\r"), ready, at_9, at_9, ("X\r", "OK\r"), ready, at_9, at_9];
     let steps: Vec<_> = [at_0, ("H\r", "OK\r"), ready, at_0, at_0].into_iter().chain(moved).collect();
     let mut stage = open(&settings, &steps).unwrap();
     assert_eq!(wait(stage.move_to(9.0)).unwrap().angle_deg, 9.0);
@@ -67,18 +70,25 @@ fn what_goes_wrong_is_no_arrival() {
     for (answer, class, word) in
         [("ERR 5\r\n", Class::Stop, "ERR 5"), ("", Class::Retry, "nothing"), ("?\r\n", Class::Retry, "“?”")]
     {
-        let mut stage = open(&settings(), &[AT_0, AT_0, AT_0, (GO, answer)]).unwrap();
+        let steps: Vec<_> = RESTS.into_iter().chain([(GO, answer)]).collect();
+        let mut stage = open(&settings(), &steps).unwrap();
         let error = wait(stage.move_to(45.0)).unwrap_err();
         assert!(error.class == class && error.got.contains(word), "{error}");
     }
-    let steps: Vec<_> = [AT_0, AT_0, AT_0, (GO, "OK\r\n")].into_iter().chain([AT_0; 6]).collect();
-    let error = wait(open(&settings(), &steps).unwrap().move_to(45.0)).unwrap_err();
+    let steps: Vec<_> = RESTS.into_iter().chain([(GO, "OK\r\n")]).chain([AT_0; 6]).collect();
+    let steps: Vec<_> = steps.into_iter().chain([AT_0; 6]).collect();
+    let mut stage = open(&settings(), &steps).unwrap();
+    let error = wait(stage.move_to(45.0)).unwrap_err();
     assert!(error.class == Class::Retry && error.got.contains("rest at 0.00°"), "{error}");
+    // It may have started anew on its way: that it says 0 is not believed when it is tried again.
+    let error = wait(stage.home()).unwrap_err();
+    assert!(error.class == Class::Stop && error.expected.contains("45.00°"), "{error}");
 }
 
 #[test]
 fn a_stage_that_was_moved_by_others_is_noticed() {
-    let mut stage = open(&settings(), &[AT_0, AT_0, AT_0, AT_45, AT_0]).unwrap();
+    let steps: Vec<_> = RESTS.into_iter().chain([AT_45, AT_0]).collect();
+    let mut stage = open(&settings(), &steps).unwrap();
     wait(stage.home()).unwrap();
     assert!(wait(stage.move_to(10.0)).unwrap_err().got.contains("45.00°"));
     assert!(wait(stage.position()).unwrap_err().remedy.contains("zero"));
