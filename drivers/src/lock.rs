@@ -4,11 +4,15 @@
 use crate::{Class, DeviceError, DeviceResult};
 use std::fs::{File, OpenOptions, Permissions, TryLockError};
 use std::io::{ErrorKind, Read, Seek, Write};
-use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 /// Holds a device until dropped; the system releases it also when the process is killed.
-pub struct DeviceLock(#[allow(dead_code, reason = "the open file is the lock")] File);
+pub struct DeviceLock {
+    /// The open file is the lock.
+    file: File,
+    path: PathBuf,
+}
 
 impl DeviceLock {
     /// Takes the lock of the device `id`. `place` tells apart devices of one id on different benches.
@@ -24,16 +28,33 @@ impl DeviceLock {
                 .class(Class::Setup)
         };
         make_folder(&folder).map_err(cannot)?;
-        let mut file = open(&path).map_err(cannot)?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(taken(id, &holder(&mut file))),
-            Err(TryLockError::Error(e)) => return Err(cannot(e)),
+        loop {
+            let mut file = open(&path).map_err(cannot)?;
+            match file.try_lock() {
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => return Err(taken(id, &holder(&mut file))),
+                Err(TryLockError::Error(e)) => return Err(cannot(e)),
+            }
+            let lock = Self { file, path: path.clone() };
+            // Whoever had it may have removed the file between the two steps.
+            if lock.is_in_place() {
+                lock.name_holder();
+                return Ok(lock);
+            }
         }
-        // A file of another user that may only be read is a lock all the same, without its holder's name.
+    }
+
+    /// Whether the path still leads to the file that is locked.
+    fn is_in_place(&self) -> bool {
+        let [held, there] = [self.file.metadata(), std::fs::symlink_metadata(&self.path)];
+        matches!((held, there), (Ok(held), Ok(there)) if (held.dev(), held.ino()) == (there.dev(), there.ino()))
+    }
+
+    /// A file of another user that may only be read is a lock all the same, without its holder's name.
+    fn name_holder(&self) {
+        let mut file = &self.file;
         let _ =
             file.set_len(0).and_then(|()| file.rewind()).and_then(|()| write!(file, "process {}", std::process::id()));
-        Ok(Self(file))
     }
 
     /// Who holds the device now.
@@ -42,6 +63,16 @@ impl DeviceLock {
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => Some(holder(&mut file)),
             _ => None,
+        }
+    }
+}
+
+impl Drop for DeviceLock {
+    /// Removes the file while it is still locked, so that nobody else's is removed.
+    fn drop(&mut self) {
+        if self.is_in_place() {
+            // A file of another user stays.
+            let _ = std::fs::remove_file(&self.path);
         }
     }
 }
@@ -60,8 +91,9 @@ fn taken(id: &str, holder: &str) -> DeviceError {
 
 /// Where Linux keeps locks of devices; not what a user's environment says, which differs between users.
 fn lock_folder() -> PathBuf {
-    let locks = Path::new("/run/lock");
-    if locks.is_dir() { locks.join("nacre") } else { "/tmp/nacre-locks".into() }
+    let locks = Path::new("/run/lock/nacre");
+    // Some systems let root alone add to it.
+    if make_folder(locks).is_ok() { locks.into() } else { "/tmp/nacre-locks".into() }
 }
 
 /// Like /tmp: everybody may add files, and nobody remove those of others.
@@ -122,7 +154,6 @@ mod tests {
         drop(first);
         assert!(DeviceLock::holder("stage 7", &place).is_none());
         DeviceLock::take("stage 7", &place).unwrap();
-        let _ = std::fs::remove_file(lock_folder().join(file_name("stage 7", &place)));
-        let _ = std::fs::remove_file(lock_folder().join(file_name("stage-7", &place)));
+        assert!(!lock_folder().join(file_name("stage 7", &place)).exists(), "nothing is left behind");
     }
 }
