@@ -1,20 +1,12 @@
-//! `nacre reconstruct`.
+//! `nacre reconstruct polarization`.
 
 use crate::Failure;
 use crate::console::Console;
-use clap::Subcommand;
 use nacre_processing::polarimetry::{
     self, Align, ErrorReport, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report, Smoothing,
 };
 use std::fmt::Write;
 use std::path::PathBuf;
-
-/// What to reconstruct.
-#[derive(Subcommand)]
-pub enum Reconstruct {
-    /// Orientation of gratings from photographs behind a turning analyser, or from a polarization sensor.
-    Polarization(Polarization),
-}
 
 /// Arguments of `nacre reconstruct polarization`.
 #[derive(clap::Args)]
@@ -99,27 +91,26 @@ pub struct Polarization {
     force: bool,
 }
 
-/// Runs a reconstruction.
-pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
-    let Reconstruct::Polarization(args) = command;
-    let options = Options {
-        model: args.model,
-        align: args.align,
-        oblique: args.oblique,
-        offset_deg: args.offset_deg,
-        smooth: args.smooth,
-        smooth_maps: args.smooth_maps,
-        period: args.period(),
-        overwrite: args.force,
-    };
-    let report = polarimetry::reconstruct(&args.input, &args.out, &options, console)?;
-    let mut text = summary(&report);
-    let _ = write!(text, "\nresults   {}", args.out.display());
-    console.result(&text, &report);
-    meets(args.max_error, report.error_estimate_deg)
-}
-
 impl Polarization {
+    /// Runs the reconstruction.
+    pub fn run(&self, console: &Console) -> Result<(), Failure> {
+        let options = Options {
+            model: self.model,
+            align: self.align,
+            oblique: self.oblique,
+            offset_deg: self.offset_deg,
+            smooth: self.smooth,
+            smooth_maps: self.smooth_maps,
+            period: self.period(),
+            overwrite: self.force,
+        };
+        let report = polarimetry::reconstruct(&self.input, &self.out, &options, console)?;
+        let mut text = summary(&report);
+        let _ = write!(text, "\nresults   {}", self.out.display());
+        console.result(&text, &report);
+        meets(self.max_error, report.error_estimate_deg)
+    }
+
     fn period(&self) -> Option<PeriodMethod> {
         if let Some(range_um) = self.relative_period {
             return Some(PeriodMethod::Brightness { range_um });
