@@ -11,6 +11,7 @@
 pub mod chart;
 pub mod error;
 pub mod frames;
+pub mod hdr;
 pub mod image;
 pub mod polarimetry;
 pub mod progress;

@@ -99,6 +99,11 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
     {
         return bad("transfer.gamma", format!("{g} is outside 0.1 to 10"), "give the exponent, 2.2 for instance");
     }
+    if set.transfer == Transfer::Recover && set.kind != Kind::Exposures {
+        let remedy =
+            "say how the files encode light, or recover it with `nacre reconstruct hdr` from exposures of one view";
+        return bad("transfer", "recover is for kind exposures".into(), remedy);
+    }
     if let (Some(black), Some(white)) = (set.black, set.white)
         && black >= white
     {
@@ -238,7 +243,7 @@ fn inside(path: &Path, folder: &Path, key: &str, name: &Path) -> Result<PathBuf>
 fn check_channels(file: &Path, set: &FrameSet, info: &Info) -> Result<()> {
     match (info.channels, set.channel) {
         (1, Some(c)) => Err(Error::file(file, format!("is grey, so it has no channel {c:?}"), "remove \"channel\"")),
-        (3, None) => Err(Error::file(
+        (3, None) if set.kind != Kind::Exposures => Err(Error::file(
             file,
             "is a colour image and \"channel\" is not given",
             "add \"channel\": \"r\", \"g\" or \"b\"",

@@ -33,7 +33,7 @@ pub struct FrameSet {
     /// that reach it are not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub white: Option<f64>,
-    /// Which channel of a colour file to use. Required for colour files, refused for grey ones.
+    /// Which channel of a colour file to use. Required for colour files but of kind exposures, refused for grey ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub channel: Option<Channel>,
     /// Analyser angles in degrees of each 2×2 block, `[[top left, top right], [bottom left, bottom right]]`. Required for
@@ -132,6 +132,8 @@ pub enum Transfer {
     Srgb,
     /// Value = light^(1/gamma).
     Gamma(f64),
+    /// Not known: recovered from the photographs themselves, for kind exposures.
+    Recover,
 }
 
 /// A channel of a colour file.
@@ -210,7 +212,7 @@ impl Transfer {
     /// Light (0 to 1) of an encoded value (0 to 1); values outside are continued linearly or as a power of 0.
     pub fn decode(self, v: f32) -> f32 {
         match self {
-            Self::Linear => v,
+            Self::Linear | Self::Recover => v,
             Self::Srgb if v <= 0.040_45 => v / 12.92,
             Self::Srgb => ((v + 0.055) / 1.055).powf(2.4),
             Self::Gamma(g) => v.max(0.0).powf(g as f32),
@@ -220,7 +222,7 @@ impl Transfer {
     /// Change of light per change of the encoded value, at encoded value `v`.
     pub fn slope(self, v: f64) -> f64 {
         match self {
-            Self::Linear => 1.0,
+            Self::Linear | Self::Recover => 1.0,
             Self::Srgb if v <= 0.040_45 => 1.0 / 12.92,
             Self::Srgb => 2.4 / 1.055 * ((v + 0.055) / 1.055).powf(1.4),
             Self::Gamma(g) => g * v.max(1e-6).powf(g - 1.0),

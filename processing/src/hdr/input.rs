@@ -1,0 +1,61 @@
+//! What is merged: a `frames.json`, or a folder of photographs whose times are in their tags.
+
+use crate::frames::{FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, load};
+use crate::image::{Depth, EXTENSIONS, exposure};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Most photographs of a folder.
+const MAX_FILES: usize = 10_000;
+
+/// Reads and checks what is to be merged.
+///
+/// # Errors
+/// `Input` for anything that is not one view in several exposures.
+pub(super) fn bracket(input: &Path) -> Result<LoadedFrames> {
+    let bare = input.is_dir() && !input.join(FILE_NAME).exists();
+    let frames = if bare { photographs(input)? } else { load(input)? };
+    let set = &frames.set;
+    let refuse = |problem: &str, remedy: &str| Err(Error::file(&frames.path, problem, remedy));
+    if set.kind == Kind::DivisionOfFocalPlane {
+        return refuse("holds frames of a polarization sensor", "give a set of kind exposures");
+    }
+    let first = &set.frames[0];
+    if set.frames.iter().any(|f| (f.analyser_deg, f.spot, f.flash) != (first.analyser_deg, first.spot, first.flash)) {
+        let problem = "holds several views: analyser, spot or flash differ between its frames";
+        return refuse(problem, "merge one view at a time, or reconstruct polarization, which merges exposures itself");
+    }
+    Ok(frames)
+}
+
+/// A folder without a `frames.json`.
+fn photographs(folder: &Path) -> Result<LoadedFrames> {
+    let bad = |problem: String| {
+        Error::file(folder, problem, "give a session, or a folder of photographs in several exposures")
+    };
+    let entries = std::fs::read_dir(folder).map_err(|e| bad(format!("cannot be read: {e}")))?;
+    let names = entries.flatten().map(|e| PathBuf::from(e.file_name())).filter(|name| {
+        let extension = name.extension().map(|e| e.to_string_lossy().to_lowercase());
+        extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) && !name.to_string_lossy().starts_with('.')
+    });
+    let mut files: Vec<PathBuf> = names.take(MAX_FILES).collect();
+    files.sort();
+    let mut frames = Vec::with_capacity(files.len());
+    for file in files {
+        let path = folder.join(&file);
+        let tags = exposure(&path);
+        let Some(seconds) = tags.and_then(|t| t.seconds) else {
+            let remedy =
+                "give photographs as the camera wrote them, or a frames.json with exposure_s (`nacre schema frames`)";
+            return Err(Error::file(&path, "does not say its exposure time (Exif)", remedy));
+        };
+        frames.push(Frame {
+            exposure_s: Some(seconds),
+            gain: tags.and_then(|t| t.iso).map(|iso| iso / 100.0),
+            ..Frame::new(file)
+        });
+    }
+    let frames = check(folder.join(FILE_NAME), FrameSet::new(Kind::Exposures, frames))?;
+    let transfer = if frames.info.depth == Depth::U8 { Transfer::Recover } else { Transfer::Linear };
+    Ok(LoadedFrames { set: FrameSet { transfer, ..frames.set }, ..frames })
+}

@@ -1,0 +1,194 @@
+//! Sums over exposures: the inner loops.
+//!
+//! Weights are inverse variances, which depend on the light. Taken from each value itself they would favour values that came out
+//! low; so they are taken from the light as the exposures before have it, beginning with the longest, which knows it best.
+
+use super::coding::{Coding, Entry, Scatter};
+use crate::frames::Frame;
+use crate::image::{Raster, Samples};
+use rayon::prelude::*;
+
+/// Samples that a thread works on at a time: they and the files' values fit into its cache.
+const RUN: usize = 1 << 12;
+
+/// Σ weight · light and Σ weight of every sample (pixel and channel).
+pub(super) struct Sums {
+    /// Channels of the files that are merged.
+    channels: Vec<usize>,
+    sums: Vec<Sum>,
+}
+
+/// Of one sample.
+type Sum = [f32; 2];
+
+/// One decoded exposure.
+pub(super) struct Exposed<'a> {
+    pub frame: &'a Frame,
+    pub raster: Raster,
+    /// What the camera shows without light, in light per exposure and gain, of every sample; empty for none.
+    pub dark: Vec<f32>,
+}
+
+impl Sums {
+    /// Nothing yet.
+    pub(super) fn new(pixels: usize, channels: &[usize]) -> Self {
+        Self { channels: channels.to_vec(), sums: vec![[0.0; 2]; pixels * channels.len()] }
+    }
+
+    /// Adds exposures, longest first. All in one go, so that the sums pass through memory once.
+    pub(super) fn add(&mut self, coding: &Coding, exposures: &[Exposed]) {
+        if exposures.iter().all(|e| e.dark.is_empty()) {
+            match exposures.first().map(|e| &e.raster.samples) {
+                Some(Samples::U8(_)) => return self.by_table::<u8, 256>(coding, exposures),
+                Some(Samples::U16(_)) => return self.by_table::<u16, 65_536>(coding, exposures),
+                _ => {}
+            }
+        }
+        for exposure in exposures {
+            let channels = self.channels.clone();
+            self.add_entries(coding.scatter(exposure.frame), entries(coding, exposure, &channels));
+        }
+    }
+
+    /// Adds what is known of every sample.
+    pub(super) fn add_entries(&mut self, scatter: Scatter, entry: impl Fn(usize) -> Entry + Sync) {
+        self.sums.par_iter_mut().enumerate().with_min_len(RUN).for_each(|(i, sum)| plus(sum, entry(i), scatter));
+    }
+
+    fn by_table<T: Code, const CODES: usize>(&mut self, coding: &Coding, exposures: &[Exposed]) {
+        let table = |e: &Exposed, c: &usize| -> Option<Box<[Entry; CODES]>> {
+            coding.table(*c, e.frame).into_boxed_slice().try_into().ok()
+        };
+        let tables: Vec<Vec<Box<[Entry; CODES]>>> =
+            exposures.iter().map(|e| self.channels.iter().filter_map(|c| table(e, c)).collect()).collect();
+        let scatters: Vec<Scatter> = exposures.iter().map(|e| coding.scatter(e.frame)).collect();
+        let values: Vec<&[T]> = exposures.iter().filter_map(|e| T::of(&e.raster.samples)).collect();
+        let stored = exposures.first().map_or(1, |e| e.raster.channels);
+        let (channels, run) = (self.channels.as_slice(), RUN * self.channels.len());
+        self.sums.par_chunks_mut(run).enumerate().for_each(|(k, sums)| {
+            let pixels = sums.len() / channels.len();
+            for ((values, tables), scatter) in values.iter().zip(&tables).zip(&scatters) {
+                let values = &values[k * RUN * stored..][..pixels * stored];
+                match (channels, tables.as_slice()) {
+                    ([0, 1, 2], [r, g, b]) => rgb(sums, values, [r, g, b], *scatter),
+                    ([c], [table]) => one(sums, values.get(*c..).unwrap_or(&[]), stored, table, *scatter),
+                    _ => {}
+                }
+            }
+        });
+    }
+
+    /// Evens out illumination: divides by this light relative to its mean. False where that is black.
+    pub(super) fn divide(&mut self, flat: &[f32]) -> bool {
+        let mean = flat.iter().map(|v| f64::from(*v)).sum::<f64>() / flat.len().max(1) as f64;
+        if mean <= 0.0 {
+            return false;
+        }
+        self.sums.par_iter_mut().zip(flat).for_each(|([light, weight], flat)| {
+            let factor = flat / mean as f32;
+            let known = factor > 0.0;
+            *light = if known { *light * factor } else { 0.0 };
+            *weight = if known { *weight * factor * factor } else { 0.0 };
+        });
+        true
+    }
+
+    /// Light and its variance at a pixel; none where every exposure is saturated.
+    pub(super) fn at(&self, pixel: usize, channel: usize) -> Option<[f32; 2]> {
+        let [light, weight] = self.sums[pixel * self.channels.len() + channel];
+        (weight > 0.0).then(|| [light / weight, 1.0 / weight])
+    }
+
+    /// Number of merged channels.
+    pub(super) fn channels(&self) -> usize {
+        self.channels.len()
+    }
+
+    /// Number of pixels.
+    pub(super) fn pixels(&self) -> usize {
+        self.sums.len() / self.channels.len()
+    }
+}
+
+/// What each sample of an exposure contributes, by its position in the sums.
+pub(super) fn entries<'a>(
+    coding: &'a Coding,
+    exposure: &'a Exposed,
+    channels: &'a [usize],
+) -> impl Fn(usize) -> Entry + Sync + 'a {
+    let (n, stored) = (channels.len(), exposure.raster.channels);
+    let tables: Vec<Vec<Entry>> = channels.iter().map(|c| coding.table(*c, exposure.frame)).collect();
+    move |i| {
+        let (channel, at) = (channels[i % n], i / n * stored + channels[i % n]);
+        let [light, rounding] = match &exposure.raster.samples {
+            Samples::U8(v) => tables[i % n][usize::from(v[at])],
+            Samples::U16(v) => tables[i % n][usize::from(v[at])],
+            Samples::F32(v) => coding.entry(channel, exposure.frame, v[at].into()),
+        };
+        [light - exposure.dark.get(i).unwrap_or(&0.0), rounding]
+    }
+}
+
+#[inline(always)]
+fn plus(sum: &mut Sum, [light, rounding]: Entry, scatter: Scatter) {
+    let known = if sum[1] > 0.0 { sum[0] / sum[1] } else { light };
+    let weight = scatter.weight(known, rounding);
+    sum[0] += weight * light;
+    sum[1] += weight;
+}
+
+/// All three channels of a colour file.
+fn rgb<T: Code, const CODES: usize>(sums: &mut [Sum], values: &[T], table: [&[Entry; CODES]; 3], scatter: Scatter) {
+    for (sum, value) in sums.as_chunks_mut::<3>().0.iter_mut().zip(values.as_chunks::<3>().0) {
+        for c in 0..3 {
+            plus(&mut sum[c], table[c][value[c].index()], scatter);
+        }
+    }
+}
+
+/// Every so manieth value.
+fn one<T: Code, const CODES: usize>(
+    sums: &mut [Sum],
+    values: &[T],
+    every: usize,
+    table: &[Entry; CODES],
+    scatter: Scatter,
+) {
+    for (sum, value) in sums.iter_mut().zip(values.iter().step_by(every)) {
+        plus(sum, table[value.index()], scatter);
+    }
+}
+
+/// A file's integer values.
+pub(super) trait Code: Copy + Sync {
+    fn of(samples: &Samples) -> Option<&[Self]>;
+    fn index(self) -> usize;
+}
+
+impl Code for u8 {
+    fn of(samples: &Samples) -> Option<&[Self]> {
+        match samples {
+            Samples::U8(v) => Some(v),
+            _ => None,
+        }
+    }
+
+    #[inline(always)]
+    fn index(self) -> usize {
+        self.into()
+    }
+}
+
+impl Code for u16 {
+    fn of(samples: &Samples) -> Option<&[Self]> {
+        match samples {
+            Samples::U16(v) => Some(v),
+            _ => None,
+        }
+    }
+
+    #[inline(always)]
+    fn index(self) -> usize {
+        self.into()
+    }
+}
