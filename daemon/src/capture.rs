@@ -3,12 +3,13 @@
 use crate::Failure;
 use crate::console::Console;
 use crate::engine::{Control, Engine, Input, Observer, State};
-use crate::plan::{Plan, ReconstructPlan};
+use crate::plan::{Method, Plan, ReconstructPlan};
 use crate::rig::{BenchSection, Rig};
 use crate::session::{Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
 use nacre_processing::Error;
+use nacre_processing::hdr;
 use nacre_processing::image::OutputFolder;
-use nacre_processing::polarimetry::{self, Options, Report, Running};
+use nacre_processing::polarimetry::{self, Align, Options, Report, Running};
 use nacre_processing::progress::Progress;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -36,10 +37,30 @@ pub struct Taken {
     /// From the last frame to the finished results.
     pub results_after_s: Option<f64>,
     /// Report of the results.
-    pub report: Option<Report>,
+    pub report: Option<Findings>,
     /// How a series that ends by its σ has ended.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ended: Option<SeriesEnd>,
+}
+
+/// What a reconstruction reports.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub enum Findings {
+    /// Of polarization.
+    Polarization(Box<Report>),
+    /// Of merged exposures.
+    Hdr(Box<hdr::Report>),
+}
+
+impl Findings {
+    /// What the reader must know before trusting the results.
+    pub fn warnings(&self) -> &[String] {
+        match self {
+            Self::Polarization(report) => &report.warnings,
+            Self::Hdr(report) => &report.warnings,
+        }
+    }
 }
 
 /// A bench with somebody who steers.
@@ -64,11 +85,14 @@ impl Capture<'_> {
         if !is_vacant(out) {
             return Err(Error::file(out, "is already there", "choose another --out, or --resume it").into());
         }
-        let metering = if plan.is_metered() { Some(self.engine().meter(&plan)?) } else { None };
-        let exposure = match (&metering, plan.camera.exposure_ms) {
-            (Some((exposure, _)), _) => *exposure,
+        let (metered, metering) =
+            if plan.is_metered() { Some(self.engine().meter(&plan)?).unzip() } else { (None, None) };
+        let exposure = match (&metered, plan.camera.exposure_ms) {
+            (Some(metered), _) => metered.exposure,
             (None, ms) => Duration::from_secs_f64(ms.or(plan.exposures_ms.first().copied()).unwrap_or(10.0) / 1000.0),
         };
+        let plan = plan.with_bracket(metered.map_or_else(Vec::new, |m| m.bracket_ms));
+        check_limits(&plan, out, &self.rig.devices.limits())?;
         let description = SessionFile {
             software: concat!("nacre ", env!("CARGO_PKG_VERSION")).into(),
             created: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs()),
@@ -80,7 +104,7 @@ impl Capture<'_> {
             section: self.rig.section.clone(),
         };
         let session = Session::create(disk, out, &description).map_err(|e| Error::output(out, e))?;
-        self.take(session, &description, metering.map(|m| m.1))
+        self.take(session, &description, metering)
     }
 
     /// Takes what a session lacks.
@@ -179,14 +203,20 @@ fn results(
     running: Option<Running>,
     folder: &Path,
     progress: &dyn Progress,
-) -> Result<(PathBuf, Report), Failure> {
+) -> Result<(PathBuf, Findings), Failure> {
     let results = folder.join("results");
+    if planned.method == Method::Hdr {
+        // The bench stands still.
+        let options = hdr::Options { align: Align::Off, overwrite: true, ..hdr::Options::default() };
+        let report = hdr::reconstruct(folder, &results, &options, progress)?;
+        return Ok((results, Findings::Hdr(Box::new(report))));
+    }
     let options = Options { model: planned.model, oblique: planned.oblique, overwrite: true, ..Options::default() };
     let report = match running {
         Some(running) => running.finish(OutputFolder::begin(&results, true)?, &options, progress)?,
         None => polarimetry::reconstruct(folder, &results, &options, progress)?,
     };
-    Ok((results, report))
+    Ok((results, Findings::Polarization(Box::new(report))))
 }
 
 /// Lets signals steer a run: SIGINT and SIGTERM stop it after the frames in progress and abort it the second time,

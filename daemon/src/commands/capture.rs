@@ -186,7 +186,7 @@ fn report(taken: &Taken, console: &Console) {
             console.note(&format!("warning: {}", ended.text()));
         }
     }
-    for warning in taken.report.iter().flat_map(|r| &r.warnings) {
+    for warning in taken.report.iter().flat_map(|r| r.warnings()) {
         console.note(&format!("warning: {warning}"));
     }
     console.result(&text, taken);

@@ -32,7 +32,7 @@ pub struct Args {
     /// Angles of each 2×2 block of a polarization sensor: top left, top right, bottom left, bottom right.
     #[arg(long, value_delimiter = ',', default_value = "90,45,135,0", allow_negative_numbers = true)]
     layout: Vec<f64>,
-    /// How the files encode light: linear, srgb, or gamma=2.2. By default srgb for JPEG, linear for the rest.
+    /// How the files encode light: linear, srgb, gamma=2.2, or recover (exposures). By default srgb for JPEG, linear for the rest.
     #[arg(long, value_parser = transfer)]
     transfer: Option<Transfer>,
     /// Channel of colour files: r, g or b.
@@ -70,8 +70,9 @@ fn transfer(text: &str) -> Result<Transfer, String> {
     match (text, text.strip_prefix("gamma=").map(str::parse)) {
         ("linear", _) => Ok(Transfer::Linear),
         ("srgb", _) => Ok(Transfer::Srgb),
+        ("recover", _) => Ok(Transfer::Recover),
         (_, Some(Ok(g))) => Ok(Transfer::Gamma(g)),
-        _ => Err("give linear, srgb or gamma=NUMBER".into()),
+        _ => Err("give linear, srgb, gamma=NUMBER or recover".into()),
     }
 }
 

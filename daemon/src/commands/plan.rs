@@ -81,7 +81,8 @@ fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Consol
         control: &control,
         observer: console,
     };
-    let (exposure, timing) = engine.meter(plan)?;
+    let (metered, timing) = engine.meter(plan)?;
+    let (exposure, plan) = (metered.exposure, plan.clone().with_bracket(metered.bracket_ms));
     limits.camera.exposure_now_s = exposure.as_secs_f64();
     let stands_deg = runtime.block_on(rig.devices.stage.position())?;
     let estimate = plan.estimate(exposure, &limits, stands_deg);

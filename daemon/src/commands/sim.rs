@@ -171,6 +171,7 @@ pub fn simulate(
         display: DisplayPlan { diameter_mm: config.disc_mm(), ..DisplayPlan::default() },
         analyser: Some(AnalyserPlan::Listed(angles_deg.to_vec())),
         exposures_ms: vec![],
+        bracket: None,
         spots: None,
         steps: vec![],
         extras: vec![],

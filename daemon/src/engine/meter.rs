@@ -1,8 +1,9 @@
-//! Exposure metering: the longest exposure at which nothing saturates, over the whole turn of the analyser.
+//! Exposure metering: the longest exposure at which nothing saturates, over the whole turn of the analyser, and from there on the
+//! exposures of a bracket.
 
 use super::hands::Hands;
 use crate::Failure;
-use crate::plan::{Plan, Role, State, light_on_s};
+use crate::plan::{BracketPlan, Plan, Role, State, light_on_s};
 use nacre_drivers::{CameraInfo, DeviceError, Frame};
 use nacre_processing::polarimetry::{Design, Fit};
 use nacre_processing::progress::Progress;
@@ -23,11 +24,90 @@ const LIGHTS: usize = 8;
 /// Past this share of the pixels are hot pixels and glints.
 const BRIGHT: f64 = 0.999;
 
+/// A bracket is long enough once all but the darkest of its pixels, so many, are at this share of white.
+const DARKEST: f64 = 0.01;
+const LIT: f32 = 0.1;
+
+/// What metering found.
+pub struct Metered {
+    /// Exposure time for the steps that name none.
+    pub exposure: Duration,
+    /// Exposures of the bracket, in ms, if the plan asks for one.
+    pub bracket_ms: Vec<f64>,
+}
+
+/// Meters what the plan leaves open.
+///
+/// # Errors
+/// As [`meter`].
+pub async fn metered(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> Result<Metered, Failure> {
+    let exposure = meter(hands, plan, progress).await?;
+    let bracket_ms = match plan.bracket {
+        Some(wanted) => bracket(hands, plan, wanted, exposure, progress).await?,
+        None => vec![],
+    };
+    Ok(Metered { exposure, bracket_ms })
+}
+
+/// Exposures from the longest in which nothing saturates on, as long as there is something to be gained.
+async fn bracket(
+    hands: &mut Hands<'_>,
+    plan: &Plan,
+    wanted: BracketPlan,
+    shortest: Duration,
+    progress: &dyn Progress,
+) -> Result<Vec<f64>, Failure> {
+    let (camera, lights) = (hands.limits().camera.clone(), lights(plan));
+    let Some(light) = lights.first() else { return Ok(vec![]) };
+    let longest = longest(hands, light.flash);
+    let (black, range) = (f32::from(camera.black), f32::from(camera.white.saturating_sub(camera.black).max(1)));
+    progress.stage("metering the bracket", u64::from(wanted.at_most));
+    hands.prepare(light.analyser_deg.is_some()).await?;
+    let mut exposures = vec![];
+    let mut exposure = shortest;
+    loop {
+        exposures.push(exposure.as_secs_f64() * 1000.0);
+        progress.step();
+        let next = exposure.as_secs_f64() * wanted.step_ev.exp2();
+        if exposures.len() == wanted.at_most as usize || next > longest {
+            break;
+        }
+        hands.expose(exposure, plan.camera.gain).await?;
+        hands.cover(false).await?;
+        hands.show(light.pattern).await?;
+        if let Some(angle) = light.analyser_deg {
+            hands.turn(angle).await?;
+        }
+        let mut codes = lit(hands, light.flash).await?.codes;
+        let at = (codes.len().saturating_sub(1) as f64 * DARKEST) as usize;
+        let dark = (f32::from(*codes.select_nth_unstable(at).1) - black) / range;
+        if dark >= LIT {
+            break;
+        }
+        exposure = Duration::from_secs_f64(next);
+    }
+    hands.dark().await?;
+    Ok(exposures)
+}
+
+/// Longest exposure that camera and flash allow, in seconds.
+fn longest(hands: &Hands<'_>, flash: bool) -> f64 {
+    let [shortest, mut longest] = hands.limits().camera.exposure_s;
+    if flash {
+        // Longer exposures would keep the flash on for too long.
+        let max = hands.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
+        while light_on_s(Duration::from_secs_f64(longest), 1, hands.limits()) > max && longest > shortest {
+            longest *= 0.5;
+        }
+    }
+    longest
+}
+
 /// Exposure time for the plan's steps that name none: the shortest that any of its lights needs.
 ///
 /// # Errors
 /// A device error; no light; a sample too bright for the shortest exposure.
-pub async fn meter(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> Result<Duration, Failure> {
+async fn meter(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> Result<Duration, Failure> {
     let lights = lights(plan);
     let turn = lights.iter().any(|l| l.analyser_deg.is_some());
     progress.stage("metering", lights.len() as u64);
@@ -69,14 +149,7 @@ fn lights(plan: &Plan) -> Vec<State> {
 /// Exposure for one light, beginning with a guess.
 async fn one(hands: &mut Hands<'_>, plan: &Plan, light: &State, guess: Option<Duration>) -> Result<Duration, Failure> {
     let camera = hands.limits().camera.clone();
-    let mut longest = camera.exposure_s[1];
-    if light.flash {
-        // Longer exposures would keep the flash on for too long.
-        let max = hands.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
-        while light_on_s(Duration::from_secs_f64(longest), 1, hands.limits()) > max && longest > camera.exposure_s[0] {
-            longest *= 0.5;
-        }
-    }
+    let longest = longest(hands, light.flash);
     let clamp = |seconds: f64| Duration::from_secs_f64(seconds.min(longest).max(camera.exposure_s[0]));
     let mut exposure = guess.unwrap_or_else(|| clamp(0.01));
     for _ in 0..ATTEMPTS {

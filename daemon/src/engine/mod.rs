@@ -16,6 +16,7 @@ mod take;
 mod watch;
 
 pub use hands::{Devices, Hands, Memory};
+pub use meter::Metered;
 pub use series::{Decision, SigmaSoFar};
 pub use state::{Control, Input, State, TABLE};
 pub use take::guarded;
@@ -84,27 +85,27 @@ pub struct Outcome {
 }
 
 impl Engine<'_> {
-    /// Finds the exposure for a plan's steps that name none. The light is off afterwards, come what may.
+    /// Finds the exposure for a plan's steps that name none, and its bracket. The light is off afterwards, come what may.
     ///
     /// # Errors
     /// A device's or interlock's; `Cancelled`.
-    pub fn meter(&mut self, plan: &Plan) -> Result<(Duration, Timing), Failure> {
+    pub fn meter(&mut self, plan: &Plan) -> Result<(Metered, Timing), Failure> {
         let begun = Instant::now();
         let mut hands = Hands::new(self.devices);
         let _ = self.control.send(Input::Start);
         let (watch, control, observer) = (self.watch, self.control, self.observer);
         self.runtime.block_on(async {
-            let result = guarded(watch, control, meter::meter(&mut hands, plan, observer)).await;
+            let result = guarded(watch, control, meter::metered(&mut hands, plan, observer)).await;
             let dark = hands.dark().await;
-            let exposure = match result {
-                Ok(exposure) => dark.map(|()| exposure)?,
+            let metered = match result {
+                Ok(metered) => dark.map(|()| metered)?,
                 Err(failure) => {
                     let cancelled = matches!(failure, Failure::Processing(Error::Cancelled));
                     let _ = control.send(if cancelled { Input::Settled } else { Input::Fault });
                     return Err(failure.at("metering"));
                 }
             };
-            Ok((exposure, timing(&hands, begun.elapsed())))
+            Ok((metered, timing(&hands, begun.elapsed())))
         })
     }
 

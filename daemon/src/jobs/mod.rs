@@ -40,11 +40,34 @@ pub const MAX_LOG: usize = 64 * 1024;
 /// Changes that a slow receiver may fall behind.
 const CHANGES: usize = 256;
 
+/// Which reconstruction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Orientations from photographs behind an analyser.
+    #[default]
+    Polarization,
+    /// One photograph of high dynamic range from several exposures.
+    Hdr,
+}
+
 /// What a job is to do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spec {
     /// A ULID: the job's name, and when it was made.
     pub id: String,
+    /// Which reconstruction. Jobs of earlier versions know one only.
+    #[serde(default)]
+    pub method: Method,
+    /// An earlier reconstruction whose result is worked on.
+    #[serde(default)]
+    pub reconstruction: Option<String>,
+    /// The photograph in the upload to work on, for methods that take one.
+    #[serde(default)]
+    pub file: Option<String>,
+    /// Options of methods other than polarization, as their library takes them.
+    #[serde(default)]
+    pub options: Option<serde_json::Value>,
     /// The session to work on.
     pub session: Option<String>,
     /// The upload to work on.
@@ -68,6 +91,16 @@ pub struct Spec {
 }
 
 impl Spec {
+    /// Options of a method other than polarization.
+    ///
+    /// # Errors
+    /// `Input`, naming the key, for options that the method does not know.
+    pub fn options_of<O: Default + serde::de::DeserializeOwned>(&self) -> Result<O, Error> {
+        let Some(options) = &self.options else { return Ok(O::default()) };
+        serde_path_to_error::deserialize(options)
+            .map_err(|e| Error::input("options", e, "see the service's OpenAPI document"))
+    }
+
     /// As the reconstruction takes it, with the model of its name.
     pub fn options(&self, model: Model) -> Options {
         Options {

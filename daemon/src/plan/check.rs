@@ -2,9 +2,9 @@
 
 use super::estimate::{Limits, light_on_s};
 use super::steps::groups;
-use super::{AnalyserPlan, DisplayPlan, Plan, PlanKind, Step};
+use super::{AnalyserPlan, DisplayPlan, Method, Plan, PlanKind, Step};
 use nacre_processing::Error;
-use nacre_processing::polarimetry::MAX_BRACKET;
+use nacre_processing::polarimetry::{MAX_BRACKET, Model, Oblique};
 use std::path::Path;
 use std::time::Duration;
 
@@ -77,9 +77,10 @@ impl Plan {
     /// Which sections belong to the plan's kind.
     fn check_sections(&self) -> Result<(), String> {
         let kind = super::word(self.kind);
-        let bracketed = self.kind == PlanKind::Polarization;
+        let bracketed = matches!(self.kind, PlanKind::Polarization | PlanKind::Flash);
+        let needs_exposures = self.kind == PlanKind::Exposures && self.bracket.is_none();
         for (key, given, belongs) in [
-            ("exposures_ms", !self.exposures_ms.is_empty() && !bracketed, self.kind == PlanKind::Exposures),
+            ("exposures_ms", !self.exposures_ms.is_empty() && (!bracketed || self.bracket.is_some()), needs_exposures),
             ("spots", self.spots.is_some(), self.kind == PlanKind::Spots),
             ("steps", !self.steps.is_empty(), self.kind == PlanKind::Free),
         ] {
@@ -106,10 +107,10 @@ impl Plan {
         if self.kind == PlanKind::Exposures && (self.camera.exposure_ms.is_some() || self.camera.exposure.is_some()) {
             return Err("camera.exposure_ms does not belong to the kind exposures, which has exposures_ms".into());
         }
-        if self.reconstruct.is_some() && self.kind != PlanKind::Polarization {
-            return Err(format!("reconstruct.method is polarization, but the plan's kind is {kind}; remove it"));
-        }
-        let per_angle = self.exposures_ms.len().max(self.spots.as_ref().map_or(1, |s| s.centers_mm.len())).max(1);
+        self.check_reconstruct()?;
+        let bracket = self.bracket.map_or(0, |b| b.at_most as usize);
+        let per_angle =
+            self.exposures_ms.len().max(bracket).max(self.spots.as_ref().map_or(1, |s| s.centers_mm.len())).max(1);
         let angles = self.analyser.as_ref().map_or(1, AnalyserPlan::most);
         match per_angle.saturating_mul(angles).max(self.steps.len()) {
             0..=MAX_STEPS => Ok(()),
@@ -117,9 +118,41 @@ impl Plan {
         }
     }
 
-    /// Exposures that are taken at each angle of a polarization plan.
+    /// A reconstruction must fit the kind, and know its options.
+    fn check_reconstruct(&self) -> Result<(), String> {
+        let Some(planned) = self.reconstruct else { return Ok(()) };
+        let (method, kind) = (super::word(planned.method), super::word(self.kind));
+        let fits = match planned.method {
+            Method::Polarization => self.kind == PlanKind::Polarization,
+            Method::Hdr => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
+        };
+        if !fits {
+            return Err(format!("reconstruct.method is {method}, but the plan's kind is {kind}; remove it"));
+        }
+        if planned.method == Method::Hdr && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
+            return Err("reconstruct.method hdr merges one view, but analyser names several angles; name one".into());
+        }
+        if planned.method == Method::Hdr && (planned.model != Model::Auto || planned.oblique != Oblique::Off) {
+            return Err("reconstruct.model and oblique belong to the method polarization; remove them".into());
+        }
+        Ok(())
+    }
+
+    /// Exposures that are taken at each angle of a polarization plan, or under the flash.
     fn check_brackets(&self) -> Result<(), String> {
-        if self.kind != PlanKind::Polarization || self.exposures_ms.is_empty() {
+        if let Some(bracket) = self.bracket {
+            let kind = super::word(self.kind);
+            if !matches!(self.kind, PlanKind::Exposures | PlanKind::Flash) {
+                return Err(format!("bracket does not belong to the kind {kind}; give exposures_ms"));
+            }
+            if !(0.5..=6.0).contains(&bracket.step_ev) {
+                return Err(format!("bracket.step_ev is {}; give 0.5 to 6", bracket.step_ev));
+            }
+            if !(2..=MAX_BRACKET as u32).contains(&bracket.at_most) {
+                return Err(format!("bracket.at_most is {}; give 2 to {MAX_BRACKET}", bracket.at_most));
+            }
+        }
+        if self.exposures_ms.is_empty() && self.bracket.is_none() || self.kind == PlanKind::Exposures {
             return Ok(());
         }
         if self.camera.exposure_ms.is_some() || self.camera.exposure.is_some() {

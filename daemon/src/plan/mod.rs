@@ -41,10 +41,13 @@ pub struct Plan {
     /// Angles of the analyser. Kinds other than polarization do without; the analyser is then not touched.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analyser: Option<AnalyserPlan>,
-    /// Exposure times in ms, for kind exposures; for kind polarization, taken at each angle and merged into one intensity:
+    /// Exposure times in ms, for kinds exposures and flash; for kind polarization, taken at each angle and merged into one intensity:
     /// what is saturated in the long ones is measured in the short ones.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub exposures_ms: Vec<f64>,
+    /// Exposure times that are worked out by metering, for kinds exposures and flash; the session then holds them as exposures_ms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bracket: Option<BracketPlan>,
     /// Where the panel lights up, for kind spots.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spots: Option<SpotsPlan>,
@@ -57,6 +60,23 @@ pub struct Plan {
     /// What to make of the frames at once, in the session's `results/`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reconstruct: Option<ReconstructPlan>,
+}
+
+/// A bracket of exposures: from the longest in which nothing saturates, in even steps, to one in which the darkest hundredth of
+/// the pixels is well above black, or the longest that camera and flash allow.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BracketPlan {
+    /// How much longer each exposure is than the one before, in powers of two, 0.5 to 6.
+    pub step_ev: f64,
+    /// Most exposures, 2 to 16.
+    pub at_most: u32,
+}
+
+impl Default for BracketPlan {
+    fn default() -> Self {
+        Self { step_ev: 2.0, at_most: 7 }
+    }
 }
 
 /// A reconstruction that follows the capture.
@@ -79,6 +99,8 @@ pub struct ReconstructPlan {
 pub enum Method {
     /// Orientations from the analyser's turn.
     Polarization,
+    /// One photograph of high dynamic range, for kinds exposures and flash.
+    Hdr,
 }
 
 /// What a plan varies.

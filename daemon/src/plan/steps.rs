@@ -95,6 +95,24 @@ impl Plan {
         of(Extra::DisplayBlack).or_else(|| of(Extra::Dark))
     }
 
+    /// The plan with the exposures that metering found.
+    pub fn with_bracket(self, exposures_ms: Vec<f64>) -> Self {
+        if self.bracket.is_none() {
+            return self;
+        }
+        Self { exposures_ms, bracket: None, ..self }
+    }
+
+    /// Exposures of each view: as given, or the session's; as many unknown ones as a bracket may have before it is metered.
+    fn exposures(&self) -> Vec<Option<f64>> {
+        let unknown = self.bracket.map_or(1, |b| b.at_most as usize);
+        if self.exposures_ms.is_empty() {
+            vec![None; unknown]
+        } else {
+            self.exposures_ms.iter().copied().map(Some).collect()
+        }
+    }
+
     /// Whether the session's exposure time has to be metered.
     pub fn is_metered(&self) -> bool {
         self.camera.exposure_ms.is_none() && self.steps().iter().any(|s| s.state.exposure_ms.is_none())
@@ -134,12 +152,11 @@ impl Plan {
                 };
                 angles.into_iter().flat_map(exposures).collect()
             }
-            PlanKind::Polarization | PlanKind::Flash => angles.into_iter().map(state).collect(),
+            PlanKind::Polarization => angles.into_iter().map(state).collect(),
             // A turn of the analyser costs less than a change of the exposure.
-            PlanKind::Exposures => {
-                let at =
-                    |ms: &f64| angles.iter().map(|a| State { exposure_ms: Some(*ms), ..state(*a) }).collect::<Vec<_>>();
-                self.exposures_ms.iter().flat_map(at).collect()
+            PlanKind::Exposures | PlanKind::Flash => {
+                let at = |exposure_ms| angles.iter().map(|a| State { exposure_ms, ..state(*a) }).collect::<Vec<_>>();
+                self.exposures().into_iter().flat_map(at).collect()
             }
             PlanKind::Spots => {
                 let spots = self.spots.iter().flat_map(|s| s.centers_mm.iter().map(|c| (*c, s.diameter_mm)));
@@ -248,6 +265,10 @@ pub(super) mod tests {
         assert!(spots.is_metered());
         let flash = plan("kind = \"flash\"\nextras = [\"display_black\"]").steps();
         assert_eq!((flash[0].state.flash, flash[1].state.flash, flash[1].state.pattern), (false, true, Pattern::Black));
+        let bracket = plan("kind = \"flash\"\nbracket = { at_most = 3 }\nextras = [\"dark\"]");
+        assert!(bracket.is_metered() && bracket.steps().len() == 4);
+        let known = bracket.with_bracket(vec![1.0, 4.0]).steps();
+        assert!(known.len() == 4 && known[3].state.flash && known[3].state.exposure_ms == Some(4.0));
         let free = plan(
             "kind = \"free\"\n[[steps]]\nflash = true\nexposure_ms = 2\n[[steps]]\nanalyser_deg = 30\n[[steps]]\nanalyser_deg = 30",
         );

@@ -26,7 +26,7 @@ pub mod uploads;
 
 use crate::Failure;
 use crate::catalogue::{Catalogue, SessionRow};
-use crate::jobs::{Jobs, Spec, Work};
+use crate::jobs::{Jobs, Method, Spec, Work};
 use crate::plan::Limits;
 use crate::rig::Place;
 use crate::session::{SESSION_FILE, sha256};
@@ -39,6 +39,7 @@ use bench::Bench;
 use config::Config;
 use metrics::Metrics;
 use nacre_processing::Error;
+use nacre_processing::hdr;
 use nacre_processing::polarimetry::{self, Model};
 use nacre_processing::progress::Progress;
 use problem::{Answer, Kind, Problem};
@@ -267,14 +268,21 @@ pub async fn serve(
 /// What the job queue does.
 fn work(data: PathBuf) -> Work {
     Arc::new(move |spec: &Spec, progress: &dyn Progress| {
-        let input = match (&spec.session, &spec.upload) {
-            (Some(id), _) => data.join("sessions").join(id),
-            (None, Some(id)) => data.join("uploads").join(id),
+        let input = match (&spec.session, &spec.upload, &spec.reconstruction) {
+            (Some(id), _, _) => data.join("sessions").join(id),
+            (None, Some(id), _) => data.join("uploads").join(id),
+            (None, None, Some(id)) => data.join("reconstructions").join(id),
             _ => return Err(Error::input("reconstruction", "names no photographs", "ask again").into()),
         };
+        let out = data.join("reconstructions").join(&spec.id);
+        if spec.method == Method::Hdr {
+            let options = hdr::Options { overwrite: true, ..spec.options_of()? };
+            hdr::reconstruct(&input, &out, &options, progress)?;
+            return Ok(());
+        }
         let model: Model = spec.model.parse().map_err(|e: String| Error::input("reconstruction", e, "ask again"))?;
         let options = spec.options(model);
-        polarimetry::reconstruct(&input, &data.join("reconstructions").join(&spec.id), &options, progress)?;
+        polarimetry::reconstruct(&input, &out, &options, progress)?;
         Ok(())
     })
 }

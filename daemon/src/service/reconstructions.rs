@@ -2,13 +2,14 @@
 
 use super::problem::{Answer, Kind, Problem};
 use super::{App, At, Body, Params, blocking, events};
-use crate::jobs::{Job, JobState, Spec};
+use crate::jobs::{Job, JobState, Method, Spec};
 use crate::session::SESSION_FILE;
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
+use nacre_processing::hdr;
 use nacre_processing::polarimetry::{Model, Oblique, PeriodMethod, Smoothing};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -23,8 +24,16 @@ pub struct Request {
     session: Option<String>,
     /// Or uploaded photographs.
     upload: Option<String>,
-    /// `polarization`.
-    method: Option<String>,
+    /// Or an earlier reconstruction, for methods that go on with its result.
+    reconstruction: Option<String>,
+    /// Which photograph of the upload, for methods that take one.
+    file: Option<String>,
+    /// `polarization` (the default) or `hdr`.
+    method: Option<Method>,
+    /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
+    /// "recover", "align": "auto" | "off"}`.
+    #[schema(value_type = Option<Object>)]
+    options: Option<serde_json::Value>,
     /// `auto`, `sinusoid`, `prenormalized`, `circle` or `curve`.
     model: Option<String>,
     /// Whether what oblique incidence does to polarization is taken out: `off` (the default), or `auto`, where the photographs say
@@ -52,6 +61,12 @@ pub struct Reconstruction {
     id: String,
     session: Option<String>,
     upload: Option<String>,
+    /// The reconstruction that it goes on with.
+    reconstruction: Option<String>,
+    method: Method,
+    /// Its options, for methods other than polarization.
+    #[schema(value_type = Option<Object>)]
+    options: Option<serde_json::Value>,
     /// `queued`, `running`, `done`, `failed`, `cancelled` or `set_aside`.
     #[schema(value_type = String)]
     state: JobState,
@@ -125,9 +140,10 @@ impl App {
     /// # Errors
     /// `not-found` when the job names none.
     pub fn input_of(&self, spec: &Spec) -> Answer<PathBuf> {
-        match (&spec.session, &spec.upload) {
-            (Some(id), _) => self.session_folder(id),
-            (None, Some(id)) => Ok(self.upload_folder(id)?),
+        match (&spec.session, &spec.upload, &spec.reconstruction) {
+            (Some(id), _, _) => self.session_folder(id),
+            (None, Some(id), _) => Ok(self.upload_folder(id)?),
+            (None, None, Some(id)) => Ok(self.result_folder(id)),
             _ => Err(Problem::not_found("input")),
         }
     }
@@ -139,6 +155,9 @@ impl App {
             id: job.id,
             session: job.session,
             upload: job.upload,
+            reconstruction: job.spec.reconstruction,
+            method: job.spec.method,
+            options: job.spec.options,
             state: job.state,
             attempts: job.attempts,
             progress: job.progress,
@@ -157,6 +176,9 @@ impl App {
             id: id.to_owned(),
             session: Some(id.to_owned()),
             upload: None,
+            reconstruction: None,
+            method: crate::session::SessionFile::read(&folder).map_or(Method::Polarization, |f| method_of(&f.plan)),
+            options: None,
             state: JobState::Done,
             attempts: 1,
             progress: 1.0,
@@ -174,18 +196,15 @@ impl App {
     responses((status = 202, body = Reconstruction, headers(("Location" = String, description = "The reconstruction"))),
         (status = 400, body = Problem), (status = 404, body = Problem)))]
 pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): Body<Request>) -> Answer<Response> {
-    if body.method.as_deref().is_some_and(|m| m != "polarization") {
-        return Err(Problem::bad("method can only be polarization so far"));
-    }
     let model = body.model.unwrap_or_else(|| "auto".into());
     if let Err(problem) = model.parse::<Model>() {
         return Err(Problem::bad(format!("model: {problem}")));
     }
     let offset_deg = body.offset_deg.unwrap_or(0.0);
-    if body.session.is_some() == body.upload.is_some() {
-        return Err(Problem::bad("give either a session or an upload"));
+    if [&body.session, &body.upload, &body.reconstruction].iter().filter(|id| id.is_some()).count() != 1 {
+        return Err(Problem::bad("give either a session, an upload or a reconstruction"));
     }
-    for id in body.session.iter().chain(&body.upload) {
+    for id in body.session.iter().chain(&body.upload).chain(&body.reconstruction) {
         super::check_id(id)?;
     }
     let key = App::key("reconstruction", &headers);
@@ -195,8 +214,12 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
     }
     let spec = Spec {
         id: super::new_id(),
+        method: body.method.unwrap_or_default(),
         session: body.session,
         upload: body.upload,
+        reconstruction: body.reconstruction,
+        file: body.file,
+        options: body.options,
         model,
         oblique: body.oblique.unwrap_or_default(),
         offset_deg,
@@ -205,15 +228,50 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         period: body.period,
     };
     let input = app.input_of(&spec)?;
-    if !input.join(FILE_NAME).exists() {
-        return Err(Problem::not_found("complete set of photographs there").remedy("finish the session first"));
-    }
     // Refused here rather than by the job, so that whoever asks learns it at once.
-    let options = spec.options(Model::Auto);
-    blocking(move || Ok(options.check(&load(&input)?).map(drop)?)).await?;
+    let asked = spec.clone();
+    blocking(move || check(&asked, &input)).await?;
     let job = app.jobs.submit(spec).await?;
     app.remember(key, &job.id);
     Ok(accepted(app.describe(job, false)))
+}
+
+/// Refuses what no job could do.
+fn check(spec: &Spec, input: &std::path::Path) -> Answer<()> {
+    let whole = || {
+        if input.join(FILE_NAME).exists() {
+            return Ok(());
+        }
+        Err(Problem::not_found("complete set of photographs there").remedy("finish the session first"))
+    };
+    match spec.method {
+        Method::Polarization => {
+            whole()?;
+            if spec.options.is_some() || spec.reconstruction.is_some() || spec.file.is_some() {
+                let said = "options, reconstruction and file do not belong to the method polarization";
+                return Err(Problem::bad(said));
+            }
+            Ok(spec.options(Model::Auto).check(&load(input)?).map(drop)?)
+        }
+        Method::Hdr => {
+            if spec.session.is_some() {
+                whole()?;
+            }
+            if spec.reconstruction.is_some() || spec.file.is_some() {
+                return Err(Problem::bad("reconstruction and file do not belong to the method hdr"));
+            }
+            spec.options_of::<hdr::Options>()?;
+            Ok(())
+        }
+    }
+}
+
+/// What a session's own results are of.
+fn method_of(plan: &crate::plan::Plan) -> Method {
+    match plan.reconstruct.map(|r| r.method) {
+        Some(crate::plan::Method::Hdr) => Method::Hdr,
+        _ => Method::Polarization,
+    }
 }
 
 fn accepted(doc: Reconstruction) -> Response {

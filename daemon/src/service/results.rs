@@ -32,6 +32,35 @@ pub struct Region {
     h: Option<u16>,
 }
 
+/// A file of a result.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ResultFile {
+    /// Its name.
+    name: String,
+    /// Its size.
+    bytes: u64,
+}
+
+/// The files of a reconstruction.
+#[utoipa::path(get, path = "/api/v1/reconstructions/{id}/files", tag = "reconstructions", operation_id = "result_files",
+    params(("id" = String, Path)), responses((status = 200, body = Vec<ResultFile>), (status = 404, body = Problem)))]
+pub async fn list(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Vec<ResultFile>>> {
+    let folder = app.place(&id).await?.results;
+    let files = blocking(move || Ok(files::list(&folder))).await?;
+    Ok(Json(files.into_iter().map(|(name, bytes)| ResultFile { name, bytes }).collect()))
+}
+
+/// A file of a reconstruction, as it is.
+#[utoipa::path(get, path = "/api/v1/reconstructions/{id}/files/{file}", tag = "reconstructions",
+    operation_id = "result_file", params(("id" = String, Path), ("file" = String, Path, description = "For instance hdr.png")),
+    responses((status = 200, content(([u8] = "image/png"), ([u8] = "application/octet-stream"))),
+        (status = 404, body = Problem)))]
+pub async fn file(State(app): State<Arc<App>>, At((id, name)): At<(String, String)>) -> Answer<Response> {
+    let folder = app.place(&id).await?.results;
+    let kind = if name.ends_with(".png") { "image/png" } else { files::BYTES };
+    files::send(&files::inside(&folder, &name)?, kind).await
+}
+
 /// A pixel of the maps.
 #[derive(Debug, Deserialize, IntoParams)]
 #[into_params(parameter_in = Query)]

@@ -82,6 +82,8 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(reconstructions::retry))
         .routes(routes!(reconstructions::log))
         .routes(routes!(reconstructions::job_events))
+        .routes(routes!(results::list))
+        .routes(routes!(results::file))
         .routes(routes!(results::map))
         .routes(routes!(results::pixel))
         .routes(routes!(charts::list))

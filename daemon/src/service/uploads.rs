@@ -8,7 +8,7 @@ use axum::extract::{Multipart, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
-use nacre_processing::image::EXTENSIONS;
+use nacre_processing::image::{EXTENSIONS, info};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -31,10 +31,13 @@ pub struct Uploaded {
 }
 
 /// Photographs as form parts `file` with their names, and their description as the part `frames` (a frames.json);
-/// without it the analyser's angles are read from the names, as `045.png`, and colour files' green is used.
+/// without it the analyser's angles are read from the names, as `045.png`, and colour files' green is used. Where the part
+/// `kind`, which comes first, is `photographs`, they stand for themselves: exposures of one view, or single photographs.
 #[derive(ToSchema)]
 #[allow(dead_code, reason = "describes the form")]
 pub struct Form {
+    /// `polarization` (the default) or `photographs`.
+    kind: Option<String>,
     /// A frames.json.
     frames: Option<String>,
     #[schema(value_type = Vec<String>, format = Binary)]
@@ -73,13 +76,17 @@ pub async fn upload(State(app): State<Arc<App>>, form: Result<Multipart, Multipa
 
 async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
     let most = app.config.limits.upload_mib << 20;
-    let (mut files, mut bytes) = (0, 0);
+    let (mut files, mut bytes, mut single) = (0, 0, false);
     loop {
         let next = tokio::time::timeout(PATIENCE, form.next_field()).await;
         let next = next.map_err(|_| Problem::bad("the upload stopped half-way"))?;
         let Some(field) = next.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? else {
             break;
         };
+        if field.name() == Some("kind") {
+            single = kind(field).await?;
+            continue;
+        }
         let name = file_name(&field)?;
         files += usize::from(name != FILE_NAME);
         if files > MAX_FILES {
@@ -91,7 +98,7 @@ async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize
         return Err(Problem::bad("the form holds no photograph").remedy("send parts named file with file names"));
     }
     let folder = folder.to_path_buf();
-    super::blocking(move || describe(&folder)).await?;
+    super::blocking(move || if single { decodable(&folder) } else { describe(&folder) }).await?;
     Ok((files, bytes))
 }
 
@@ -110,7 +117,7 @@ fn file_name(field: &Field<'_>) -> Answer<String> {
         return Ok(name.to_owned());
     }
     let allowed = EXTENSIONS.join(", ");
-    Err(Problem::bad(format!("{:?} is no name of a photograph ({allowed})", name.chars().take(80).collect::<String>())))
+    Err(Problem::bad(format!("{:?} is no name of a photograph ({allowed})", clip(name))))
 }
 
 async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
@@ -135,6 +142,43 @@ async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
     }
     file.flush().await.map_err(refused)?;
     Ok(bytes)
+}
+
+/// Whether the photographs stand for themselves.
+async fn kind(mut field: Field<'_>) -> Answer<bool> {
+    let mut word = vec![];
+    while word.len() < 80 {
+        let chunk = tokio::time::timeout(PATIENCE, field.chunk()).await;
+        let chunk = chunk.map_err(|_| Problem::bad("the upload stopped half-way"))?;
+        match chunk.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? {
+            Some(chunk) => word.extend_from_slice(&chunk),
+            None => break,
+        }
+    }
+    match word.as_slice() {
+        b"photographs" => Ok(true),
+        b"polarization" => Ok(false),
+        other => {
+            let said = clip(&String::from_utf8_lossy(other));
+            Err(Problem::bad(format!("kind is {said:?}; give photographs or polarization")))
+        }
+    }
+}
+
+fn clip(text: &str) -> String {
+    text.chars().take(80).collect()
+}
+
+/// Photographs that stand for themselves: each must be one.
+fn decodable(folder: &Path) -> Answer<()> {
+    if folder.join(FILE_NAME).exists() {
+        load(folder)?;
+    }
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|e| e.path()).filter(|p| p.file_name() != Some(FILE_NAME.as_ref())).try_for_each(|path| {
+        info(&path)?;
+        Ok(())
+    })
 }
 
 /// Makes the description if there is none, and checks the whole as a reconstruction does.

@@ -1,5 +1,6 @@
 //! `nacre reconstruct`.
 
+mod hdr;
 mod polarization;
 
 pub use polarization::{Polarization, summary};
@@ -13,11 +14,14 @@ use clap::Subcommand;
 pub enum Reconstruct {
     /// Orientation of gratings from photographs behind a turning analyser, or from a polarization sensor.
     Polarization(Polarization),
+    /// One photograph of high dynamic range from several exposures.
+    Hdr(hdr::Hdr),
 }
 
 /// Runs a reconstruction.
 pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
     match command {
         Reconstruct::Polarization(args) => args.run(console),
+        Reconstruct::Hdr(args) => args.run(console),
     }
 }
