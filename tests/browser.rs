@@ -208,6 +208,36 @@ fn a_person_takes_a_session_and_looks_at_its_map() {
 }
 
 #[test]
+fn a_person_takes_a_bracket_and_looks_at_the_merged_photograph() {
+    let Some(browser) = Browser::start() else { return };
+    let (_place, service, url) = service(128);
+    browser.open(&format!("{url}/#/new"));
+    browser.click("input[name=kind][value=exposures]");
+    let choose = |id: &str, value: &str| {
+        let script = format!(
+            "const list = document.querySelector('#{id}'); list.value = '{value}'; list.dispatchEvent(new Event('change', {{ bubbles: true }}));"
+        );
+        browser.run(&script);
+    };
+    choose("plan-angles", "none");
+    choose("plan-exposing", "bracket");
+    browser.until("!document.querySelector('#plan-step_ev').closest('.field').hidden");
+    browser.until("/\\d/.test(document.querySelector('#estimate').textContent)");
+    browser.both("new-bracket");
+    browser.click("#start");
+    browser.until("location.hash.startsWith('#/session/')");
+    let id = browser.run("return location.hash.split('/')[2]").as_str().unwrap().to_owned();
+    service.until(&format!("/api/v1/sessions/{id}"), |s| s["has_results"] == true);
+    browser.open(&format!("{url}/#/result/{id}"));
+    browser.until("document.querySelector('#result-picture').naturalWidth === 128");
+    browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'hdr.exr')");
+    browser.both("result-hdr");
+    browser.open(&format!("{url}/#/upload"));
+    choose("method", "hdr");
+    browser.until("document.body.innerText.includes('Exif')");
+}
+
+#[test]
 fn stop_is_in_reach_and_stops_within_200_ms() {
     let Some(browser) = Browser::start() else { return };
     let (_place, service, url) = service(128);

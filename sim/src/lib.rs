@@ -12,6 +12,7 @@ mod config;
 mod devices;
 pub mod emulators;
 mod optics;
+pub mod photographs;
 mod port;
 mod random;
 mod scene;

@@ -4,7 +4,7 @@
 export const BLANK = {
   kind: "polarization", name: "", sample: "", operator: "", notes: "",
   angles: "range", until_sigma_deg: "0.3", begin: "4", at_most: "24", brackets: "5, 20, 80", start: "0", stop: "150", step: "30", list: "0, 30, 60, 90, 120, 150",
-  exposing: "meter", exposure_ms: "40", exposures_ms: "5, 10, 20, 40, 80", gain: "1", average: "1",
+  exposing: "meter", exposure_ms: "40", exposures_ms: "5, 10, 20, 40, 80", step_ev: "2", bracket_most: "7", gain: "1", average: "1",
   roi: "", pattern: "disc", diameter_mm: "180", center_mm: "0, 0",
   spots: "-40, 0\n0, 0\n40, 0", spot_diameter_mm: "10",
   steps: [{ display: "", analyser_deg: "0", flash: false, exposure_ms: "" }],
@@ -28,6 +28,21 @@ export const KINDS = [
   ["spots", "Spots", "Moves a disc over the panel, at each angle of the analyser if any."],
   ["free", "Free", "Frame by frame, as listed."],
 ];
+
+/** How exposures can be found for each kind; the first is what it begins with. */
+export const EXPOSING = {
+  polarization: ["meter", "fixed", "several"], exposures: ["several", "bracket"], flash: ["meter", "fixed", "several", "bracket"],
+  spots: ["meter", "fixed"], free: ["meter", "fixed"],
+};
+
+/** How the form's exposures are found. */
+export const exposingOf = ({ kind, exposing }) => (EXPOSING[kind].includes(exposing) ? exposing : EXPOSING[kind][0]);
+
+/** Whether the form asks for one view in several exposures, which can be merged. */
+export function merges(form) {
+  const several = ["several", "bracket"].includes(exposingOf(form)) && form.kind !== "polarization";
+  return several && (form.angles === "none" || (form.angles === "list" && !/[\s,;]/.test(form.list.trim())));
+}
 
 const MAX_ANGLES = 100_000;
 const MAX_UNTIL = 360;
@@ -107,18 +122,18 @@ export function toPlan(form) {
   const plan = { kind };
   for (const key of ["name", "sample", "operator", "notes"]) if (form[key].trim()) plan[key] = form[key].trim();
   plan.camera = { gain: read(() => one(form, "gain")), average: read(() => one(form, "average")) };
-  if (kind !== "exposures") {
-    if (form.exposing === "several" && kind === "polarization") plan.exposures_ms = read(() => many("brackets", form.brackets));
-    else if (form.exposing === "fixed") plan.camera.exposure_ms = read(() => one(form, "exposure_ms"));
-    else plan.camera.exposure = "meter";
-  }
+  const exposing = exposingOf(form);
+  const listed = kind === "polarization" ? "brackets" : "exposures_ms";
+  if (exposing === "several") plan.exposures_ms = read(() => many(listed, form[listed]));
+  else if (exposing === "bracket") plan.bracket = { step_ev: read(() => one(form, "step_ev")), at_most: read(() => one(form, "bracket_most")) };
+  else if (exposing === "fixed") plan.camera.exposure_ms = read(() => one(form, "exposure_ms"));
+  else plan.camera.exposure = "meter";
   if (form.roi.trim()) plan.camera.roi = read(() => many("roi", form.roi, { length: 4 }));
   if (kind !== "spots") plan.display = form.pattern === "black" ? { pattern: "black" } : read(() => disc(form));
   if (kind !== "free" && (kind === "polarization" || form.angles !== "none")) {
-    const listed = () => ({ angles_deg: form.angles === "list" ? many("list", form.list) : range(form) });
-    plan.analyser = read(() => (form.angles === "until" && kind === "polarization" ? until(form) : listed()));
+    const fixed = () => ({ angles_deg: form.angles === "list" ? many("list", form.list) : range(form) });
+    plan.analyser = read(() => (form.angles === "until" && kind === "polarization" ? until(form) : fixed()));
   }
-  if (kind === "exposures") plan.exposures_ms = read(() => many("exposures_ms", form.exposures_ms));
   if (kind === "spots") {
     const lines = form.spots.trim().split("\n").filter((line) => line.trim());
     plan.spots = {
@@ -132,6 +147,7 @@ export function toPlan(form) {
   if (kind === "free") plan.steps = form.steps.map((step, i) => read(() => freeStep(step, i)));
   plan.extras = ["dark", "display_black"].filter((extra) => form[extra]);
   if (kind === "polarization" && form.reconstruct) plan.reconstruct = { method: "polarization", model: form.model };
+  if (merges(form) && form.reconstruct) plan.reconstruct = { method: "hdr" };
   return { plan, problems };
 }
 
@@ -165,10 +181,15 @@ export function fromPlan(plan) {
   form.pattern = display.pattern ?? "disc";
   form.diameter_mm = String(display.diameter_mm ?? 180);
   form.center_mm = pair(display.center_mm ?? [0, 0]);
-  if (plan.exposures_ms?.length && form.kind === "polarization") {
+  if (plan.exposures_ms?.length) {
     form.exposing = "several";
-    form.brackets = pair(plan.exposures_ms);
-  } else if (plan.exposures_ms?.length) form.exposures_ms = pair(plan.exposures_ms);
+    form[form.kind === "polarization" ? "brackets" : "exposures_ms"] = pair(plan.exposures_ms);
+  }
+  if (plan.bracket) {
+    form.exposing = "bracket";
+    form.step_ev = String(plan.bracket.step_ev ?? BLANK.step_ev);
+    form.bracket_most = String(plan.bracket.at_most ?? BLANK.bracket_most);
+  }
   if (spots) {
     form.spots = spots.centers_mm.map(pair).join("\n");
     form.spot_diameter_mm = String(spots.diameter_mm);

@@ -1,7 +1,7 @@
 // The form of a plan: fields that belong to the chosen kind, and what is wrong with each.
 
 import { check, field, h, select } from "./dom.js";
-import { KINDS, MODELS } from "./plan.js";
+import { EXPOSING, exposingOf, KINDS, merges, MODELS } from "./plan.js";
 import { stepsEditor } from "./steps.js";
 
 /** The form over `values`, which it changes; `changed()` is called after each change. */
@@ -44,11 +44,12 @@ export function planForm(values, changed) {
   ];
   const analyser = group("Analyser", fields(angleMode, rangeFields, listField, untilFields));
 
-  const exposureMode = list("exposing", "Exposure", [["meter", "Metered"], ["fixed", "Given"], ["several", "Several at each angle"]]);
+  const exposureMode = list("exposing", "Exposure", [["meter", "Metered"], ["fixed", "Given"], ["several", "Several, as listed"], ["bracket", "A bracket, worked out by metering"]]);
   const brackets = text("brackets", "Exposures at each angle (ms)", { hint: "Merged: short ones for what is bright, long ones for what is dark", wide: true, numeric: true });
   const exposure = text("exposure_ms", "Exposure (ms)", { numeric: true });
-  const exposures = text("exposures_ms", "Exposures (ms)", { wide: true, numeric: true });
-  const camera = group("Camera", fields(exposures, exposureMode, exposure, brackets, text("gain", "Gain", { numeric: true }),
+  const exposures = text("exposures_ms", "Exposures (ms)", { hint: "Merged into one photograph where one view is taken", wide: true, numeric: true });
+  const bracketFields = [text("step_ev", "Step (EV)", { hint: "2 is four times longer each", numeric: true }), text("bracket_most", "Most exposures", { numeric: true })];
+  const camera = group("Camera", fields(exposureMode, exposures, bracketFields, exposure, brackets, text("gain", "Gain", { numeric: true }),
     text("average", "Average of", { numeric: true }),
     text("roi", "Region of interest", { hint: "Left, top, width, height in pixels; empty for the whole frame", wide: true, numeric: true })));
 
@@ -60,7 +61,7 @@ export function planForm(values, changed) {
   const stepsGroup = group("Frames", steps.element);
 
   const model = list("model", "Model", MODELS);
-  const reconstruct = h("div", { class: "fields" }, tick("reconstruct", "Reconstruct the orientation map at once"), model);
+  const reconstruct = h("div", { class: "fields" }, tick("reconstruct", "Reconstruct at once"), model);
   const about = group("Session", h("div", { class: "stack" }, fields(text("name", "Name"), text("sample", "Sample"), text("operator", "Operator")),
     area("notes", "Notes")));
   const besides = group("Extra frames and result", h("div", { class: "stack" },
@@ -80,20 +81,19 @@ export function planForm(values, changed) {
     for (const f of rangeFields) f.hidden = mode !== "range";
     listField.hidden = mode !== "list";
     for (const f of untilFields) f.hidden = mode !== "until";
-    exposures.hidden = kind !== "exposures";
-    exposureMode.hidden = kind === "exposures";
-    const several = exposureMode.querySelector('[value="several"]');
-    several.hidden = several.disabled = kind !== "polarization";
-    const exposing = kind !== "polarization" && values.exposing === "several" ? "meter" : values.exposing;
+    for (const option of exposureMode.querySelectorAll("option")) option.hidden = option.disabled = !EXPOSING[kind].includes(option.value);
+    const exposing = exposingOf(values);
     exposureMode.querySelector("select").value = exposing;
-    exposure.hidden = kind === "exposures" || exposing !== "fixed";
+    exposures.hidden = exposing !== "several" || kind === "polarization";
+    for (const f of bracketFields) f.hidden = exposing !== "bracket";
+    exposure.hidden = exposing !== "fixed";
     brackets.hidden = exposing !== "several" || kind !== "polarization";
     display.hidden = kind === "spots";
     for (const f of discFields) f.hidden = values.pattern !== "disc";
     spots.hidden = kind !== "spots";
     stepsGroup.hidden = kind !== "free";
-    reconstruct.hidden = kind !== "polarization";
-    model.hidden = !values.reconstruct;
+    reconstruct.hidden = kind !== "polarization" && !merges(values);
+    model.hidden = !values.reconstruct || kind !== "polarization";
   }
   paint();
   return {

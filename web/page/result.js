@@ -7,6 +7,7 @@ import { degrees, fixed, percent, significant } from "./format.js";
 import { bar, maskedKey, wheel } from "./legend.js";
 import { MapView } from "./mapview.js";
 import { optionFields } from "./options.js";
+import { showPictures } from "./pictures.js";
 import { pixelChart } from "./pixelchart.js";
 import { reportView } from "./report.js";
 
@@ -28,7 +29,7 @@ const FORMATS = [["exr", "EXR"], ["png", "PNG"], ["csv", "CSV"], ["npy", "NumPy"
 export async function resultPage(main, { id, signal }) {
   const job = await get(`/reconstructions/${id}`, { signal });
   if (signal.aborted) return;
-  if (job.state === "done" && job.report) return showMaps(main, job, signal);
+  if (job.state === "done" && job.report) return job.method === "polarization" ? showMaps(main, job, signal) : showPictures(main, job, signal);
   await showProgress(main, job, signal);
 }
 

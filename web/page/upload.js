@@ -1,10 +1,11 @@
-// #/upload: photographs taken elsewhere, with their angles → a map.
+// #/upload: photographs taken elsewhere → a map of their angles, one merged photograph, a lookup table.
 
 import { post, send } from "./api.js";
 import { field, h, number, panel, say, select } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
 import { optionFields } from "./options.js";
+import { tableFields } from "./tableform.js";
 
 const LIKELY = /\.(png|tiff?|jpe?g|exr)$/i;
 
@@ -20,11 +21,15 @@ export async function uploadPage(main, { signal }) {
   let photographs = [];
   const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr", onchange: () => add(input.files) });
   const body = h("tbody");
-  const table = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
+  const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
   const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
   const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
   let chosen = false;
+  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "Lookup table of one photograph of diffraction"]], "polarization", { id: "method", onchange: paint });
   const options = optionFields();
+  const table = tableFields();
+  const angled = h("div", { class: "stack" }, field("Values", transfer), field("Channel", channel, { hint: "Colour files need one" }), options.element);
+  const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
   const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
@@ -32,9 +37,11 @@ export async function uploadPage(main, { signal }) {
     field("Photographs (PNG, TIFF, JPEG, EXR)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }));
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Upload photographs"), start),
     h("div", { class: "columns planning" },
-      panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, table))),
+      panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, listing))),
       h("div", { class: "stack" },
-        panel("Reconstruction", null, h("div", { class: "stack" }, h("div", { class: "stack" }, field("Values", transfer), field("Channel", channel, { hint: "Colour files need one" }), options.element), problems, progress)))));
+        panel("Reconstruction", null, h("div", { class: "stack" }, field("What to make of them", method), angled, about, table.element, problems, progress)))));
+
+  paint();
 
   function add(files) {
     const names = new Set(photographs.map((p) => p.file.name));
@@ -46,10 +53,15 @@ export async function uploadPage(main, { signal }) {
   }
 
   function paint() {
-    table.hidden = photographs.length === 0;
+    const polarized = method.value === "polarization";
+    angled.hidden = !polarized;
+    about.hidden = method.value !== "hdr";
+    table.element.hidden = method.value !== "lut";
+    listing.hidden = photographs.length === 0;
+    listing.querySelectorAll("th")[2].hidden = !polarized;
     body.replaceChildren(...photographs.map((photograph) => h("tr", {},
       h("td", {}, photograph.file.name), h("td", { class: "number" }, bytes(photograph.file.size)),
-      h("td", {}, number({ value: photograph.deg ?? "", "aria-label": `Analyser angle of ${photograph.file.name}`, oninput: (e) => {
+      h("td", { hidden: !polarized }, number({ value: photograph.deg ?? "", "aria-label": `Analyser angle of ${photograph.file.name}`, oninput: (e) => {
         photograph.deg = Number.isFinite(e.target.valueAsNumber) ? e.target.valueAsNumber : null;
         judge();
       } })),
@@ -61,6 +73,12 @@ export async function uploadPage(main, { signal }) {
   }
 
   function judge() {
+    if (method.value !== "polarization") {
+      const one = method.value === "lut" && photographs.length > 1;
+      problems.replaceChildren(...(one ? [h("ul", { class: "problems" }, h("li", {}, "A table is made of one photograph; remove the others."))] : []));
+      start.disabled = photographs.length === 0 || one;
+      return;
+    }
     const unknown = photographs.filter((p) => p.deg === null).length;
     const distinct = new Set(photographs.map((p) => (((p.deg ?? 0) % 180) + 180) % 180)).size;
     const wrong = [
@@ -78,11 +96,14 @@ export async function uploadPage(main, { signal }) {
     const description = { kind: "polarization", transfer: transfer.value, frames: photographs.map((p) => ({ file: p.file.name, analyser_deg: p.deg })) };
     if (channel.value) description.channel = channel.value;
     const form = new FormData();
-    form.append("frames", new Blob([JSON.stringify(description)], { type: "application/json" }), "frames.json");
+    const polarized = method.value === "polarization";
+    form.append("kind", polarized ? "polarization" : "photographs");
+    if (polarized) form.append("frames", new Blob([JSON.stringify(description)], { type: "application/json" }), "frames.json");
     for (const { file } of photographs) form.append("file", file, file.name);
     try {
       const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
-      const job = await post("/reconstructions", { session: null, upload: upload.id, ...options.request() });
+      const asked = { polarization: () => options.request(), hdr: () => ({ method: "hdr" }), lut: () => ({ method: "lut", file: photographs[0].file.name, options: table.options() }) }[method.value]();
+      const job = await post("/reconstructions", { session: null, upload: upload.id, ...asked });
       location.hash = `#/result/${job.id}`;
     } catch (problem) {
       if (problem.name === "AbortError") return;

@@ -57,6 +57,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("new.js", SCRIPT),
     row!("options.js", SCRIPT),
     row!("patterns.js", SCRIPT),
+    row!("pictures.js", SCRIPT),
     row!("pixelchart.js", SCRIPT),
     row!("plan.js", SCRIPT),
     row!("planform.js", SCRIPT),
@@ -68,6 +69,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("sessions.js", SCRIPT),
     row!("stage.js", SCRIPT),
     row!("steps.js", SCRIPT),
+    row!("tableform.js", SCRIPT),
     row!("theme.js", SCRIPT),
     row!("upload.js", SCRIPT),
 ];

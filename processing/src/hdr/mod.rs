@@ -11,6 +11,7 @@
 mod align;
 mod coding;
 mod input;
+mod memory;
 mod merge;
 mod output;
 mod reconstruct;
@@ -21,6 +22,7 @@ mod sample;
 #[cfg(test)]
 mod tests;
 
+pub use memory::{Merged, merge};
 pub use reconstruct::{Options, ResponseChoice, reconstruct};
 pub use report::{FrameReport, Report};
 pub use response::Response;

@@ -12,8 +12,13 @@ use nalgebra::{DMatrix, DVector};
 const LOW: f64 = 4.5 / 255.0;
 const HIGH: f64 = 252.5 / 255.0;
 
-/// Standard deviation of a value in knots: rounding and a little noise.
+/// Least standard deviation of a value in knots: rounding and a little noise. It grows with what the data scatter by.
 const SIGMA: f64 = 0.6;
+
+/// Brighter values that seem to mean less light are taken for noise if they do so by less than this part of the light, from this
+/// knot on: below there is little but black.
+const DIP: f64 = 0.1;
+const RISES_FROM: usize = 16;
 
 /// How much the slope of `g` over ln code may change from knot to knot, standard deviation. With 0.05 what repeats with the step of
 /// the bracket is 10 % wrong for a linear camera; with 0.003 a film's shoulder is 1 % flatter than it is.
@@ -49,8 +54,10 @@ pub(super) fn recover(positions: &[Vec<f64>], scales: &[f64]) -> Result<Recovere
     let data = Data::new(positions, scales)?;
     let mut g: Vec<f64> = (0..KNOTS).map(|k| 2.2 * (k.max(1) as f64 / 128.0).ln()).collect();
     let mut solved = None;
+    let mut sigma = SIGMA;
     for round in 0..ROUNDS {
-        let system = data.system(&g, round > 0);
+        let system = data.system(&g, sigma, round > 0);
+        sigma = (sigma * system.chi2.sqrt()).max(SIGMA);
         let Some(cholesky) = system.matrix.clone().cholesky() else {
             return Err("the exposures do not overlap".into());
         };
@@ -59,16 +66,27 @@ pub(super) fn recover(positions: &[Vec<f64>], scales: &[f64]) -> Result<Recovere
         solved = Some((cholesky, system.chi2));
     }
     let (cholesky, chi2) = solved.ok_or("there is nothing to solve")?;
-    if g[1..].windows(2).skip(4).any(|w| w[1] <= w[0]) {
-        return Err("brighter values would mean less light; the exposure times may be wrong, or something moved".into());
-    }
     let inverse = cholesky.inverse();
-    let sigma = (16..=240).map(|k| (chi2 * inverse[(k - 1, k - 1)]).sqrt()).fold(0.0, f64::max);
-    // The lowest codes may not fall in order: rising is all that is asked of them.
-    let mut curve: Vec<f64> = g.iter().map(|g| g.exp()).collect();
-    (1..6).rev().for_each(|k| curve[k] = curve[k].min(curve[k + 1] * k as f64 / (k + 1) as f64));
-    curve[0] = 0.0;
+    let sigma = (16..=240).map(|k| (chi2.max(1.0) * inverse[(k - 1, k - 1)]).sqrt()).fold(0.0, f64::max);
+    let curve = rising(&g)?;
     Ok(Recovered { curve, sigma, seen: data.seen() })
+}
+
+/// Light that rises with the code.
+fn rising(g: &[f64]) -> Result<Vec<f64>, String> {
+    let mut curve: Vec<f64> = g.iter().map(|g| g.exp()).collect();
+    curve[0] = 0.0;
+    // From the bright end down, so that the darkest codes, of which least is known, give way.
+    for k in (1..KNOTS - 1).rev() {
+        if curve[k] >= curve[k + 1] {
+            if k >= RISES_FROM && curve[k] > curve[k + 1] * (1.0 + DIP) {
+                let cause = "the exposure times may be wrong, or something moved";
+                return Err(format!("brighter values would mean less light (code {k}); {cause}"));
+            }
+            curve[k] = curve[k + 1] * k as f64 / (k + 1) as f64;
+        }
+    }
+    Ok(curve)
 }
 
 /// Curves of all channels as one response: their light is alike at code 128, as a camera's white balance has it.
@@ -117,7 +135,7 @@ impl Data {
         Ok(Self { pixels })
     }
 
-    fn system(&self, g: &[f64], robust: bool) -> System {
+    fn system(&self, g: &[f64], sigma: f64, robust: bool) -> System {
         let n = KNOTS - 1;
         let mut matrix = DMatrix::<f64>::zeros(n, n);
         let mut right = DVector::<f64>::zeros(n);
@@ -130,7 +148,7 @@ impl Data {
         for pixel in &self.pixels {
             let at = |v: &Value| g[v.knot] * (1.0 - v.share) + g[v.knot + 1] * v.share;
             let slope = |v: &Value| slopes[v.knot];
-            let plain: Vec<f64> = pixel.iter().map(|v| (slope(v) * SIGMA).powi(-2)).collect();
+            let plain: Vec<f64> = pixel.iter().map(|v| (slope(v) * sigma).powi(-2)).collect();
             let mean = |w: &[f64]| {
                 let sum = pixel.iter().zip(w).map(|(v, w)| w * (at(v) - v.exposure)).sum::<f64>();
                 sum / w.iter().sum::<f64>()

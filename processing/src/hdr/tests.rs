@@ -118,6 +118,34 @@ fn responses_are_recovered() {
 }
 
 #[test]
+fn a_noisy_camera_with_a_black_of_its_own_is_recovered_from() {
+    let dir = tempfile::tempdir().unwrap();
+    let light = scene(512, 128, 0.02, 250.0);
+    let mut normal = rand_free::Normal(3);
+    let frames = TIMES.iter().enumerate().map(|(k, time)| {
+        let name = format!("{k}.png");
+        // Noise of 1.5 codes over a black of 5, as photographs from JPEG have it.
+        let mut code = |l: &f64| (5.0 + 250.0 * (l * time).min(1.0).powf(1.0 / 2.2) + 1.5 * normal.next()).round();
+        let codes: Vec<u8> = light.iter().map(|l| code(l).clamp(0.0, 255.0) as u8).collect();
+        write_png8(&dir.path().join(&name), 512, 128, 1, &codes).unwrap();
+        Frame { exposure_s: Some(*time), ..Frame::new(name) }
+    });
+    let set = FrameSet { transfer: Transfer::Recover, ..FrameSet::new(Kind::Exposures, frames.collect()) };
+    std::fs::write(dir.path().join("frames.json"), save(&set)).unwrap();
+    let out = dir.path().join("out");
+    let options = Options { align: Align::Off, ..Options::default() };
+    reconstruct(dir.path(), &out, &options, &Silent).unwrap();
+    let merged = channel(&out, "hdr.exr", "Y");
+    // In the gauge of the merged light: rows are averaged, since noise is not what is tested.
+    let column = |x: usize| (0..128).map(|y| f64::from(merged[y * 512 + x]) / light[y * 512 + x]).sum::<f64>() / 128.0;
+    let ratio: Vec<f64> = (160..512).map(column).collect();
+    let mean = ratio.iter().sum::<f64>() / ratio.len() as f64;
+    let worst = ratio.iter().map(|r| (r / mean - 1.0).abs()).fold(0.0, f64::max);
+    println!("worst {:.2} %", 100.0 * worst);
+    assert!(worst < 0.05, "{worst}");
+}
+
+#[test]
 fn saturated_and_dark_samples_are_flagged_and_black_is_subtracted() {
     let dir = tempfile::tempdir().unwrap();
     let (width, height, black) = (64, 32, 200.0_f64);

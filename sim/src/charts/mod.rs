@@ -1,6 +1,7 @@
-//! Studies that need a bench: what light at an angle and photographs that do not lie over each other do to a map, and what
+//! Studies that need a bench or its noise: what light at an angle and photographs that do not lie over each other do to a map, and what
 //! taking that out brings.
 
+mod hdr;
 mod photographs;
 
 use crate::config::BenchConfig;
@@ -11,7 +12,7 @@ use photographs::outcome;
 
 /// All of them, in the order of the page.
 pub fn studies(effort: Effort) -> Vec<Study> {
-    vec![registration(effort), oblique(effort), compact_disc(effort)]
+    vec![registration(effort), oblique(effort), compact_disc(effort), hdr::study(effort)]
 }
 
 /// What a setting asks of the reconstruction, and a value of the stress of the bench.

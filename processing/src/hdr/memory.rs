@@ -1,0 +1,53 @@
+//! Merging of photographs that are in memory already.
+
+use super::coding::{Coding, Curve};
+use super::merge::{Exposed, Sums};
+use crate::frames::{FrameSet, planned};
+use crate::image::{Depth, Info, Raster, Samples};
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Merged light, `width · height · channels` values as in a [`Raster`]; NaN where every exposure is saturated.
+#[derive(Clone, Debug)]
+pub struct Merged {
+    /// Linear value per exposure and gain.
+    pub light: Vec<f32>,
+    /// Its variance.
+    pub variance: Vec<f32>,
+}
+
+/// Merges all channels of photographs whose curve is known; `rasters` are those of the set's frames, in their order. Dark
+/// photographs, a flat one and alignment are for [`reconstruct`](super::reconstruct).
+///
+/// # Errors
+/// `Input` for a set that makes no sense, or rasters that do not belong together.
+pub fn merge(set: FrameSet, rasters: Vec<Raster>) -> Result<Merged> {
+    let info = |r: &Raster| {
+        let depth = match r.samples {
+            Samples::U8(_) => Depth::U8,
+            Samples::U16(_) => Depth::U16,
+            Samples::F32(_) => Depth::F32,
+        };
+        Info { width: r.width, height: r.height, channels: r.channels, depth }
+    };
+    let bad =
+        |problem: &str| Error::input("photographs", problem, "give one raster per frame, all of one size and depth");
+    let first = rasters.first().map(info).ok_or_else(|| bad("there are none"))?;
+    if rasters.len() != set.frames.len() || rasters.iter().any(|r| info(r) != first) {
+        return Err(bad("do not belong together"));
+    }
+    let transfer = set.transfer;
+    let frames = planned(Path::new(""), set, first)?;
+    let coding = Coding::new(&frames, Curve::Stated(transfer));
+    let channels: Vec<usize> = (0..first.channels).collect();
+    let mut sums = Sums::new(first.width * first.height, &channels);
+    let exposed = rasters.into_iter().zip(&frames.set.frames);
+    let mut exposed: Vec<Exposed> = exposed.map(|(raster, frame)| Exposed { frame, raster, dark: vec![] }).collect();
+    exposed.sort_by(|a, b| a.frame.scale().total_cmp(&b.frame.scale()));
+    sums.add(&coding, &exposed);
+    let n = first.channels;
+    let at = |i: usize| sums.at(i / n, i % n).unwrap_or([f32::NAN; 2]);
+    let (light, variance) = (0..first.width * first.height * n).into_par_iter().map(|i| at(i).into()).unzip();
+    Ok(Merged { light, variance })
+}

@@ -1,0 +1,442 @@
+//! Photographs of a homogeneous diffracting surface under a flash behind a narrow-band filter.
+//!
+//! Every pixel is a place on the surface with its own directions to camera and flash. Radiance is summed over the flash's
+//! disc and the filter's band; each order is a Gaussian in direction cosines as wide as the coherence allows, and holds its
+//! share of the light. Nothing of the reconstruction's formulas is used.
+
+use super::orders::{Orders, Surface};
+use crate::random::{electrons, key};
+use nacre_processing::frames::{FILE_NAME, Frame, FrameSet, Kind, save};
+use nacre_processing::image::{Attribute, OutputFolder, write_exr, write_png16_gray};
+use nacre_processing::polarimetry::NoiseModel;
+use nacre_processing::{Error, Result};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// A scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FlashPhotograph {
+    /// Seed of the noise.
+    pub seed: u64,
+    /// What is photographed.
+    pub surface: Surface,
+    /// Standard deviation of the field's coherence on the surface, in µm.
+    pub coherence_um: f64,
+    /// Middle of the filter's band in nm.
+    pub wavelength_nm: f64,
+    /// Full width at half maximum of the filter's band in nm.
+    pub band_nm: f64,
+    /// Pixels.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Size of a pixel on the surface, in µm.
+    pub pixel_um: f64,
+    /// Camera above the surface, in mm; it looks straight down.
+    pub camera_mm: f64,
+    /// Flash above the surface, in mm.
+    pub flash_mm: f64,
+    /// From the camera to the flash, to the right and up, in mm.
+    pub baseline_mm: [f64; 2],
+    /// Diameter of the flash in mm.
+    pub flash_diameter_mm: f64,
+    /// Place of the zero order in the photograph, in pixels right and down of its middle.
+    pub zero_order_px: [f64; 2],
+    /// Blur of the lens, standard deviation in pixels.
+    pub blur_px: f64,
+    /// Exposures, each so many times the first.
+    pub exposures: Vec<f64>,
+    /// Level of the brightest pixel in the first exposure, of white.
+    pub level: f64,
+    /// Electrons at white.
+    pub full_scale_e: f64,
+    /// Read noise in electrons.
+    pub read_noise_e: f64,
+}
+
+impl Default for FlashPhotograph {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            surface: Surface::Lattice {
+                pitch_um: [20.0, 20.0],
+                fill: [0.6, 0.8],
+                amplitude: [1.0, 0.5],
+                depth_um: 0.08,
+            },
+            coherence_um: 65.0,
+            wavelength_nm: 680.0,
+            band_nm: 10.0,
+            width: 512,
+            height: 512,
+            pixel_um: 1000.0,
+            camera_mm: 1000.0,
+            flash_mm: 1000.0,
+            baseline_mm: [0.0, 0.0],
+            flash_diameter_mm: 5.0,
+            zero_order_px: [0.0, 0.0],
+            blur_px: 0.6,
+            exposures: vec![1.0, 8.0, 64.0],
+            level: 0.9,
+            full_scale_e: 40_000.0,
+            read_noise_e: 8.0,
+        }
+    }
+}
+
+/// Black and white of the 16-bit files.
+const BLACK: f64 = 1000.0;
+const WHITE: f64 = 65_000.0;
+
+/// Rings of points on the flash, and wavelengths in its band.
+const RINGS: i32 = 4;
+const WAVELENGTHS: i32 = 7;
+
+/// Orders are looked for within so many of their standard deviations.
+const REACH: f64 = 5.0;
+
+impl FlashPhotograph {
+    /// Refuses numbers that make no sense.
+    ///
+    /// # Errors
+    /// `Input`, naming the number.
+    pub fn check(&self) -> Result<()> {
+        let bad = |name: &str, problem: String| Err(Error::input(name, problem, "correct the scene"));
+        let positive = [
+            ("coherence_um", self.coherence_um, 1e5),
+            ("wavelength_nm", self.wavelength_nm, 1e4),
+            ("pixel_um", self.pixel_um, 1e6),
+            ("camera_mm", self.camera_mm, 1e7),
+            ("flash_mm", self.flash_mm, 1e7),
+            ("level", self.level, 1e3),
+            ("full_scale_e", self.full_scale_e, 1e9),
+        ];
+        for (name, value, most) in positive {
+            if !(value > 0.0 && value <= most) {
+                return bad(name, format!("is {value}; expected above 0, at most {most}"));
+            }
+        }
+        let not_negative = [
+            ("band_nm", self.band_nm, 0.5 * self.wavelength_nm),
+            ("flash_diameter_mm", self.flash_diameter_mm, 1e4),
+            ("blur_px", self.blur_px, 20.0),
+            ("read_noise_e", self.read_noise_e, 1e6),
+        ];
+        for (name, value, most) in not_negative {
+            if !(0.0..=most).contains(&value) {
+                return bad(name, format!("is {value}; expected 0 to {most}"));
+            }
+        }
+        if self.width.min(self.height) < 8 || self.width.max(self.height) > 8192 {
+            return bad("width, height", format!("are {} × {}; expected 8 to 8192", self.width, self.height));
+        }
+        if self.exposures.is_empty()
+            || self.exposures.len() > 16
+            || self.exposures.iter().any(|e| !(1e-6..=1e6).contains(e))
+        {
+            return bad("exposures", "are not 1 to 16 numbers from 1e-6 to 1e6".into());
+        }
+        if self.baseline_mm.iter().chain(&self.zero_order_px).any(|v| v.is_nan() || v.abs() > 1e5) {
+            return bad("baseline_mm, zero_order_px", "are too large".into());
+        }
+        let pitches = match self.surface {
+            Surface::Lattice { pitch_um, fill, amplitude, depth_um } => {
+                let shares = fill.iter().chain(&amplitude).all(|v| (0.0..=1.0).contains(v));
+                if !shares || !(0.0..=10.0).contains(&depth_um) {
+                    return bad("surface", "fill and amplitude are 0 to 1, the depth 0 to 10 µm".into());
+                }
+                pitch_um.to_vec()
+            }
+            Surface::Grating { period_um, depth_um, .. } | Surface::Paper { period_um, depth_um, .. } => {
+                if !(0.0..=10.0).contains(&depth_um) {
+                    return bad("surface.depth_um", format!("is {depth_um}; expected 0 to 10"));
+                }
+                vec![period_um]
+            }
+        };
+        if pitches.iter().any(|p| !(0.2..=1000.0).contains(p)) {
+            return bad("surface", format!("repeats every {pitches:?} µm; expected 0.2 to 1000"));
+        }
+        Ok(())
+    }
+
+    /// Direction cosines (u, v) at the right and upper end of a pixel's place, and what else a point needs.
+    fn geometry(&self) -> Geometry {
+        let [bx, by] = self.baseline_mm;
+        // The zero order lies where both heights see it under one angle.
+        let share = self.camera_mm / (self.camera_mm + self.flash_mm);
+        Geometry { zero_mm: [bx * share, by * share], light_mm: [bx, by, self.flash_mm], camera_mm: self.camera_mm }
+    }
+
+    /// Radiance of every pixel, row 0 on top, in units of (flash intensity in W/sr) per mm² and sr.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn radiance(&self) -> Result<Vec<f64>> {
+        self.check()?;
+        let (lambda, geometry) = (self.wavelength_nm / 1000.0, self.geometry());
+        let half = 0.5 * self.band_nm / 1000.0;
+        // A Gaussian band, looked at within three of its half widths at half maximum.
+        let band: Vec<[f64; 2]> = (-WAVELENGTHS / 2..=WAVELENGTHS / 2)
+            .map(|k| {
+                let off = 3.0 * f64::from(k) / f64::from(WAVELENGTHS / 2);
+                [lambda + off * half, 0.5_f64.powf(off * off)]
+            })
+            .collect();
+        let sum: f64 = band.iter().map(|b| b[1]).sum();
+        let band: Vec<[f64; 2]> =
+            if half > 0.0 { band.into_iter().map(|[l, w]| [l, w / sum]).collect() } else { vec![[lambda, 1.0]] };
+        let least = lambda - 3.0 * half;
+        let orders = self.surface.orders([0.2 / (lambda + 3.0 * half), 2.0 / least], 2.0, least);
+        let disc = disc(0.5 * self.flash_diameter_mm);
+        let step = self.pixel_um / 1000.0;
+        let middle = [0.5 * (self.width - 1) as f64, 0.5 * (self.height - 1) as f64];
+        let place = |i: usize| {
+            let (x, y) = ((i % self.width) as f64, (i / self.width) as f64);
+            [
+                geometry.zero_mm[0] + (x - middle[0] - self.zero_order_px[0]) * step,
+                geometry.zero_mm[1] - (y - middle[1] - self.zero_order_px[1]) * step,
+            ]
+        };
+        let light = |i: usize| {
+            let at = place(i);
+            let point = |[dx, dy]: &[f64; 2]| self.from_point(&orders, &band, &geometry, at, [*dx, *dy]);
+            disc.iter().map(point).sum::<f64>() / disc.len() as f64
+        };
+        let sharp: Vec<f64> = (0..self.width * self.height).into_par_iter().map(light).collect();
+        Ok(blurred(&sharp, self.width, self.blur_px))
+    }
+
+    /// Radiance that one point of the flash causes at a place.
+    fn from_point(&self, orders: &Orders, band: &[[f64; 2]], geometry: &Geometry, at: [f64; 2], off: [f64; 2]) -> f64 {
+        let to = |[x, y, z]: [f64; 3]| {
+            let d = [x - at[0], y - at[1], z];
+            let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+            (d.map(|v| v / length), length)
+        };
+        let [lx, ly, lz] = geometry.light_mm;
+        let (incident, distance) = to([lx + off[0], ly + off[1], lz]);
+        let (seen, _) = to([0.0, 0.0, geometry.camera_mm]);
+        let (u, v, w) = (-incident[0] - seen[0], -incident[1] - seen[1], incident[2] + seen[2]);
+        let irradiance = incident[2] / (distance * distance);
+        let mut brdf = 0.0;
+        for [angle, share] in &orders.patches {
+            let (sin, cos) = angle.sin_cos();
+            let along = [u * cos + v * sin, v * cos - u * sin];
+            for [lambda, weight] in band {
+                brdf += share * weight * self.orders_at(orders, along, *lambda, w);
+            }
+        }
+        irradiance * brdf
+    }
+
+    /// Σ energy · Gaussian of the orders near to these direction cosines, which is the BRDF: its integral over direction cosines is the
+    /// energy that is reflected.
+    fn orders_at(&self, orders: &Orders, along: [f64; 2], lambda: f64, w: f64) -> f64 {
+        // The amplitude's Gaussian of this σ on the surface is one of λ/(2π σ) in direction cosines, its square 1/√2 of that.
+        let sigma = lambda / (TAU * self.coherence_um * 2.0_f64.sqrt());
+        let near = |axis: usize| {
+            let spacing = lambda / orders.pitch_um[axis];
+            if spacing == 0.0 {
+                return 0..=0;
+            }
+            let order = |at: f64| at / spacing;
+            let (from, to) = (order(along[axis] - REACH * sigma), order(along[axis] + REACH * sigma));
+            from.ceil() as i32..=to.floor() as i32
+        };
+        let mut sum = 0.0;
+        for n in near(1) {
+            for m in near(0) {
+                let off = |axis: usize, k: i32| along[axis] - f64::from(k) * lambda / orders.pitch_um[axis];
+                let square = (off(0, m).powi(2) + off(1, n).powi(2)) / (sigma * sigma);
+                if square < REACH * REACH {
+                    sum += orders.at([m, n], w / lambda) * (-0.5 * square).exp();
+                }
+            }
+        }
+        sum / (TAU * sigma * sigma)
+    }
+
+    /// Writes the exposures with their `frames.json`, `truth.exr` (radiance without noise) and `geometry.json`.
+    ///
+    /// # Errors
+    /// As [`Self::check`]; `Output`.
+    pub fn write(&self, folder: &OutputFolder) -> Result<()> {
+        let radiance = self.radiance()?;
+        let top = radiance.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let mut frames = vec![];
+        for (k, exposure) in self.exposures.iter().enumerate() {
+            let code = |(i, light): (usize, &f64)| {
+                let mean = light / top * self.level * exposure * self.full_scale_e;
+                let level =
+                    electrons(key(&[self.seed, k as u64, i as u64]), mean, self.read_noise_e) / self.full_scale_e;
+                (BLACK + (WHITE - BLACK) * level).clamp(0.0, WHITE).round() as u16
+            };
+            let codes: Vec<u16> = radiance.par_iter().enumerate().map(code).collect();
+            let name = format!("{k:02}.png");
+            write_png16_gray(&folder.path(&name), self.width, self.height, &codes)?;
+            frames.push(Frame { exposure_s: Some(*exposure), flash: Some(true), ..Frame::new(name) });
+        }
+        let set = FrameSet {
+            black: Some(BLACK),
+            white: Some(WHITE),
+            wavelength_nm: Some(self.wavelength_nm),
+            band_nm: (self.band_nm > 0.0).then_some(self.band_nm),
+            noise: Some(NoiseModel { full_scale_e: self.full_scale_e, read_noise_e: self.read_noise_e }),
+            ..FrameSet::new(Kind::Flash, frames)
+        };
+        folder.write(FILE_NAME, save(&set).as_bytes())?;
+        let units = [("units", Attribute::Text("radiance, brightest is 1".into()))];
+        write_exr(&folder.path("truth.exr"), self.width, self.height, &["Y"], &units, &|_, y, row| {
+            row.iter_mut().zip(&radiance[y * self.width..]).for_each(|(out, v)| *out = (v / top) as f32);
+        })?;
+        // Plain data always serialises.
+        folder.write("scene.json", serde_json::to_string_pretty(self).unwrap_or_default().as_bytes())
+    }
+}
+
+/// Where things are, in mm, with the camera at the origin of x and y.
+struct Geometry {
+    /// Place of the zero order.
+    zero_mm: [f64; 2],
+    light_mm: [f64; 3],
+    camera_mm: f64,
+}
+
+/// Points evenly over a disc.
+fn disc(radius: f64) -> Vec<[f64; 2]> {
+    if radius == 0.0 {
+        return vec![[0.0, 0.0]];
+    }
+    (0..RINGS)
+        .flat_map(|ring| {
+            // Rings of equal area per point.
+            let n = 6 * ring + 3;
+            let r = radius * ((f64::from(3 * ring * ring) + 0.5 * f64::from(n)) / f64::from(3 * RINGS * RINGS)).sqrt();
+            (0..n).map(move |k| {
+                let angle = TAU * (f64::from(k) + 0.5 * f64::from(ring % 2)) / f64::from(n);
+                [r * angle.cos(), r * angle.sin()]
+            })
+        })
+        .collect()
+}
+
+/// Convolved with a Gaussian.
+fn blurred(image: &[f64], width: usize, sigma: f64) -> Vec<f64> {
+    if sigma == 0.0 {
+        return image.to_vec();
+    }
+    let reach = (4.0 * sigma).ceil() as i64;
+    let kernel: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+    let sum: f64 = kernel.iter().sum();
+    let height = image.len() / width;
+    let pass = |image: &[f64], along: [usize; 2], length: usize| -> Vec<f64> {
+        let at = |i: usize| {
+            let place = (i / along[0] % length) as i64;
+            let taps = (-reach..=reach).zip(&kernel).map(|(k, weight)| {
+                let to = (place + k).clamp(0, length as i64 - 1);
+                weight * image[(i as i64 + (to - place) * along[0] as i64) as usize]
+            });
+            taps.sum::<f64>() / sum
+        };
+        (0..image.len()).into_par_iter().map(at).collect()
+    };
+    pass(&pass(image, [1, 0], width), [width, 0], height)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::photographs::orders::Profile;
+    use std::f64::consts::PI;
+
+    /// A grating far from camera and flash, so that every pixel is a direction.
+    fn far(surface: Surface) -> FlashPhotograph {
+        FlashPhotograph {
+            surface,
+            width: 241,
+            height: 241,
+            camera_mm: 1e5,
+            flash_mm: 1e5,
+            // u = 2 x / distance.
+            pixel_um: 0.5 * 1e5 * 0.0005 * 1000.0,
+            flash_diameter_mm: 0.0,
+            band_nm: 0.0,
+            blur_px: 0.0,
+            ..FlashPhotograph::default()
+        }
+    }
+
+    #[test]
+    fn orders_lie_where_the_grating_equation_says_with_their_energy() {
+        let surface = Surface::Grating { profile: Profile::Sinusoid, period_um: 20.0, depth_um: 0.1, angle_deg: 0.0 };
+        let scene = far(surface.clone());
+        let light = scene.radiance().unwrap();
+        // λ/Λ = 0.034 is 68 pixels of 0.0005.
+        let around = |x: usize| {
+            let all = (0..241 * 241).filter(|i| (i % 241).abs_diff(x) < 25 && (i / 241).abs_diff(120) < 25);
+            let sum = all.clone().map(|i| light[i]).sum::<f64>();
+            (all.map(|i| light[i] * (i % 241) as f64).sum::<f64>() / sum, sum)
+        };
+        let [(left, one), (middle, zero), (right, other)] = [52, 120, 188].map(around);
+        assert!((left - 52.0).abs() < 0.02 && (middle - 120.0).abs() < 0.01 && (right - 188.0).abs() < 0.02);
+        assert!((one / other - 1.0).abs() < 1e-3);
+        // Energy: J1²/J0² of half the phase depth, 2π·0.1·2/0.68 peak to peak; obliquity is below 1e-3 here.
+        let x: f64 = PI * 0.1 * 2.0 / 0.68;
+        let series = |m: i32| {
+            let n = 2000;
+            (0..n)
+                .map(|k| PI * (f64::from(k) + 0.5) / f64::from(n))
+                .map(|t| (f64::from(m) * t - x * t.sin()).cos())
+                .sum::<f64>()
+        };
+        let wanted = (series(1) / series(0)).powi(2);
+        assert!((one / zero / wanted - 1.0).abs() < 5e-3, "{} {wanted}", one / zero);
+        // The zero order's radiance, summed over directions, is its share of the irradiance.
+        let irradiance = 1.0 / (1e5 * 1e5);
+        let energy = (series(0) / 2000.0).powi(2);
+        assert!((zero * 0.0005 * 0.0005 / irradiance / energy - 1.0).abs() < 5e-3);
+    }
+
+    #[test]
+    fn a_wide_flash_and_a_wide_band_smear_orders_as_they_should() {
+        let surface = Surface::Grating { profile: Profile::Sinusoid, period_um: 20.0, depth_um: 0.1, angle_deg: 0.0 };
+        let spread = |scene: &FlashPhotograph, x: usize| {
+            let light = scene.radiance().unwrap();
+            let all = (0..241 * 241).filter(|i| (i % 241).abs_diff(x) < 28 && (i / 241).abs_diff(120) < 28);
+            let (sum, first, second) = all.fold((0.0, 0.0, 0.0), |(s, a, b), i| {
+                let at = (i % 241) as f64 - x as f64;
+                (s + light[i], a + light[i] * at, b + light[i] * at * at)
+            });
+            second / sum - (first / sum).powi(2)
+        };
+        let sharp = far(surface);
+        let wide = FlashPhotograph { flash_diameter_mm: 1000.0, ..sharp.clone() };
+        // A disc of 0.01 rad is 20 pixels wide: variance of a disc along one axis is (diameter/4)².
+        let grown = spread(&wide, 120) - spread(&sharp, 120);
+        assert!((grown / 25.0 - 1.0).abs() < 0.05, "{grown}");
+        let band = FlashPhotograph { band_nm: 40.0, ..sharp.clone() };
+        assert!((spread(&band, 120) - spread(&sharp, 120)).abs() < 0.05);
+        // The first order moves by 0.1 pixel per nm: σ of the band is 40/2.355 nm.
+        let grown = spread(&band, 188) - spread(&sharp, 188);
+        assert!((grown.sqrt() / (40.0 / 2.355 * 0.1) - 1.0).abs() < 0.1, "{grown}");
+    }
+
+    #[test]
+    fn scenes_that_make_no_sense_are_refused() {
+        for change in [
+            |s: &mut FlashPhotograph| s.pixel_um = f64::NAN,
+            |s| s.width = 4,
+            |s| s.exposures.clear(),
+            |s| s.band_nm = 1e9,
+            |s| s.surface = Surface::Paper { period_um: 0.0, depth_um: 0.1, directions: 3 },
+        ] {
+            let mut scene = FlashPhotograph::default();
+            change(&mut scene);
+            assert!(scene.check().is_err());
+        }
+    }
+}

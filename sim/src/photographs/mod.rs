@@ -1,0 +1,7 @@
+//! Photographs that are rendered as a whole, apart from the bench: what one camera sees of a diffracting surface.
+
+mod flash;
+mod orders;
+
+pub use flash::FlashPhotograph;
+pub use orders::{Profile, Surface};
