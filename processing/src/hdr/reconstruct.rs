@@ -391,14 +391,13 @@ impl Outcome {
         let mut all = vec![];
         let share = |n: usize| 100.0 * n as f64 / report.samples.all.max(1) as f64;
         if report.samples.saturated > 0 {
-            let share = share(report.samples.saturated);
-            all.push(format!(
-                "{share:.2} % of the samples are saturated in every exposure and unknown; add a shorter one"
-            ));
+            let (n, share) = (report.samples.saturated, share(report.samples.saturated));
+            let text = format!("{n} samples ({share:.2} %) are saturated in every exposure and unknown");
+            all.push(format!("{text}; add a shorter exposure"));
         }
         if share(report.samples.dark) > 1.0 {
             let share = share(report.samples.dark);
-            all.push(format!("{share:.1} % of the samples are dark in every exposure; add a longer one"));
+            all.push(format!("{share:.1} % of the samples are dark in every exposure; add a longer exposure"));
         }
         if let Some(sigma) = self.response_sigma.filter(|s| *s > CERTAIN) {
             all.push(format!("the response is only known to {:.1} %; more exposures tell it better", 100.0 * sigma));
