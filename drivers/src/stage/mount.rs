@@ -1,6 +1,7 @@
 //! How the analyser sits on a stage's axis: zero, sense, gearing, and from which side angles are approached.
 
-use crate::{Arrived, Class, DeviceError, DeviceResult, Stage, StageInfo};
+use super::check;
+use crate::{Arrived, DeviceResult, Stage, StageInfo};
 use async_trait::async_trait;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -127,13 +128,8 @@ impl Stage for Mounted {
     }
 
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
-        let StageInfo { id, limits_deg: [low, high], .. } = self.describe();
-        if !(low..=high).contains(&angle_deg) {
-            let (command, expected) = (format!("move to {angle_deg}°"), format!("an angle from {low}° to {high}°"));
-            return Err(DeviceError::new(&id, command, expected, format!("{angle_deg}°"))
-                .remedy("correct the plan, or limits_deg of the mounting")
-                .class(Class::Setup));
-        }
+        let StageInfo { id, limits_deg, .. } = self.describe();
+        check::angle(&id, &format!("move to {angle_deg}°"), angle_deg, limits_deg, "mounting")?;
         let arrived = self.axis.move_to(self.mounting.axis_deg(angle_deg)).await?;
         Ok(self.seen(arrived))
     }
@@ -150,8 +146,8 @@ impl Stage for Mounted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::DeviceError;
     use crate::wire::wait;
+    use crate::{Class, DeviceError};
     use proptest::prelude::*;
     use std::sync::{Arc, Mutex};
     use std::time::Duration;
