@@ -1,7 +1,8 @@
 //! The simulated devices: what the capture engine drives in place of real ones. They know the bench only through a
 //! [`Port`], which is in this process or behind a socket.
 
-use crate::port::{Devices, Reply, Request, SharedBench, error};
+use crate::messages::{Devices, Reply, Request, error};
+use crate::port::SharedBench;
 use async_trait::async_trait;
 use nacre_drivers::{
     Arrived, Camera, CameraInfo, Controls, DeviceError, DeviceResult, Display, DisplayInfo, Flash, FlashInfo, Frame,
