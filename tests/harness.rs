@@ -2,9 +2,11 @@
 
 #![allow(clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
-use std::os::unix::net::UnixStream;
 pub mod http;
 
+use nacre_sim::socket::RemoteBench;
+use nacre_sim::{Port, Reply, Request};
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -255,7 +257,25 @@ pub fn data(session: &Path) -> Vec<(String, Vec<u8>)> {
 /// # Panics
 /// When it does not answer.
 pub fn light(bench: &BenchProcess) -> [bool; 2] {
-    let port = nacre_sim::socket::RemoteBench::connect(&bench.socket).expect("the bench listens");
-    let mut bystander = nacre_sim::SimDevice::new(Box::new(port)).expect("the bench answers");
-    bystander.light().expect("the bench answers")
+    match ask(bench, &Request::Light) {
+        Reply::Light { panel, flash } => [panel, flash],
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Where the analyser of a bench process truly stands, whatever its stage says.
+///
+/// # Panics
+/// When it does not answer.
+pub fn analyser_deg(bench: &BenchProcess) -> f64 {
+    match ask(bench, &Request::Position) {
+        Reply::Angle(degrees) => degrees,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// What a bench process says to a bystander.
+fn ask(bench: &BenchProcess, request: &Request) -> Reply {
+    let mut port = RemoteBench::connect(&bench.socket).expect("the bench listens");
+    port.call(request).expect("the bench answers")
 }

@@ -59,16 +59,6 @@ impl SimDevice {
         &self.devices
     }
 
-    /// Whether panel and flash shine.
-    ///
-    /// # Errors
-    /// The bench cannot be reached.
-    pub fn light(&mut self) -> DeviceResult<[bool; 2]> {
-        call!(self, Request::Light, Reply::Light { panel, flash } => [panel, flash])
-    }
-}
-
-impl SimDevice {
     /// Turns the stage and waits for it; whoever drops this finds it turning.
     async fn turn(&mut self, request: Request) -> DeviceResult<Arrived> {
         call!(self, request.clone(), Reply::Turning => ())?;
