@@ -12,6 +12,21 @@ use std::process::{Child, Command, Output};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+/// A small bench.
+pub const BENCH: &str = "camera = { width = 64, height = 48 }\n";
+
+/// A plan in which all devices take part, flash and panel in turn; the angles are whole pulses of an ELL14, forwards and backwards.
+pub const PLAN: &str = r#"
+    kind = "free"
+    steps = [
+        { analyser_deg = 22.5, exposure_ms = 8 },
+        { analyser_deg = 67.5, exposure_ms = 8 },
+        { analyser_deg = 67.5, exposure_ms = 8, flash = true },
+        { analyser_deg = 45, exposure_ms = 4 },
+        { exposure_ms = 4, flash = true, display = { pattern = "black" } },
+    ]
+"#;
+
 /// The binary under test: `NACRE_BIN` (as `tests/run` sets it), or the one beside this test's build.
 ///
 /// # Panics
@@ -186,7 +201,7 @@ pub struct Place {
 impl Place {
     /// With a bench of 64 × 48 pixels.
     pub fn new(plan: &str) -> Self {
-        Self::with_bench(plan, "camera = { width = 64, height = 48 }")
+        Self::with_bench(plan, BENCH)
     }
 
     /// With this bench.

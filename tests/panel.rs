@@ -3,15 +3,13 @@
 #![allow(clippy::unwrap_used)]
 
 use nacre_tests::http::{Service, begin, exchange};
-use nacre_tests::{BenchProcess, Place, analyser_deg, light};
+use nacre_tests::{BENCH, BenchProcess, Place, analyser_deg, light};
 use serde_json::{Value, json};
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-
-const BENCH: &str = "camera = { width = 64, height = 48 }\n";
 
 /// A bench that takes its time, with an emulated GRBL axis and relay, and a service that drives them.
 fn driven(place: &Place, display: &str) -> (BenchProcess, Service) {
