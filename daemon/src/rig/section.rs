@@ -152,7 +152,9 @@ impl BenchSection {
         let [here, there] = [self, other].map(|section| {
             let mut value = serde_json::to_value(section).unwrap_or_default();
             for device in ["stage", "camera", "display", "flash"] {
-                value.get_mut(device).and_then(|d| d.get_mut("driver")).map(|driver| forget(driver, &REACH));
+                if let Some(driver) = value.get_mut(device).and_then(|d| d.get_mut("driver")) {
+                    forget(driver, &REACH);
+                }
             }
             if let Some(bench) = value.as_object_mut() {
                 bench.retain(|key, _| !["file", "socket"].contains(&key.as_str()));
