@@ -3,26 +3,12 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use nacre_tests::{BenchProcess, Place, Run, data, light, nacre};
+use nacre_tests::{BENCH, BenchProcess, PLAN, Place, Run, data, light, nacre};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-const BENCH: &str = "camera = { width = 64, height = 48 }\n";
-
-/// All devices take part; the angles are whole pulses of an ELL14, forwards and backwards.
-const PLAN: &str = r#"
-    kind = "free"
-    steps = [
-        { analyser_deg = 22.5, exposure_ms = 8 },
-        { analyser_deg = 67.5, exposure_ms = 8 },
-        { analyser_deg = 67.5, exposure_ms = 8, flash = true },
-        { analyser_deg = 45, exposure_ms = 4 },
-        { exposure_ms = 4, flash = true, display = { pattern = "black" } },
-    ]
-"#;
 
 /// A bench with emulated devices, and a configuration that drives them.
 struct Emulated {

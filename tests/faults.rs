@@ -2,24 +2,10 @@
 
 #![allow(clippy::unwrap_used)]
 
-use nacre_tests::{BenchProcess, Place, Run, assert_gone, binary, command, data, light, nacre};
+use nacre_tests::{BENCH, BenchProcess, PLAN, Place, Run, assert_gone, binary, command, data, light, nacre};
 use std::fs;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-
-const BENCH: &str = "camera = { width = 64, height = 48 }\n";
-
-/// All devices take part; the flash and the panel are on in turn.
-const PLAN: &str = r#"
-    kind = "free"
-    steps = [
-        { analyser_deg = 20, exposure_ms = 8 },
-        { analyser_deg = 60, exposure_ms = 8 },
-        { analyser_deg = 60, exposure_ms = 8, flash = true },
-        { analyser_deg = 100, exposure_ms = 4 },
-        { exposure_ms = 4, flash = true, display = { pattern = "black" } },
-    ]
-"#;
 
 /// Runs the plan on a bench process with these faults; afterwards no light is on.
 fn capture_with(place: &Place, session: &str, faults: &str) -> Run {
@@ -44,9 +30,9 @@ fn a_lasting_fault_is_named_with_its_step_and_the_session_completed_after_repair
     nacre(place.capture("whole")).expect(0);
     let whole = data(&place.path("whole"));
     for (k, (device, kind, after, words)) in [
-        ("stage", "stops_short", 3, &["simulated stage", "move to 60°", "got", "turns freely"][..]),
-        ("stage", "nonsense", 3, &["simulated stage", "move to 60°", "nonsense"]),
-        ("stage", "silent", 3, &["simulated stage", "move to 60°", "none within"]),
+        ("stage", "stops_short", 3, &["simulated stage", "move to 67.5°", "got", "turns freely"][..]),
+        ("stage", "nonsense", 3, &["simulated stage", "move to 67.5°", "nonsense"]),
+        ("stage", "silent", 3, &["simulated stage", "move to 67.5°", "none within"]),
         ("stage", "lost", 3, &["simulated stage", "lost link"]),
         ("camera", "silent", 20, &["simulated camera", "take a frame", "none within"]),
         ("camera", "lost", 20, &["simulated camera", "lost link"]),

@@ -2,13 +2,30 @@
 
 #![allow(clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
-use std::os::unix::net::UnixStream;
 pub mod http;
 
+use nacre_sim::socket::RemoteBench;
+use nacre_sim::{Port, Reply, Request};
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+
+/// A small bench.
+pub const BENCH: &str = "camera = { width = 64, height = 48 }\n";
+
+/// A plan in which all devices take part, flash and panel in turn; the angles are whole pulses of an ELL14, forwards and backwards.
+pub const PLAN: &str = r#"
+    kind = "free"
+    steps = [
+        { analyser_deg = 22.5, exposure_ms = 8 },
+        { analyser_deg = 67.5, exposure_ms = 8 },
+        { analyser_deg = 67.5, exposure_ms = 8, flash = true },
+        { analyser_deg = 45, exposure_ms = 4 },
+        { exposure_ms = 4, flash = true, display = { pattern = "black" } },
+    ]
+"#;
 
 /// The binary under test: `NACRE_BIN` (as `tests/run` sets it), or the one beside this test's build.
 ///
@@ -184,7 +201,7 @@ pub struct Place {
 impl Place {
     /// With a bench of 64 × 48 pixels.
     pub fn new(plan: &str) -> Self {
-        Self::with_bench(plan, "camera = { width = 64, height = 48 }")
+        Self::with_bench(plan, BENCH)
     }
 
     /// With this bench.
@@ -255,7 +272,25 @@ pub fn data(session: &Path) -> Vec<(String, Vec<u8>)> {
 /// # Panics
 /// When it does not answer.
 pub fn light(bench: &BenchProcess) -> [bool; 2] {
-    let port = nacre_sim::socket::RemoteBench::connect(&bench.socket).expect("the bench listens");
-    let mut bystander = nacre_sim::SimDevice::new(Box::new(port)).expect("the bench answers");
-    bystander.light().expect("the bench answers")
+    match ask(bench, &Request::Light) {
+        Reply::Light { panel, flash } => [panel, flash],
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Where the analyser of a bench process truly stands, whatever its stage says.
+///
+/// # Panics
+/// When it does not answer.
+pub fn analyser_deg(bench: &BenchProcess) -> f64 {
+    match ask(bench, &Request::Position) {
+        Reply::Angle(degrees) => degrees,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// What a bench process says to a bystander.
+fn ask(bench: &BenchProcess, request: &Request) -> Reply {
+    let mut port = RemoteBench::connect(&bench.socket).expect("the bench listens");
+    port.call(request).expect("the bench answers")
 }

@@ -2,13 +2,11 @@
 
 #![allow(clippy::unwrap_used)]
 
-use nacre_tests::{BenchProcess, Place, assert_gone, command, data, light, nacre};
+use nacre_tests::{BENCH, BenchProcess, Place, assert_gone, command, data, light, nacre};
 use std::fs;
 use std::io::Write;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
-
-const BENCH: &str = "camera = { width = 64, height = 48 }";
 
 /// Arguments on a bench process.
 fn on<'a>(bench: &'a BenchProcess, args: &[&'a str]) -> Vec<&'a str> {

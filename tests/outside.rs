@@ -3,12 +3,10 @@
 #![allow(clippy::unwrap_used)]
 
 use nacre_tests::http::{Answer, Service, begin, events, finished, plan};
-use nacre_tests::{Place, listing, nacre};
+use nacre_tests::{BENCH, Place, listing, nacre};
 use serde_json::json;
 use std::fs;
 use std::time::{Duration, Instant};
-
-const BENCH: &str = "camera = { width = 64, height = 48 }";
 
 /// A form with these parts: name, file name, bytes.
 fn form(parts: &[(&str, &str, &[u8])]) -> Vec<u8> {

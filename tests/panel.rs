@@ -3,15 +3,13 @@
 #![allow(clippy::unwrap_used)]
 
 use nacre_tests::http::{Service, begin, exchange};
-use nacre_tests::{BenchProcess, Place, light};
+use nacre_tests::{BENCH, BenchProcess, Place, analyser_deg, light};
 use serde_json::{Value, json};
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-
-const BENCH: &str = "camera = { width = 64, height = 48 }\n";
 
 /// A bench that takes its time, with an emulated GRBL axis and relay, and a service that drives them.
 fn driven(place: &Place, display: &str) -> (BenchProcess, Service) {
@@ -51,17 +49,23 @@ fn the_service_drives_devices_and_stop_cuts_their_movements_short() {
     let away = json!({ "analyser_deg": 600.0 });
     std::thread::scope(|scope| {
         let moved = scope.spawn(|| service.post("/api/v1/devices/stage/move", &away));
-        std::thread::sleep(Duration::from_millis(500));
+        std::thread::sleep(Duration::from_millis(400));
+        let on_its_way = analyser_deg(&bench);
+        std::thread::sleep(Duration::from_millis(100));
+        let further = analyser_deg(&bench);
+        assert!(further > on_its_way + 5.0, "it does not move: {on_its_way}°, then {further}°");
         let begun = Instant::now();
         service.post("/api/v1/stop", &json!({})).expect(200);
         println!("STOP took {:.0} ms", 1000.0 * begun.elapsed().as_secs_f64());
         moved.join().unwrap().expect(409);
     });
-    let stands = || service.get("/api/v1/devices").expect(200).json()["stage"]["analyser_deg"].as_f64();
-    let first = stands();
-    assert!(first.is_none_or(|a| a < 590.0), "{first:?}");
+    let stood = analyser_deg(&bench);
+    assert!((50.0..590.0).contains(&stood), "stopped at {stood}°, on its way from 45° to 600°");
     std::thread::sleep(Duration::from_millis(500));
-    assert_eq!(stands(), first, "it moves on");
+    let stands = analyser_deg(&bench);
+    assert!((stands - stood).abs() < 0.01, "it moves on, from {stood}° to {stands}°");
+    let told = service.get("/api/v1/devices").expect(200).json()["stage"]["analyser_deg"].as_f64().unwrap();
+    assert!((told - stands).abs() < 0.1, "it stands at {stands}°, but is said to stand at {told}°");
 }
 
 /// A page as a browser runs it: it acknowledges what it is asked for.
@@ -124,10 +128,14 @@ fn sessions_light_the_sample_with_the_pattern_page() {
 
     let page = Page::open(service.address);
     service.until("/api/v1/display", |d| d["acknowledged"] == true);
+    // Past interlocks and STOP nothing is shown on it.
+    let past = service.post("/api/v1/display/pattern", &json!({ "pattern": { "kind": "full" } })).expect(409);
+    assert!(past.text().contains("the pattern page is the bench's panel"), "{}", past.text());
     service.post(&format!("{base}/resume"), &json!({})).expect(202);
     let done = service.until(&base, |s| s["state"] == "finished");
     assert_eq!(done["frames_committed"], 1, "{done}");
     let shown = page.shown.lock().unwrap().clone();
     let disc = shown.iter().any(|p| p["kind"] == "disc" && p["diameter_mm"] == 120.0);
+    assert!(shown.iter().all(|p| p["kind"] != "full"), "{shown:?}");
     assert!(disc && shown.last().unwrap()["kind"] == "black", "{shown:?}");
 }

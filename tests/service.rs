@@ -3,12 +3,10 @@
 #![allow(clippy::unwrap_used)]
 
 use nacre_tests::http::{Service, begin, events, finished, plan};
-use nacre_tests::{Place, listing, nacre};
+use nacre_tests::{BENCH, Place, listing, nacre};
 use serde_json::{Value, json};
 use std::fs;
 use std::time::{Duration, Instant};
-
-const BENCH: &str = "camera = { width = 64, height = 48 }";
 
 /// Near and from the side oblique incidence shows; whether it is taken out is asked for, and said.
 #[test]

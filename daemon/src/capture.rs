@@ -4,7 +4,7 @@ use crate::Failure;
 use crate::console::Console;
 use crate::engine::{Control, Engine, Input, Observer, State};
 use crate::plan::{Method, Plan, ReconstructPlan};
-use crate::rig::{BenchSection, Rig};
+use crate::rig::Rig;
 use crate::session::{Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
 use nacre_processing::Error;
 use nacre_processing::hdr;
@@ -127,12 +127,9 @@ impl Capture<'_> {
             let problem = "was begun on another simulated bench";
             return Err(Error::file(folder, problem, "give its own bench; only the faults may differ").into());
         }
-        // Where the simulated bench is makes no difference; zero, sense, delays and distances do.
-        let devices = |section: &Option<BenchSection>| {
-            section.clone().map(|section| BenchSection { socket: None, file: None, ..section })
-        };
-        if devices(&description.section) != devices(&self.rig.section) {
-            let problem = "was begun with another configuration of the bench";
+        let [here, begun] = [&self.rig.section, &description.section].map(|s| s.clone().unwrap_or_default());
+        if let Some(difference) = here.differs(&begun) {
+            let problem = format!("was begun with another configuration of the bench: {difference}");
             return Err(Error::file(folder, problem, "give it back its [bench], or begin a new session").into());
         }
         let session = Session::open(disk, folder).map_err(bad)?;

@@ -67,24 +67,16 @@ impl Guarded {
     pub fn open(&self) -> DeviceResult<Box<dyn Flash>> {
         match self {
             Self::Bench(socket) => Ok(Box::new(SimDevice::new(Box::new(RemoteBench::connect(socket)?))?)),
-            // It does not wait until the light is steady, since it listens to nobody meanwhile.
-            Self::Device(config) => FlashConfig { settling_ms: QUICK_MS, ..config.clone() }
-                .open(&(Arc::new(SystemClock) as Arc<dyn Clock>))
-                .unwrap_or_else(|| {
-                    Err(DeviceError::new(
-                        "flash guardian",
-                        "open the flash",
-                        "a device of this machine",
-                        "a simulated one",
-                    )
-                    .class(Class::Setup))
-                }),
+            Self::Device(config) => {
+                let clock: Arc<dyn Clock> = Arc::new(SystemClock);
+                config.open(&clock).unwrap_or_else(|| {
+                    let (wanted, got) = ("a device of this machine", "a simulated one");
+                    Err(DeviceError::new("flash guardian", "open the flash", wanted, got).class(Class::Setup))
+                })
+            }
         }
     }
 }
-
-/// A flash in its guardian's hands is switched, and left to settle by whoever takes the frames.
-const QUICK_MS: f64 = 1e-3;
 
 enum Event {
     Asked(Ask),
@@ -251,9 +243,6 @@ impl GuardedFlash {
         match flash.ask("describe itself", Ask::Describe)? {
             Answer::Described(info) => flash.info = info,
             _ => return Err(lost("describe itself", "another answer")),
-        }
-        if let Guarded::Device(config) = guarded {
-            flash.info.settling_s = config.settling_ms / 1000.0;
         }
         Ok(flash)
     }

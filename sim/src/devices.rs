@@ -1,7 +1,8 @@
 //! The simulated devices: what the capture engine drives in place of real ones. They know the bench only through a
 //! [`Port`], which is in this process or behind a socket.
 
-use crate::port::{Devices, Reply, Request, SharedBench, error};
+use crate::messages::{Devices, Reply, Request, error};
+use crate::port::SharedBench;
 use async_trait::async_trait;
 use nacre_drivers::{
     Arrived, Camera, CameraInfo, Controls, DeviceError, DeviceResult, Display, DisplayInfo, Flash, FlashInfo, Frame,
@@ -58,16 +59,6 @@ impl SimDevice {
         &self.devices
     }
 
-    /// Whether panel and flash shine.
-    ///
-    /// # Errors
-    /// The bench cannot be reached.
-    pub fn light(&mut self) -> DeviceResult<[bool; 2]> {
-        call!(self, Request::Light, Reply::Light { panel, flash } => [panel, flash])
-    }
-}
-
-impl SimDevice {
     /// Turns the stage and waits for it; whoever drops this finds it turning.
     async fn turn(&mut self, request: Request) -> DeviceResult<Arrived> {
         call!(self, request.clone(), Reply::Turning => ())?;

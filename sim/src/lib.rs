@@ -11,6 +11,7 @@ pub mod charts;
 mod config;
 mod devices;
 pub mod emulators;
+mod messages;
 mod optics;
 pub mod photographs;
 mod port;
@@ -28,6 +29,7 @@ pub use config::{
     FlashConfig, GeometryConfig, GratingConfig, PanelConfig, RigorousConfig, StageConfig,
 };
 pub use devices::{Port, SimDevice};
-pub use port::{Devices, Reply, Request, SharedBench, describe};
+pub use messages::{Devices, Reply, Request, describe};
+pub use port::SharedBench;
 pub use scene::{Lamp, Scene, Source, StokesImage, Truth};
 pub use truth::write_truth;

@@ -2,7 +2,8 @@
 //! one JSON text a line; the codes of a frame follow its line, 16 bits little-endian.
 
 use crate::devices::Port;
-use crate::port::{Reply, Request, SharedBench, error};
+use crate::messages::{Reply, Request, error};
+use crate::port::SharedBench;
 use nacre_drivers::{Class, Clock, DeviceError, DeviceResult};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};

@@ -25,7 +25,7 @@ pub struct Args {
     /// Print udev rules that let whoever sits at the machine open the devices.
     #[arg(long, conflicts_with_all = ["sim", "bench", "socket", "config"])]
     udev: bool,
-    /// Also list USB devices that are of no use as far as is known.
+    /// Also list serial ports of which nothing is known: a stage or a flash may be behind one.
     #[arg(long)]
     all: bool,
 }
@@ -78,7 +78,7 @@ fn used_by(found: &Found) -> Option<String> {
 /// What is plugged in, as a person reads it.
 fn plugged_in(found: &[Found]) -> String {
     if found.is_empty() {
-        return "no stage, camera, flash or panel was found; --all lists what else is plugged in, --sim the simulated bench"
+        return "no stage, camera, flash or panel was found; --all lists the other serial ports, --sim the simulated bench"
             .into();
     }
     let mut text = String::new();

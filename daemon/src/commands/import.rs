@@ -5,8 +5,7 @@ use crate::console::Console;
 use clap::ValueEnum;
 use nacre_processing::Error;
 use nacre_processing::frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
-use nacre_processing::image::{EXTENSIONS, OutputFolder, exposure};
-use std::io::Write;
+use nacre_processing::image::{EXTENSIONS, OutputFolder, exposure, write_whole};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `nacre import`.
@@ -251,16 +250,13 @@ fn numbers(stem: &str) -> Vec<(f64, bool)> {
     found
 }
 
-/// Writes `frames.json` whole or not at all.
+/// Writes `frames.json` beside the photographs.
 fn write_beside(folder: &Path, text: &str, force: bool) -> Result<PathBuf, Error> {
     let target = folder.join(FILE_NAME);
     if target.exists() && !force {
         return Err(Error::file(&target, "is already there", "add --force to replace it"));
     }
-    let failed = |e: std::io::Error| Error::output(&target, e);
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    file.write_all(text.as_bytes()).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
-    file.persist(&target).map_err(|e| failed(e.error))?;
+    write_whole(&target, text.as_bytes())?;
     Ok(target)
 }
 

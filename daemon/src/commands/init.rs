@@ -11,11 +11,10 @@ use nacre_drivers::discovery::{Kind, Root, discover};
 use nacre_drivers::display::desktop_warnings;
 use nacre_drivers::{Camera, CameraHandle, Clock, Frame, Freshness, Patience, SystemClock};
 use nacre_processing::Error;
-use nacre_processing::image::write_png16_gray;
+use nacre_processing::image::{write_png16_gray, write_whole};
 use nacre_processing::progress::Progress;
 use serde::de::DeserializeOwned;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -82,7 +81,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     }
     let text = toml::to_string(&config).map_err(|e| Error::input("configuration", e, "report this"))?;
     let text = format!("# Configuration of Nacre; `nacre schema config` lists all keys.\n{text}");
-    write_whole(&args.out, text.as_bytes()).map_err(|e| Error::output(&args.out, e))?;
+    write_whole(&args.out, text.as_bytes())?;
     let mut message = format!("devices   {}\n", trial.ids.join("\n          "));
     if let Some(frame) = &trial.frame {
         message += &format!("frame     {} ({} × {} pixels)\n", picture.display(), frame.width, frame.height);
@@ -95,15 +94,6 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     });
     console.result(&message, &json);
     Ok(())
-}
-
-/// Writes a file that appears whole or not at all.
-fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = tempfile::NamedTempFile::new_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path).map(drop).map_err(|e| e.error)
 }
 
 /// The devices that are to be used, as said or as found, and what was guessed.

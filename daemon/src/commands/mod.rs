@@ -12,6 +12,7 @@ pub mod doctor;
 pub mod import;
 pub mod init;
 pub mod manual;
+pub mod photograph;
 pub mod plan;
 pub mod reconstruct;
 pub mod schema;

@@ -27,6 +27,9 @@ pub enum Sim {
     Bench(Serve),
     /// Emulate real devices on it, down to the bytes on the wire, until Ctrl-C.
     Attach(super::attach::Args),
+    /// Render photographs of diffracting surfaces, apart from the bench.
+    #[command(subcommand)]
+    Photograph(super::photograph::Photograph),
 }
 
 /// Arguments of `nacre sim bench`.
@@ -117,6 +120,7 @@ pub fn run(command: &Sim, console: &Console) -> Result<(), Failure> {
         Sim::Render(args) => render(args, console),
         Sim::Bench(args) => serve(args, console),
         Sim::Attach(args) => super::attach::run(args, console),
+        Sim::Photograph(command) => super::photograph::run(command, console),
     }
 }
 

@@ -6,8 +6,11 @@ use nacre_drivers::{
 };
 use std::time::{Duration, Instant};
 
-/// A camera this many frames behind is broken.
+/// A camera this many frames behind is broken, apart from those that come while light and stage settle.
 const MAX_STALE: u32 = 200;
+
+/// No camera is faster.
+const SHORTEST_FRAME_S: f64 = 1e-3;
 
 /// An exposure or gain that the camera sets this far from what was asked (relative) is not what was asked.
 const CONTROL_TOLERANCE: f64 = 0.05;
@@ -46,6 +49,17 @@ pub struct Memory {
     freshness: Freshness,
     flash_since: Option<Duration>,
     last_frame: Option<Stamp>,
+    /// What each device last said that it is steady since.
+    reported: [Duration; 4],
+}
+
+/// Whose time it is: that of a device is compared with its own of before, since each settles for another time.
+#[derive(Clone, Copy)]
+enum Whose {
+    Stage,
+    Camera,
+    Display,
+    Flash,
 }
 
 /// Time at work: on the devices' own clock, and on the clock on the wall while waiting for them.
@@ -118,7 +132,7 @@ impl<'a> Hands<'a> {
     pub async fn home(&mut self) -> DeviceResult<()> {
         let arrived = timed(&mut self.stopwatch, self.devices.stage.home()).await?;
         self.memory.angle = 0.0;
-        self.steady(arrived.since, "home")
+        self.steady(Whose::Stage, arrived.since, "home")
     }
 
     /// Switches all light off. Every lamp is tried, whatever the others say.
@@ -167,10 +181,11 @@ impl<'a> Hands<'a> {
                 .remedy("choose an exposure that the camera can do")
                 .class(Class::Setup));
         }
-        self.steady(controls.set_at, "set exposure and gain")?;
+        self.steady(Whose::Camera, controls.set_at, "set exposure and gain")?;
         let lag = self.limits.camera.control_lag_frames;
         let mut first = None;
-        for _ in 0..MAX_STALE {
+        let most = self.most_stale();
+        for _ in 0..most {
             let stamp = self.next_frame(Freshness::NEVER).await?.stamp;
             first = first.or_else(|| Freshness::first_with_controls(stamp, controls.set_at, lag));
             // From here on changes of the bench come after this one.
@@ -182,7 +197,7 @@ impl<'a> Hands<'a> {
                 return Ok(());
             }
         }
-        Err(self.only_stale())
+        Err(self.only_stale(most))
     }
 
     /// Exposure and gain in force.
@@ -199,7 +214,7 @@ impl<'a> Hands<'a> {
             return Ok(());
         }
         let since = timed(&mut self.stopwatch, self.devices.camera.cover(closed)).await?;
-        self.steady(since, "close or open the shutter")
+        self.steady(Whose::Camera, since, "close or open the shutter")
     }
 
     /// Shows a pattern.
@@ -219,7 +234,7 @@ impl<'a> Hands<'a> {
                 .remedy("check that nothing else draws on the panel, then resume the session")
                 .class(Class::Retry));
         }
-        self.steady(shown.since, "show a pattern")
+        self.steady(Whose::Display, shown.since, "show a pattern")
     }
 
     /// Turns the analyser, from below.
@@ -238,7 +253,7 @@ impl<'a> Hands<'a> {
                 return Err(DeviceError::new(&self.limits.stage.id, command, expected, got).remedy(remedy));
             }
             self.memory.angle = stop;
-            self.steady(arrived.since, "move")?;
+            self.steady(Whose::Stage, arrived.since, "move")?;
         }
         Ok(())
     }
@@ -287,7 +302,7 @@ impl<'a> Hands<'a> {
             return Err(DeviceError::new(&info.id, command, expected, got).remedy(remedy));
         }
         self.memory.flash_since = on.then_some(switched.since);
-        self.steady(switched.since, command)
+        self.steady(Whose::Flash, switched.since, command)
     }
 
     /// Whether the flash reports to be on.
@@ -306,13 +321,14 @@ impl<'a> Hands<'a> {
     /// # Errors
     /// As the camera answers; `Stop` when it delivers only stale frames.
     pub async fn fresh(&mut self) -> DeviceResult<(Frame, u32)> {
-        for dropped in 0..MAX_STALE {
+        let most = self.most_stale();
+        for dropped in 0..most {
             let frame = self.next_frame(self.memory.freshness).await?;
             if self.memory.freshness.accepts(frame.stamp) {
                 return Ok((frame, dropped));
             }
         }
-        Err(self.only_stale())
+        Err(self.only_stale(most))
     }
 
     /// The rule that frames are accepted by now.
@@ -360,22 +376,30 @@ impl<'a> Hands<'a> {
     }
 
     /// Something changed and is steady since then.
-    fn steady(&mut self, since: Duration, command: &str) -> DeviceResult<()> {
-        let before = self.memory.freshness.steady_since;
+    fn steady(&mut self, whose: Whose, since: Duration, command: &str) -> DeviceResult<()> {
+        let before = std::mem::replace(&mut self.memory.reported[whose as usize], since);
         if since + CLOCK_TOLERANCE < before {
             let expected = format!("a time after {:.3} s", before.as_secs_f64());
             let got = format!("{:.3} s", since.as_secs_f64());
             let remedy = "the clock was set back: let it run evenly, then resume the session";
             return Err(DeviceError::new("the devices' clock", command, expected, got).remedy(remedy));
         }
-        self.memory.freshness.steady_since = since.max(before);
+        let freshness = &mut self.memory.freshness;
+        freshness.steady_since = freshness.steady_since.max(since);
         let (_, last) = self.stopwatch.span.get_or_insert((since, since));
         *last = since.max(*last);
         Ok(())
     }
 
-    fn only_stale(&self) -> DeviceError {
-        let expected = format!("one among {MAX_STALE}");
+    /// So many frames may come until one is fresh.
+    fn most_stale(&self) -> u32 {
+        let flash = self.limits.flash.as_ref().map_or(0.0, |f| f.settling_s);
+        let interval = self.memory.freshness.duration.as_secs_f64().max(SHORTEST_FRAME_S);
+        MAX_STALE + (self.limits.stage.settling_s.max(flash) / interval).ceil() as u32
+    }
+
+    fn only_stale(&self, most: u32) -> DeviceError {
+        let expected = format!("one among {most}");
         DeviceError::new(
             &self.limits.camera.id,
             "take a fresh frame",

@@ -7,6 +7,8 @@
 //! follows them (`live`).
 
 mod hands;
+#[cfg(test)]
+mod hands_tests;
 mod live;
 mod meter;
 mod series;

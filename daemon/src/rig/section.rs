@@ -8,6 +8,7 @@ use nacre_drivers::{DeviceLock, DeviceResult};
 use nacre_processing::frames::Geometry;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
@@ -145,6 +146,24 @@ impl BenchSection {
         self.stage.as_ref().is_some_and(|s| matches!(s.driver, StageDriver::Hand {}))
     }
 
+    /// The first key that would give other frames with `other`, and what it is here and there: zero, sense, delays and distances,
+    /// but not where a device is plugged in, nor how long it is waited for.
+    pub fn differs(&self, other: &Self) -> Option<String> {
+        let [here, there] = [self, other].map(|section| {
+            let mut value = serde_json::to_value(section).unwrap_or_default();
+            for device in ["stage", "camera", "display", "flash"] {
+                if let Some(driver) = value.get_mut(device).and_then(|d| d.get_mut("driver")) {
+                    forget(driver, &REACH);
+                }
+            }
+            if let Some(bench) = value.as_object_mut() {
+                bench.retain(|key, _| !["file", "socket"].contains(&key.as_str()));
+            }
+            value
+        });
+        difference("bench", &here, &there)
+    }
+
     /// Takes the locks of all devices of this machine, before any of them is opened: opening a flash switches it off.
     ///
     /// # Errors
@@ -161,11 +180,46 @@ impl BenchSection {
     }
 }
 
+/// Settings of drivers that say where a device is and how long it is waited for. Its identity says whether it is the same.
+const REACH: [&str; 13] = [
+    "port",
+    "baud",
+    "address",
+    "device",
+    "path",
+    "serial",
+    "output",
+    "card",
+    "buffers",
+    "answer_ms",
+    "start_ms",
+    "move_ms",
+    "home_ms",
+];
+
+fn forget(value: &mut Value, keys: &[&str]) {
+    if let Some(object) = value.as_object_mut() {
+        object.retain(|key, _| !keys.contains(&key.as_str()));
+        object.values_mut().for_each(|inner| forget(inner, keys));
+    }
+}
+
+/// The first key whose values differ, with both.
+fn difference(key: &str, here: &Value, there: &Value) -> Option<String> {
+    match (here.as_object(), there.as_object()) {
+        (Some(a), Some(b)) => a.keys().chain(b.keys()).find_map(|name| {
+            let [a, b] = [a, b].map(|object| object.get(name).unwrap_or(&Value::Null));
+            difference(&format!("{key}.{name}"), a, b)
+        }),
+        _ => (here != there).then(|| format!("{key} is {here} and not {there}")),
+    }
+}
+
 /// What the lock of a device with these settings is called, kind and place, however they are spelled: a node has the same
 /// number by each of its names. None for what is no device of this machine.
 ///
 /// Lamps on HID and USB that are found by themselves share one lock per kind, since looking for one opens all.
-pub fn lock_name(driver: &serde_json::Value) -> Option<(String, String)> {
+pub fn lock_name(driver: &Value) -> Option<(String, String)> {
     let kind = driver.get("kind")?.as_str()?;
     let path = ["port", "device", "path", "output"].iter().find_map(|key| driver.get(key)?.as_str());
     let place = match (kind, path) {
@@ -203,6 +257,55 @@ mod tests {
         assert_eq!(found, relay(serde_json::json!({ "kind": "relay", "serial": "6QMBS", "path": "/dev/nacre-relay" })));
         assert_ne!(found, relay(serde_json::json!({ "kind": "relay", "path": "unix:/tmp/a" })));
         assert_eq!(lock_name(&serde_json::json!({ "kind": "page", "size_mm": [1, 2] })), None);
+    }
+
+    #[test]
+    fn only_what_shapes_the_frames_makes_another_bench() {
+        let section = |text: &str| toml::from_str::<BenchSection>(text).unwrap();
+        let text = "
+            socket = \"/run/a\"
+            [stage]
+            driver = { kind = \"elliptec\", port = \"/dev/ttyUSB0\", settling_ms = 100, tolerance_deg = 0.2 }
+            mounting = { zero_deg = 10 }
+            [camera]
+            driver = { kind = \"v4l2\", device = \"/dev/video0\", control_lag_frames = 2 }
+            [display]
+            driver = { kind = \"kms\", output = \"HDMI-A-1\" }
+            response_ms = 50
+            [flash]
+            driver = { kind = \"blink1\", path = \"/dev/hidraw0\", rgb = [255, 255, 255] }
+            [optics]
+            distance_mm = 600
+        ";
+        let original = section(text);
+        for (old, new) in [
+            ("\"/run/a\"", "\"/run/b\""),
+            ("ttyUSB0", "serial/by-id/usb-FTDI"),
+            ("settling_ms = 100", "settling_ms = 100, answer_ms = 900, move_ms = 20000, address = \"2\""),
+            ("/dev/video0", "/dev/v4l/by-id/usb-camera"),
+            ("control_lag_frames = 2", "control_lag_frames = 2, buffers = 8"),
+            ("\"HDMI-A-1\"", "\"HDMI-A-2\", card = \"/dev/dri/card1\""),
+            ("path = \"/dev/hidraw0\"", "serial = \"1234\""),
+        ] {
+            let other = section(&text.replace(old, new));
+            assert!(other != original, "{new}");
+            assert_eq!(original.differs(&other), None, "{new}");
+        }
+        for (old, new, key) in [
+            ("zero_deg = 10", "zero_deg = 11", "bench.stage.mounting.zero_deg is 10.0 and not 11.0"),
+            ("zero_deg = 10", "zero_deg = 10, sense = \"clockwise\"", "bench.stage.mounting.sense"),
+            ("settling_ms = 100", "settling_ms = 0", "bench.stage.driver.settling_ms"),
+            ("tolerance_deg = 0.2", "tolerance_deg = 2", "bench.stage.driver.tolerance_deg"),
+            ("control_lag_frames = 2", "control_lag_frames = 0", "bench.camera.driver.control_lag_frames"),
+            ("control_lag_frames = 2", "black = 3", "bench.camera.driver.black"),
+            ("response_ms = 50", "response_ms = 5", "bench.display.response_ms"),
+            ("255, 255, 255", "255, 0, 0", "bench.flash.driver.rgb"),
+            ("distance_mm = 600", "distance_mm = 601", "bench.optics.distance_mm"),
+            ("distance_mm = 600", "", "bench.optics"),
+        ] {
+            let told = original.differs(&section(&text.replace(old, new))).unwrap();
+            assert!(told.starts_with(key), "{told}");
+        }
     }
 
     #[test]

@@ -218,7 +218,13 @@ pub fn limits(section: &BenchSection, simulated: Option<Devices>) -> DeviceResul
     let stage = match section.stage.as_ref().and_then(|s| s.open(&clock)) {
         Some(opened) => opened?.describe(),
         None if section.by_hand() => HandStage::info(),
-        None => simulated.map(|s| s.stage.clone()).ok_or_else(|| missing("stage"))?,
+        None => {
+            let axis = simulated.map(|s| s.stage.clone()).ok_or_else(|| missing("stage"))?;
+            match &section.stage {
+                Some(config) => config.mounting.seen(axis),
+                None => axis,
+            }
+        }
     };
     let camera = match section.camera.as_ref().and_then(|c| c.open(&clock)) {
         Some(opened) => opened?.describe(),
@@ -244,4 +250,30 @@ fn missing(what: &str) -> DeviceError {
             "describe it as [bench.{what}] in nacre.toml (`nacre devices` shows what there is), or add --sim"
         ))
         .class(Class::Setup)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Place, Rig, Stop};
+    use super::*;
+    use nacre_processing::progress::Silent;
+    use nacre_sim::BenchConfig;
+
+    #[test]
+    fn limits_are_what_the_open_bench_says() {
+        let mut config = BenchConfig::default();
+        (config.camera.width, config.camera.height) = (16, 16);
+        let mounting = "zero_deg = 90, sense = \"clockwise\", gear = 2, approach_deg = 1, limits_deg = [-100, 100]";
+        for stage in [None, Some(mounting), Some("zero_deg = 30")] {
+            let text =
+                stage.map(|m| format!("stage = {{ driver = {{ kind = \"simulated\" }}, mounting = {{ {m} }} }}"));
+            let section: BenchSection = toml::from_str(&text.unwrap_or_default()).unwrap();
+            let place = Place { section, ..Place::here(config.clone()) };
+            let limits = place.limits().unwrap();
+            let runtime = crate::commands::bench::runtime().unwrap();
+            let rig = Rig::open(&runtime, &place, &Silent, &Stop::default()).ok().unwrap();
+            assert_eq!(limits.stage, rig.devices.stage.describe(), "{stage:?}");
+            assert_eq!(limits.display, rig.devices.display.describe());
+        }
+    }
 }

@@ -26,7 +26,8 @@ SUBSYSTEM==\"tty\", ATTRS{idVendor}==\"1a86\", ATTRS{idProduct}==\"7523\", \\
 SUBSYSTEM==\"tty\", ATTRS{idVendor}==\"2341\", \\
   MODE=\"0660\", GROUP=\"dialout\", TAG+=\"uaccess\", SYMLINK+=\"nacre-grbl-$attr{serial}\"
 
-# ModemManager writes to serial ports that it does not know, which moves stages.
+# ModemManager writes to serial ports that it does not know, which moves stages. Only these three are kept from it:
+# for another adapter add a line with its numbers (lsusb), or remove ModemManager.
 ATTRS{idVendor}==\"0403\", ATTRS{idProduct}==\"6015\", ENV{ID_MM_DEVICE_IGNORE}=\"1\"
 ATTRS{idVendor}==\"1a86\", ATTRS{idProduct}==\"7523\", ENV{ID_MM_DEVICE_IGNORE}=\"1\"
 ATTRS{idVendor}==\"2341\", ENV{ID_MM_DEVICE_IGNORE}=\"1\"

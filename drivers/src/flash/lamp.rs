@@ -74,10 +74,7 @@ impl<L: Lamp> Switchable<L> {
     /// Switches on. Whatever comes back but "on", the light is switched off again before it is reported.
     fn on(&mut self) -> DeviceResult<bool> {
         self.asked = true;
-        let outcome = self.lamp.set(true).and_then(|()| {
-            self.clock.wait(self.timing.settling);
-            self.lamp.state()
-        });
+        let outcome = self.lamp.set(true).and_then(|()| self.lamp.state());
         if outcome != Ok(true) {
             // What was wrong with switching on is what matters.
             let _ = self.off();
@@ -97,14 +94,9 @@ impl<L: Lamp> Flash for Switchable<L> {
     }
 
     async fn switch(&mut self, on: bool) -> DeviceResult<Switched> {
-        let is_on = if on {
-            self.on()?
-        } else {
-            let is_on = self.off()?;
-            self.clock.wait(self.timing.settling);
-            is_on
-        };
-        Ok(Switched { since: self.clock.now(), on: is_on })
+        let is_on = if on { self.on()? } else { self.off()? };
+        // Whoever takes the frames waits until the light is steady; a guardian that waited here would hear nobody meanwhile.
+        Ok(Switched { since: self.clock.now() + self.timing.settling, on: is_on })
     }
 
     async fn is_on(&mut self) -> DeviceResult<bool> {
@@ -133,6 +125,8 @@ mod tests {
     use std::collections::VecDeque;
     use std::sync::Mutex;
 
+    const SETTLING: Duration = Duration::from_secs(60);
+
     /// A lamp whose states are made up in advance; the commands are kept.
     struct Scripted {
         states: VecDeque<Option<bool>>,
@@ -158,12 +152,25 @@ mod tests {
     fn lamp(states: &[Option<bool>]) -> (DeviceResult<Switchable<Scripted>>, Arc<Mutex<Vec<bool>>>) {
         let commands = Arc::new(Mutex::new(vec![]));
         let scripted = Scripted { states: states.iter().copied().collect(), commands: commands.clone() };
-        let timing = Timing { settling: Duration::from_millis(1), max_on: Duration::from_secs(1) };
+        let timing = Timing { settling: SETTLING, max_on: Duration::from_secs(1) };
         (Switchable::new(scripted, timing, Arc::new(SystemClock)), commands)
     }
 
     fn run<T>(future: impl Future<Output = T>) -> T {
         tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(future)
+    }
+
+    #[test]
+    fn it_tells_when_the_light_is_steady_and_does_not_wait_for_it() {
+        let (flash, _) = lamp(&[Some(false), Some(true), Some(false)]);
+        let mut flash = flash.unwrap();
+        for on in [true, false] {
+            let before = SystemClock.now();
+            let switched = run(flash.switch(on)).unwrap();
+            assert_eq!(switched.on, on);
+            assert!(switched.since >= before + SETTLING);
+            assert!(SystemClock.now() < before + SETTLING / 2);
+        }
     }
 
     #[test]

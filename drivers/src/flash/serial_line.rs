@@ -4,16 +4,20 @@
 //! - Adapters do not tell how their lines stand, so the state is as set, not read back; the flash's identity says so. What is
 //!   checked each time is that the port is still there.
 //! - The kernel raises both lines whenever the port is opened, by any program. Ours is lowered at once, but the lamp flickers for
-//!   some milliseconds; keep other programs (ModemManager) away by the udev rules.
+//!   some milliseconds. Keep other programs away: the udev rules keep ModemManager from the adapters that they name only.
 //!
-//! When the program dies the kernel closes the port, which lowers both lines.
+//! When the program dies the kernel closes the port, and lowers both lines unless another program has it open too: it is told
+//! to (`HUPCL`), which is the default but for ports that somebody has told otherwise, as is done to keep an Arduino from resetting.
 
 use super::lamp::{Lamp, Switchable, Timing};
 use crate::discovery::{Access, Root, check};
 use crate::{Class, Clock, DeviceError, DeviceResult, Flash};
+use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serialport::SerialPort;
+use serialport::{SerialPort, TTYPort};
+use std::io;
+use std::os::fd::{AsRawFd, BorrowedFd};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -61,14 +65,25 @@ pub fn open(settings: &Settings, timing: Timing, clock: &Arc<dyn Clock>) -> Devi
         .dtr_on_open(false)
         .exclusive(false)
         .timeout(Duration::from_millis(100))
-        .open()
+        .open_native()
         .map_err(|e| cannot(e.to_string()).remedy("correct `port` in the flash's settings"))?;
+    hang_up_on_close(&port).map_err(|e| cannot(e.to_string()).remedy("use another adapter"))?;
     let lamp = SerialLamp { port, name: settings.port.clone(), line: settings.line, on: true };
     Ok(Box::new(Switchable::new(lamp, timing, clock.clone())?))
 }
 
+/// Has the kernel lower the lines when the port is closed, by whatever end of the program.
+#[allow(unsafe_code, reason = "the port lends its descriptor only as a number")]
+fn hang_up_on_close(port: &TTYPort) -> io::Result<()> {
+    // SAFETY: the port has it open until it is dropped, which is after this.
+    let port = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
+    let mut settings = tcgetattr(port)?;
+    settings.control_modes |= ControlModes::HUPCL;
+    Ok(tcsetattr(port, OptionalActions::Now, &settings)?)
+}
+
 struct SerialLamp {
-    port: Box<dyn SerialPort>,
+    port: TTYPort,
     name: String,
     line: Line,
     /// As set.
@@ -137,12 +152,20 @@ mod tests {
         }
     }
 
-    /// A pseudo-terminal has no lines.
+    /// A pseudo-terminal has no lines, but settings.
     #[test]
-    fn a_port_without_lines_is_refused() {
-        let (_master, slave) = serialport::TTYPort::pair().unwrap();
-        let name = slave.name().unwrap();
+    fn a_port_without_lines_is_refused_and_lines_would_go_down_with_the_program() {
+        use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        let name = ptsname(&master, vec![]).unwrap().into_string().unwrap();
+        // It keeps its settings while anybody has it open.
+        let port = std::fs::File::open(&name).unwrap();
+        let hangs_up = || tcgetattr(&port).unwrap().control_modes.contains(ControlModes::HUPCL);
+        assert!(!hangs_up());
         let error = opened(&name);
         assert!(error.expected.contains("line"), "{error}");
+        assert!(hangs_up());
     }
 }

@@ -1,5 +1,6 @@
-//! Checks of configured values that stages have in common. Each says which key is wrong, and what it must be.
+//! Checks that stages have in common: of configured values, which say which key is wrong and what it must be, and of angles.
 
+use crate::{Class, DeviceError, DeviceResult};
 use std::path::Path;
 
 /// Longest time that can be configured.
@@ -33,4 +34,15 @@ pub(super) fn limits([low, high]: [f64; 2]) -> Result<(), String> {
         return Ok(());
     }
     Err(format!("limits_deg is [{low}, {high}]; give the lower angle first"))
+}
+
+/// That an angle is within the limits of `whose`, which are to be corrected otherwise: the stage's or the mounting's.
+pub(super) fn angle(device: &str, what: &str, angle_deg: f64, limits_deg: [f64; 2], whose: &str) -> DeviceResult<()> {
+    let [low, high] = limits_deg;
+    if angle_deg >= low && angle_deg <= high {
+        return Ok(());
+    }
+    Err(DeviceError::new(device, what, format!("an angle from {low}° to {high}°"), format!("{angle_deg}°"))
+        .remedy(format!("correct the plan, or limits_deg of the {whose}"))
+        .class(Class::Setup))
 }

@@ -6,6 +6,7 @@ pub mod grbl;
 mod hand;
 pub mod line;
 mod mount;
+mod zero;
 
 pub use hand::{HandStage, Prompt};
 pub use mount::{Mounted, Mounting, Sense};

@@ -1,6 +1,7 @@
 //! How the analyser sits on a stage's axis: zero, sense, gearing, and from which side angles are approached.
 
-use crate::{Arrived, Class, DeviceError, DeviceResult, Stage, StageInfo};
+use super::check;
+use crate::{Arrived, DeviceResult, Stage, StageInfo};
 use async_trait::async_trait;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -79,6 +80,25 @@ impl Mounting {
     pub fn analyser_deg(&self, axis_deg: f64) -> f64 {
         (axis_deg - self.zero_deg) / self.slope()
     }
+
+    /// An axis as the analyser that sits on it.
+    pub fn seen(&self, axis: StageInfo) -> StageInfo {
+        let mut reach = axis.limits_deg.map(|a| self.analyser_deg(a));
+        reach.sort_by(f64::total_cmp);
+        let limits_deg = match self.limits_deg {
+            Some([low, high]) => [low.max(reach[0]), high.min(reach[1])],
+            None => reach,
+        };
+        StageInfo {
+            speed_deg_s: axis.speed_deg_s / self.gear,
+            tolerance_deg: axis.tolerance_deg / self.gear,
+            approach_deg: self.approach_deg,
+            // Homing goes on to the analyser's own zero.
+            longest_s: 2.0 * axis.longest_s,
+            limits_deg,
+            ..axis
+        }
+    }
 }
 
 /// A stage as the analyser that sits on it: all angles are the analyser's.
@@ -93,7 +113,7 @@ impl Mounted {
         Self { axis, mounting }
     }
 
-    fn seen(&self, arrived: Arrived) -> Arrived {
+    fn arrived(&self, arrived: Arrived) -> Arrived {
         Arrived { angle_deg: self.mounting.analyser_deg(arrived.angle_deg), ..arrived }
     }
 }
@@ -101,41 +121,21 @@ impl Mounted {
 #[async_trait]
 impl Stage for Mounted {
     fn describe(&self) -> StageInfo {
-        let axis = self.axis.describe();
-        let mut reach = axis.limits_deg.map(|a| self.mounting.analyser_deg(a));
-        reach.sort_by(f64::total_cmp);
-        let limits_deg = match self.mounting.limits_deg {
-            Some([low, high]) => [low.max(reach[0]), high.min(reach[1])],
-            None => reach,
-        };
-        StageInfo {
-            speed_deg_s: axis.speed_deg_s / self.mounting.gear,
-            tolerance_deg: axis.tolerance_deg / self.mounting.gear,
-            approach_deg: self.mounting.approach_deg,
-            // Homing goes on to the analyser's own zero.
-            longest_s: 2.0 * axis.longest_s,
-            limits_deg,
-            ..axis
-        }
+        self.mounting.seen(self.axis.describe())
     }
 
     /// Homes the axis, then turns the analyser to 0°.
     async fn home(&mut self) -> DeviceResult<Arrived> {
         let arrived = self.axis.home().await?;
         let zero = self.mounting.axis_deg(0.0);
-        if zero == arrived.angle_deg { Ok(self.seen(arrived)) } else { self.move_to(0.0).await }
+        if zero == arrived.angle_deg { Ok(self.arrived(arrived)) } else { self.move_to(0.0).await }
     }
 
     async fn move_to(&mut self, angle_deg: f64) -> DeviceResult<Arrived> {
-        let StageInfo { id, limits_deg: [low, high], .. } = self.describe();
-        if !(low..=high).contains(&angle_deg) {
-            let (command, expected) = (format!("move to {angle_deg}°"), format!("an angle from {low}° to {high}°"));
-            return Err(DeviceError::new(&id, command, expected, format!("{angle_deg}°"))
-                .remedy("correct the plan, or limits_deg of the mounting")
-                .class(Class::Setup));
-        }
+        let StageInfo { id, limits_deg, .. } = self.describe();
+        check::angle(&id, &format!("move to {angle_deg}°"), angle_deg, limits_deg, "mounting")?;
         let arrived = self.axis.move_to(self.mounting.axis_deg(angle_deg)).await?;
-        Ok(self.seen(arrived))
+        Ok(self.arrived(arrived))
     }
 
     async fn halt(&mut self) -> DeviceResult<()> {
@@ -150,8 +150,8 @@ impl Stage for Mounted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::DeviceError;
     use crate::wire::wait;
+    use crate::{Class, DeviceError};
     use proptest::prelude::*;
     use std::sync::{Arc, Mutex};
     use std::time::Duration;

@@ -4,11 +4,11 @@ use super::page::{Entry, html};
 use super::runner::{Plan, measure};
 use super::summary::{Summary, summarize};
 use super::{Study, overview, picture, png_from_svg, tables};
+use crate::image::write_whole;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::fs;
-use std::io::Write;
 use std::path::Path;
 
 /// A picture that is computed, not measured.
@@ -110,9 +110,9 @@ pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
         });
     }
     let json = serde_json::to_vec_pretty(&charted).map_err(std::io::Error::from);
-    write(out, "charts.json", &json.map_err(|e| Error::output(out, e))?)?;
+    write_whole(&out.join("charts.json"), &json.map_err(|e| Error::output(out, e))?)?;
     let entries: Vec<Entry> = charted.charts.iter().map(Entry::from).collect();
-    write(out, "index.html", html(&entries).as_bytes())?;
+    write_whole(&out.join("index.html"), html(&entries).as_bytes())?;
     Ok(charted)
 }
 
@@ -139,7 +139,7 @@ fn prepare(out: &Path) -> Result<()> {
     if !empty && !out.join(MARK).exists() {
         return Err(Error::file(out, "exists and holds something else than charts", "choose another --out"));
     }
-    write(out, MARK, b"Charts, and the measurements behind them, made by `nacre chart`.\n")
+    write_whole(&out.join(MARK), b"Charts, and the measurements behind them, made by `nacre chart`.\n")
 }
 
 fn make_dir(folder: &Path) -> Result<()> {
@@ -148,9 +148,9 @@ fn make_dir(folder: &Path) -> Result<()> {
 
 fn write_study(out: &Path, summary: &Summary) -> Result<Chart> {
     let name = &summary.name;
-    write(out, &format!("{name}/{name}.csv"), tables::csv(summary).as_bytes())?;
+    write_whole(&out.join(format!("{name}/{name}.csv")), tables::csv(summary).as_bytes())?;
     let json = serde_json::to_vec_pretty(summary).map_err(std::io::Error::from);
-    write(out, &format!("{name}/{name}.json"), &json.map_err(|e| Error::output(out, e))?)?;
+    write_whole(&out.join(format!("{name}/{name}.json")), &json.map_err(|e| Error::output(out, e))?)?;
     let mut files = write_pictures(out, name, &picture::draw(summary))?;
     files.extend(["csv", "json"].map(|kind| format!("{name}/{name}.{kind}")));
     files.push(format!("{name}/raw.jsonl"));
@@ -205,25 +205,9 @@ fn write_overview(out: &Path, group: &str, summaries: &[Summary]) -> Result<Char
 
 fn write_pictures(out: &Path, name: &str, svg: &str) -> Result<Vec<String>> {
     let (svg_name, png_name) = (format!("{name}/{name}.svg"), format!("{name}/{name}.png"));
-    write(out, &svg_name, svg.as_bytes())?;
-    write(out, &png_name, &png_from_svg(svg, ZOOM)?)?;
+    write_whole(&out.join(&svg_name), svg.as_bytes())?;
+    write_whole(&out.join(&png_name), &png_from_svg(svg, ZOOM)?)?;
     Ok(vec![svg_name, png_name])
-}
-
-/// Writes a file beside its place, syncs it, and renames it.
-fn write(out: &Path, name: &str, bytes: &[u8]) -> Result<()> {
-    let path = out.join(name);
-    let folder = path.parent().unwrap_or(out);
-    let place = || -> std::io::Result<()> {
-        let mut file = tempfile::Builder::new()
-            .permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644))
-            .tempfile_in(folder)?;
-        file.write_all(bytes)?;
-        file.as_file().sync_all()?;
-        file.persist(&path)?;
-        Ok(())
-    };
-    place().map_err(|e| Error::output(&path, e))
 }
 
 impl Charted {

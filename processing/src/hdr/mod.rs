@@ -13,6 +13,7 @@ mod coding;
 mod input;
 mod memory;
 mod merge;
+mod outcome;
 mod output;
 mod reconstruct;
 mod recover;

@@ -4,11 +4,12 @@ use super::align::{Aligner, Shifts, add_moved};
 use super::coding::{Coding, Curve};
 use super::input::bracket;
 use super::merge::{Exposed, Sums};
-use super::output::{Merged, Numbers};
+use super::outcome::Outcome;
+use super::output::Merged;
 use super::recover::{recover, response};
-use super::report::{FrameReport, Report, Seconds};
+use super::report::{Report, Seconds};
 use super::response::Response;
-use super::sample::{Agreement, Sample};
+use super::sample::Sample;
 use crate::frames::{Frame, LoadedFrames, Transfer};
 use crate::image::{Depth, OutputFolder, Raster, read};
 use crate::polarimetry::Align;
@@ -25,13 +26,6 @@ const BATCH: usize = 4;
 
 /// Decoded exposures up to so many bytes are kept for when they are needed again.
 const KEPT: usize = 256 << 20;
-
-/// A recovered response less certain than this is warned of, and one with fewer of its codes seen.
-const CERTAIN: f64 = 0.02;
-const SEEN: f64 = 0.9;
-
-/// An exposure that is off by more than this, and by five standard deviations, is warned of.
-const GAIN_OFF: f64 = 0.03;
 
 /// What the user may choose.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -95,7 +89,7 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     progress.stage("writing", 1);
     let info = bracket.frames.info;
     let maps = Merged { sums: &merged.sums, width: info.width, height: info.height, factor: merged.factor() };
-    let mut report = merged.report(&bracket, maps.names(), maps.numbers());
+    let mut report = merged.report(&bracket.frames, maps.names(), maps.numbers());
     maps.write(&folder)?;
     progress.check()?;
     if let Curve::Measured(response) = &merged.coding.curve {
@@ -275,18 +269,6 @@ fn shifts(bracket: &Bracket, looked: &Looked, progress: &dyn Progress) -> Result
     Ok(shifts)
 }
 
-/// Everything that was found out.
-struct Outcome {
-    coding: Coding,
-    sums: Sums,
-    response: String,
-    response_sigma: Option<f64>,
-    seen: Option<f64>,
-    shifts: Option<Shifts>,
-    agreement: Option<Agreement>,
-    noise_given: bool,
-}
-
 fn merge(bracket: &Bracket, looked: Looked, progress: &dyn Progress) -> Result<Outcome> {
     let Looked { coding, response, response_sigma, seen, shifts, mut sample, mut kept } = looked;
     let (frames, info) = (&bracket.frames.set.frames, bracket.frames.info);
@@ -342,92 +324,4 @@ fn merge(bracket: &Bracket, looked: Looked, progress: &dyn Progress) -> Result<O
     let agreement = moved.is_none().then(|| sample.agreement(&coding, frames));
     let noise_given = bracket.frames.set.noise.is_some();
     Ok(Outcome { coding, sums, response, response_sigma, seen, shifts, agreement, noise_given })
-}
-
-impl Outcome {
-    fn chi2(&self) -> Option<f64> {
-        self.agreement.as_ref().and_then(|a| a.chi2)
-    }
-
-    /// What variances are multiplied by.
-    fn factor(&self) -> f32 {
-        if self.noise_given { 1.0 } else { self.chi2().map_or(1.0, |c| c.max(1e-6) as f32) }
-    }
-
-    fn report(&self, bracket: &Bracket, channels: &[&'static str], numbers: Numbers) -> Report {
-        let (set, info) = (&bracket.frames.set, bracket.frames.info);
-        let gain = |k: usize| self.agreement.as_ref().and_then(|a| a.gains[k]);
-        let frame = |(k, f): (usize, &Frame)| FrameReport {
-            file: f.file.display().to_string(),
-            exposure: 1.0 / f.scale(),
-            gain: gain(k),
-        };
-        let mut report = Report {
-            method: "hdr",
-            warnings: vec![],
-            width: info.width,
-            height: info.height,
-            channels: channels.to_vec(),
-            frames: set.frames.iter().enumerate().map(frame).collect(),
-            response: self.response.clone(),
-            response_sigma: self.response_sigma,
-            dynamic_range: numbers.range,
-            samples: numbers.samples,
-            error_estimate: numbers.sigma,
-            chi2: self.chi2(),
-            noise: match (self.noise_given, self.chi2()) {
-                (true, _) => "given",
-                (false, Some(_)) => "estimated",
-                (false, None) => "assumed",
-            },
-            registration: self.shifts.clone(),
-            seconds: Seconds::default(),
-        };
-        report.warnings = self.warnings(&report);
-        report
-    }
-
-    fn warnings(&self, report: &Report) -> Vec<String> {
-        let mut all = vec![];
-        let share = |n: usize| 100.0 * n as f64 / report.samples.all.max(1) as f64;
-        if report.samples.saturated > 0 {
-            let (n, share) = (report.samples.saturated, share(report.samples.saturated));
-            let text = format!("{n} samples ({share:.2} %) are saturated in every exposure and unknown");
-            all.push(format!("{text}; add a shorter exposure"));
-        }
-        if share(report.samples.dark) > 1.0 {
-            let share = share(report.samples.dark);
-            all.push(format!("{share:.1} % of the samples are dark in every exposure; add a longer exposure"));
-        }
-        if let Some(sigma) = self.response_sigma.filter(|s| *s > CERTAIN) {
-            all.push(format!("the response is only known to {:.1} %; more exposures tell it better", 100.0 * sigma));
-        }
-        if let Some(seen) = self.seen.filter(|s| *s < SEEN) {
-            let unseen = 100.0 * (1.0 - seen);
-            all.push(format!("{unseen:.0} % of the response is a guess: no well exposed pixel has those values"));
-        }
-        for f in &report.frames {
-            if let Some([gain, sigma]) = f.gain.filter(|[g, s]| (g - 1.0).abs() > GAIN_OFF.max(5.0 * s)) {
-                let (off, word) = (100.0 * (gain - 1.0).abs(), if gain > 1.0 { "brighter" } else { "darker" });
-                let known = if sigma.is_finite() { "" } else { " or so" };
-                all.push(format!(
-                    "{} is {off:.1} %{known} {word} than its exposure time says: the time is rounded, the light changed, or the \
-                     response is another",
-                    f.file
-                ));
-            }
-        }
-        let most = if self.noise_given { 2.0 } else { 20.0 };
-        if let Some(chi2) = report.chi2.filter(|c| *c > most) {
-            all.push(format!(
-                "the exposures differ by {:.1} times what noise explains: something moved, the light changed, or the response \
-                 is another",
-                chi2.sqrt()
-            ));
-        }
-        if let Some(doubt) = report.registration.as_ref().and_then(|r| r.doubt.as_ref()) {
-            all.push(format!("{doubt}; the exposures stay where they are"));
-        }
-        all
-    }
 }

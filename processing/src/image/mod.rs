@@ -13,6 +13,7 @@ pub mod registration;
 #[cfg(test)]
 mod tests;
 mod tif;
+mod whole;
 mod write;
 
 pub use canvas::{Canvas, Rgb, text_width};
@@ -21,4 +22,5 @@ pub use folder::OutputFolder;
 pub use openexr::{ExrMap, read_exr};
 pub use picture::{MASKED, hsv, orientation_color, orientation_picture, scalar_picture, viridis, wheel};
 pub use read::{Depth, EXTENSIONS, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, info, read};
+pub use whole::write_whole;
 pub use write::{Attribute, encode_png8, encode_png16_gray, write_exr, write_png8, write_png16_gray};

@@ -12,6 +12,7 @@ use ::image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
 
 use super::read::MAX_SIDE;
+use super::whole::write_whole;
 use crate::{Error, Result};
 
 /// Value of a custom attribute in an EXR header.
@@ -153,13 +154,13 @@ pub fn write_png8(path: &Path, width: usize, height: usize, channels: usize, sam
     write_png(path, [width, height], samples, color)
 }
 
-/// Writes a 16-bit grey PNG of `width · height` samples.
+/// Writes a 16-bit grey PNG of `width · height` samples, which appears whole or not at all.
 ///
 /// # Errors
 /// `Error::Output` when the system refuses, or the samples do not fit the size.
 pub fn write_png16_gray(path: &Path, width: usize, height: usize, samples: &[u16]) -> Result<()> {
     let encoded = encode_png16_gray(width, height, samples).map_err(|error| Error::output(path, error))?;
-    std::fs::write(path, encoded).map_err(|error| Error::output(path, error))
+    write_whole(path, &encoded)
 }
 
 /// A 16-bit grey PNG of `width · height` samples, in memory; the same samples always give the same bytes.

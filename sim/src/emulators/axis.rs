@@ -1,7 +1,7 @@
 //! The bench's analyser as a motor that counts from where it was switched on.
 
 use crate::Port;
-use crate::port::{Reply, Request};
+use crate::messages::{Reply, Request};
 
 /// The analyser, and the counter of whoever turns it.
 pub(super) struct Axis {

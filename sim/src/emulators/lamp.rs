@@ -1,7 +1,7 @@
 //! The bench's flash as the load of an emulated device.
 
 use crate::devices::Port;
-use crate::port::Request;
+use crate::messages::Request;
 
 /// What an emulated device switches.
 pub(super) struct Load {

@@ -22,12 +22,6 @@ pub fn set([r, g, b]: [u8; 3]) -> Report {
     report(b'n', [r, g, b, 0, 0, 0])
 }
 
-/// Fades to a colour.
-pub fn fade([r, g, b]: [u8; 3], time_ms: u64) -> Report {
-    let [high, low] = ticks(time_ms);
-    report(b'c', [r, g, b, high, low, 0])
-}
-
 /// Asks for the colour, which the next report that is got tells.
 pub fn ask_colour() -> Report {
     report(b'r', [0; 6])
@@ -88,7 +82,6 @@ mod tests {
     #[test]
     fn reports_are_those_of_the_protocol() {
         assert_eq!(set([255, 128, 0]), [1, b'n', 255, 128, 0, 0, 0, 0]);
-        assert_eq!(fade([255; 3], 5000), [1, b'c', 255, 255, 255, 0x01, 0xf4, 0]);
         assert_eq!(watch(11_000), [1, b'D', 1, 0x04, 0x4c, 0, 0, 0]);
         assert_eq!(unwatch(), [1, b'D', 0, 0, 0, 0, 0, 0]);
         assert_eq!(black_line(3), [1, b'P', 0, 0, 0, 0, 1, 3]);

@@ -1,7 +1,8 @@
 //! What goes wrong with an Elliptec stage, and what to do then.
 
-use super::protocol::{Status, degrees};
-use super::{Elliptec, Zero};
+use super::Elliptec;
+use super::protocol::Status;
+use crate::stage::zero::Zero;
 use crate::{Class, DeviceError};
 use std::time::Duration;
 
@@ -39,10 +40,10 @@ impl Elliptec {
         self.error(what, "status 0 (ok)", got).remedy(remedy).class(class)
     }
 
-    pub(super) fn forgot(&mut self, what: &str, expected: i32, got: i32) -> DeviceError {
+    pub(super) fn forgot(&mut self, what: &str, left_deg: f64, found_deg: f64) -> DeviceError {
         self.zero = Zero::Forgotten;
-        let [expected, got] = [expected, got].map(|p| format!("{:.2}°", degrees(p, self.identity.pulses)));
-        self.error(what, &format!("to find it where it was left, at {expected}"), got)
+        let expected = format!("to find it where it was left, at {left_deg:.2}°");
+        self.error(what, &expected, format!("{found_deg:.2}°"))
             .remedy("it was reset or turned by hand: check its power supply, home it, then resume the session")
     }
 

@@ -12,6 +12,8 @@ mod tests;
 
 pub use settings::Settings;
 
+use super::check;
+use super::zero::Zero;
 use crate::wire::{Lines, SerialWire, Wire, shown, wait};
 use crate::{Arrived, Class, Clock, DeviceResult, Stage, StageInfo};
 use async_trait::async_trait;
@@ -47,17 +49,6 @@ pub struct Elliptec {
     cleaning: bool,
     /// Answers that did not come in time may still come, and would be taken for those of later questions.
     unsettled: bool,
-}
-
-/// Whether the module's angles can be believed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Zero {
-    /// It was not homed by this program, or not since something went wrong.
-    Unchecked,
-    /// It was found to have forgotten it.
-    Forgotten,
-    /// It was homed, and stood at so many pulses after the last movement.
-    Known(i32),
 }
 
 /// What was heard on the bus.
@@ -226,12 +217,14 @@ impl Elliptec {
         .await
     }
 
-    async fn pulses_now(&mut self, what: &str) -> DeviceResult<i32> {
-        self.ask(what, Command::Position, |reply| match reply {
+    /// Where it stands, in degrees.
+    async fn place(&mut self, what: &str) -> DeviceResult<f64> {
+        let pulses = self.ask(what, Command::Position, |reply| match reply {
             Reply::Position(pulses) => Some(pulses),
             _ => None,
-        })
-        .await
+        });
+        let pulses = pulses.await?;
+        Ok(degrees(pulses, self.identity.pulses))
     }
 
     /// Waits until it is not busy.
@@ -254,7 +247,7 @@ impl Elliptec {
     }
 
     /// Waits for the end of a movement; returns where it stands then.
-    async fn finish(&mut self, what: &str) -> DeviceResult<i32> {
+    async fn finish(&mut self, what: &str) -> DeviceResult<f64> {
         let until = Instant::now() + self.longest_move();
         let (mut unanswered, mut idle, mut busy) = (0, 0, false);
         let mut got = "an end without its position".to_owned();
@@ -263,7 +256,7 @@ impl Elliptec {
             match self.hear(what, Instant::now() + limit).await? {
                 // Late words of an earlier movement look the same, but it is busy then.
                 Heard::Reply(Reply::Position(_)) => match self.status(what).await? {
-                    Status::Ok => return self.pulses_now(what).await,
+                    Status::Ok => return self.place(what).await,
                     Status::Busy => (unanswered, idle, busy) = (0, 0, true),
                     status => return Err(self.failed(what, status)),
                 },
@@ -294,38 +287,35 @@ impl Elliptec {
 
     /// That it stands where it was left; homes it where that is not known.
     async fn be_sure(&mut self, what: &str) -> DeviceResult<()> {
-        let Zero::Known(left) = self.zero else { return self.find_zero(what).await.map(drop) };
-        let now = self.pulses_now(what).await?;
-        if self.apart(left, now) { Err(self.forgot(what, left, now)) } else { Ok(()) }
+        if !matches!(self.zero, Zero::Known(_)) {
+            return self.find_zero(what).await.map(drop);
+        }
+        let at = self.place(what).await?;
+        match self.zero.left_elsewhere(at, self.settings.tolerance_deg) {
+            Some(left) => Err(self.forgot(what, left, at)),
+            None => Ok(()),
+        }
     }
 
-    fn apart(&self, a: i32, b: i32) -> bool {
-        let [a, b] = [a, b].map(|p| degrees(p, self.identity.pulses));
-        (a - b).abs() > self.settings.tolerance_deg
-    }
-
-    async fn find_zero(&mut self, what: &str) -> DeviceResult<i32> {
+    async fn find_zero(&mut self, what: &str) -> DeviceResult<f64> {
         self.begin(what, Command::Home).await?;
         let at = self.finish(what).await?;
-        if self.apart(at, 0) {
-            let got = format!("{:.2}°", degrees(at, self.identity.pulses));
-            return Err(self.passing(what, "0° after homing", got));
+        if at.abs() > self.settings.tolerance_deg {
+            return Err(self.passing(what, "0° after homing", format!("{at:.2}°")));
         }
         self.zero = Zero::Known(at);
         Ok(at)
     }
 
-    fn arrived(&self, at: i32) -> Arrived {
-        let since = self.clock.now() + Duration::from_millis(self.settings.settling_ms);
-        Arrived { since, angle_deg: degrees(at, self.identity.pulses) }
+    fn arrived(&self, angle_deg: f64) -> Arrived {
+        Arrived { since: self.clock.now() + Duration::from_millis(self.settings.settling_ms), angle_deg }
     }
 
     fn target(&self, what: &str, angle_deg: f64) -> DeviceResult<i32> {
-        let [low, high] = self.settings.limits_deg;
-        let target = if angle_deg >= low && angle_deg <= high { pulses(angle_deg, self.identity.pulses) } else { None };
-        target.ok_or_else(|| {
-            self.error(what, &format!("an angle from {low}° to {high}°"), format!("{angle_deg}°"))
-                .remedy("correct the plan, or limits_deg of the stage")
+        check::angle(self.lines.device(), what, angle_deg, self.settings.limits_deg, "stage")?;
+        pulses(angle_deg, self.identity.pulses).ok_or_else(|| {
+            self.error(what, "an angle that it can count in pulses", format!("{angle_deg}°"))
+                .remedy("correct limits_deg of the stage")
                 .class(Class::Setup)
         })
     }
@@ -373,13 +363,13 @@ impl Stage for Elliptec {
 
     async fn position(&mut self) -> DeviceResult<f64> {
         const WHAT: &str = "report its position";
-        let now = self.pulses_now(WHAT).await?;
-        match self.zero {
-            Zero::Known(left) if self.apart(left, now) => Err(self.forgot(WHAT, left, now)),
-            Zero::Forgotten => Err(self
+        let at = self.place(WHAT).await?;
+        match self.zero.left_elsewhere(at, self.settings.tolerance_deg) {
+            Some(left) => Err(self.forgot(WHAT, left, at)),
+            None if self.zero == Zero::Forgotten => Err(self
                 .error(WHAT, "an angle", "a module that was reset and not homed since")
                 .remedy("home it, then resume the session")),
-            _ => Ok(degrees(now, self.identity.pulses)),
+            None => Ok(at),
         }
     }
 }

@@ -1,7 +1,8 @@
 //! What goes wrong with a GRBL axis, and what to do then.
 
+use super::Grbl;
 use super::protocol::{State, alarm_name, error_name};
-use super::{Grbl, Zero};
+use crate::stage::zero::Zero;
 use crate::{Class, DeviceError};
 
 impl Grbl {

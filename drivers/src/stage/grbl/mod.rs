@@ -11,6 +11,8 @@ mod tests;
 
 pub use settings::Settings;
 
+use super::check;
+use super::zero::Zero;
 use crate::wire::{Lines, SerialWire, Wire, shown, wait};
 use crate::{Arrived, Class, Clock, DeviceError, DeviceResult, Stage, StageInfo};
 use async_trait::async_trait;
@@ -42,19 +44,6 @@ pub struct Grbl {
     offset: Option<f64>,
     /// Answers that did not come in time may still come.
     unsettled: bool,
-}
-
-/// Whether the controller's coordinates can be believed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Zero {
-    /// Not yet known.
-    Unchecked,
-    /// It started anew, or lost steps.
-    Forgotten,
-    /// It was known when a movement to there began, in degrees; nothing is known of its end.
-    Going(f64),
-    /// It was found, and this is where the axis stood after the last movement, in degrees.
-    Known(f64),
 }
 
 /// What was heard.
@@ -271,7 +260,7 @@ impl Grbl {
             return Err(self.lost_zero(what));
         }
         if self.settings.homes {
-            if matches!(self.zero, Zero::Going(_)) {
+            if matches!(self.zero, Zero::Going { .. }) {
                 // A movement whose end was not heard of may go on.
                 self.rest(what, None, limit).await?;
             }
@@ -281,7 +270,7 @@ impl Grbl {
         }
         let at = self.rest(what, None, limit).await?;
         self.homing = false;
-        if let Zero::Going(to) = self.zero
+        if let Zero::Going { to, .. } = self.zero
             && (at - to).abs() > self.settings.tolerance_deg
         {
             return Err(self.moved_away(what, to, at));
@@ -290,26 +279,22 @@ impl Grbl {
         Ok(at)
     }
 
-    /// That it stands where it was left; homes it where that is not known.
-    async fn be_sure(&mut self, what: &str) -> DeviceResult<()> {
-        let Zero::Known(left) = self.zero else { return self.find_zero(what).await.map(drop) };
-        let at = self.rest(what, None, self.answer()).await?;
-        if (at - left).abs() > self.settings.tolerance_deg {
-            return Err(self.moved_away(what, left, at));
+    /// Where it stands, which is where it was left; homes it where that is not known.
+    async fn be_sure(&mut self, what: &str) -> DeviceResult<f64> {
+        if !matches!(self.zero, Zero::Known(_)) {
+            return self.find_zero(what).await;
         }
-        Ok(())
+        let at = self.rest(what, None, self.answer()).await?;
+        match self.zero.left_elsewhere(at, self.settings.tolerance_deg) {
+            Some(left) => Err(self.moved_away(what, left, at)),
+            None => Ok(at),
+        }
     }
 
     async fn turn(&mut self, what: &str, angle_deg: f64) -> DeviceResult<Arrived> {
-        let [low, high] = self.settings.limits_deg;
-        if !(angle_deg >= low && angle_deg <= high) {
-            return Err(self
-                .error(what, &format!("an angle from {low}° to {high}°"), format!("{angle_deg}°"))
-                .remedy("correct the plan, or limits_deg of the stage")
-                .class(Class::Setup));
-        }
-        self.be_sure(what).await?;
-        self.zero = Zero::Going(angle_deg);
+        check::angle(self.lines.device(), what, angle_deg, self.settings.limits_deg, "stage")?;
+        let from = self.be_sure(what).await?;
+        self.zero = Zero::Going { from, to: angle_deg };
         let scale = self.settings.degrees_per_unit;
         let line = move_line(self.settings.axis, angle_deg / scale, self.settings.feed_deg_min / scale.abs());
         let limit = Duration::from_millis(self.settings.move_ms);
@@ -398,14 +383,11 @@ impl Stage for Grbl {
 
     async fn position(&mut self) -> DeviceResult<f64> {
         const WHAT: &str = "report its position";
-        let looked = self.look(WHAT).await.map_err(|e| self.for_good(e));
-        let (_, at) = looked?;
-        match self.zero {
-            Zero::Known(left) if (at - left).abs() > self.settings.tolerance_deg => {
-                Err(self.moved_away(WHAT, left, at))
-            }
-            Zero::Forgotten => Err(self.lost_zero(WHAT)),
-            _ => Ok(at),
+        let (_, at) = self.look(WHAT).await.map_err(|e| self.for_good(e))?;
+        match self.zero.left_elsewhere(at, self.settings.tolerance_deg) {
+            Some(left) => Err(self.moved_away(WHAT, left, at)),
+            None if self.zero == Zero::Forgotten => Err(self.lost_zero(WHAT)),
+            None => Ok(at),
         }
     }
 }

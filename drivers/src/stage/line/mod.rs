@@ -9,6 +9,8 @@ mod tests;
 
 pub use settings::{Exchange, Motion, Settings};
 
+use super::check;
+use super::zero::Zero;
 use crate::wire::{Lines, SerialWire, Wire, shown, wait};
 use crate::{Arrived, Class, Clock, DeviceError, DeviceResult, Stage, StageInfo};
 use async_trait::async_trait;
@@ -35,19 +37,6 @@ pub struct LineStage {
     zero: Zero,
     /// Answers that did not come in time may still come.
     unsettled: bool,
-}
-
-/// Whether the stage's angles can be believed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Zero {
-    /// It was not homed by this program, or not since something went wrong.
-    Unchecked,
-    /// It was not found where it was left.
-    Forgotten,
-    /// It was known when a movement from here to there began, in degrees; nothing is known of its end.
-    Going { from: f64, to: f64 },
-    /// It was found, and stood there after the last movement, in degrees.
-    Known(f64),
 }
 
 impl LineStage {
@@ -262,24 +251,21 @@ impl LineStage {
         self.error(what, &expected, format!("{at:.2}°, after a reset or another program's move")).remedy(self.again())
     }
 
+    /// Where it stands, which is where it was left; homes it where that is not known.
+    async fn be_sure(&mut self, what: &str) -> DeviceResult<f64> {
+        if !matches!(self.zero, Zero::Known(_)) {
+            return self.find_zero(what).await;
+        }
+        let at = self.place(what).await?;
+        match self.zero.left_elsewhere(at, self.settings.motion.tolerance_deg) {
+            Some(left) => Err(self.moved_away(what, left, at)),
+            None => Ok(at),
+        }
+    }
+
     async fn turn(&mut self, what: &str, angle_deg: f64) -> DeviceResult<Arrived> {
-        let Motion { limits_deg: [low, high], tolerance_deg, .. } = self.settings.motion;
-        if !(angle_deg >= low && angle_deg <= high) {
-            return Err(self
-                .error(what, &format!("an angle from {low}° to {high}°"), format!("{angle_deg}°"))
-                .remedy("correct the plan, or limits_deg of the stage")
-                .class(Class::Setup));
-        }
-        match self.zero {
-            Zero::Known(left) => {
-                let at = self.place(what).await?;
-                if (at - left).abs() > tolerance_deg {
-                    return Err(self.moved_away(what, left, at));
-                }
-            }
-            _ => drop(self.find_zero(what).await?),
-        }
-        let Zero::Known(from) = self.zero else { return Err(self.lost_zero(what)) };
+        check::angle(self.lines.device(), what, angle_deg, self.settings.motion.limits_deg, "stage")?;
+        let from = self.be_sure(what).await?;
         self.zero = Zero::Going { from, to: angle_deg };
         let limit = if self.phrases.poll.is_some() { self.answer() } else { self.longest_move() };
         self.exchange(what, |p| Some(&p.go), angle_deg, limit).await?;
@@ -352,12 +338,10 @@ impl Stage for LineStage {
     async fn position(&mut self) -> DeviceResult<f64> {
         const WHAT: &str = "report its position";
         let at = self.place(WHAT).await.map_err(|e| self.for_good(e))?;
-        match self.zero {
-            Zero::Known(left) if (at - left).abs() > self.settings.motion.tolerance_deg => {
-                Err(self.moved_away(WHAT, left, at))
-            }
-            Zero::Forgotten => Err(self.lost_zero(WHAT)),
-            _ => Ok(at),
+        match self.zero.left_elsewhere(at, self.settings.motion.tolerance_deg) {
+            Some(left) => Err(self.moved_away(WHAT, left, at)),
+            None if self.zero == Zero::Forgotten => Err(self.lost_zero(WHAT)),
+            None => Ok(at),
         }
     }
 }

@@ -1,18 +1,16 @@
-//! The bench in the service: one thread owns the devices and does one thing at a time.
+//! The devices on their thread: what is done by hand, and the light that is looked after meanwhile.
 
-use super::problem::{Kind, Problem};
+use super::{Common, Job, locked};
 use crate::Failure;
 use crate::engine::{Control, Hands, Input, Memory, Watch, guarded};
-use crate::rig::{Place, Rig, Stop};
+use crate::rig::{Place, Rig};
 use nacre_drivers::{DeviceResult, Freshness, Pattern};
 use nacre_processing::progress::Silent;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
-use tokio::sync::oneshot;
 
 /// While light is on, interlocks are read this often.
 const INTERLOCKS: Duration = Duration::from_millis(50);
@@ -25,27 +23,6 @@ const QUEUED: Duration = Duration::from_millis(3);
 
 /// Longest queue that is emptied for a preview.
 const QUEUE: u32 = 8;
-
-type Job = Box<dyn FnOnce(&mut Owner) + Send>;
-
-/// The way to the bench's thread.
-pub struct Bench {
-    jobs: Mutex<Option<Sender<Job>>>,
-    shared: Arc<Common>,
-    thread: Mutex<Option<JoinHandle<()>>>,
-}
-
-/// What others may see while the thread works.
-#[derive(Default)]
-struct Common {
-    /// Session that has the devices, or waits for them, and how to abort it.
-    session: Mutex<Option<(String, Arc<Control>)>>,
-    /// What a person does now, to be aborted.
-    manual: Mutex<Option<Arc<Control>>>,
-    /// How often somebody said STOP.
-    stops: AtomicU64,
-    end: Stop,
-}
 
 /// The devices, on their thread.
 pub struct Owner {
@@ -62,10 +39,10 @@ pub struct Owner {
     /// When the flash is to go off.
     flash_until: Option<Instant>,
     /// How often somebody had said STOP when the work at hand was asked for.
-    asked: u64,
+    pub(super) asked: u64,
     memory: Memory,
     newest: Option<Arc<Picture>>,
-    shared: Arc<Common>,
+    pub(super) shared: Arc<Common>,
 }
 
 /// A frame of the preview.
@@ -83,155 +60,8 @@ pub struct Picture {
     taken: Instant,
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl Bench {
-    /// Opens the devices on a new thread.
-    ///
-    /// # Errors
-    /// As the rig answers.
-    pub async fn open(place: Place) -> Result<Self, Failure> {
-        let shared = Arc::new(Common::default());
-        let (jobs, queue) = mpsc::channel::<Job>();
-        let (tell, told) = oneshot::channel();
-        let common = shared.clone();
-        let serve = move || {
-            let opened = Owner::open(&place, common);
-            match opened {
-                Ok(mut owner) => {
-                    let _ = tell.send(Ok(()));
-                    owner.serve(&queue);
-                }
-                Err(failure) => drop(tell.send(Err(failure))),
-            }
-        };
-        let thread = std::thread::Builder::new().name("bench".into()).spawn(serve);
-        let thread = thread.map_err(|e| nacre_processing::Error::input("bench", e, "free some memory"))?;
-        told.await.unwrap_or_else(|_| Err(died()))?;
-        Ok(Self { jobs: Mutex::new(Some(jobs)), shared, thread: Mutex::new(Some(thread)) })
-    }
-
-    /// Does something on the bench's thread when it is free.
-    ///
-    /// # Errors
-    /// `busy` while a session has the devices; otherwise as the work answers.
-    pub async fn work<T: Send + 'static>(
-        &self,
-        work: impl FnOnce(&mut Owner) -> Result<T, Failure> + Send + 'static,
-    ) -> Result<T, Problem> {
-        if let Some(id) = self.session() {
-            return Err(busy(&id));
-        }
-        let (tell, told) = oneshot::channel();
-        let asked = self.shared.stops.load(Ordering::SeqCst);
-        self.send(Box::new(move |owner| {
-            owner.asked = asked;
-            drop(tell.send(work(owner)));
-        }))?;
-        Ok(told.await.unwrap_or_else(|_| Err(died()))?)
-    }
-
-    /// Gives the devices to a session until `work` returns, and then does what that returned: whoever is told that the
-    /// session is over can have the devices.
-    ///
-    /// # Errors
-    /// `busy` while another one has them.
-    pub fn begin<Told: FnOnce()>(
-        &self,
-        id: &str,
-        control: Arc<Control>,
-        work: impl FnOnce(&mut Owner) -> Told + Send + 'static,
-    ) -> Result<(), Problem> {
-        {
-            let mut session = locked(&self.shared.session);
-            if let Some((other, _)) = session.as_ref() {
-                return Err(busy(other));
-            }
-            // From here on it can be aborted, also while it waits for the thread.
-            let _ = control.send(Input::Start);
-            *session = Some((id.to_owned(), control));
-        }
-        let sent = self.send(Box::new(move |owner| {
-            let tell = work(owner);
-            owner.forget();
-            *locked(&owner.shared.session) = None;
-            tell();
-        }));
-        if sent.is_err() {
-            *locked(&self.shared.session) = None;
-        }
-        sent
-    }
-
-    /// The session that has the devices.
-    pub fn session(&self) -> Option<String> {
-        locked(&self.shared.session).as_ref().map(|s| s.0.clone())
-    }
-
-    /// Aborts whatever runs or waits, and switches all light off; returns when it is.
-    ///
-    /// # Errors
-    /// As the lamps answer.
-    pub async fn stop(&self) -> Result<(), Problem> {
-        let session = self.shared.abort();
-        let (tell, told) = oneshot::channel();
-        self.send(Box::new(move |owner| drop(tell.send(owner.dark()))))?;
-        let dark = async {
-            match session {
-                Some(control) => control.is_dark().await,
-                None => std::future::pending().await,
-            }
-        };
-        tokio::select! {
-            // The session's own light is off; what it still stores need not be waited for.
-            () = dark => Ok(()),
-            done = told => Ok(done.unwrap_or_else(|_| Err(died()))?),
-        }
-    }
-
-    /// Ends the thread, with the light off.
-    pub fn close(&self) {
-        self.shared.end.fetch_add(1, Ordering::Relaxed);
-        self.shared.abort();
-        locked(&self.jobs).take();
-        if let Some(thread) = locked(&self.thread).take() {
-            let _ = thread.join();
-        }
-    }
-
-    fn send(&self, job: Job) -> Result<(), Problem> {
-        let sent = locked(&self.jobs).as_ref().is_some_and(|jobs| jobs.send(job).is_ok());
-        if sent { Ok(()) } else { Err(Problem::new(Kind::Conflict, "the bench is closed")) }
-    }
-}
-
-impl Common {
-    /// Aborts what runs; what was asked for and has not begun will not. Returns the session's control.
-    fn abort(&self) -> Option<Arc<Control>> {
-        self.stops.fetch_add(1, Ordering::SeqCst);
-        let session = locked(&self.session).as_ref().map(|s| s.1.clone());
-        let manual = locked(&self.manual).clone();
-        for control in session.iter().chain(&manual) {
-            // A run that has ended needs no abort.
-            let _ = control.send(Input::Abort);
-        }
-        session
-    }
-}
-
-fn busy(session: &str) -> Problem {
-    Problem::new(Kind::Busy, format!("the session {session} has the devices"))
-        .remedy("wait until it is done, or stop it")
-}
-
-fn died() -> Failure {
-    nacre_processing::Error::input("bench", "ended unexpectedly", "restart the service, and report this").into()
-}
-
 impl Owner {
-    fn open(place: &Place, shared: Arc<Common>) -> Result<Self, Failure> {
+    pub(super) fn open(place: &Place, shared: Arc<Common>) -> Result<Self, Failure> {
         let runtime = crate::commands::bench::runtime()?;
         let rig = Rig::open(&runtime, place, &Silent, &shared.end)?;
         let camera = rig.devices.camera.describe();
@@ -253,7 +83,8 @@ impl Owner {
         Ok(owner)
     }
 
-    fn serve(&mut self, queue: &mpsc::Receiver<Job>) {
+    /// Does what comes, until nothing more can come.
+    pub(super) fn serve(&mut self, queue: &mpsc::Receiver<Job>) {
         let mut looked = Instant::now();
         loop {
             match queue.recv_timeout(self.patience()) {
@@ -397,7 +228,7 @@ impl Owner {
     }
 
     /// After a session nothing is known any more, but that the light is off.
-    fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         (self.memory, self.newest, self.flash_until, self.pattern) = (Memory::default(), None, None, Pattern::Black);
         self.analyser_deg = self.runtime.block_on(self.rig.devices.stage.position()).ok();
     }

@@ -1,0 +1,75 @@
+//! The hands on a simulated bench with a lamp that needs long to be steady.
+
+use super::{Devices, Hands};
+use async_trait::async_trait;
+use nacre_drivers::{Clock, DeviceResult, Flash, FlashInfo, Pattern, Switched};
+use nacre_processing::progress::Silent;
+use nacre_sim::{Bench, BenchConfig, SharedBench, SimDevice};
+use std::time::Duration;
+
+const SETTLING: Duration = Duration::from_secs(10);
+
+/// A lamp that says when its light will be steady, and does not wait for it.
+struct SlowLamp {
+    clock: SharedBench,
+    on: bool,
+}
+
+#[async_trait]
+impl Flash for SlowLamp {
+    fn describe(&self) -> FlashInfo {
+        FlashInfo { id: "slow lamp".into(), settling_s: SETTLING.as_secs_f64(), max_on_s: 60.0 }
+    }
+
+    async fn switch(&mut self, on: bool) -> DeviceResult<Switched> {
+        self.on = on;
+        Ok(Switched { since: self.clock.now() + SETTLING, on })
+    }
+
+    async fn is_on(&mut self) -> DeviceResult<bool> {
+        Ok(self.on)
+    }
+}
+
+fn bench() -> (SharedBench, Devices) {
+    let mut config = BenchConfig::default();
+    (config.camera.width, config.camera.height) = (16, 16);
+    let bench = SharedBench::new(Bench::new(&config, &Silent).unwrap());
+    let device = || Box::new(SimDevice::new(Box::new(bench.clone())).unwrap());
+    let flash = SlowLamp { clock: bench.clone(), on: false };
+    let devices = Devices { stage: device(), camera: device(), display: device(), flash: Some(Box::new(flash)) };
+    (bench, devices)
+}
+
+fn run<T>(future: impl Future<Output = T>) -> T {
+    tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(future)
+}
+
+#[test]
+fn a_lamp_that_settles_for_long_is_waited_for() {
+    let (bench, mut devices) = bench();
+    let mut hands = Hands::new(&mut devices);
+    let (frame, lit) = run(async {
+        hands.prepare(false).await?;
+        hands.expose(Duration::from_millis(8), 1.0).await?;
+        hands.switch(true).await?;
+        let lit = bench.now();
+        DeviceResult::Ok((hands.fresh().await?.0, lit))
+    })
+    .unwrap();
+    assert!(frame.stamp.timestamp >= lit + SETTLING + Duration::from_millis(8), "{:?} after {lit:?}", frame.stamp);
+}
+
+/// What follows at once is steady before the lamp is, and not because the clock was set back.
+#[test]
+fn other_devices_are_used_while_a_lamp_settles() {
+    let (_bench, mut devices) = bench();
+    let mut hands = Hands::new(&mut devices);
+    run(async {
+        hands.switch(true).await?;
+        hands.show(Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 50.0 }).await?;
+        hands.cover(false).await?;
+        hands.dark().await
+    })
+    .unwrap();
+}

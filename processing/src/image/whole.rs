@@ -1,0 +1,87 @@
+//! A single file that appears whole or not at all.
+
+use std::fs::{self, File, Permissions};
+use std::io::{self, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+use tempfile::Builder;
+
+use crate::{Error, Result};
+
+/// Writes a file so that its name always leads to the whole old contents or the whole new ones, even if power fails: into a
+/// temporary file beside it, which is synced and then renamed. A new file has the permissions of any new file; one that is
+/// replaced keeps its own. A link is followed, and what is no file, such as `/dev/stdout`, is written to directly.
+///
+/// # Errors
+/// `Error::Output` when the system refuses; a file that was there is as it was.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    place(path, bytes).map_err(|error| Error::output(path, error))
+}
+
+fn place(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let old = fs::metadata(path).ok();
+    if old.as_ref().is_some_and(|old| !old.is_file()) {
+        return fs::write(path, bytes);
+    }
+    let target = if old.is_some() { path.canonicalize()? } else { std::path::absolute(path)? };
+    let folder = target.parent().ok_or(io::ErrorKind::InvalidInput)?;
+    // Less the umask, as `File::create` has it.
+    let mut file = Builder::new().permissions(Permissions::from_mode(0o666)).tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    if let Some(old) = old {
+        file.as_file().set_permissions(old.permissions())?;
+    }
+    file.as_file().sync_all()?;
+    file.persist(&target)?;
+    File::open(folder)?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mode(path: &Path) -> u32 {
+        fs::metadata(path).unwrap().permissions().mode() & 0o777
+    }
+
+    fn count(folder: &Path) -> usize {
+        fs::read_dir(folder).unwrap().count()
+    }
+
+    #[test]
+    fn a_new_file_is_readable_as_any_new_file() {
+        let home = tempfile::tempdir().unwrap();
+        let [ours, ordinary] = ["ours", "ordinary"].map(|name| home.path().join(name));
+        File::create(&ordinary).unwrap();
+        write_whole(&ours, b"1").unwrap();
+        assert_eq!(fs::read(&ours).unwrap(), b"1");
+        assert_eq!(mode(&ours), mode(&ordinary));
+    }
+
+    #[test]
+    fn a_replaced_file_keeps_its_permissions_and_the_links_to_it() {
+        let home = tempfile::tempdir().unwrap();
+        let [file, link] = ["file", "link"].map(|name| home.path().join(name));
+        fs::write(&file, b"old").unwrap();
+        fs::set_permissions(&file, Permissions::from_mode(0o640)).unwrap();
+        std::os::unix::fs::symlink("file", &link).unwrap();
+        write_whole(&link, b"new").unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        assert_eq!(mode(&file), 0o640);
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(count(home.path()), 2);
+    }
+
+    #[test]
+    fn what_fails_leaves_nothing_behind() {
+        let home = tempfile::tempdir().unwrap();
+        let folder = home.path().join("folder");
+        fs::create_dir(&folder).unwrap();
+        for path in [folder.clone(), home.path().join("no/such"), home.path().join("x".repeat(300))] {
+            let error = write_whole(&path, b"1").unwrap_err().to_string();
+            assert!(error.contains(&path.display().to_string()), "{error}");
+        }
+        assert_eq!((count(home.path()), count(&folder)), (1, 0));
+    }
+}
