@@ -44,7 +44,7 @@ impl Aligner {
                 let all = (at..at + channels.len()).map(&entry);
                 let sigma = |[light, rounding]: Entry| scatter.weight(light, rounding).recip().sqrt();
                 let (light, sigma) = all.fold((0.0, 0.0), |(l, s), e| (l + e[0], s + sigma(e)));
-                *bad |= u8::from(!(light > 2.0 * sigma));
+                *bad |= u8::from(light <= 2.0 * sigma || sigma.is_nan());
                 *value = if light > 0.0 { light.ln() } else { 0.0 };
             }
         });

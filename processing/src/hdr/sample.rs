@@ -9,6 +9,9 @@ use serde::Serialize;
 const PIXELS: usize = 16_384;
 const VALUES: usize = 8 << 20;
 
+/// Light this many standard deviations above nothing is what exposures are compared on.
+const CLEAR_SIGMA: f64 = 10.0;
+
 /// Values of the same pixels in every exposure.
 pub(super) struct Sample {
     pixels: Vec<usize>,
@@ -93,7 +96,8 @@ impl Sample {
                 square += w * (x / w - mean).powi(2);
                 // Against the others alone, which do not hold its own noise.
                 let (others, rest) = ((light - x), weight - w);
-                if rest > 0.0 && others > 0.0 {
+                // Where the others know little, their noise would be taken for light.
+                if rest > 0.0 && others > CLEAR_SIGMA * rest.sqrt() {
                     let (expected, variance) = (others / rest, 1.0 / w + 1.0 / rest);
                     gains[k].0 += x / w * expected / variance;
                     gains[k].1 += expected * expected / variance;

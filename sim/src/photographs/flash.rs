@@ -203,7 +203,7 @@ impl FlashPhotograph {
         };
         let light = |i: usize| {
             let at = place(i);
-            let point = |[dx, dy]: &[f64; 2]| self.from_point(&orders, &band, &geometry, at, [*dx, *dy]);
+            let point = |[dx, dy]: &[f64; 2]| self.under_point(&orders, &band, &geometry, at, [*dx, *dy]);
             disc.iter().map(point).sum::<f64>() / disc.len() as f64
         };
         let sharp: Vec<f64> = (0..self.width * self.height).into_par_iter().map(light).collect();
@@ -211,7 +211,7 @@ impl FlashPhotograph {
     }
 
     /// Radiance that one point of the flash causes at a place.
-    fn from_point(&self, orders: &Orders, band: &[[f64; 2]], geometry: &Geometry, at: [f64; 2], off: [f64; 2]) -> f64 {
+    fn under_point(&self, orders: &Orders, band: &[[f64; 2]], geometry: &Geometry, at: [f64; 2], off: [f64; 2]) -> f64 {
         let to = |[x, y, z]: [f64; 3]| {
             let d = [x - at[0], y - at[1], z];
             let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
