@@ -1,19 +1,13 @@
-// Results that are pictures rather than maps of orientations: merged exposures, lookup tables, bokeh photographs.
+// Results that are pictures rather than maps of orientations: merged exposures.
 
-import { get, makeDownload, picture, post, show } from "./api.js";
+import { get, makeDownload, picture, show } from "./api.js";
 import { facts, figures, h, panel, say, segments } from "./dom.js";
-import { complain, problemMessage, tell } from "./feedback.js";
-import { bytes, duration, percent, significant } from "./format.js";
-import { tableFields } from "./tableform.js";
+import { complain, problemMessage } from "./feedback.js";
+import { bytes, duration, fixed, percent, significant, words } from "./format.js";
 
-const TITLES = { hdr: "Merged exposures", lut: "Lookup table", bokeh: "Bokeh photograph" };
+const TITLES = { hdr: "Merged exposures" };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
-  "lut.png": "The table under the chosen light, over the half vector from -1 to 1, y up; grey where nothing was measured.",
-  "coverage.png": "How much of each entry was measured: the rest lies outside the photograph, or is saturated there.",
-  "profile.png": "Along the radius: the table's mean over all directions, and its coverage.",
-  "height.png": "Dark is deep: the height under the light, for the eye.",
-  "deconvolved.png": "The photograph with the lens' blur taken out.",
 };
 
 /** Shows the pictures of a finished reconstruction. */
@@ -35,6 +29,7 @@ export async function showPictures(main, job, signal) {
       const { blob } = await picture(`${base}/${encodeURIComponent(name)}`, { signal });
       if (shown !== name) return;
       image.alt = MEANING[name] ?? name;
+      image.classList.toggle("small", report.width < 640);
       show(image, blob);
     } catch (problem) {
       if (problem.name !== "AbortError") well.replaceChildren(problemMessage(problem));
@@ -48,54 +43,38 @@ export async function showPictures(main, job, signal) {
   });
   main.append(
     h("div", { class: "head" }, h("h1", { class: "grow" }, TITLES[job.method] ?? "Result"),
-      job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null,
-      job.reconstruction ? h("a", { class: "button", href: `#/result/${job.reconstruction}` }, "Photograph") : null),
+      job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
     h("div", { class: "columns result" },
       h("section", { class: "panel", "aria-label": "Picture" },
         h("header", {}, pictures.length > 1 ? segments("Picture", pictures.map((p) => [p, label(p)]), shown, change) : h("h2", {}, "Picture")),
         well, meaning, h("p", { class: "row downloads" }, h("span", { class: "soft" }, "Download"), links)),
-      h("div", { class: "stack" },
-        panel("Report", null, reportOf(job.method, report)),
-        next(job))));
+      panel("Report", null, reportOf(report))));
   if (shown) await change(shown);
 }
 
-/** What can be made of it: a table of a merged photograph, or another table of the same photograph. */
-function next(job) {
-  if (job.method !== "hdr" && job.method !== "lut") return null;
-  const fields = tableFields(job.method === "lut" ? job.options ?? {} : {});
-  const source = job.method === "hdr" ? { reconstruction: job.id } : { reconstruction: job.reconstruction, upload: job.upload, file: job.file };
-  const start = h("button", { type: "button", class: "primary", id: "make-table", onclick: async () => {
-    try {
-      const made = await post("/reconstructions", { method: "lut", ...source, options: fields.options() });
-      tell("Computing the table.");
-      location.hash = `#/result/${made.id}`;
-    } catch (problem) {
-      complain(problem);
-    }
-  } }, job.method === "hdr" ? "Make a lookup table" : "Compute again");
-  return panel(job.method === "hdr" ? "Lookup table" : "Light and options", null, fields.element, h("div", { class: "row end" }, start));
-}
-
-const rel = (v) => (v === null || v === undefined ? null : percent(v, 2));
-
-function reportOf(method, report) {
-  const warnings = report.warnings ?? [];
-  const { samples, seconds = {} } = report;
-  const large = {
-    hdr: [["σ of a typical value", rel(report.error_estimate) ?? "unknown"], ["measured range", report.dynamic_range ? `${significant(report.dynamic_range, 3)} : 1` : "none"], ["exposures", String(report.frames?.length ?? "")]],
-  }[method] ?? [["expected error", rel(report.error_estimate) ?? "unknown"]];
-  const flat = Object.entries(report).filter(([key, value]) => !["warnings", "method"].includes(key) && (typeof value !== "object" || value === null));
-  const text = (value) => (typeof value === "number" ? significant(value, 4) : String(value));
+/** Warnings, the figures that count, and the rest as facts. */
+function reportOf(report) {
+  const { samples, seconds = {}, registration, frames = [], warnings = [] } = report;
+  const share = (n) => percent(n / samples.all, 2);
+  const shifted = registration?.corrected && "Moved back onto each other";
   return h("div", { class: "stack" },
     warnings.length
       ? h("ul", { class: "problems" }, warnings.map((w) => h("li", { class: "message", "data-tone": "warn" }, w)))
       : h("p", { class: "message", "data-tone": "good" }, "No warnings."),
-    figures(large),
+    figures([
+      ["σ of a typical value", report.error_estimate === null ? "unknown" : percent(report.error_estimate, 2)],
+      ["measured range", report.dynamic_range === null ? "none" : `${significant(report.dynamic_range)} : 1`],
+      ["exposures", String(frames.length)],
+    ]),
     facts([
-      ...flat.filter(([, value]) => value !== null).map(([key, value]) => [key.replaceAll("_", " ").replace(/^\w/, (c) => c.toUpperCase()), text(value)]),
-      ["Saturated everywhere", samples && percent(samples.saturated / samples.all, 2)],
-      ["Dark everywhere", samples && percent(samples.dark / samples.all, 2)],
+      ["Response", `${words(report.response)}${report.response_sigma === null ? "" : `, known to ${percent(report.response_sigma, 2)}`}`],
+      ["Saturated in all", share(samples.saturated)],
+      ["Dark in all", share(samples.dark)],
+      ["Exposures agree", report.chi2 === null ? "nothing was measured twice" : `reduced χ² ${fixed(report.chi2, 2)}`],
+      ["Noise", words(report.noise)],
+      ["Shifts", shifted || registration?.doubt],
+      ["Times", frames.map((f) => duration(f.exposure)).join(", ")],
+      ["Size", `${report.width} × ${report.height}, ${report.channels.join(" ")}`],
       ["Took", seconds.total && duration(seconds.total)],
     ]));
 }

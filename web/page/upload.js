@@ -1,11 +1,10 @@
-// #/upload: photographs taken elsewhere → a map of their angles, one merged photograph, a lookup table.
+// #/upload: photographs taken elsewhere → a map of their angles, or one merged photograph.
 
 import { post, send } from "./api.js";
 import { field, h, number, panel, say, select } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
 import { optionFields } from "./options.js";
-import { tableFields } from "./tableform.js";
 
 const LIKELY = /\.(png|tiff?|jpe?g|exr)$/i;
 
@@ -25,9 +24,8 @@ export async function uploadPage(main, { signal }) {
   const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
   const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
   let chosen = false;
-  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "Lookup table of one photograph of diffraction"]], "polarization", { id: "method", onchange: paint });
+  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"]], "polarization", { id: "method", onchange: paint });
   const options = optionFields();
-  const table = tableFields();
   const angled = h("div", { class: "stack" }, field("Values", transfer), field("Channel", channel, { hint: "Colour files need one" }), options.element);
   const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
   const problems = h("div", { role: "status", "aria-live": "polite" });
@@ -39,7 +37,7 @@ export async function uploadPage(main, { signal }) {
     h("div", { class: "columns planning" },
       panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, listing))),
       h("div", { class: "stack" },
-        panel("Reconstruction", null, h("div", { class: "stack" }, field("What to make of them", method), angled, about, table.element, problems, progress)))));
+        panel("Reconstruction", null, h("div", { class: "stack" }, field("What to make of them", method), angled, about, problems, progress)))));
 
   paint();
 
@@ -56,7 +54,6 @@ export async function uploadPage(main, { signal }) {
     const polarized = method.value === "polarization";
     angled.hidden = !polarized;
     about.hidden = method.value !== "hdr";
-    table.element.hidden = method.value !== "lut";
     listing.hidden = photographs.length === 0;
     listing.querySelectorAll("th")[2].hidden = !polarized;
     body.replaceChildren(...photographs.map((photograph) => h("tr", {},
@@ -74,9 +71,8 @@ export async function uploadPage(main, { signal }) {
 
   function judge() {
     if (method.value !== "polarization") {
-      const one = method.value === "lut" && photographs.length > 1;
-      problems.replaceChildren(...(one ? [h("ul", { class: "problems" }, h("li", {}, "A table is made of one photograph; remove the others."))] : []));
-      start.disabled = photographs.length === 0 || one;
+      problems.replaceChildren();
+      start.disabled = photographs.length === 0;
       return;
     }
     const unknown = photographs.filter((p) => p.deg === null).length;
@@ -102,7 +98,7 @@ export async function uploadPage(main, { signal }) {
     for (const { file } of photographs) form.append("file", file, file.name);
     try {
       const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
-      const asked = { polarization: () => options.request(), hdr: () => ({ method: "hdr" }), lut: () => ({ method: "lut", file: photographs[0].file.name, options: table.options() }) }[method.value]();
+      const asked = polarized ? options.request() : { method: method.value };
       const job = await post("/reconstructions", { session: null, upload: upload.id, ...asked });
       location.hash = `#/result/${job.id}`;
     } catch (problem) {

@@ -69,7 +69,6 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("sessions.js", SCRIPT),
     row!("stage.js", SCRIPT),
     row!("steps.js", SCRIPT),
-    row!("tableform.js", SCRIPT),
     row!("theme.js", SCRIPT),
     row!("upload.js", SCRIPT),
 ];

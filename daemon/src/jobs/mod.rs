@@ -59,12 +59,6 @@ pub struct Spec {
     /// Which reconstruction. Jobs of earlier versions know one only.
     #[serde(default)]
     pub method: Method,
-    /// An earlier reconstruction whose result is worked on.
-    #[serde(default)]
-    pub reconstruction: Option<String>,
-    /// The photograph in the upload to work on, for methods that take one.
-    #[serde(default)]
-    pub file: Option<String>,
     /// Options of methods other than polarization, as their library takes them.
     #[serde(default)]
     pub options: Option<serde_json::Value>,

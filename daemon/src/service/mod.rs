@@ -268,10 +268,9 @@ pub async fn serve(
 /// What the job queue does.
 fn work(data: PathBuf) -> Work {
     Arc::new(move |spec: &Spec, progress: &dyn Progress| {
-        let input = match (&spec.session, &spec.upload, &spec.reconstruction) {
-            (Some(id), _, _) => data.join("sessions").join(id),
-            (None, Some(id), _) => data.join("uploads").join(id),
-            (None, None, Some(id)) => data.join("reconstructions").join(id),
+        let input = match (&spec.session, &spec.upload) {
+            (Some(id), _) => data.join("sessions").join(id),
+            (None, Some(id)) => data.join("uploads").join(id),
             _ => return Err(Error::input("reconstruction", "names no photographs", "ask again").into()),
         };
         let out = data.join("reconstructions").join(&spec.id);

@@ -24,10 +24,6 @@ pub struct Request {
     session: Option<String>,
     /// Or uploaded photographs.
     upload: Option<String>,
-    /// Or an earlier reconstruction, for methods that go on with its result.
-    reconstruction: Option<String>,
-    /// Which photograph of the upload, for methods that take one.
-    file: Option<String>,
     /// `polarization` (the default) or `hdr`.
     method: Option<Method>,
     /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
@@ -61,8 +57,6 @@ pub struct Reconstruction {
     id: String,
     session: Option<String>,
     upload: Option<String>,
-    /// The reconstruction that it goes on with.
-    reconstruction: Option<String>,
     method: Method,
     /// Its options, for methods other than polarization.
     #[schema(value_type = Option<Object>)]
@@ -140,10 +134,9 @@ impl App {
     /// # Errors
     /// `not-found` when the job names none.
     pub fn input_of(&self, spec: &Spec) -> Answer<PathBuf> {
-        match (&spec.session, &spec.upload, &spec.reconstruction) {
-            (Some(id), _, _) => self.session_folder(id),
-            (None, Some(id), _) => Ok(self.upload_folder(id)?),
-            (None, None, Some(id)) => Ok(self.result_folder(id)),
+        match (&spec.session, &spec.upload) {
+            (Some(id), _) => self.session_folder(id),
+            (None, Some(id)) => Ok(self.upload_folder(id)?),
             _ => Err(Problem::not_found("input")),
         }
     }
@@ -155,7 +148,6 @@ impl App {
             id: job.id,
             session: job.session,
             upload: job.upload,
-            reconstruction: job.spec.reconstruction,
             method: job.spec.method,
             options: job.spec.options,
             state: job.state,
@@ -176,7 +168,6 @@ impl App {
             id: id.to_owned(),
             session: Some(id.to_owned()),
             upload: None,
-            reconstruction: None,
             method: crate::session::SessionFile::read(&folder).map_or(Method::Polarization, |f| method_of(&f.plan)),
             options: None,
             state: JobState::Done,
@@ -201,10 +192,10 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         return Err(Problem::bad(format!("model: {problem}")));
     }
     let offset_deg = body.offset_deg.unwrap_or(0.0);
-    if [&body.session, &body.upload, &body.reconstruction].iter().filter(|id| id.is_some()).count() != 1 {
-        return Err(Problem::bad("give either a session, an upload or a reconstruction"));
+    if body.session.is_some() == body.upload.is_some() {
+        return Err(Problem::bad("give either a session or an upload"));
     }
-    for id in body.session.iter().chain(&body.upload).chain(&body.reconstruction) {
+    for id in body.session.iter().chain(&body.upload) {
         super::check_id(id)?;
     }
     let key = App::key("reconstruction", &headers);
@@ -217,8 +208,6 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         method: body.method.unwrap_or_default(),
         session: body.session,
         upload: body.upload,
-        reconstruction: body.reconstruction,
-        file: body.file,
         options: body.options,
         model,
         oblique: body.oblique.unwrap_or_default(),
@@ -247,18 +236,14 @@ fn check(spec: &Spec, input: &std::path::Path) -> Answer<()> {
     match spec.method {
         Method::Polarization => {
             whole()?;
-            if spec.options.is_some() || spec.reconstruction.is_some() || spec.file.is_some() {
-                let said = "options, reconstruction and file do not belong to the method polarization";
-                return Err(Problem::bad(said));
+            if spec.options.is_some() {
+                return Err(Problem::bad("options do not belong to the method polarization, which has its own"));
             }
             Ok(spec.options(Model::Auto).check(&load(input)?).map(drop)?)
         }
         Method::Hdr => {
             if spec.session.is_some() {
                 whole()?;
-            }
-            if spec.reconstruction.is_some() || spec.file.is_some() {
-                return Err(Problem::bad("reconstruction and file do not belong to the method hdr"));
             }
             spec.options_of::<hdr::Options>()?;
             Ok(())

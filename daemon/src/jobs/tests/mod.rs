@@ -34,8 +34,6 @@ fn spec(model: &str) -> Spec {
         session: Some("s1".into()),
         upload: None,
         method: Method::Polarization,
-        reconstruction: None,
-        file: None,
         options: None,
         model: model.into(),
         oblique: Oblique::Auto,
