@@ -134,9 +134,10 @@ fn a_session_works_its_bracket_out_and_merges_it() {
 
 #[test]
 fn the_service_captures_and_merges_brackets() {
-    let place = Place::with_bench("", BENCH);
+    let place = Place::new("");
     let service = Service::start(&place, &[]);
-    let plan = json!({ "plan": { "kind": "flash", "bracket": { "at_most": 3 }, "reconstruct": { "method": "hdr" } } });
+    let plan =
+        json!({ "plan": { "kind": "exposures", "bracket": { "at_most": 3 }, "reconstruct": { "method": "hdr" } } });
     let id = begin(&service, &plan);
     finished(&service, &id);
     let own = service.get(&format!("/api/v1/reconstructions/{id}")).expect(200).json();
