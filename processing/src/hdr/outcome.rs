@@ -90,11 +90,10 @@ impl Outcome {
             all.push(format!("{unseen:.0} % of the response is a guess: no well exposed pixel has those values"));
         }
         for f in &report.frames {
-            if let Some([gain, sigma]) = f.gain.filter(|[g, s]| (g - 1.0).abs() > GAIN_OFF.max(5.0 * s)) {
+            if let Some([gain, _]) = f.gain.filter(|[g, s]| (g - 1.0).abs() > GAIN_OFF.max(5.0 * s)) {
                 let (off, word) = (100.0 * (gain - 1.0).abs(), if gain > 1.0 { "brighter" } else { "darker" });
-                let known = if sigma.is_finite() { "" } else { " or so" };
                 all.push(format!(
-                    "{} is {off:.1} %{known} {word} than its exposure time says: the time is rounded, the light changed, or the \
+                    "{} is {off:.1} % {word} than its exposure time says: the time is rounded, the light changed, or the \
                      response is another",
                     f.file
                 ));
