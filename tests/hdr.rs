@@ -49,7 +49,8 @@ fn a_bracket_is_merged_and_nothing_is_overwritten_unasked() {
     for x in [10, 100, 200, 250] {
         let truth = 0.2 * 1000_f64.powf(x as f64 / 255.0);
         let found = f64::from(merged.channels["Y"][256 * 20 + x]);
-        assert!((found / truth - 1.0).abs() < 0.04, "{x}: {found} {truth}");
+        // Half a code where the best exposure is at a tenth of white: 2.2 · 0.5 / 90 and a little.
+        assert!((found / truth - 1.0).abs() < 0.014, "{x}: {found} {truth}");
     }
     for name in ["variance.exr", "flags.exr", "hdr.png", "report.json"] {
         assert!(out.join(name).is_file(), "{name}");
@@ -125,7 +126,7 @@ fn a_session_works_its_bracket_out_and_merges_it() {
     assert!(exposures.windows(2).all(|w| (w[1] / w[0] - 4.0).abs() < 1e-6), "{exposures:?}");
     // The exposures agree, as far as the bench's noise says.
     let chi2 = taken["report"]["chi2"].as_f64().unwrap();
-    assert!((0.5..1.5).contains(&chi2), "{chi2}");
+    assert!((0.8..1.25).contains(&chi2), "{chi2}");
     let share =
         taken["report"]["samples"]["saturated"].as_f64().unwrap() / taken["report"]["samples"]["all"].as_f64().unwrap();
     assert!(share < 0.01, "{share}");

@@ -5,7 +5,7 @@ use crate::console::Console;
 use clap::ValueEnum;
 use nacre_processing::Error;
 use nacre_processing::frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
-use nacre_processing::image::{EXTENSIONS, OutputFolder, exposure, write_whole};
+use nacre_processing::image::{OutputFolder, exposure, photographs, write_whole};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `nacre import`.
@@ -125,25 +125,6 @@ pub fn from_names(folder: &Path, green: bool) -> Result<String, Error> {
     };
     let set = describe(&args, &photographs(folder)?)?;
     Ok(save(&check(folder.join(FILE_NAME), set)?.set))
-}
-
-/// Names of the photographs in a folder, sorted.
-fn photographs(folder: &Path) -> Result<Vec<PathBuf>, Error> {
-    const LIMIT: usize = 100_000;
-    let bad =
-        |problem: String| Error::file(folder, problem, format!("give a folder with {} files", EXTENSIONS.join(", ")));
-    let entries = std::fs::read_dir(folder).map_err(|e| bad(format!("cannot be read: {e}")))?;
-    let mut files: Vec<PathBuf> = entries
-        .flatten()
-        .map(|entry| PathBuf::from(entry.file_name()))
-        .filter(|name| {
-            let extension = name.extension().map(|e| e.to_string_lossy().to_lowercase());
-            extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) && !name.to_string_lossy().starts_with('.')
-        })
-        .take(LIMIT)
-        .collect();
-    files.sort();
-    if files.is_empty() { Err(bad("holds no photograph".into())) } else { Ok(files) }
 }
 
 fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {

@@ -49,7 +49,7 @@ pub async fn metered(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress
     Ok(Metered { exposure, bracket_ms })
 }
 
-/// Exposures from the longest in which nothing saturates on, as long as there is something to be gained.
+/// Exposures from the shortest on, in which next to nothing saturates, as long as there is something to be gained.
 async fn bracket(
     hands: &mut Hands<'_>,
     plan: &Plan,

@@ -19,6 +19,7 @@ mod tests;
 mod worker;
 
 use crate::Failure;
+use crate::plan::Method;
 use live::Live;
 use nacre_processing::Error;
 use nacre_processing::polarimetry::{Align, Model, Oblique, Options, PeriodMethod, Smoothing};
@@ -39,17 +40,6 @@ pub const MAX_ATTEMPTS: u32 = 3;
 pub const MAX_LOG: usize = 64 * 1024;
 /// Changes that a slow receiver may fall behind.
 const CHANGES: usize = 256;
-
-/// Which reconstruction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    /// Orientations from photographs behind an analyser.
-    #[default]
-    Polarization,
-    /// One photograph of high dynamic range from several exposures.
-    Hdr,
-}
 
 /// What a job is to do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

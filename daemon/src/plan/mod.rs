@@ -62,8 +62,8 @@ pub struct Plan {
     pub reconstruct: Option<ReconstructPlan>,
 }
 
-/// A bracket of exposures: from the longest in which nothing saturates, in even steps, to one in which the darkest hundredth of
-/// the pixels is well above black, or the longest that camera and flash allow.
+/// A bracket of exposures: from the longest in which all but the brightest thousandth of the pixels stay below white, in even
+/// steps, to one in which the darkest hundredth is well above black, or the longest that camera and flash allow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BracketPlan {
@@ -93,13 +93,14 @@ pub struct ReconstructPlan {
     pub oblique: Oblique,
 }
 
-/// Reconstructions that can follow a capture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+/// Which reconstruction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Orientations from the analyser's turn.
+    /// Orientations from photographs behind an analyser.
+    #[default]
     Polarization,
-    /// One photograph of high dynamic range, for kinds exposures and flash.
+    /// One photograph of high dynamic range from several exposures, for kinds exposures and flash.
     Hdr,
 }
 

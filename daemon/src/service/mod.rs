@@ -26,8 +26,9 @@ pub mod uploads;
 
 use crate::Failure;
 use crate::catalogue::{Catalogue, SessionRow};
-use crate::jobs::{Jobs, Method, Spec, Work};
+use crate::jobs::{Jobs, Spec, Work};
 use crate::plan::Limits;
+use crate::plan::Method;
 use crate::rig::Place;
 use crate::session::{SESSION_FILE, sha256};
 use axum::Json;

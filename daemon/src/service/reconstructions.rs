@@ -2,7 +2,8 @@
 
 use super::problem::{Answer, Kind, Problem};
 use super::{App, At, Body, Params, blocking, events};
-use crate::jobs::{Job, JobState, Method, Spec};
+use crate::jobs::{Job, JobState, Spec};
+use crate::plan::Method;
 use crate::session::SESSION_FILE;
 use axum::Json;
 use axum::extract::State;
@@ -164,18 +165,19 @@ impl App {
     fn own_results(&self, id: &str) -> Answer<Option<Reconstruction>> {
         let folder = self.session_folder(id)?;
         let Ok(bytes) = std::fs::read(folder.join("results/report.json")) else { return Ok(None) };
+        let session = crate::session::SessionFile::read(&folder).ok();
         Ok(Some(Reconstruction {
             id: id.to_owned(),
             session: Some(id.to_owned()),
             upload: None,
-            method: crate::session::SessionFile::read(&folder).map_or(Method::Polarization, |f| method_of(&f.plan)),
+            method: session.as_ref().and_then(|f| f.plan.reconstruct).map(|r| r.method).unwrap_or_default(),
             options: None,
             state: JobState::Done,
             attempts: 1,
             progress: 1.0,
             stage: "done".into(),
             error: None,
-            created: crate::session::SessionFile::read(&folder).map_or(0, |f| f.created),
+            created: session.map_or(0, |f| f.created),
             report: serde_json::from_slice(&bytes).ok(),
         }))
     }
@@ -246,16 +248,8 @@ fn check(spec: &Spec, input: &std::path::Path) -> Answer<()> {
                 whole()?;
             }
             spec.options_of::<hdr::Options>()?;
-            Ok(())
+            Ok(hdr::check_input(input)?)
         }
-    }
-}
-
-/// What a session's own results are of.
-fn method_of(plan: &crate::plan::Plan) -> Method {
-    match plan.reconstruct.map(|r| r.method) {
-        Some(crate::plan::Method::Hdr) => Method::Hdr,
-        _ => Method::Polarization,
     }
 }
 

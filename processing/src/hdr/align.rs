@@ -2,26 +2,7 @@
 
 use super::coding::{Coding, Entry, SATURATED};
 use super::merge::{Exposed, Sums, entries};
-use crate::image::registration::{Registrar, Registration, Resampler};
-use serde::Serialize;
-
-/// Root mean square shift in pixels from which moving gains more at edges than it costs, and how many standard deviations it
-/// must have.
-const WORTH_PX: f64 = 0.05;
-const WORTH_SIGMA: f64 = 3.0;
-
-/// Shifts of the exposures.
-#[derive(Clone, Debug, Serialize)]
-pub struct Shifts {
-    /// Where each exposure's content lies against the mean of all, in pixels right and down; empty when it cannot be told.
-    pub shifts_px: Vec<[f64; 2]>,
-    /// Largest standard deviation of a shift.
-    pub sigma_px: Option<f64>,
-    /// The exposures were moved back: the shifts are worth it.
-    pub corrected: bool,
-    /// Why shifts cannot be told.
-    pub doubt: Option<String>,
-}
+use crate::image::registration::{Alignment, Registrar, Resampler};
 
 /// Shifts of exposures as they are taken in.
 pub(super) struct Aligner {
@@ -51,23 +32,8 @@ impl Aligner {
     }
 
     /// What the shifts are.
-    pub(super) fn shifts(&self) -> Shifts {
-        match self.registrar.still() {
-            Registration::Told(shifts) => {
-                let sigma = shifts.iter().map(|s| s.sigma).fold(0.0, f64::max);
-                let square = shifts.iter().map(|s| s.dx * s.dx + s.dy * s.dy).sum::<f64>();
-                let rms = (square / shifts.len().max(1) as f64).sqrt();
-                Shifts {
-                    shifts_px: shifts.iter().map(|s| [s.dx, s.dy]).collect(),
-                    sigma_px: Some(sigma),
-                    corrected: rms > WORTH_PX && rms > WORTH_SIGMA * sigma,
-                    doubt: None,
-                }
-            }
-            Registration::CannotTell(doubt) => {
-                Shifts { shifts_px: vec![], sigma_px: None, corrected: false, doubt: Some(doubt.to_string()) }
-            }
-        }
+    pub(super) fn shifts(&self) -> Alignment {
+        self.registrar.still().into()
     }
 }
 

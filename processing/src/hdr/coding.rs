@@ -3,14 +3,7 @@
 use super::response::Response;
 use crate::frames::{Frame, LoadedFrames, Transfer};
 use crate::image::Depth;
-use crate::polarimetry::NoiseModel;
-
-/// An exposure this many standard deviations below white counts as saturated where there is a shorter one: noise that is
-/// clipped on one side only would draw the mean down.
-const BELOW_WHITE_SIGMA: f64 = 5.0;
-
-/// Stands in when nothing is known of the camera: a small sensor.
-const ASSUMED: NoiseModel = NoiseModel { full_scale_e: 5000.0, read_noise_e: 10.0 };
+use crate::polarimetry::{ASSUMED, BELOW_WHITE_SIGMA, NoiseModel};
 
 /// From values to light.
 #[derive(Clone, Debug)]
@@ -28,6 +21,8 @@ pub(super) struct Coding {
     white: f64,
     depth: Depth,
     noise: NoiseModel,
+    /// What the noise model's variances are multiplied by: those of an assumed camera are calibrated.
+    pub noise_factor: f64,
     /// `1/(exposure · gain)` of the shortest exposure.
     shortest: f64,
 }
@@ -47,6 +42,11 @@ pub(super) struct Scatter {
 }
 
 impl Scatter {
+    /// Scatter of so many times the variance.
+    pub(super) fn times(self, factor: f32) -> Self {
+        Self { shot: self.shot * factor, floor: (self.floor * factor).max(f32::MIN_POSITIVE) }
+    }
+
     /// Inverse variance of a value where there is so much light.
     #[inline(always)]
     pub(super) fn weight(self, light: f32, rounding: f32) -> f32 {
@@ -63,6 +63,7 @@ impl Coding {
             white: set.white.unwrap_or(frames.info.depth.full_scale().into()),
             depth: frames.info.depth,
             noise: set.noise.unwrap_or(ASSUMED),
+            noise_factor: 1.0,
             shortest: set.frames.iter().map(Frame::scale).fold(0.0, f64::max),
         }
     }
@@ -106,14 +107,17 @@ impl Coding {
             return false;
         }
         let top = self.light(channel, self.white);
-        let noise = self.noise.frame(frame.gain.unwrap_or(1.0), 1.0, self.step(channel, self.white - 1.0));
-        self.light(channel, value) > top - BELOW_WHITE_SIGMA * (noise.shot * top + noise.floor).sqrt()
+        let noise = self.noise.frame(frame.gain.unwrap_or(1.0), 1.0, 0.0);
+        let rounding = self.step(channel, self.white - 1.0).powi(2) / 12.0;
+        let variance = self.noise_factor * (noise.shot * top + noise.floor) + rounding;
+        self.light(channel, value) > top - BELOW_WHITE_SIGMA * variance.sqrt()
     }
 
     /// How the light of this exposure scatters.
     pub(super) fn scatter(&self, frame: &Frame) -> Scatter {
         let noise = self.noise.frame(frame.gain.unwrap_or(1.0), frame.scale(), 0.0);
-        Scatter { shot: noise.shot as f32, floor: (noise.floor as f32).max(f32::MIN_POSITIVE) }
+        let [shot, floor] = [noise.shot, noise.floor].map(|v| (self.noise_factor * v) as f32);
+        Scatter { shot, floor: floor.max(f32::MIN_POSITIVE) }
     }
 
     /// Light of a value of this exposure.

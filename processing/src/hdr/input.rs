@@ -1,12 +1,17 @@
 //! What is merged: a `frames.json`, or a folder of photographs whose times are in their tags.
 
 use crate::frames::{FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, load};
-use crate::image::{Depth, EXTENSIONS, exposure};
+use crate::image::{Depth, exposure, photographs};
 use crate::{Error, Result};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Most photographs of a folder.
-const MAX_FILES: usize = 10_000;
+/// Whether there is something to merge, without a look at any pixel.
+///
+/// # Errors
+/// As [`reconstruct`](super::reconstruct) for what is no bracket.
+pub fn check_input(input: &Path) -> Result<()> {
+    bracket(input).map(drop)
+}
 
 /// Reads and checks what is to be merged.
 ///
@@ -14,7 +19,7 @@ const MAX_FILES: usize = 10_000;
 /// `Input` for anything that is not one view in several exposures.
 pub(super) fn bracket(input: &Path) -> Result<LoadedFrames> {
     let bare = input.is_dir() && !input.join(FILE_NAME).exists();
-    let frames = if bare { photographs(input)? } else { load(input)? };
+    let frames = if bare { tagged(input)? } else { load(input)? };
     let set = &frames.set;
     let refuse = |problem: &str, remedy: &str| Err(Error::file(&frames.path, problem, remedy));
     if set.kind == Kind::DivisionOfFocalPlane {
@@ -28,20 +33,10 @@ pub(super) fn bracket(input: &Path) -> Result<LoadedFrames> {
     Ok(frames)
 }
 
-/// A folder without a `frames.json`.
-fn photographs(folder: &Path) -> Result<LoadedFrames> {
-    let bad = |problem: String| {
-        Error::file(folder, problem, "give a session, or a folder of photographs in several exposures")
-    };
-    let entries = std::fs::read_dir(folder).map_err(|e| bad(format!("cannot be read: {e}")))?;
-    let names = entries.flatten().map(|e| PathBuf::from(e.file_name())).filter(|name| {
-        let extension = name.extension().map(|e| e.to_string_lossy().to_lowercase());
-        extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) && !name.to_string_lossy().starts_with('.')
-    });
-    let mut files: Vec<PathBuf> = names.take(MAX_FILES).collect();
-    files.sort();
-    let mut frames = Vec::with_capacity(files.len());
-    for file in files {
+/// A folder without a `frames.json`, whose photographs say their exposure times.
+fn tagged(folder: &Path) -> Result<LoadedFrames> {
+    let mut frames = vec![];
+    for file in photographs(folder)? {
         let path = folder.join(&file);
         let tags = exposure(&path);
         let Some(seconds) = tags.and_then(|t| t.seconds) else {

@@ -3,7 +3,7 @@
 use super::coding::{Coding, Curve};
 use super::merge::{Exposed, Sums};
 use crate::frames::{FrameSet, planned};
-use crate::image::{Depth, Info, Raster, Samples};
+use crate::image::Raster;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::path::Path;
@@ -23,18 +23,10 @@ pub struct Merged {
 /// # Errors
 /// `Input` for a set that makes no sense, or rasters that do not belong together.
 pub fn merge(set: FrameSet, rasters: Vec<Raster>) -> Result<Merged> {
-    let info = |r: &Raster| {
-        let depth = match r.samples {
-            Samples::U8(_) => Depth::U8,
-            Samples::U16(_) => Depth::U16,
-            Samples::F32(_) => Depth::F32,
-        };
-        Info { width: r.width, height: r.height, channels: r.channels, depth }
-    };
     let bad =
         |problem: &str| Error::input("photographs", problem, "give one raster per frame, all of one size and depth");
-    let first = rasters.first().map(info).ok_or_else(|| bad("there are none"))?;
-    if rasters.len() != set.frames.len() || rasters.iter().any(|r| info(r) != first) {
+    let first = rasters.first().map(Raster::info).ok_or_else(|| bad("there are none"))?;
+    if rasters.len() != set.frames.len() || rasters.iter().any(|r| r.info() != first) {
         return Err(bad("do not belong together"));
     }
     let transfer = set.transfer;

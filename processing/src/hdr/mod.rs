@@ -2,8 +2,8 @@
 //!
 //! Every exposure says `light = response(value) / (exposure · gain)` with a variance that its noise gives it: shot and read
 //! noise of the sensor, and rounding to codes, which a curved response makes larger where it is steep. The merged light is
-//! their mean weighted by the inverse variances, over those that are not saturated (2018 paper, section 7; Debevec and
-//! Malik 1997 weight by a hat over the codes instead, which throws half of the light away).
+//! their mean weighted by the inverse variances, over those that are not saturated; Debevec and Malik (1997) weight by a hat
+//! over the codes instead.
 //!
 //! A response that is not known is recovered from the bracket itself, as Debevec and Malik do, but with each value weighted
 //! by what it is worth, and with smoothness that costs a power law nothing.
@@ -23,6 +23,7 @@ mod sample;
 #[cfg(test)]
 mod tests;
 
+pub use input::check_input;
 pub use memory::{Merged, merge};
 pub use reconstruct::{Options, ResponseChoice, reconstruct};
 pub use report::{FrameReport, Report};

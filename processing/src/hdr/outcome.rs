@@ -1,12 +1,12 @@
 //! What a merge found out, and what of it the reader must know.
 
-use super::align::Shifts;
 use super::coding::Coding;
 use super::merge::Sums;
 use super::output::Numbers;
 use super::report::{FrameReport, Report, Seconds};
 use super::sample::Agreement;
 use crate::frames::{Frame, LoadedFrames};
+use crate::image::registration::Alignment;
 
 /// A recovered response less certain than this is warned of, and one with fewer of its codes seen.
 const CERTAIN: f64 = 0.02;
@@ -22,21 +22,14 @@ pub(super) struct Outcome {
     pub response: String,
     pub response_sigma: Option<f64>,
     pub seen: Option<f64>,
-    pub shifts: Option<Shifts>,
+    pub shifts: Option<Alignment>,
     pub agreement: Option<Agreement>,
     pub noise_given: bool,
+    /// What the assumed camera's noise was calibrated by.
+    pub noise_factor: Option<f64>,
 }
 
 impl Outcome {
-    fn chi2(&self) -> Option<f64> {
-        self.agreement.as_ref().and_then(|a| a.chi2)
-    }
-
-    /// What variances are multiplied by.
-    pub(super) fn factor(&self) -> f32 {
-        if self.noise_given { 1.0 } else { self.chi2().map_or(1.0, |c| c.max(1e-6) as f32) }
-    }
-
     pub(super) fn report(&self, frames: &LoadedFrames, channels: &[&'static str], numbers: Numbers) -> Report {
         let (set, info) = (&frames.set, frames.info);
         let gain = |k: usize| self.agreement.as_ref().and_then(|a| a.gains[k]);
@@ -57,12 +50,13 @@ impl Outcome {
             dynamic_range: numbers.range,
             samples: numbers.samples,
             error_estimate: numbers.sigma,
-            chi2: self.chi2(),
-            noise: match (self.noise_given, self.chi2()) {
+            chi2: self.agreement.as_ref().and_then(|a| a.chi2),
+            noise: match (self.noise_given, self.noise_factor) {
                 (true, _) => "given",
                 (false, Some(_)) => "estimated",
                 (false, None) => "assumed",
             },
+            noise_factor: self.noise_factor,
             registration: self.shifts.clone(),
             seconds: Seconds::default(),
         };

@@ -24,8 +24,6 @@ pub(super) struct Merged<'a> {
     pub sums: &'a Sums,
     pub width: usize,
     pub height: usize,
-    /// Factor of the variances.
-    pub factor: f32,
 }
 
 /// Numbers about merged light.
@@ -46,7 +44,6 @@ impl Merged<'_> {
         match self.sums.at(pixel, channel) {
             None => [f32::NAN, f32::NAN, SATURATED],
             Some([light, variance]) => {
-                let variance = variance * self.factor;
                 let dark = light < DARK_SIGMA * variance.sqrt();
                 [light, variance, if dark { DARK } else { 0.0 }]
             }

@@ -1,6 +1,6 @@
 //! The whole job: a bracket to one photograph, its variance and a report in a new folder.
 
-use super::align::{Aligner, Shifts, add_moved};
+use super::align::{Aligner, add_moved};
 use super::coding::{Coding, Curve};
 use super::input::bracket;
 use super::merge::{Exposed, Sums};
@@ -9,10 +9,10 @@ use super::output::Merged;
 use super::recover::{recover, response};
 use super::report::{Report, Seconds};
 use super::response::Response;
-use super::sample::Sample;
+use super::sample::{Agreement, Sample};
 use crate::frames::{Frame, LoadedFrames, Transfer};
+use crate::image::registration::{Align, Alignment};
 use crate::image::{Depth, OutputFolder, Raster, read};
-use crate::polarimetry::Align;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -88,7 +88,7 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     let merge_s = begun.elapsed().as_secs_f64() - look_s;
     progress.stage("writing", 1);
     let info = bracket.frames.info;
-    let maps = Merged { sums: &merged.sums, width: info.width, height: info.height, factor: merged.factor() };
+    let maps = Merged { sums: &merged.sums, width: info.width, height: info.height };
     let mut report = merged.report(&bracket.frames, maps.names(), maps.numbers());
     maps.write(&folder)?;
     progress.check()?;
@@ -122,16 +122,12 @@ impl Bracket {
 
     /// Decodes an exposure.
     fn raster(&self, name: &Path) -> Result<Raster> {
-        let (path, info) = (self.frames.file(name), self.frames.info);
+        let path = self.frames.file(name);
         let raster = read(&path)?;
-        if (raster.width, raster.height, raster.channels) == (info.width, info.height, info.channels) {
+        if raster.info() == self.frames.info {
             return Ok(raster);
         }
         Err(Error::file(&path, "has changed while it was read", "try again once nobody writes to it"))
-    }
-
-    fn dark<'a>(&'a self, frame: &'a Frame) -> Option<&'a PathBuf> {
-        frame.dark.as_ref().or(self.frames.set.dark.as_ref())
     }
 
     /// Light of every merged sample of a photograph.
@@ -155,59 +151,113 @@ impl Bracket {
 /// What is known before anything is merged.
 struct Looked {
     coding: Coding,
+    /// What the response is called.
     response: String,
+    /// Of a recovered response: its standard deviation, and which part of its codes was seen.
     response_sigma: Option<f64>,
     seen: Option<f64>,
-    shifts: Option<Shifts>,
+    shifts: Option<Alignment>,
+    noise_factor: Option<f64>,
     sample: Sample,
     /// Decoded exposures that were kept, by their position.
     kept: Vec<Option<Raster>>,
 }
 
-fn look(bracket: &Bracket, options: &Options, progress: &dyn Progress) -> Result<Looked> {
-    let frames = &bracket.frames;
-    let (set, info, count) = (&frames.set, frames.info, frames.set.frames.len());
-    let stated = |transfer| Coding::new(frames, Curve::Stated(transfer));
-    let coding = match &options.response {
-        ResponseChoice::Linear => Some((stated(Transfer::Linear), "linear".to_owned())),
+impl Looked {
+    /// With a response that is known.
+    fn known(coding: Coding, response: String, sample: Sample, kept: Vec<Option<Raster>>) -> Self {
+        Self { coding, response, response_sigma: None, seen: None, shifts: None, noise_factor: None, sample, kept }
+    }
+
+    /// Shifts of exposures that are to be moved back.
+    fn moved(&self) -> Option<&Vec<[f64; 2]>> {
+        self.shifts.as_ref().filter(|s| s.corrected).map(|s| &s.shifts_px)
+    }
+}
+
+/// Coding and name of a response that is known before any photograph is.
+fn known_response(frames: &LoadedFrames, choice: &ResponseChoice) -> Result<Option<(Coding, String)>> {
+    let stated = |transfer| Some((Coding::new(frames, Curve::Stated(transfer)), name_of(transfer)));
+    Ok(match choice {
+        ResponseChoice::Linear => stated(Transfer::Linear),
+        ResponseChoice::Stated if frames.set.transfer != Transfer::Recover => stated(frames.set.transfer),
         ResponseChoice::File(path) => {
             Some((Coding::new(frames, Curve::Measured(Response::read(path)?)), path.display().to_string()))
         }
-        ResponseChoice::Stated if set.transfer != Transfer::Recover => {
-            Some((stated(set.transfer), name_of(set.transfer)))
+        ResponseChoice::Stated | ResponseChoice::Recover if frames.info.depth == Depth::F32 => {
+            let problem = "floating-point values have no code to recover a response for";
+            return Err(Error::file(&frames.path, problem, "use --response linear"));
         }
-        _ => None,
-    };
-    if coding.is_none() && info.depth == Depth::F32 {
-        let problem = "floating-point values have no code to recover a response for";
-        return Err(Error::file(&frames.path, problem, "use --response linear"));
-    }
+        ResponseChoice::Stated | ResponseChoice::Recover => None,
+    })
+}
+
+/// Finds out what nobody has told: response, shifts and noise. Photographs are only looked at where something of it is wanted.
+fn look(bracket: &Bracket, options: &Options, progress: &dyn Progress) -> Result<Looked> {
+    let frames = &bracket.frames;
+    let (set, info, count) = (&frames.set, frames.info, frames.set.frames.len());
+    let response = known_response(frames, &options.response)?;
+    let aligns = options.align == Align::Auto && count > 1;
+    let calibrates = set.noise.is_none() && count > 1;
     let mut sample = Sample::new(info.width, info.height, &bracket.channels, count);
     let mut kept: Vec<Option<Raster>> = (0..count).map(|_| None).collect();
-    let aligns = options.align == Align::Auto && count > 1;
-    if coding.is_some() && !aligns {
-        let (coding, response) = coding.unwrap_or_else(|| (stated(Transfer::Linear), String::new()));
-        return Ok(Looked { coding, response, response_sigma: None, seen: None, shifts: None, sample, kept });
-    }
-    progress.stage("looking at the exposures", count as u64);
-    let bytes = info.width * info.height * info.channels * if info.depth == Depth::U8 { 1 } else { 2 };
-    for (k, frame) in set.frames.iter().enumerate() {
-        progress.check()?;
-        let raster = bracket.raster(&frame.file)?;
-        sample.put(k, &raster);
-        kept[k] = ((k + 1) * bytes <= KEPT).then_some(raster);
-        progress.step();
-    }
-    let mut looked = match coding {
-        Some((coding, response)) => {
-            Looked { coding, response, response_sigma: None, seen: None, shifts: None, sample, kept }
+    if response.is_none() || aligns || calibrates {
+        progress.stage("looking at the exposures", count as u64);
+        let bytes = info.width * info.height * info.channels * info.depth.bytes();
+        for (k, frame) in set.frames.iter().enumerate() {
+            progress.check()?;
+            let raster = bracket.raster(&frame.file)?;
+            sample.put(k, &raster);
+            kept[k] = ((k + 1) * bytes <= KEPT).then_some(raster);
+            progress.step();
         }
+    }
+    let mut looked = match response {
+        Some((coding, name)) => Looked::known(coding, name, sample, kept),
         None => recovered(bracket, sample, kept)?,
     };
     if aligns {
         looked.shifts = Some(shifts(bracket, &looked, progress)?);
     }
+    // Exposures that were moved do not lie where the sample was taken.
+    if calibrates && looked.moved().is_none() {
+        put_darks(bracket, &looked.coding, &mut looked.sample)?;
+        looked.noise_factor = looked.sample.comparison(&looked.coding, &set.frames).noise_factor();
+        looked.coding.noise_factor = looked.noise_factor.unwrap_or(1.0);
+    }
     Ok(looked)
+}
+
+/// What the camera shows without light where the sample is.
+fn put_darks(bracket: &Bracket, coding: &Coding, sample: &mut Sample) -> Result<()> {
+    let mut darks = Darks::default();
+    for (k, frame) in bracket.frames.set.frames.iter().enumerate() {
+        sample.put_dark(k, darks.of(bracket, coding, frame)?);
+    }
+    Ok(())
+}
+
+/// Light of dark photographs; the last one is kept, since exposures often share one.
+#[derive(Default)]
+struct Darks(Option<(PathBuf, Vec<f32>)>);
+
+impl Darks {
+    /// In light of one value, of every merged sample; empty for none.
+    fn of(&mut self, bracket: &Bracket, coding: &Coding, frame: &Frame) -> Result<&[f32]> {
+        let Some(name) = frame.dark.as_ref().or(bracket.frames.set.dark.as_ref()) else { return Ok(&[]) };
+        let plane = match self.0.take() {
+            Some((known, plane)) if known == *name => plane,
+            _ => bracket.plane(coding, name)?,
+        };
+        Ok(&self.0.insert((name.clone(), plane)).1)
+    }
+}
+
+/// Positions of the exposures, longest first.
+fn longest_first(frames: &[Frame]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..frames.len()).collect();
+    order.sort_by(|a, b| frames[*a].scale().total_cmp(&frames[*b].scale()));
+    order
 }
 
 fn name_of(transfer: Transfer) -> String {
@@ -233,22 +283,15 @@ fn recovered(bracket: &Bracket, sample: Sample, kept: Vec<Option<Raster>>) -> Re
     let channels = channels.map_err(|problem| Error::file(&frames.path, problem, remedy))?;
     let sigma = channels.iter().map(|c| c.sigma).fold(0.0, f64::max);
     let seen = channels.iter().map(|c| c.seen).fold(1.0, f64::min);
-    Ok(Looked {
-        coding: Coding::new(frames, Curve::Measured(response(&channels))),
-        response: "recovered".into(),
-        response_sigma: Some(sigma),
-        seen: Some(seen),
-        shifts: None,
-        sample,
-        kept,
-    })
+    let coding = Coding::new(frames, Curve::Measured(response(&channels)));
+    let known = Looked::known(coding, name_of(Transfer::Recover), sample, kept);
+    Ok(Looked { response_sigma: Some(sigma), seen: Some(seen), ..known })
 }
 
 /// How the exposures lie over each other. The one in the middle decides where to look.
-fn shifts(bracket: &Bracket, looked: &Looked, progress: &dyn Progress) -> Result<Shifts> {
+fn shifts(bracket: &Bracket, looked: &Looked, progress: &dyn Progress) -> Result<Alignment> {
     let (frames, info) = (&bracket.frames.set.frames, bracket.frames.info);
-    let mut order: Vec<usize> = (0..frames.len()).collect();
-    order.sort_by(|a, b| frames[*a].scale().total_cmp(&frames[*b].scale()));
+    let mut order = longest_first(frames);
     let middle = order[order.len() / 2];
     order.retain(|k| *k != middle);
     order.insert(0, middle);
@@ -269,20 +312,17 @@ fn shifts(bracket: &Bracket, looked: &Looked, progress: &dyn Progress) -> Result
     Ok(shifts)
 }
 
-fn merge(bracket: &Bracket, looked: Looked, progress: &dyn Progress) -> Result<Outcome> {
-    let Looked { coding, response, response_sigma, seen, shifts, mut sample, mut kept } = looked;
+fn merge(bracket: &Bracket, mut looked: Looked, progress: &dyn Progress) -> Result<Outcome> {
     let (frames, info) = (&bracket.frames.set.frames, bracket.frames.info);
+    let coding = &looked.coding;
     let mut sums = Sums::new(info.width * info.height, &bracket.channels);
-    let moved = shifts.as_ref().filter(|s| s.corrected).map(|s| s.shifts_px.clone());
-    let sampled = sample.values.iter().any(|v| !v.is_empty());
+    let moved = looked.moved().cloned();
+    let sampled = looked.sample.values.iter().any(|v| !v.is_empty());
+    let mut darks = Darks::default();
     progress.stage("merging", frames.len() as u64);
-    // Longest first.
-    let mut order: Vec<usize> = (0..frames.len()).collect();
-    order.sort_by(|a, b| frames[*a].scale().total_cmp(&frames[*b].scale()));
-    let mut dark: Option<(PathBuf, Vec<f32>)> = None;
-    for batch in order.chunks(BATCH) {
+    for batch in longest_first(frames).chunks(BATCH) {
         progress.check()?;
-        let rasters: Vec<(usize, Option<Raster>)> = batch.iter().map(|k| (*k, kept[*k].take())).collect();
+        let rasters: Vec<(usize, Option<Raster>)> = batch.iter().map(|k| (*k, looked.kept[*k].take())).collect();
         let decode = |(k, raster): (usize, Option<Raster>)| -> Result<Raster> {
             raster.map_or_else(|| bracket.raster(&frames[k].file), Ok)
         };
@@ -290,38 +330,34 @@ fn merge(bracket: &Bracket, looked: Looked, progress: &dyn Progress) -> Result<O
         let mut exposures = Vec::with_capacity(BATCH);
         for (raster, k) in decoded?.into_iter().zip(batch) {
             let frame = &frames[*k];
+            let dark = darks.of(bracket, coding, frame)?;
             if !sampled {
-                sample.put(*k, &raster);
+                looked.sample.put(*k, &raster);
             }
-            let dark = match bracket.dark(frame) {
-                None => vec![],
-                Some(name) => {
-                    let known = dark.take().filter(|(known, _)| known == name);
-                    let plane = known.map_or_else(|| bracket.plane(&coding, name), |(_, plane)| Ok(plane))?;
-                    let scaled = plane.iter().map(|v| v * frame.scale() as f32).collect();
-                    dark = Some((name.clone(), plane));
-                    scaled
-                }
-            };
+            looked.sample.put_dark(*k, dark);
+            let dark = dark.iter().map(|v| v * frame.scale() as f32).collect();
             exposures.push(Exposed { frame, raster, dark });
         }
         match &moved {
             Some(moved) => exposures.iter().zip(batch).for_each(|(exposed, k)| {
-                add_moved(&mut sums, &coding, exposed, &bracket.channels, moved[*k]);
+                add_moved(&mut sums, coding, exposed, &bracket.channels, moved[*k]);
             }),
-            None => sums.add(&coding, &exposures),
+            None => sums.add(coding, &exposures),
         }
         batch.iter().for_each(|_| progress.step());
     }
     if let Some(flat) = &bracket.frames.set.flat {
-        let light = bracket.plane(&coding, flat)?;
+        let light = bracket.plane(coding, flat)?;
         if !sums.divide(&light) {
             let path = bracket.frames.file(flat);
             return Err(Error::file(&path, "is black", "give a photograph of an evenly lit white surface"));
         }
     }
-    // Exposures that were moved do not lie where the sample was taken.
-    let agreement = moved.is_none().then(|| sample.agreement(&coding, frames));
+    let agreement = moved.is_none().then(|| {
+        let comparison = looked.sample.comparison(coding, frames);
+        Agreement { chi2: comparison.agreement(1.0 / coding.noise_factor).chi2, ..comparison.agreement(1.0) }
+    });
     let noise_given = bracket.frames.set.noise.is_some();
-    Ok(Outcome { coding, sums, response, response_sigma, seen, shifts, agreement, noise_given })
+    let Looked { coding, response, response_sigma, seen, shifts, noise_factor, .. } = looked;
+    Ok(Outcome { coding, sums, response, response_sigma, seen, shifts, agreement, noise_given, noise_factor })
 }

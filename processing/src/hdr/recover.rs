@@ -30,7 +30,7 @@ const AROUND: usize = 4;
 /// Deviations beyond so many standard deviations count less and less: something moved.
 const OUTLIER: f64 = 3.0;
 
-/// Rounds of weighting; from the third on nothing changes any more.
+/// Rounds of weighting.
 const ROUNDS: usize = 5;
 
 /// Fewest observations of pixels in more than one exposure.

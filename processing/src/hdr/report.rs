@@ -1,6 +1,6 @@
 //! `report.json` of a merge.
 
-use super::align::Shifts;
+use crate::image::registration::Alignment;
 use serde::Serialize;
 
 /// Result of merging a bracket, in words and numbers.
@@ -28,13 +28,16 @@ pub struct Report {
     pub samples: Samples,
     /// Median relative standard deviation of measured light, noise alone.
     pub error_estimate: Option<f64>,
-    /// How much larger the scatter of the exposures about the merged light is than noise explains (variances); 1 where they agree.
-    /// Variances are multiplied with it where no noise model was given.
+    /// How much larger the scatter of the exposures about the merged light is than the noise of the given or assumed camera
+    /// explains (variances); 1 where they agree.
     pub chi2: Option<f64>,
-    /// `given`, or `estimated` from the scatter of the exposures, or `assumed`.
+    /// `given`, or `estimated` from the scatter of the exposures, or `assumed`: a small sensor.
     pub noise: &'static str,
+    /// What the shot and read noise (variances) of the assumed camera were multiplied by, so that they and rounding explain how the
+    /// exposures scatter; none where noise is given or nothing tells it.
+    pub noise_factor: Option<f64>,
     /// How the exposures lie over each other; none when nobody looked.
-    pub registration: Option<Shifts>,
+    pub registration: Option<Alignment>,
     /// Seconds spent.
     pub seconds: Seconds,
 }

@@ -72,6 +72,15 @@ pub enum Depth {
 }
 
 impl Depth {
+    /// Bytes of a sample in memory.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 => 2,
+            Self::F32 => 4,
+        }
+    }
+
     /// The value of a saturated sample: 255, 65535 or 1.0.
     pub fn full_scale(self) -> f32 {
         match self {
@@ -97,6 +106,18 @@ impl fmt::Display for Info {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let color = if self.channels == 1 { "grey" } else { "RGB" };
         write!(f, "{} x {} pixels, {} {color}", self.width, self.height, self.depth)
+    }
+}
+
+impl Raster {
+    /// What its file's header says.
+    pub fn info(&self) -> Info {
+        let depth = match self.samples {
+            Samples::U8(_) => Depth::U8,
+            Samples::U16(_) => Depth::U16,
+            Samples::F32(_) => Depth::F32,
+        };
+        Info { width: self.width, height: self.height, channels: self.channels, depth }
     }
 }
 

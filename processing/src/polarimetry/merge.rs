@@ -9,7 +9,7 @@ use crate::frames::{Linearizer, LoadedFrames};
 
 /// An exposure this many standard deviations below white counts as saturated where there is a shorter one: noise that
 /// is clipped on one side only would draw the mean down.
-const BELOW_WHITE_SIGMA: f64 = 5.0;
+pub(crate) const BELOW_WHITE_SIGMA: f64 = 5.0;
 
 /// Merges rows of photographs that differ in exposure alone.
 pub(super) struct Merge {

@@ -65,7 +65,7 @@ pub mod synthetic;
 mod views;
 mod weighted;
 
-pub use aligned::{Align, Alignment};
+pub use crate::image::registration::{Align, Alignment};
 pub use check::{CircleCheck, check_circle};
 pub use choose::{FilmReport, ModelReport};
 pub use compare::{Comparison, compare};
@@ -75,7 +75,9 @@ pub use errors::{AngleSource, ErrorReport};
 pub use fit::{Fit, StokesMaps, fit_stack};
 pub use jones::{Jones, JonesVector};
 pub use look::{Glance, Point, Probe, is_polarimetric, probe};
+pub(crate) use merge::BELOW_WHITE_SIGMA;
 pub use models::Model;
+pub(crate) use noise::{ASSUMED, median_chi_square};
 pub use noise::{FrameNoise, NoiseModel, NoiseSource, estimate_noise};
 pub use oblique::Material;
 pub use orient::{MASK_SNR, OrientationMaps, angle_difference, orient};

@@ -30,7 +30,7 @@ pub enum NoiseSource {
 }
 
 /// Stands in when nothing is known: a small sensor, so that σ errs to the large side.
-pub(super) const ASSUMED: NoiseModel = NoiseModel { full_scale_e: 5000.0, read_noise_e: 10.0 };
+pub(crate) const ASSUMED: NoiseModel = NoiseModel { full_scale_e: 5000.0, read_noise_e: 10.0 };
 
 /// How one frame's linear values scatter: variance = `shot · I + floor` (I and the variance in linear units).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,7 +147,7 @@ pub fn estimate_noise(maps: &StokesMaps, design: &Design) -> Option<FrameNoise> 
 }
 
 /// Median of χ² (Wilson and Hilferty's cube).
-pub(super) fn median_chi_square(freedom: usize) -> f64 {
+pub(crate) fn median_chi_square(freedom: usize) -> f64 {
     chi_square_quantile(freedom, 0.0)
 }
 

@@ -163,7 +163,7 @@ impl FlashPhotograph {
         Ok(())
     }
 
-    /// Direction cosines (u, v) at the right and upper end of a pixel's place, and what else a point needs.
+    /// Where camera, light and zero order are.
     fn geometry(&self) -> Geometry {
         let [bx, by] = self.baseline_mm;
         // The zero order lies where both heights see it under one angle.
@@ -260,7 +260,8 @@ impl FlashPhotograph {
         sum / (TAU * sigma * sigma)
     }
 
-    /// Writes the exposures with their `frames.json`, `truth.exr` (radiance without noise) and `geometry.json`.
+    /// Writes the exposures with their `frames.json`, `truth.exr` (radiance without noise) and `scene.json` (all that was
+    /// assumed).
     ///
     /// # Errors
     /// As [`Self::check`]; `Output`.

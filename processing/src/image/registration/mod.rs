@@ -6,6 +6,7 @@
 //! which `A + C cos 2ψ + S sin 2ψ`, fitted to each pixel, leaves least over. All shifts are found together, since the fit
 //! takes up part of any one of them.
 
+mod alignment;
 mod coarse;
 mod joint;
 mod resample;
@@ -15,6 +16,7 @@ mod tests;
 mod tile;
 mod windows;
 
+pub use alignment::{Align, Alignment};
 pub use resample::Resampler;
 
 use scene::Scene;
