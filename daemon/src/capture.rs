@@ -7,10 +7,10 @@ use crate::plan::{Method, Plan, ReconstructPlan};
 use crate::rig::Rig;
 use crate::session::{Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
 use nacre_processing::Error;
-use nacre_processing::hdr;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::polarimetry::{self, Align, Options, Report, Running};
 use nacre_processing::progress::Progress;
+use nacre_processing::{hdr, pattern};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -51,6 +51,8 @@ pub enum Findings {
     Polarization(Box<Report>),
     /// Of merged exposures.
     Hdr(Box<hdr::Report>),
+    /// Of a table.
+    Lut(Box<pattern::Report>),
 }
 
 impl Findings {
@@ -59,6 +61,7 @@ impl Findings {
         match self {
             Self::Polarization(report) => &report.warnings,
             Self::Hdr(report) => &report.warnings,
+            Self::Lut(report) => &report.warnings,
         }
     }
 }
@@ -156,7 +159,7 @@ impl Capture<'_> {
         let outcome = self.engine().run(session, description, metering.unwrap_or_default())?;
         let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Error::output(&folder, e))?;
         let begun = Instant::now();
-        let results = match description.plan.reconstruct {
+        let results = match &description.plan.reconstruct {
             Some(planned) => Some(results(planned, outcome.running, &folder, self.observer)?),
             None => None,
         };
@@ -196,7 +199,7 @@ pub fn check_limits(plan: &Plan, place: &Path, limits: &crate::plan::Limits) -> 
 /// Finishes the reconstruction that followed the frames, or makes it from the whole session; earlier results of the same
 /// session are replaced.
 fn results(
-    planned: ReconstructPlan,
+    planned: &ReconstructPlan,
     running: Option<Running>,
     folder: &Path,
     progress: &dyn Progress,
@@ -207,6 +210,12 @@ fn results(
         let options = hdr::Options { align: Align::Off, overwrite: true, ..hdr::Options::default() };
         let report = hdr::reconstruct(folder, &results, &options, progress)?;
         return Ok((results, Findings::Hdr(Box::new(report))));
+    }
+    if planned.method == Method::Lut {
+        let asked = planned.lut.as_deref().cloned().unwrap_or_default();
+        let settings = pattern::Settings { overwrite: true, ..asked };
+        let report = pattern::reconstruct(folder, &results, &settings, progress)?;
+        return Ok((results, Findings::Lut(Box::new(report))));
     }
     let options = Options { model: planned.model, oblique: planned.oblique, overwrite: true, ..Options::default() };
     let report = match running {

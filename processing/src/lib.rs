@@ -9,10 +9,12 @@
 //! - Lengths are µm, wavelengths nm, unless a name says otherwise.
 
 pub mod chart;
+pub mod color;
 pub mod error;
 pub mod frames;
 pub mod hdr;
 pub mod image;
+pub mod pattern;
 pub mod polarimetry;
 pub mod progress;
 pub mod rcwa;

@@ -18,3 +18,23 @@ pub mod reconstruct;
 pub mod schema;
 pub mod serve;
 pub mod sim;
+
+use nacre_processing::Error;
+use std::path::Path;
+
+/// Largest description that is read.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// Reads a small TOML file.
+///
+/// # Errors
+/// `Input` with this remedy for what cannot be read or is something else.
+fn toml_file<T: serde::de::DeserializeOwned>(path: &Path, remedy: &str) -> Result<T, Error> {
+    let bad = |problem: String| Error::file(path, problem, remedy);
+    let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
+    if size > MAX_BYTES {
+        return Err(bad(format!("has {size} bytes, at most {MAX_BYTES} are read")));
+    }
+    let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
+    toml::from_str(&text).map_err(|e| bad(e.message().to_owned()))
+}

@@ -1,16 +1,15 @@
 //! `nacre sim photograph`.
 
 use crate::Failure;
+use crate::commands::toml_file;
 use crate::console::Console;
 use clap::Subcommand;
-use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::progress::Progress;
 use nacre_sim::photographs::FlashPhotograph;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-/// Largest description that is read.
-const MAX_BYTES: u64 = 1 << 20;
+const REMEDY: &str = "correct it; `nacre sim photograph flash --help` shows one";
 
 /// What is photographed.
 #[derive(Subcommand)]
@@ -52,7 +51,7 @@ pub struct Flash {
 /// Renders and writes.
 pub fn run(command: &Photograph, console: &Console) -> Result<(), Failure> {
     let Photograph::Flash(args) = command;
-    let scene = args.scene.as_deref().map_or_else(|| Ok(FlashPhotograph::default()), read)?;
+    let scene = args.scene.as_deref().map_or_else(|| Ok(FlashPhotograph::default()), |path| toml_file(path, REMEDY))?;
     scene.check()?;
     let folder = OutputFolder::begin(&args.out, args.force)?;
     console.stage("rendering", 1);
@@ -69,14 +68,4 @@ pub fn run(command: &Photograph, console: &Console) -> Result<(), Failure> {
     );
     console.result(&text, &scene);
     Ok(())
-}
-
-fn read(path: &Path) -> Result<FlashPhotograph, Error> {
-    let bad = |problem: String| Error::file(path, problem, "correct it; `nacre sim photograph flash --help` shows one");
-    let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
-    if size > MAX_BYTES {
-        return Err(bad(format!("has {size} bytes, at most {MAX_BYTES} are read")));
-    }
-    let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-    toml::from_str(&text).map_err(|e| bad(e.message().to_owned()))
 }

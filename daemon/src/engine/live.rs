@@ -44,7 +44,7 @@ impl Live<'_> {
     /// reconstruction, or when it cannot go along: then the finished session is reconstructed as a whole, which says why.
     pub fn follow(mut self, arrivals: Receiver<Arrival>) -> Option<Running> {
         let plan = &self.description.plan;
-        let wanted = plan.reconstruct.is_some_and(|r| r.method == Method::Polarization);
+        let wanted = plan.reconstruct.as_ref().is_some_and(|r| r.method == Method::Polarization);
         let looked_at = plan.kind == PlanKind::Polarization && self.observer.wants_map();
         if !wanted && !looked_at && self.deciding.is_none() {
             arrivals.iter().for_each(drop);

@@ -4,6 +4,7 @@ use super::estimate::{Limits, light_on_s};
 use super::steps::groups;
 use super::{AnalyserPlan, DisplayPlan, Method, Plan, PlanKind, Step};
 use nacre_processing::Error;
+use nacre_processing::color::NAMES;
 use nacre_processing::polarimetry::{MAX_BRACKET, Model, Oblique};
 use std::path::Path;
 use std::time::Duration;
@@ -120,19 +121,31 @@ impl Plan {
 
     /// A reconstruction must fit the kind, and know its options.
     fn check_reconstruct(&self) -> Result<(), String> {
-        let Some(planned) = self.reconstruct else { return Ok(()) };
+        let Some(planned) = &self.reconstruct else { return Ok(()) };
         let (method, kind) = (super::word(planned.method), super::word(self.kind));
         let fits = match planned.method {
             Method::Polarization => self.kind == PlanKind::Polarization,
-            Method::Hdr => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
+            Method::Hdr | Method::Lut => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
         };
         if !fits {
             return Err(format!("reconstruct.method is {method}, but the plan's kind is {kind}; remove it"));
         }
-        if planned.method == Method::Hdr && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
-            return Err("reconstruct.method hdr merges one view, but analyser names several angles; name one".into());
+        let merges = planned.method != Method::Polarization;
+        if merges && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
+            return Err(format!(
+                "reconstruct.method {method} merges one view, but analyser names several angles; name one"
+            ));
         }
-        if planned.method == Method::Hdr && (planned.model != Model::Auto || planned.oblique != Oblique::Off) {
+        if planned.lut.is_some() && planned.method != Method::Lut {
+            return Err(format!("reconstruct.lut belongs to the method lut, not to {method}; remove it"));
+        }
+        if let Some(settings) = &planned.lut {
+            settings.check().map_err(|e| format!("reconstruct.lut: {e}"))?;
+            if !NAMES.contains(&settings.illuminant.as_str()) {
+                return Err(format!("reconstruct.lut.illuminant is none of {}", NAMES.join(", ")));
+            }
+        }
+        if merges && (planned.model != Model::Auto || planned.oblique != Oblique::Off) {
             return Err("reconstruct.model and oblique belong to the method polarization; remove them".into());
         }
         Ok(())

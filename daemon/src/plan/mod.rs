@@ -10,6 +10,7 @@ pub use estimate::{Estimate, Least, Limits, approach, light_on_s};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
+use nacre_processing::pattern;
 use nacre_processing::polarimetry::{Model, Oblique};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -80,7 +81,7 @@ impl Default for BracketPlan {
 }
 
 /// A reconstruction that follows the capture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReconstructPlan {
     /// Which reconstruction.
@@ -91,6 +92,9 @@ pub struct ReconstructPlan {
     /// Whether oblique incidence is taken out.
     #[serde(default)]
     pub oblique: Oblique,
+    /// Of the method lut: wavelength, scale, light and so on. What the bench says of wavelength and geometry is known without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lut: Option<Box<pattern::Settings>>,
 }
 
 /// Which reconstruction.
@@ -102,6 +106,8 @@ pub enum Method {
     Polarization,
     /// One photograph of high dynamic range from several exposures, for kinds exposures and flash.
     Hdr,
+    /// A table of a diffraction pattern under any light, for kinds exposures and flash.
+    Lut,
 }
 
 /// What a plan varies.

@@ -40,9 +40,9 @@ use bench::Bench;
 use config::Config;
 use metrics::Metrics;
 use nacre_processing::Error;
-use nacre_processing::hdr;
 use nacre_processing::polarimetry::{self, Model};
 use nacre_processing::progress::Progress;
+use nacre_processing::{hdr, pattern};
 use problem::{Answer, Kind, Problem};
 use runs::Run;
 use serde::de::DeserializeOwned;
@@ -275,14 +275,21 @@ fn work(data: PathBuf) -> Work {
             _ => return Err(Error::input("reconstruction", "names no photographs", "ask again").into()),
         };
         let out = data.join("reconstructions").join(&spec.id);
-        if spec.method == Method::Hdr {
-            let options = hdr::Options { overwrite: true, ..spec.options_of()? };
-            hdr::reconstruct(&input, &out, &options, progress)?;
-            return Ok(());
+        match spec.method {
+            Method::Polarization => {
+                let model: Model =
+                    spec.model.parse().map_err(|e: String| Error::input("reconstruction", e, "ask again"))?;
+                polarimetry::reconstruct(&input, &out, &spec.options(model), progress)?;
+            }
+            Method::Hdr => {
+                let options = hdr::Options { overwrite: true, ..spec.options_of()? };
+                hdr::reconstruct(&input, &out, &options, progress)?;
+            }
+            Method::Lut => {
+                let settings = pattern::Settings { overwrite: true, ..spec.options_of()? };
+                pattern::reconstruct(&input, &out, &settings, progress)?;
+            }
         }
-        let model: Model = spec.model.parse().map_err(|e: String| Error::input("reconstruction", e, "ask again"))?;
-        let options = spec.options(model);
-        polarimetry::reconstruct(&input, &out, &options, progress)?;
         Ok(())
     })
 }

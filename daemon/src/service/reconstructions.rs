@@ -10,8 +10,8 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
-use nacre_processing::hdr;
 use nacre_processing::polarimetry::{Model, Oblique, PeriodMethod, Smoothing};
+use nacre_processing::{color, hdr, pattern};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,10 +25,13 @@ pub struct Request {
     session: Option<String>,
     /// Or uploaded photographs.
     upload: Option<String>,
-    /// `polarization` (the default) or `hdr`.
+    /// `polarization` (the default), `hdr` or `lut`.
     method: Option<Method>,
     /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
-    /// "recover", "align": "auto" | "off"}`.
+    /// "recover", "align": "auto" | "off"}`. Of `lut`, of which wavelength and scale or geometry are needed unless the photographs say
+    /// them: `{"wavelength_nm": 680 | [610, 540, 460], "scale": 0.002, "geometry": {"camera_mm", "flash_mm", "baseline_mm",
+    /// "pixel_um"}, "center": [x, y], "size": 1024, "extent": 1, "warp": 1, "illuminant": "D65", "observer": "1931" | "1964",
+    /// "exponent": 4, "max_error": 0.01, "method": "auto" | {"rays": 1} | {"single": 0.5} | {"fixed": 5}}`.
     #[schema(value_type = Option<Object>)]
     options: Option<serde_json::Value>,
     /// `auto`, `sinusoid`, `prenormalized`, `circle` or `curve`.
@@ -170,7 +173,7 @@ impl App {
             id: id.to_owned(),
             session: Some(id.to_owned()),
             upload: None,
-            method: session.as_ref().and_then(|f| f.plan.reconstruct).map(|r| r.method).unwrap_or_default(),
+            method: session.as_ref().and_then(|f| f.plan.reconstruct.as_ref()).map(|r| r.method).unwrap_or_default(),
             options: None,
             state: JobState::Done,
             attempts: 1,
@@ -249,6 +252,17 @@ fn check(spec: &Spec, input: &std::path::Path) -> Answer<()> {
             }
             spec.options_of::<hdr::Options>()?;
             Ok(hdr::check_input(input)?)
+        }
+        Method::Lut => {
+            if spec.session.is_some() {
+                whole()?;
+            }
+            let settings: pattern::Settings = spec.options_of()?;
+            // A file of the service's machine is nobody's business.
+            if !color::NAMES.contains(&settings.illuminant.as_str()) {
+                return Err(Problem::bad(format!("illuminant is none of {}", color::NAMES.join(", "))));
+            }
+            Ok(pattern::check_input(input, &settings)?)
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::merge::Sums;
 use super::report::Samples;
 use crate::Result;
+use crate::color::srgb_encode;
 use crate::image::{Attribute, OutputFolder, write_exr, write_png8};
 use rayon::prelude::*;
 
@@ -84,7 +85,7 @@ impl Merged<'_> {
         let shown = |value: f32, luminance: f32| {
             let l = (luminance * scale).max(0.0);
             let curve = scale * (1.0 + l / (white * white)) / (1.0 + l);
-            if value.is_nan() { 255 } else { (encode(value * curve) * 255.0).round() as u8 }
+            if value.is_nan() { 255 } else { (srgb_encode(value * curve) * 255.0).round() as u8 }
         };
         let mut bytes = vec![0_u8; self.sums.pixels() * channels];
         bytes.par_chunks_mut(channels).enumerate().for_each(|(p, out)| {
@@ -115,10 +116,4 @@ impl Merged<'_> {
         let range = at(&light, 0.999).zip(at(&light, 0.001)).map(|(high, low)| high / low);
         Numbers { samples, sigma: at(&sigma, 0.5), range }
     }
-}
-
-/// The sRGB curve of IEC 61966-2-1, 0 to 1.
-fn encode(light: f32) -> f32 {
-    let v = light.clamp(0.0, 1.0);
-    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }

@@ -1,6 +1,7 @@
 //! `nacre reconstruct`.
 
 mod hdr;
+mod lut;
 mod polarization;
 
 pub use polarization::{Polarization, summary};
@@ -16,6 +17,8 @@ pub enum Reconstruct {
     Polarization(Polarization),
     /// One photograph of high dynamic range from several exposures.
     Hdr(hdr::Hdr),
+    /// A table of a diffraction pattern under any light, from one photograph in narrow-band light.
+    Lut(lut::Lut),
 }
 
 /// Runs a reconstruction.
@@ -23,5 +26,6 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
     match command {
         Reconstruct::Polarization(args) => args.run(console),
         Reconstruct::Hdr(args) => args.run(console),
+        Reconstruct::Lut(args) => args.run(console),
     }
 }

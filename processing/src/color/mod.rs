@@ -1,0 +1,89 @@
+//! Spectra of light, and how the standard observers see them.
+//!
+//! Tables are those of the CIE as the colour-science package 0.4.7 publishes them (`data/LICENSE.txt`): observers in steps of
+//! 1 nm, illuminants in steps of 5 nm. Between the steps they are interpolated linearly.
+
+mod illuminant;
+mod spectrum;
+#[cfg(test)]
+mod tests;
+
+pub use illuminant::{Illuminant, NAMES};
+pub use spectrum::Spectrum;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::sync::LazyLock;
+
+/// Shortest and longest wavelength that the observers see, in nm.
+pub const VISIBLE_NM: [f64; 2] = [360.0, 830.0];
+
+/// A standard observer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Observer {
+    /// CIE 1931, 2°.
+    #[default]
+    #[serde(rename = "1931")]
+    Cie1931,
+    /// CIE 1964, 10°.
+    #[serde(rename = "1964")]
+    Cie1964,
+}
+
+impl std::str::FromStr for Observer {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "1931" => Ok(Self::Cie1931),
+            "1964" => Ok(Self::Cie1964),
+            _ => Err(format!("{text:?} is neither 1931 nor 1964")),
+        }
+    }
+}
+
+/// Rows of an observer from 360 nm on, 1 nm apart.
+type Rows = Vec<[f64; 3]>;
+
+static CIE_1931: LazyLock<Rows> = LazyLock::new(|| rows(include_str!("data/cie_1931_2deg.csv")));
+static CIE_1964: LazyLock<Rows> = LazyLock::new(|| rows(include_str!("data/cie_1964_10deg.csv")));
+
+fn rows(csv: &str) -> Rows {
+    let row = |line: &str| -> Option<[f64; 3]> {
+        let mut values = line.split(',').skip(1).map(|v| v.trim().parse().ok());
+        Some([values.next()??, values.next()??, values.next()??])
+    };
+    csv.lines().filter_map(row).collect()
+}
+
+impl Observer {
+    /// Colour matching functions x̄, ȳ, z̄ at a wavelength in nm; 0 where nothing is seen.
+    pub fn at(self, nm: f64) -> [f64; 3] {
+        let rows: &Rows = match self {
+            Self::Cie1931 => &CIE_1931,
+            Self::Cie1964 => &CIE_1964,
+        };
+        let place = nm - VISIBLE_NM[0];
+        if !(0.0..=VISIBLE_NM[1] - VISIBLE_NM[0]).contains(&place) {
+            return [0.0; 3];
+        }
+        let k = place as usize;
+        let (share, next) = (place - k as f64, (k + 1).min(rows.len() - 1));
+        std::array::from_fn(|c| rows[k][c] * (1.0 - share) + rows[next][c] * share)
+    }
+}
+
+/// Linear sRGB (IEC 61966-2-1) of CIE XYZ whose white has Y = 1.
+pub fn linear_srgb([x, y, z]: [f32; 3]) -> [f32; 3] {
+    [
+        3.240_454_2 * x - 1.537_138_5 * y - 0.498_531_4 * z,
+        -0.969_266 * x + 1.876_010_8 * y + 0.041_556 * z,
+        0.055_643_4 * x - 0.204_025_9 * y + 1.057_225_2 * z,
+    ]
+}
+
+/// Value of the sRGB curve for linear light, 0 to 1.
+pub fn srgb_encode(light: f32) -> f32 {
+    let v = light.clamp(0.0, 1.0);
+    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+}

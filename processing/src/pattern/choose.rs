@@ -1,0 +1,246 @@
+//! The cheapest way to a table that is as exact as asked for.
+//!
+//! What interpolation between rays costs is tried out on the photograph itself, and what interpolation along rays costs on a few
+//! entries; the time is counted.
+
+use super::kernel::{Kernel, Weight};
+use super::rays::{Fineness, Layout, between};
+use super::table::{Grid, INNER_PX, Method, Source};
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// Distances of rays and samples that are considered, in quarters of a pixel, and every which sample becomes a row of the table.
+const QUARTERS: [usize; 6] = [8, 6, 4, 3, 2, 1];
+const EVERY: [usize; 3] = [4, 2, 1];
+
+/// Samples of single entries, in pixels of the photograph.
+const SINGLE_PX: f64 = 0.5;
+
+/// Part of the wanted error that the prediction may use up: it is a sample.
+const MARGIN: f64 = 0.5;
+
+/// Most memory of an octave, in bytes.
+const MEMORY: usize = 2 << 30;
+
+/// Nanoseconds of CPU time: a sample of the photograph, a weight of a sample for 16 rays, an entry from an octave. As the example
+/// `lookup_table` has them on one machine; they need only be right against each other.
+const SAMPLE_NS: f64 = 14.0;
+const WEIGHT_NS: f64 = 3.0;
+const ENTRY_NS: f64 = 45.0;
+
+/// What was chosen, and why.
+#[derive(Clone, Debug, Serialize)]
+pub struct Choice {
+    /// `rays`, `single` or `fixed`.
+    pub method: &'static str,
+    /// Distance of rays and of samples in pixels of the photograph, at the rim; none for `fixed`.
+    pub spacing_px: Option<f64>,
+    /// Distance of wavelengths in nm; for `fixed` only.
+    pub step_nm: Option<f64>,
+    /// Root mean square error at the rim, relative to the table's root mean square there, that this setting was expected to have.
+    pub predicted_error: Option<f64>,
+    /// CPU time that was expected, in s.
+    pub predicted_s: f64,
+    /// In words.
+    pub why: String,
+}
+
+/// Errors of interpolation that were tried out.
+pub(super) struct Trial {
+    /// Between rays, for each of [`QUARTERS`].
+    across: [f64; QUARTERS.len()],
+    /// Along a ray, at multiples of a quarter of a pixel.
+    along: Vec<(usize, f64)>,
+}
+
+impl Trial {
+    pub(super) fn new(source: &Source, kernel: &Kernel, grid: &Grid) -> Self {
+        let radius = (grid.extent / source.scale).max(2.0 * INNER_PX);
+        Self { across: across(source), along: along(source, kernel, radius) }
+    }
+
+    fn error(&self, quarters: usize, every: usize) -> f64 {
+        let across = QUARTERS.iter().zip(self.across).find(|(q, _)| **q == quarters).map_or(1.0, |(_, e)| e);
+        let along = self.along.iter().find(|(q, _)| *q == quarters * every).map_or(1.0, |(_, e)| *e);
+        across.hypot(along)
+    }
+}
+
+/// Root mean square of the error of interpolating samples so far apart, over their own.
+fn interpolation(fine: &[f32], every: usize) -> f64 {
+    let (mut square, mut all) = (0.0, 0.0);
+    for k in every..fine.len().saturating_sub(2 * every) {
+        let (left, share) = (k / every * every, (k % every) as f32 / every as f32);
+        let four = between(share);
+        let found: f32 = (0..4).map(|j| four[j] * fine[left + j * every - every]).sum();
+        square += f64::from(found - fine[k]).powi(2);
+        all += f64::from(fine[k]).powi(2);
+    }
+    if all > 0.0 { (square / all).sqrt() } else { 0.0 }
+}
+
+/// Of the photograph on circles around the zero order.
+fn across(source: &Source) -> [f64; QUARTERS.len()] {
+    let half = 0.5 * source.plane.width.min(source.plane.height) as f64;
+    let circles = [0.45, 0.6, 0.75, 0.9].map(|share| {
+        let radius = share * half;
+        let count = ((TAU * radius * 4.0) as usize).clamp(64, 8192);
+        let at = |k: usize| {
+            let angle = 0.25 * k as f64 / radius;
+            let place = [source.center[0] + radius * angle.cos(), source.center[1] - radius * angle.sin()];
+            source.plane.at(place[0] as f32, place[1] as f32)[0]
+        };
+        (0..count).map(at).collect::<Vec<f32>>()
+    });
+    QUARTERS.map(|q| circles.iter().map(|c| interpolation(c, q)).fold(0.0, f64::max))
+}
+
+/// Of entries along a few rays near the rim.
+fn along(source: &Source, kernel: &Kernel, radius: f64) -> Vec<(usize, f64)> {
+    const RAYS: usize = 8;
+    const ENTRIES: usize = 100;
+    let taps = kernel.steps(SINGLE_PX / radius).taps();
+    let ray = |k: usize| -> Vec<f32> {
+        let angle = TAU * (k as f64 + 0.31) / RAYS as f64;
+        let at = |i: usize| {
+            let r = radius * 0.9 + 0.25 * i as f64;
+            source.sum(&taps, (r * angle.cos()) as f32, (r * angle.sin()) as f32)[1]
+        };
+        (0..ENTRIES).map(at).collect()
+    };
+    let rays: Vec<Vec<f32>> = (0..RAYS).map(ray).collect();
+    let mut spacings: Vec<usize> = QUARTERS.iter().flat_map(|q| EVERY.map(|e| q * e)).collect();
+    spacings.sort_unstable();
+    spacings.dedup();
+    let error = |q: usize| {
+        let squares = rays.iter().map(|r| interpolation(r, q).powi(2)).sum::<f64>();
+        (q, (squares / RAYS as f64).sqrt())
+    };
+    spacings.into_iter().map(error).collect()
+}
+
+/// CPU time of a method in s, and whether memory is enough for it.
+fn cost(source: &Source, kernel: &Kernel, grid: &Grid, method: Method) -> (f64, bool) {
+    let corner = grid.extent / source.scale * 2.0_f64.sqrt();
+    let entries = (grid.size * grid.size) as f64;
+    let [low, high] = kernel.range();
+    let (mut ns, mut fits) = (0.0, true);
+    match method {
+        Method::Fixed { step_nm } => {
+            let span = kernel.wavelength_nm * (high.exp() - low.exp());
+            ns += entries * span / step_nm * SAMPLE_NS;
+        }
+        Method::Single { spacing_px } => {
+            // Entries are spread evenly: three quarters of them lie in the outermost octave.
+            let mut outer = corner;
+            while outer > INNER_PX {
+                ns += 0.75 * entries * (outer / corner).powi(2) * (high - low) * outer / spacing_px * SAMPLE_NS;
+                outer *= 0.5;
+            }
+        }
+        Method::Rays(fineness) => {
+            let mut outer = corner;
+            while outer > INNER_PX {
+                let layout = Layout::new(outer, kernel.range(), fineness);
+                fits &= layout.bytes() <= MEMORY;
+                ns += (layout.rays * layout.samples) as f64 * SAMPLE_NS;
+                ns += (layout.rays / 16 * layout.rows * layout.taps) as f64 * WEIGHT_NS;
+                outer *= 0.5;
+            }
+            ns += entries * ENTRY_NS;
+        }
+    }
+    (ns * 1e-9, fits)
+}
+
+/// The cheapest method whose error is expected to stay below the wanted one.
+pub(super) fn choose(source: &Source, kernel: &Kernel, grid: &Grid, wanted: f64) -> (Method, Choice) {
+    let trial = Trial::new(source, kernel, grid);
+    let rays = QUARTERS.iter().flat_map(|q| EVERY.map(|every| (*q, every))).map(|(quarters, every)| {
+        let method = Method::Rays(Fineness { spacing_px: 0.25 * quarters as f64, every });
+        (method, trial.error(quarters, every))
+    });
+    // Single entries need no interpolation; theirs is what half a pixel leaves over between samples.
+    let single = (Method::Single { spacing_px: SINGLE_PX }, trial.error(1, 1));
+    let mut all: Vec<(Method, f64, f64)> = rays
+        .chain([single])
+        .filter_map(|(method, error)| {
+            let (seconds, fits) = cost(source, kernel, grid, method);
+            fits.then_some((method, error, seconds))
+        })
+        .collect();
+    all.sort_by(|a, b| a.2.total_cmp(&b.2));
+    let meets = all.iter().find(|(_, error, _)| *error <= MARGIN * wanted);
+    let finest = || all.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    // Single entries always fit into memory, so there is one.
+    let (method, error, seconds) = meets.or_else(finest).copied().unwrap_or((single.0, single.1, 0.0));
+    let why = if meets.is_some() {
+        format!("the cheapest whose error, tried out on the photograph, stays below half of the {wanted} asked for")
+    } else {
+        format!("the finest there is; the photograph is too sharp for the {wanted} asked for")
+    };
+    (method, describe(method, Some(error), seconds, why))
+}
+
+/// A method that was asked for.
+pub(super) fn given(source: &Source, kernel: &Kernel, grid: &Grid, method: Method) -> Choice {
+    describe(method, None, cost(source, kernel, grid, method).0, "asked for".into())
+}
+
+fn describe(method: Method, predicted_error: Option<f64>, predicted_s: f64, why: String) -> Choice {
+    let (method, spacing_px, step_nm) = match method {
+        Method::Rays(fineness) => ("rays", Some(fineness.spacing_px), None),
+        Method::Single { spacing_px } => ("single", Some(spacing_px), None),
+        Method::Fixed { step_nm } => ("fixed", None, Some(step_nm)),
+    };
+    Choice { method, spacing_px, step_nm, predicted_error, predicted_s, why }
+}
+
+/// Entries that a table is checked on.
+const CHECKED: usize = 512;
+
+/// Distance of samples of the check, in pixels.
+const CHECK_PX: f64 = 0.25;
+
+/// Root mean square of what some entries near the rim are off from a finer sum, over their own; and the same for a zero order
+/// that lies elsewhere. None where there is no light.
+pub(super) fn check(
+    source: &Source,
+    kernels: &[(Kernel, &Source)],
+    grid: &Grid,
+    table: &[Weight],
+    moved: f64,
+) -> [Option<f64>; 2] {
+    let rim = (0.6 * 0.5 * grid.size as f64) as usize;
+    let half = grid.size / 2;
+    // Places by the golden ratio's multiples fill the rim evenly.
+    let place = |k: usize| {
+        let along = (k as f64 * 0.618_033_988_75).fract();
+        let across = rim + ((k as f64 * 0.754_877_666_2).fract() * (half - rim) as f64) as usize;
+        let across = if k.is_multiple_of(2) { half + across } else { half - across.min(half) };
+        [across.min(grid.size - 1), ((along * grid.size as f64) as usize).min(grid.size - 1)]
+    };
+    let radius = grid.extent / source.scale * 2.0_f64.sqrt();
+    let (mut off, mut displaced, mut all) = (0.0, 0.0, 0.0);
+    let finer: Vec<_> = kernels
+        .iter()
+        .map(|(kernel, source)| (kernel.steps(CHECK_PX / radius.max(INNER_PX)).taps(), *source))
+        .collect();
+    for [x, y] in (0..CHECKED).map(place) {
+        let (u, v) = ((grid.at(x) / source.scale) as f32, (grid.at(y) / source.scale) as f32);
+        let sum = |du: f32, dv: f32| finer.iter().map(|(taps, s)| shifted(s, taps, [u, v], [du, dv])).sum::<f64>();
+        let truth = sum(0.0, 0.0);
+        let found = f64::from(table[(grid.size - 1 - y) * grid.size + x][1]);
+        off += (found - truth).powi(2);
+        all += truth * truth;
+        let shift = moved as f32;
+        displaced += 0.5 * ((sum(shift, 0.0) - truth).powi(2) + (sum(0.0, shift) - truth).powi(2));
+    }
+    [off, displaced].map(|square| (all > 0.0).then(|| (square / all).sqrt()))
+}
+
+/// Y of an entry, were the zero order elsewhere by so much.
+fn shifted(source: &Source, taps: &[(f32, Weight)], [u, v]: [f32; 2], [du, dv]: [f32; 2]) -> f64 {
+    let center = [source.center[0] + f64::from(du), source.center[1] + f64::from(dv)];
+    f64::from(Source { plane: source.plane, center, scale: source.scale }.sum(taps, u, v)[1])
+}

@@ -1,0 +1,175 @@
+//! The photograph: a file, merged exposures, or exposures that are merged first.
+
+use super::geometry::Arrangement;
+use super::lookup::Photograph;
+use super::settings::{Settings, Wavelength};
+use crate::frames::{Channel, FILE_NAME, Transfer, load};
+use crate::hdr;
+use crate::image::{Depth, Samples, photographs, read, read_exr};
+use crate::progress::Progress;
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// What is known of a photograph.
+pub(super) struct Input {
+    /// The channels that are wanted.
+    pub channels: Vec<Photograph>,
+    /// Settings with what the photograph's `frames.json` says.
+    pub settings: Settings,
+    /// Width of the filter's band in nm.
+    pub band_nm: Option<f64>,
+    /// How exposures were merged.
+    pub merged: Option<hdr::Report>,
+}
+
+/// All channels of a photograph by name.
+struct Channels {
+    path: PathBuf,
+    width: usize,
+    height: usize,
+    planes: Vec<(String, Vec<f32>)>,
+}
+
+/// Whether there is something to make a table of, without a look at any pixel.
+///
+/// # Errors
+/// As [`reconstruct`](super::reconstruct) for settings and files that make no sense.
+pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
+    settings.check()?;
+    if exposures(input) {
+        hdr::check_input(input)?;
+        return with_frames(input, settings).and_then(|(settings, _)| settings.bands().map(drop));
+    }
+    let file = file(input).unwrap_or_else(|| input.to_owned());
+    let there = std::fs::metadata(&file).map_err(|e| Error::file(&file, format!("cannot be read: {e}"), REMEDY))?;
+    if there.is_file() { settings.bands().map(drop) } else { Err(Error::file(&file, "is no photograph", REMEDY)) }
+}
+
+const REMEDY: &str = "give a photograph (EXR, PNG, TIFF), results of reconstruct hdr, or a session of exposures";
+
+/// Whether the input is a set of exposures.
+fn exposures(input: &Path) -> bool {
+    let json = input.extension().is_some_and(|e| e == "json");
+    json || input.is_dir() && (input.join(FILE_NAME).is_file() || file(input).is_none())
+}
+
+/// The photograph: the input, the merged exposures in it, or the only photograph in it.
+fn file(input: &Path) -> Option<PathBuf> {
+    if !input.is_dir() {
+        return Some(input.to_owned());
+    }
+    let merged = input.join("hdr.exr");
+    if merged.is_file() {
+        return Some(merged);
+    }
+    match photographs(input).ok()?.as_slice() {
+        [only] => Some(input.join(only)),
+        _ => None,
+    }
+}
+
+/// Reads what the settings want of an input.
+///
+/// # Errors
+/// `Input` for anything about the photograph.
+pub(super) fn photograph(input: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Input> {
+    let (mut settings, mut band_nm, mut merged) = (settings.clone(), None, None);
+    let channels = if exposures(input) {
+        (settings, band_nm) = with_frames(input, &settings)?;
+        let folder =
+            tempfile::tempdir().map_err(|e| Error::input("temporary folder", e.to_string(), "make room for it"))?;
+        let out = folder.path().join("hdr");
+        merged = Some(hdr::reconstruct(input, &out, &hdr::Options::default(), progress)?);
+        let path = out.join("hdr.exr");
+        Channels { path: input.to_owned(), ..of_exr(&path)? }
+    } else {
+        let path = file(input).unwrap_or_else(|| input.to_owned());
+        let exr = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
+        if exr { of_exr(&path)? } else { of_raster(&path, settings.transfer)? }
+    };
+    let channels = channels.wanted(&settings)?;
+    Ok(Input { channels, settings, band_nm, merged })
+}
+
+/// Settings, completed by what `frames.json` says, and the filter's band.
+fn with_frames(input: &Path, settings: &Settings) -> Result<(Settings, Option<f64>)> {
+    // Photographs in a folder without one say nothing.
+    if input.is_dir() && !input.join(FILE_NAME).is_file() {
+        return Ok((settings.clone(), None));
+    }
+    let set = load(input)?.set;
+    let wavelength_nm = settings.wavelength_nm.or(set.wavelength_nm.map(Wavelength::Band));
+    let of_frames = set.geometry.filter(|_| settings.scale.is_none()).and_then(|g| {
+        let pixel_um = g.pixel_um?;
+        let baseline_mm = [g.baseline_mm, 0.0];
+        Some(Arrangement { camera_mm: g.distance_mm, flash_mm: g.distance_mm, baseline_mm, pixel_um })
+    });
+    let geometry = settings.geometry.or(of_frames);
+    Ok((Settings { wavelength_nm, geometry, ..settings.clone() }, set.band_nm))
+}
+
+fn of_exr(path: &Path) -> Result<Channels> {
+    let map = read_exr(path)?;
+    Ok(Channels {
+        path: path.to_owned(),
+        width: map.width,
+        height: map.height,
+        planes: map.channels.into_iter().collect(),
+    })
+}
+
+/// Of a file of codes. The highest code is saturated.
+fn of_raster(path: &Path, transfer: Option<Transfer>) -> Result<Channels> {
+    let raster = read(path)?;
+    let info = raster.info();
+    if info.depth == Depth::U8 && transfer.is_none() {
+        let remedy =
+            "say --transfer linear, srgb or a gamma such as 2.2; better, merge exposures (nacre reconstruct hdr)";
+        return Err(Error::file(path, "has 8 bits, whose values seldom grow in proportion with light", remedy));
+    }
+    let transfer = transfer.unwrap_or(Transfer::Linear);
+    if transfer == Transfer::Recover {
+        return Err(Error::input("transfer", "cannot be recovered from one photograph", "say linear, srgb or a gamma"));
+    }
+    let white = info.depth.full_scale();
+    let light = |v: f32| if info.depth != Depth::F32 && v >= white { f32::NAN } else { transfer.decode(v / white) };
+    let value = |i: usize| match &raster.samples {
+        Samples::U8(v) => light(v[i].into()),
+        Samples::U16(v) => light(v[i].into()),
+        Samples::F32(v) => v[i],
+    };
+    let n = raster.channels;
+    let names: &[&str] = if n == 1 { &["Y"] } else { &["R", "G", "B"] };
+    let plane = |c: usize| (0..raster.width * raster.height).map(|p| value(p * n + c)).collect();
+    let planes = names.iter().enumerate().map(|(c, name)| ((*name).to_owned(), plane(c))).collect();
+    Ok(Channels { path: path.to_owned(), width: raster.width, height: raster.height, planes })
+}
+
+impl Channels {
+    /// The channels that the settings want, in their order.
+    fn wanted(mut self, settings: &Settings) -> Result<Vec<Photograph>> {
+        let mut take = |name: &str| -> Result<Photograph> {
+            let Some(at) = self.planes.iter().position(|(n, _)| n == name) else {
+                let names: Vec<&str> = self.planes.iter().map(|(n, _)| n.as_str()).collect();
+                let problem = format!("has no channel {name}, but {}", names.join(" "));
+                return Err(Error::file(&self.path, problem, "give a photograph with R G B or Y"));
+            };
+            let light = self.planes.swap_remove(at).1;
+            Ok(Photograph { light, width: self.width, height: self.height })
+        };
+        match settings.bands()? {
+            Wavelength::Channels(_) => ["R", "G", "B"].into_iter().map(take).collect(),
+            Wavelength::Band(nm) => {
+                let of_color = match settings.channel {
+                    Some(Channel::R) => "R",
+                    Some(Channel::G) => "G",
+                    Some(Channel::B) => "B",
+                    None if nm >= 590.0 => "R",
+                    None if nm >= 500.0 => "G",
+                    None => "B",
+                };
+                take("Y").or_else(|_| take(of_color)).map(|p| vec![p])
+            }
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What a table's entry adds up along its ray.
+//!
+//! An order that the photograph shows at radius s for its wavelength λm lies at radius r = s·λ/λm for λ. So an entry is a sum along
+//! its ray of the photograph (2017 paper, Eq. 15): `∫ (λm/λ)ⁿ L(r·λm/λ) P(λ) x̄(λ) dλ`. With q = ln(λ/λm) this is a convolution
+//! over ln r: `∫ L(ln r − q) K(q) dq`, `K(q) = e^(−nq) P x̄ λ`, with one kernel for every entry.
+
+use crate::color::{Illuminant, Observer, VISIBLE_NM};
+
+/// Longest distance of two wavelengths of the integrals, in nm: a fifth of what lamps are tabulated at would do.
+const FINE_NM: f64 = 0.25;
+
+/// X, Y, Z and coverage of one sample of the photograph.
+pub(super) type Weight = [f32; 4];
+
+/// Weights of the light along a ray.
+#[derive(Clone, Debug)]
+pub(super) struct Kernel {
+    pub wavelength_nm: f64,
+    pub exponent: f64,
+    pub observer: Observer,
+    pub illuminant: Illuminant,
+    /// Which wavelengths a photograph stands for: 0 to 1 over wavelength.
+    window: Window,
+}
+
+/// Wavelengths that one of several photographs stands for: a tent over three wavelengths, whose outer slopes may be missing.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Window {
+    pub below_nm: Option<f64>,
+    pub middle_nm: f64,
+    pub above_nm: Option<f64>,
+}
+
+impl Window {
+    fn at(&self, nm: f64) -> f64 {
+        let slope =
+            |other: Option<f64>| other.map_or(1.0, |o| (1.0 - (nm - self.middle_nm) / (o - self.middle_nm)).max(0.0));
+        if nm < self.middle_nm { slope(self.below_nm) } else { slope(self.above_nm) }
+    }
+}
+
+/// A kernel at even steps of ln r.
+pub(super) struct Steps {
+    /// Distance of two samples.
+    pub step: f64,
+    /// q of the first weight, in steps.
+    pub first: isize,
+    pub weights: Vec<Weight>,
+}
+
+impl Kernel {
+    /// Of a photograph that stands for every wavelength.
+    pub(super) fn new(wavelength_nm: f64, exponent: f64, observer: Observer, illuminant: Illuminant) -> Self {
+        Self { wavelength_nm, exponent, observer, illuminant, window: Window::default() }
+    }
+
+    /// Of a photograph that stands for the wavelengths of a window.
+    pub(super) fn of_window(self, window: Window) -> Self {
+        Self { wavelength_nm: window.middle_nm, window, ..self }
+    }
+
+    /// Wavelengths that count, in nm.
+    fn range_nm(&self) -> [f64; 2] {
+        let [low, high] = self.illuminant.spectrum.range_nm();
+        let low = low.max(VISIBLE_NM[0]).max(self.window.below_nm.unwrap_or(0.0));
+        [low, high.min(VISIBLE_NM[1]).min(self.window.above_nm.unwrap_or(f64::MAX))]
+    }
+
+    /// ln(λ/λm) of the shortest and the longest wavelength that count.
+    pub(super) fn range(&self) -> [f64; 2] {
+        self.range_nm().map(|nm| (nm / self.wavelength_nm).ln())
+    }
+
+    /// Y of light that falls everywhere: what tables are divided by.
+    fn white(&self) -> f64 {
+        let [low, high] = VISIBLE_NM;
+        let count = ((high - low) / FINE_NM) as usize;
+        let at = |k: usize| low + (k as f64 + 0.5) * FINE_NM;
+        (0..count).map(|k| self.illuminant.spectrum.at(at(k)) * self.observer.at(at(k))[1] * FINE_NM).sum()
+    }
+
+    /// P x̄, P ȳ and P z̄ (λm/λ)ⁿ per nm and white, and their part of what all wavelengths add up to.
+    fn density(&self, nm: f64, white: f64) -> [f64; 3] {
+        let power = self.illuminant.spectrum.at(nm) * self.window.at(nm) / white;
+        let factor = power * (self.wavelength_nm / nm).powf(self.exponent);
+        self.observer.at(nm).map(|seen| factor * seen)
+    }
+
+    /// Integral of (X + Y + Z) over all wavelengths of the light, of every window: what coverage is a part of.
+    fn all(&self, white: f64) -> f64 {
+        let whole = Self { window: Window::default(), ..self.clone() };
+        let [low, high] = VISIBLE_NM;
+        let count = ((high - low) / FINE_NM) as usize;
+        let at = |k: usize| low + (k as f64 + 0.5) * FINE_NM;
+        // Without the exponent, so that windows of several photographs add up to one.
+        let flat = Self { exponent: 0.0, ..whole };
+        (0..count).map(|k| flat.density(at(k), white).iter().sum::<f64>() * FINE_NM).sum()
+    }
+
+    /// Weights at even steps of ln r: the integral of the kernel against light that is linear between the samples.
+    pub(super) fn steps(&self, step: f64) -> Steps {
+        let [low, high] = self.range();
+        let first = (low / step).floor() as isize;
+        let count = ((high / step).ceil() as isize - first + 1).max(2) as usize;
+        let (white, mut sums) = (self.white(), vec![[0.0_f64; 4]; count]);
+        let all = self.all(white);
+        let [from, to] = self.range_nm();
+        let n = ((to - from) / FINE_NM.min(0.25 * step * from)).ceil().max(1.0) as usize;
+        let fine = (to - from) / n as f64;
+        for k in 0..n {
+            let nm = from + (k as f64 + 0.5) * fine;
+            let place = (nm / self.wavelength_nm).ln() / step - first as f64;
+            let left = (place as usize).min(count - 2);
+            let share = place - left as f64;
+            let weight = self.weight(nm, fine, white, all);
+            for c in 0..4 {
+                sums[left][c] += (1.0 - share) * weight[c];
+                sums[left + 1][c] += share * weight[c];
+            }
+        }
+        Steps { step, first, weights: sums.into_iter().map(|w| w.map(|v| v as f32)).collect() }
+    }
+
+    /// Weight of an interval of wavelengths.
+    fn weight(&self, nm: f64, width: f64, white: f64, all: f64) -> [f64; 4] {
+        let [x, y, z] = self.density(nm, white).map(|d| d * width);
+        let flat = (self.wavelength_nm / nm).powf(-self.exponent);
+        [x, y, z, (x + y + z) * flat / all]
+    }
+
+    /// Wavelengths at fixed steps, by the trapezoid rule as the paper has it: λm/λ and weight of each.
+    pub(super) fn fixed(&self, step_nm: f64) -> Vec<(f32, Weight)> {
+        let (white, [from, to]) = (self.white(), self.range_nm());
+        let all = self.all(white);
+        let first = (from / step_nm).ceil() as usize;
+        let last = (to / step_nm).floor() as usize;
+        let at = |k: usize| {
+            let nm = k as f64 * step_nm;
+            let weight = self.weight(nm, step_nm, white, all).map(|w| w as f32);
+            ((self.wavelength_nm / nm) as f32, weight)
+        };
+        (first..=last).map(at).collect()
+    }
+}
+
+impl Steps {
+    /// λm/λ and weight of each sample.
+    pub(super) fn taps(&self) -> Vec<(f32, Weight)> {
+        let factor = |k: usize| (-(self.first + k as isize) as f64 * self.step).exp() as f32;
+        self.weights.iter().enumerate().map(|(k, w)| (factor(k), *w)).collect()
+    }
+}

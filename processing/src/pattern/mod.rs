@@ -1,0 +1,25 @@
+//! From one photograph of a diffraction pattern in narrow-band light to a table for any light (2017 paper, section 4.3).
+
+mod center;
+mod choose;
+mod geometry;
+mod input;
+mod kernel;
+mod lookup;
+mod output;
+mod plane;
+mod rays;
+mod reconstruct;
+mod report;
+mod settings;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub use choose::Choice;
+pub use geometry::Arrangement;
+pub use input::check_input;
+pub use lookup::{Photograph, Table, lookup};
+pub use reconstruct::reconstruct;
+pub use report::{Coverage, Report};
+pub use settings::{MethodChoice, SIZES, Settings, Wavelength};

@@ -1,0 +1,177 @@
+//! All entries at once: rays through the zero order, and along each of them a convolution over ln r.
+//!
+//! Radii are taken octave by octave: half the radius needs half as many rays and half as many samples along them for the same
+//! distance in pixels, so that all octaves together cost a third more than the outermost.
+
+use super::kernel::{Kernel, Steps, Weight};
+use super::plane::Plane;
+use pulp::Arch;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// Rays that are worked on together.
+const LANES: usize = 16;
+
+/// Rows and rays beyond an octave that interpolation needs.
+const HALO: usize = 2;
+
+/// Fewest rays of an octave.
+const FEWEST: usize = 32;
+
+/// How finely the photograph is sampled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fineness {
+    /// Distance of rays at an octave's outer radius, and of samples along them, in pixels of the photograph.
+    pub spacing_px: f64,
+    /// Every so manieth sample along a ray is worked out for the table.
+    pub every: usize,
+}
+
+/// Entries of one octave of radii, over ln r and angle.
+pub(super) struct Octave {
+    /// ln of the first row's radius in pixels, and distance of rows.
+    first: f64,
+    step: f64,
+    rays: usize,
+    rows: usize,
+    /// Rows of `rays + 2·HALO` entries; the first is `HALO` rays before angle 0.
+    entries: Vec<Weight>,
+}
+
+/// Size of an octave's arrays.
+pub(super) struct Layout {
+    pub rays: usize,
+    pub rows: usize,
+    /// Samples along a ray.
+    pub samples: usize,
+    pub taps: usize,
+}
+
+impl Layout {
+    /// For radii of half the outer radius to all of it, in pixels.
+    pub(super) fn new(outer: f64, kernel: [f64; 2], fineness: Fineness) -> Self {
+        let step = fineness.spacing_px / outer;
+        let rays = ((TAU * outer / fineness.spacing_px).ceil() as usize).max(FEWEST).next_multiple_of(LANES);
+        let rows = (2.0_f64.ln() / (step * fineness.every as f64)).ceil() as usize + 1 + 2 * HALO;
+        let taps = ((kernel[1] / step).ceil() - (kernel[0] / step).floor()) as usize + 1;
+        Self { rays, rows, samples: (rows - 1) * fineness.every + taps, taps }
+    }
+
+    /// Bytes of the entries.
+    pub(super) fn bytes(&self) -> usize {
+        self.rows * (self.rays + 2 * HALO) * size_of::<Weight>()
+    }
+}
+
+impl Octave {
+    /// Entries at half the outer radius to all of it, in pixels around a centre.
+    pub(super) fn new(plane: &Plane, center: [f64; 2], kernel: &Kernel, outer: f64, fineness: Fineness) -> Self {
+        let step = fineness.spacing_px / outer;
+        let (steps, layout) = (kernel.steps(step), Layout::new(outer, kernel.range(), fineness));
+        let (every, taps) = (fineness.every, steps.weights.len());
+        let row_step = step * every as f64;
+        let first = (0.5 * outer).ln() - HALO as f64 * row_step;
+        let samples = (layout.rows - 1) * every + taps;
+        // Light at ln r − q: of the first row, the last weight needs the least radius.
+        let least = first - (steps.first + taps as isize - 1) as f64 * step;
+        let radii: Vec<f32> = (0..samples).map(|t| (least + t as f64 * step).exp() as f32).collect();
+        let stride = layout.rays + 2 * HALO;
+        let mut entries = vec![[0.0; 4]; layout.rows * stride];
+        let blocks: Vec<Vec<[[f32; LANES]; 4]>> = (0..layout.rays / LANES)
+            .into_par_iter()
+            .map(|block| {
+                let angle = |k: usize| TAU * (block * LANES + k) as f64 / layout.rays as f64;
+                // From the zero order to where the photograph shows this half vector: to the other side, and rows go down.
+                let directions = std::array::from_fn(|k| [-angle(k).cos() as f32, angle(k).sin() as f32]);
+                let center = center.map(|c| c as f32);
+                let work = Work { plane, center, directions, radii: &radii, steps: &steps, rows: layout.rows, every };
+                Arch::new().dispatch(|| work.run())
+            })
+            .collect();
+        entries.par_chunks_mut(stride).enumerate().for_each(|(row, out)| {
+            for (block, rows) in blocks.iter().enumerate() {
+                for k in 0..LANES {
+                    out[HALO + block * LANES + k] = std::array::from_fn(|c| rows[row][c][k]);
+                }
+            }
+            let (rays, end) = (layout.rays, out.len());
+            out.copy_within(rays..rays + HALO, 0);
+            out.copy_within(HALO..2 * HALO, end - HALO);
+        });
+        Self { first, step: row_step, rays: layout.rays, rows: layout.rows, entries }
+    }
+
+    /// Entry at ln r and an angle of 0 to 2π.
+    #[inline(always)]
+    pub(super) fn at(&self, log: f32, angle: f32) -> Weight {
+        let down = ((log - self.first as f32) * (1.0 / self.step) as f32).clamp(1.0, (self.rows - 3) as f32);
+        let across = angle * (self.rays as f64 / TAU) as f32;
+        let (row, ray) = (down as usize, (across as usize).min(self.rays - 1));
+        let (a, b) = (between(down - row as f32), between(across - ray as f32));
+        let stride = self.rays + 2 * HALO;
+        // The first of four is one row and one ray before.
+        let first = (row - 1) * stride + ray + HALO - 1;
+        let mut sum = [0.0; 4];
+        for (k, weight) in a.iter().enumerate() {
+            let Some(four) = self.entries.get(first + k * stride..).and_then(|r| r.first_chunk::<4>()) else { break };
+            for c in 0..4 {
+                let along = four[0][c] * b[0] + four[1][c] * b[1] + four[2][c] * b[2] + four[3][c] * b[3];
+                sum[c] += weight * along;
+            }
+        }
+        sum
+    }
+}
+
+/// Weights of four neighbours by Catmull and Rom's cubic.
+#[inline(always)]
+pub(super) fn between(t: f32) -> [f32; 4] {
+    let (square, cube) = (t * t, t * t * t);
+    [
+        0.5 * (2.0 * square - cube - t),
+        0.5 * (3.0 * cube - 5.0 * square + 2.0),
+        0.5 * (4.0 * square - 3.0 * cube + t),
+        0.5 * (cube - square),
+    ]
+}
+
+/// Some rays of an octave.
+struct Work<'a> {
+    plane: &'a Plane,
+    center: [f32; 2],
+    directions: [[f32; 2]; LANES],
+    radii: &'a [f32],
+    steps: &'a Steps,
+    rows: usize,
+    every: usize,
+}
+
+impl Work<'_> {
+    #[inline(always)]
+    fn run(&self) -> Vec<[[f32; LANES]; 4]> {
+        let mut light = vec![[0.0; LANES]; self.radii.len()];
+        let mut known = vec![[0.0; LANES]; self.radii.len()];
+        for ((light, known), radius) in light.iter_mut().zip(&mut known).zip(self.radii) {
+            for k in 0..LANES {
+                let [x, y] = self.directions[k];
+                [light[k], known[k]] = self.plane.at(self.center[0] + radius * x, self.center[1] + radius * y);
+            }
+        }
+        let taps = self.steps.weights.len();
+        let row = |i: usize| {
+            let (light, known) = (&light[i * self.every..][..taps], &known[i * self.every..][..taps]);
+            let mut sum = [[0.0_f32; LANES]; 4];
+            // Samples rise with the radius, weights with the wavelength, which falls with it.
+            for ((light, known), weight) in light.iter().zip(known).zip(self.steps.weights.iter().rev()) {
+                for k in 0..LANES {
+                    sum[0][k] += weight[0] * light[k];
+                    sum[1][k] += weight[1] * light[k];
+                    sum[2][k] += weight[2] * light[k];
+                    sum[3][k] += weight[3] * known[k];
+                }
+            }
+            sum
+        };
+        (0..self.rows).map(row).collect()
+    }
+}

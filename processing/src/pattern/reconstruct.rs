@@ -1,0 +1,130 @@
+//! The whole job: a photograph to a table, pictures and a report in a new folder.
+
+use super::input::{Input, photograph};
+use super::lookup::{Table, lookup};
+use super::output::Output;
+use super::report::{Report, Seconds};
+use super::settings::{Settings, Wavelength};
+use crate::Result;
+use crate::image::OutputFolder;
+use crate::progress::Progress;
+use std::path::Path;
+use std::time::Instant;
+
+/// Part of a table's entries that may be half measured before it is warned of.
+const UNCOVERED: f64 = 0.05;
+
+/// Makes a table of `input` (a photograph, results of merged exposures, or exposures, which are merged first) in the new folder
+/// `out`.
+///
+/// Memory: 16 bytes per entry, at most 2 GB for an octave of radii, and three copies of the photograph.
+///
+/// # Errors
+/// `Input` for anything about the photograph or the settings, before anything is written; `Output` when writing fails, after
+/// which nothing is left behind; `Cancelled`.
+pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
+    let begun = Instant::now();
+    settings.check()?;
+    let folder = OutputFolder::begin(out, settings.overwrite)?;
+    progress.stage("reading", 1);
+    let Input { channels, settings, band_nm, merged } = photograph(input, settings, progress)?;
+    let read = begun.elapsed().as_secs_f64();
+    progress.check()?;
+    progress.stage("adding up wavelengths", 1);
+    let table = lookup(&channels, &settings)?;
+    let added = begun.elapsed().as_secs_f64();
+    progress.step();
+    progress.check()?;
+    progress.stage("writing", 1);
+    let output = Output { table: &table, settings: &settings };
+    output.write(&folder)?;
+    let wavelength_nm = settings.bands()?;
+    let mut report = Report {
+        method: "lut",
+        warnings: vec![],
+        width: settings.size,
+        height: settings.size,
+        extent: settings.extent,
+        warp: settings.warp,
+        wavelength_nm,
+        illuminant: settings.illuminant.clone(),
+        observer: settings.observer,
+        exponent: settings.exponent,
+        scale: table.scale,
+        center: table.center,
+        center_sigma_px: table.center_sigma_px,
+        choice: table.choice.clone(),
+        error_estimate: table.error,
+        center_error: table.center_error,
+        band_px: band_nm.zip(narrow(wavelength_nm)).map(|(band, nm)| band / nm * settings.extent / table.scale),
+        coverage: output.coverage(),
+        merged,
+        seconds: Seconds::default(),
+    };
+    report.warnings = warnings(&report, &table, settings.max_error);
+    let total = begun.elapsed().as_secs_f64();
+    report.seconds = Seconds { read, table: added - read, write: total - added, total };
+    folder.write("report.json", report.json().as_bytes())?;
+    folder.commit()?;
+    progress.step();
+    Ok(report)
+}
+
+fn narrow(wavelength: Wavelength) -> Option<f64> {
+    match wavelength {
+        Wavelength::Band(nm) => Some(nm),
+        Wavelength::Channels(_) => None,
+    }
+}
+
+fn warnings(report: &Report, table: &Table, wanted: f64) -> Vec<String> {
+    let mut all: Vec<String> = report.merged.iter().flat_map(|m| m.warnings.clone()).collect();
+    let [x, y] = table.center;
+    if let Some([lx, ly]) = table.lobe {
+        all.push(format!(
+            "the zero order was said to be at {x:.2}, {y:.2}, but the lobe there lies at {lx:.2}, {ly:.2}"
+        ));
+    }
+    if let Some(([rx, ry], share)) = table.rival {
+        all.push(format!(
+            "the brightest lobe, at {x:.1}, {y:.1}, was taken for the zero order, but what is at {rx:.0}, {ry:.0} is {:.0} % as \
+             bright; if that is it, say so with --center",
+            100.0 * share
+        ));
+    }
+    if table.saturated {
+        all.push("the zero order is saturated: entries near to the middle are unknown (see coverage)".into());
+    }
+    match report.center_error {
+        Some(error) if error > wanted => {
+            let off = table.center_sigma_px.unwrap_or(0.0);
+            all.push(format!(
+                "the zero order is only known to {off:.2} pixels, which moves the rim by {:.1} %",
+                100.0 * error
+            ));
+        }
+        None => all.push("nothing tells whether the zero order is where it was said to be".into()),
+        Some(_) => {}
+    }
+    match report.error_estimate {
+        None => all.push("no light was measured at the rim of the table".into()),
+        Some(error) if error > wanted => {
+            let text = format!(
+                "the error at the rim is {:.2} %, more than the {:.2} % asked for",
+                100.0 * error,
+                100.0 * wanted
+            );
+            all.push(format!("{text}: the photograph is too sharp for its pixels, or steps are too coarse"));
+        }
+        Some(_) => {}
+    }
+    if 1.0 - report.coverage.full > UNCOVERED {
+        let part = 100.0 * (1.0 - report.coverage.full);
+        all.push(format!(
+            "{part:.0} % of the entries were measured in part only ({:.0} % not at all): the photograph ends before the half vectors \
+             that short wavelengths need; see coverage, or choose a smaller extent",
+            100.0 * report.coverage.none
+        ));
+    }
+    all
+}

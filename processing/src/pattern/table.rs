@@ -1,0 +1,124 @@
+//! Tables over half vectors.
+
+use super::kernel::{Kernel, Weight};
+use super::plane::Plane;
+use super::rays::{Fineness, Octave};
+use rayon::prelude::*;
+use std::f32::consts::TAU;
+
+/// Within so many pixels of the zero order every entry is summed up by itself.
+pub(super) const INNER_PX: f64 = 4.0;
+
+/// Which half vectors a table holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Grid {
+    /// Entries of a row and a column.
+    pub size: usize,
+    /// Largest component of the half vector ωi + ωo.
+    pub extent: f64,
+    /// Power of the warp, odd: entries lie at `extent · aⁿ` with `a` even between −1 and 1.
+    pub warp: i32,
+}
+
+impl Grid {
+    /// Component of the half vector of the `k`-th entry.
+    pub(super) fn at(&self, k: usize) -> f64 {
+        let even = (2.0 * k as f64 + 1.0) / self.size as f64 - 1.0;
+        self.extent * even.powi(self.warp)
+    }
+}
+
+/// How entries are added up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Method {
+    /// All at once, by rays.
+    Rays(Fineness),
+    /// Each by itself, with samples this many pixels of the photograph apart.
+    Single { spacing_px: f64 },
+    /// Each by itself, with wavelengths this many nm apart, as the paper has it.
+    Fixed { step_nm: f64 },
+}
+
+/// A photograph, where its zero order is, and how large its pixels are in half vectors. What lies right of the zero order is seen, and
+/// lit, from its left: its half vector ωi + ωo points to the left.
+pub(super) struct Source<'a> {
+    pub plane: &'a Plane,
+    pub center: [f64; 2],
+    pub scale: f64,
+}
+
+impl Source<'_> {
+    /// X, Y, Z and coverage of each entry, row by row from the top.
+    pub(super) fn table(&self, kernel: &Kernel, grid: &Grid, method: Method) -> Vec<Weight> {
+        let side: Vec<f32> = (0..grid.size).map(|k| (grid.at(k) / self.scale) as f32).collect();
+        let mut table = vec![[0.0; 4]; grid.size * grid.size];
+        let corner = f64::from(side.last().copied().unwrap_or(0.0)) * 2.0_f64.sqrt() * (1.0 + 1e-6);
+        let mut outer = corner;
+        while let Method::Rays(fineness) = method {
+            if outer <= INNER_PX {
+                break;
+            }
+            if self.reaches(kernel, 0.5 * outer) {
+                let octave = Octave::new(self.plane, self.center, kernel, outer, fineness);
+                each(&mut table, &side, [0.5 * outer, outer], |u, v, square| {
+                    let angle = v.atan2(u);
+                    octave.at(0.5 * square.ln(), if angle < 0.0 { angle + TAU } else { angle })
+                });
+            }
+            outer *= 0.5;
+        }
+        loop {
+            let inner = if outer <= INNER_PX { 0.0 } else { 0.5 * outer };
+            let taps = match method {
+                Method::Rays(fineness) => kernel.steps(fineness.spacing_px / outer.max(INNER_PX)).taps(),
+                Method::Single { spacing_px } => kernel.steps(spacing_px / outer.max(INNER_PX)).taps(),
+                Method::Fixed { step_nm } => kernel.fixed(step_nm),
+            };
+            each(&mut table, &side, [inner, outer], |u, v, _| self.sum(&taps, u, v));
+            if inner == 0.0 {
+                return table;
+            }
+            outer = inner;
+        }
+    }
+
+    /// Whether any entry from this radius on can see the photograph.
+    fn reaches(&self, kernel: &Kernel, radius: f64) -> bool {
+        let far = |c: f64, n: usize| c.max((n - 1) as f64 - c);
+        let farthest = far(self.center[0], self.plane.width).hypot(far(self.center[1], self.plane.height));
+        radius * (-kernel.range()[1]).exp() <= farthest
+    }
+
+    /// One entry whose half vector is so many pixels to the right and up.
+    #[inline]
+    pub(super) fn sum(&self, taps: &[(f32, Weight)], u: f32, v: f32) -> Weight {
+        let center = self.center.map(|c| c as f32);
+        let mut sum = [0.0; 4];
+        for (factor, weight) in taps {
+            let [light, known] = self.plane.at(center[0] - factor * u, center[1] + factor * v);
+            for c in 0..3 {
+                sum[c] += weight[c] * light;
+            }
+            sum[3] += weight[3] * known;
+        }
+        sum
+    }
+}
+
+/// Works out the entries whose radius in pixels lies above the first and up to the second.
+fn each(table: &mut [Weight], side: &[f32], [inner, outer]: [f64; 2], entry: impl Fn(f32, f32, f32) -> Weight + Sync) {
+    let (least, most) = ((inner * inner) as f32, (outer * outer) as f32);
+    let begin = side.partition_point(|u| f64::from(*u) < -outer);
+    let end = side.partition_point(|u| f64::from(*u) <= outer);
+    let size = side.len();
+    table.par_chunks_mut(size).enumerate().skip(begin).take(end - begin).for_each(|(y, row)| {
+        // The first row is the uppermost.
+        let v = side[size - 1 - y];
+        for (u, out) in side[begin..end].iter().zip(&mut row[begin..end]) {
+            let square = u * u + v * v;
+            if (square > least || least == 0.0) && square <= most {
+                *out = entry(*u, v, square);
+            }
+        }
+    });
+}
