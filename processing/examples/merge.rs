@@ -39,7 +39,7 @@ fn main() -> nacre_processing::Result<()> {
     let merged = merge(set, rasters)?;
     println!("{:.2} CPU-seconds, {:.2} s", used() - cpu, begun.elapsed().as_secs_f64());
     let (mut square, mut count) = (0.0, 0.0);
-    for (i, found) in merged.light.iter().step_by(3).enumerate() {
+    for (i, [found, _]) in merged.samples.iter().step_by(3).enumerate() {
         let truth = light(i % WIDTH, i / WIDTH);
         if truth > 0.25 && found.is_finite() {
             square += (f64::from(*found) / truth - 1.0).powi(2);

@@ -47,6 +47,16 @@ impl Scatter {
         Self { shot: self.shot * factor, floor: (self.floor * factor).max(f32::MIN_POSITIVE) }
     }
 
+    /// Inverse variance of a value where the light is what Σ weight · light and Σ weight so far say, or else the value itself. That is
+    /// [`Self::weight`] with one division in place of two.
+    #[inline(always)]
+    pub(super) fn weight_after(self, [product, weight]: [f32; 2], [light, rounding]: Entry) -> f32 {
+        let (light, over) = if weight > 0.0 { (product, weight) } else { (light, 1.0) };
+        // Not `max`, which takes care of NaN and so is more than one vector instruction.
+        let light = if light > 0.0 { light } else { 0.0 };
+        over / (self.shot * light + (self.floor + rounding) * over)
+    }
+
     /// Inverse variance of a value where there is so much light.
     #[inline(always)]
     pub(super) fn weight(self, light: f32, rounding: f32) -> f32 {

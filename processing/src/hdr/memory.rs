@@ -5,16 +5,14 @@ use super::merge::{Exposed, Sums};
 use crate::frames::{FrameSet, planned};
 use crate::image::Raster;
 use crate::{Error, Result};
-use rayon::prelude::*;
 use std::path::Path;
 
-/// Merged light, `width · height · channels` values as in a [`Raster`]; NaN where every exposure is saturated.
+/// Merged light.
 #[derive(Clone, Debug)]
 pub struct Merged {
-    /// Linear value per exposure and gain.
-    pub light: Vec<f32>,
-    /// Its variance.
-    pub variance: Vec<f32>,
+    /// `width · height · channels` samples as in a [`Raster`]: linear value per exposure and gain, and its variance; NaN where every
+    /// exposure is saturated.
+    pub samples: Vec<[f32; 2]>,
 }
 
 /// Merges all channels of photographs whose curve is known; `rasters` are those of the set's frames, in their order. Dark
@@ -38,8 +36,5 @@ pub fn merge(set: FrameSet, rasters: Vec<Raster>) -> Result<Merged> {
     let mut exposed: Vec<Exposed> = exposed.map(|(raster, frame)| Exposed { frame, raster, dark: vec![] }).collect();
     exposed.sort_by(|a, b| a.frame.scale().total_cmp(&b.frame.scale()));
     sums.add(&coding, &exposed);
-    let n = first.channels;
-    let at = |i: usize| sums.at(i / n, i % n).unwrap_or([f32::NAN; 2]);
-    let (light, variance) = (0..first.width * first.height * n).into_par_iter().map(|i| at(i).into()).unzip();
-    Ok(Merged { light, variance })
+    Ok(Merged { samples: sums.solved() })
 }

@@ -6,6 +6,7 @@
 use super::coding::{Coding, Entry, Scatter};
 use crate::frames::Frame;
 use crate::image::{Raster, Samples};
+use pulp::Arch;
 use rayon::prelude::*;
 
 /// Samples that a thread works on at a time: they and the files' values fit into its cache.
@@ -59,21 +60,25 @@ impl Sums {
         let table = |e: &Exposed, c: &usize| -> Option<Box<[Entry; CODES]>> {
             coding.table(*c, e.frame).into_boxed_slice().try_into().ok()
         };
-        let tables: Vec<Vec<Box<[Entry; CODES]>>> =
-            exposures.iter().map(|e| self.channels.iter().filter_map(|c| table(e, c)).collect()).collect();
-        let scatters: Vec<Scatter> = exposures.iter().map(|e| coding.scatter(e.frame)).collect();
+        let coded = |e: &Exposed| Coded {
+            tables: self.channels.iter().filter_map(|c| table(e, c)).collect(),
+            scatter: coding.scatter(e.frame),
+        };
+        let coded: Vec<Coded<CODES>> = exposures.iter().map(coded).collect();
         let values: Vec<&[T]> = exposures.iter().filter_map(|e| T::of(&e.raster.samples)).collect();
         let stored = exposures.first().map_or(1, |e| e.raster.channels);
         let (channels, run) = (self.channels.as_slice(), RUN * self.channels.len());
+        // Small tables stay in the cache together, so that sums pass through registers once; large ones are taken one by one.
+        let together = if CODES <= 256 { exposures.len() } else { 1 };
         self.sums.par_chunks_mut(run).enumerate().for_each(|(k, sums)| {
             let pixels = sums.len() / channels.len();
-            for ((values, tables), scatter) in values.iter().zip(&tables).zip(&scatters) {
-                let values = &values[k * RUN * stored..][..pixels * stored];
-                match (channels, tables.as_slice()) {
-                    ([0, 1, 2], [r, g, b]) => rgb(sums, values, [r, g, b], *scatter),
-                    ([c], [table]) => one(sums, values.get(*c..).unwrap_or(&[]), stored, table, *scatter),
+            let values: Vec<&[T]> = values.iter().map(|v| &v[k * RUN * stored..][..pixels * stored]).collect();
+            for (coded, values) in coded.chunks(together).zip(values.chunks(together)) {
+                Arch::new().dispatch(|| match channels {
+                    [0, 1, 2] => rgb(sums, coded, values),
+                    [c] => one(sums, coded, values, [*c, stored]),
                     _ => {}
-                }
+                });
             }
         });
     }
@@ -97,6 +102,18 @@ impl Sums {
     pub(super) fn at(&self, pixel: usize, channel: usize) -> Option<[f32; 2]> {
         let [light, weight] = self.sums[pixel * self.channels.len() + channel];
         (weight > 0.0).then(|| [light / weight, 1.0 / weight])
+    }
+
+    /// Light and its variance of every sample; NaN where every exposure is saturated. In place: nothing is allocated.
+    pub(super) fn solved(self) -> Vec<[f32; 2]> {
+        let mut sums = self.sums;
+        sums.par_chunks_mut(RUN).for_each(|run| {
+            for sum in run {
+                let [light, weight] = *sum;
+                *sum = if weight > 0.0 { [light / weight, 1.0 / weight] } else { [f32::NAN; 2] };
+            }
+        });
+        sums
     }
 
     /// Number of merged channels.
@@ -131,31 +148,86 @@ pub(super) fn entries<'a>(
 
 #[inline(always)]
 fn plus(sum: &mut Sum, [light, rounding]: Entry, scatter: Scatter) {
-    let known = if sum[1] > 0.0 { sum[0] / sum[1] } else { light };
-    let weight = scatter.weight(known, rounding);
+    let weight = scatter.weight_after(*sum, [light, rounding]);
     sum[0] += weight * light;
     sum[1] += weight;
 }
 
-/// All three channels of a colour file.
-fn rgb<T: Code, const CODES: usize>(sums: &mut [Sum], values: &[T], table: [&[Entry; CODES]; 3], scatter: Scatter) {
-    for (sum, value) in sums.as_chunks_mut::<3>().0.iter_mut().zip(values.as_chunks::<3>().0) {
-        for c in 0..3 {
-            plus(&mut sum[c], table[c][value[c].index()], scatter);
+/// Samples that are worked on at once: a multiple of three channels and of a vector register.
+const LANES: usize = 24;
+
+/// What an exposure's values mean.
+struct Coded<const CODES: usize> {
+    /// Of each merged channel.
+    tables: Vec<Box<[Entry; CODES]>>,
+    scatter: Scatter,
+}
+
+/// What exposures add to [`LANES`] sums in a row. Looking entries up takes one sample after the other, but all else is done by
+/// vectors.
+#[inline(always)]
+fn add_lanes<const CODES: usize>(
+    sums: &mut [Sum; LANES],
+    coded: &[Coded<CODES>],
+    look_up: impl Fn(usize, &Coded<CODES>) -> [Entry; LANES],
+) {
+    let [mut product, mut weight] = [[0.0_f32; LANES]; 2];
+    for i in 0..LANES {
+        [product[i], weight[i]] = sums[i];
+    }
+    for (k, coded) in coded.iter().enumerate() {
+        let entries = look_up(k, coded);
+        for i in 0..LANES {
+            let added = coded.scatter.weight_after([product[i], weight[i]], entries[i]);
+            product[i] += added * entries[i][0];
+            weight[i] += added;
         }
+    }
+    for i in 0..LANES {
+        sums[i] = [product[i], weight[i]];
     }
 }
 
-/// Every so manieth value.
+/// All three channels of a colour file.
+#[inline(always)]
+fn rgb<T: Code, const CODES: usize>(sums: &mut [Sum], coded: &[Coded<CODES>], values: &[&[T]]) {
+    let (chunks, rest) = sums.as_chunks_mut::<LANES>();
+    let count = chunks.len();
+    for (n, sums) in chunks.iter_mut().enumerate() {
+        add_lanes(sums, coded, |k, coded| {
+            let ([r, g, b], codes) = (tables(coded), &values[k].as_chunks::<LANES>().0[n]);
+            std::array::from_fn(|i| [r, g, b][i % 3][codes[i].index()])
+        });
+    }
+    for (coded, values) in coded.iter().zip(values) {
+        let all = tables(coded);
+        let last = &values[count * LANES..];
+        rest.iter_mut().zip(last).enumerate().for_each(|(i, (sum, v))| plus(sum, all[i % 3][v.index()], coded.scatter));
+    }
+}
+
+/// Tables of three channels.
+#[inline(always)]
+fn tables<const CODES: usize>(coded: &Coded<CODES>) -> [&[Entry; CODES]; 3] {
+    [&coded.tables[0], &coded.tables[1], &coded.tables[2]]
+}
+
+/// One channel of a file that stores so many.
+#[inline(always)]
 fn one<T: Code, const CODES: usize>(
     sums: &mut [Sum],
-    values: &[T],
-    every: usize,
-    table: &[Entry; CODES],
-    scatter: Scatter,
+    coded: &[Coded<CODES>],
+    values: &[&[T]],
+    [channel, stored]: [usize; 2],
 ) {
-    for (sum, value) in sums.iter_mut().zip(values.iter().step_by(every)) {
-        plus(sum, table[value.index()], scatter);
+    let (chunks, rest) = sums.as_chunks_mut::<LANES>();
+    let count = chunks.len() * LANES;
+    let entry = |coded: &Coded<CODES>, values: &[T], i: usize| coded.tables[0][values[i * stored + channel].index()];
+    for (n, sums) in chunks.iter_mut().enumerate() {
+        add_lanes(sums, coded, |k, coded| std::array::from_fn(|i| entry(coded, values[k], n * LANES + i)));
+    }
+    for (coded, values) in coded.iter().zip(values) {
+        rest.iter_mut().enumerate().for_each(|(i, sum)| plus(sum, entry(coded, values, count + i), coded.scatter));
     }
 }
 

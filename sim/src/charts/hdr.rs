@@ -99,7 +99,7 @@ fn run(camera: &Camera, exposures: usize, full: f64, pixels: usize, seed: u64) -
     let merged = merge(set, rasters)?;
     let seconds = begun.elapsed().as_secs_f64() / pixels as f64 * 1e6;
     let (mut square, mut promised, mut known, mut wrong) = (0.0, 0.0, 0.0, 0.0);
-    for (i, (found, variance)) in merged.light.iter().zip(&merged.variance).enumerate() {
+    for (i, [found, variance]) in merged.samples.iter().enumerate() {
         let (found, variance, truth) = (f64::from(*found), f64::from(*variance), light(i));
         if found.is_nan() || found < 3.0 * variance.sqrt() {
             continue;
