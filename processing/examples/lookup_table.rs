@@ -34,6 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let settings = Settings {
         wavelength_nm: Some(Wavelength::Band(680.0)),
         scale: Some(SCALE),
+        extent: Some(1.0),
         center: Some([CENTER; 2]),
         size: 2048,
         method,

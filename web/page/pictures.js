@@ -1,13 +1,16 @@
-// Results that are pictures rather than maps of orientations: merged exposures.
+// Results that are pictures rather than maps of orientations: merged exposures, lookup tables.
 
-import { get, makeDownload, picture, show } from "./api.js";
-import { facts, figures, h, panel, say, segments } from "./dom.js";
+import { get, makeDownload, picture, post, send, show } from "./api.js";
+import { facts, figures, h, panel, say, segments, svg } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
-import { bytes, duration, fixed, percent, significant, words } from "./format.js";
+import { bytes, duration, fixed, percent, plain, significant, words } from "./format.js";
+import { tableFields } from "./tableform.js";
 
-const TITLES = { hdr: "Merged exposures" };
+const TITLES = { hdr: "Merged exposures", lut: "Diffraction table" };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
+  "lut.png": "The table under its light, tone-mapped for the eye, over half vectors: the zero order is in the middle. Grey is not measured.",
+  "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
 };
 
 /** Shows the pictures of a finished reconstruction. */
@@ -48,8 +51,84 @@ export async function showPictures(main, job, signal) {
       h("section", { class: "panel", "aria-label": "Picture" },
         h("header", {}, pictures.length > 1 ? segments("Picture", pictures.map((p) => [p, label(p)]), shown, change) : h("h2", {}, "Picture")),
         well, meaning, h("p", { class: "row downloads" }, h("span", { class: "soft" }, "Download"), links)),
-      panel("Report", null, reportOf(report))));
+      h("div", { class: "stack" },
+        panel("Report", null, job.method === "lut" ? reportOfTable(report) : reportOf(report)),
+        job.method === "lut" ? panel("Radial profile", null, await profile(base, signal)) : null,
+        tablePanel(job))));
   if (shown) await change(shown);
+}
+
+/** Another table of the same photographs: the light is chosen, and the service works it out. */
+function tablePanel(job) {
+  const { element, options } = tableFields(job.method === "lut" ? { ...job.options } : {});
+  const problems = h("div", { role: "status", "aria-live": "polite" });
+  const make = h("button", { type: "button", class: "primary", id: "make-table", onclick: async () => {
+    make.disabled = true;
+    problems.replaceChildren();
+    try {
+      const next = await post("/reconstructions", { session: job.session ?? null, upload: job.upload ?? null, method: "lut", options: options() });
+      location.hash = `#/result/${next.id}`;
+    } catch (problem) {
+      problems.replaceChildren(problemMessage(problem));
+      make.disabled = false;
+    }
+  } }, "Make the table");
+  const title = job.method === "lut" ? "Under another light" : "Diffraction table";
+  return panel(title, null, h("div", { class: "stack" }, element, problems, h("p", {}, make)));
+}
+
+/** Means over rings around the zero order: the luminance, and below it what was measured. */
+async function profile(base, signal) {
+  const text = await (await send(`${base}/profile.csv`, { signal })).text();
+  const rows = text.trim().split("\n").slice(1).map((line) => line.split(",").map(Number));
+  const [width, height, left, bottom] = [420, 220, 44, 30];
+  const reach = rows.at(-1)?.[0] ?? 1;
+  const lights = rows.map((r) => r[2]).filter((y) => y > 0);
+  const top = Math.ceil(Math.log10(Math.max(...lights, 1e-30)));
+  const low = Math.max(top - 6, Math.floor(Math.log10(Math.min(...lights, 1e30))));
+  const x = (r) => left + (r / reach) * (width - left - 8);
+  const y = (share) => 8 + (1 - share) * (height - bottom - 8);
+  const path = (value) => rows.map((r, i) => `${i ? "L" : "M"}${x(r[0]).toFixed(1)} ${y(Math.min(1, Math.max(0, value(r)))).toFixed(1)}`).join("");
+  const decades = Array.from({ length: top - low + 1 }, (_, i) => low + i);
+  const label = "Mean luminance over the half vector, on a logarithmic axis, and coverage";
+  return h("div", { class: "stack" },
+    svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label, class: "chart" },
+      decades.map((d) => {
+        const at = y((d - low) / Math.max(1, top - low));
+        return [svg("line", { x1: left, x2: width - 8, y1: at, y2: at, class: "grid" }), svg("text", { x: left - 6, y: at + 4, "text-anchor": "end" }, `10${superscript(d)}`)];
+      }),
+      [0, 0.5, 1].map((share) => svg("text", { x: x(share * reach), y: height - 10, "text-anchor": "middle" }, plain(Number((share * reach).toPrecision(2))))),
+      svg("path", { d: path((r) => r[4]), class: "coverage" }),
+      svg("path", { d: path((r) => (Math.log10(Math.max(r[2], 1e-30)) - low) / Math.max(1, top - low)), class: "light" })),
+    h("p", { class: "soft" }, "Mean luminance Y over the length of the half vector; dashed, the part that was measured, 0 to 1."));
+}
+
+const superscript = (n) => String(n).replace(/./g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
+
+const warned = (warnings) => warnings.length
+  ? h("ul", { class: "problems" }, warnings.map((w) => h("li", { class: "message", "data-tone": "warn" }, w)))
+  : h("p", { class: "message", "data-tone": "good" }, "No warnings.");
+
+/** A table's report. */
+function reportOfTable(report) {
+  const { choice, coverage, seconds = {}, warnings = [] } = report;
+  const known = (value, digits = 2) => (value === null ? "unknown" : percent(value, digits));
+  return h("div", { class: "stack" }, warned(warnings),
+    figures([
+      ["error at the rim", known(report.error_estimate)],
+      ["by the centre", known(report.center_error)],
+      ["measured in full", percent(coverage.full, 0)],
+    ]),
+    facts([
+      ["Light", `${report.illuminant}, observer ${report.observer}`],
+      ["Photographed at", `${[report.wavelength_nm].flat().join(", ")} nm`],
+      ["Half vectors", `±${plain(report.extent)}, ${report.width} × ${report.height}${report.warp > 1 ? `, warped by ${report.warp}` : ""}`],
+      ["Zero order", report.center.map((c) => fixed(c, 2)).join(", ") + (report.center_sigma_px === null ? "" : ` ± ${fixed(report.center_sigma_px, 2)} pixels`)],
+      ["Per pixel", plain(report.scale)],
+      ["Exponent", plain(report.exponent)],
+      ["Method", `${words(choice.method)}${choice.spacing_px === null ? "" : `, ${plain(choice.spacing_px)} pixels apart`}: ${choice.why}`],
+      ["Took", seconds.total && duration(seconds.total)],
+    ]));
 }
 
 /** Warnings, the figures that count, and the rest as facts. */
@@ -57,10 +136,7 @@ function reportOf(report) {
   const { samples, seconds = {}, registration, frames = [], warnings = [] } = report;
   const share = (n) => percent(n / samples.all, 2);
   const shifted = registration?.corrected && "Moved back onto each other";
-  return h("div", { class: "stack" },
-    warnings.length
-      ? h("ul", { class: "problems" }, warnings.map((w) => h("li", { class: "message", "data-tone": "warn" }, w)))
-      : h("p", { class: "message", "data-tone": "good" }, "No warnings."),
+  return h("div", { class: "stack" }, warned(warnings),
     figures([
       ["σ of a typical value", report.error_estimate === null ? "unknown" : percent(report.error_estimate, 2)],
       ["measured range", report.dynamic_range === null ? "none" : `${significant(report.dynamic_range)} : 1`],

@@ -64,8 +64,8 @@ export async function sessionPage(main, { id, signal }) {
   const lastAbout = h("span", { class: "soft" });
   const lastEmpty = h("p", { class: "empty" }, "No frame yet.");
   const map = h("img", { id: "live-map", alt: "Map so far", hidden: true });
-  const merged = session.plan?.reconstruct?.method === "hdr";
-  const mapEmpty = h("p", { class: "empty" }, merged ? "Merged after the last exposure." : "The map appears after three angles.");
+  const pictured = { hdr: ["hdr.png", "Merged exposures, tone-mapped."], lut: ["lut.png", "The table under its light."] }[session.plan?.reconstruct?.method];
+  const mapEmpty = h("p", { class: "empty" }, pictured ? "Made after the last exposure." : "The map appears after three angles.");
   const mapAbout = h("span", { class: "soft" });
   const legend = h("div", { class: "legend" });
   const log = h("ol", { class: "log scroll", tabindex: 0, "aria-label": "Events" });
@@ -87,7 +87,7 @@ export async function sessionPage(main, { id, signal }) {
       h("div", { class: "stack" },
         panel("Progress", h("div", { class: "row" }, Object.values(buttons)), h("div", { class: "stack" },
           h("p", { class: "row" }, lamp, means), error, progress, sigma, figures([["frames", taken], [time, eta], ["on disk", size]]))),
-        panel(merged ? "Photograph" : "Map", merged ? null : choice, h("div", { class: "well mapwell live" }, map, mapEmpty), h("div", { class: "row under" }, legend, mapAbout))),
+        panel(pictured ? "Picture" : "Map", pictured ? null : choice, h("div", { class: "well mapwell live" }, map, mapEmpty), h("div", { class: "row under" }, legend, mapAbout))),
       h("div", { class: "stack" },
         h("div", { class: "columns pair" },
           panel("Last frame", lastAbout, h("div", { class: "well last" }, last, lastEmpty)),
@@ -162,11 +162,11 @@ export async function sessionPage(main, { id, signal }) {
   };
   const pixels = (image) => Math.min(2048, 160 * Math.ceil(((image.parentElement.clientWidth || 400) * devicePixelRatio) / 160));
   const refreshMap = latest(async () => {
-    if (merged) {
+    if (pictured) {
       if (!session.has_results) return;
-      show(map, (await picture(`/reconstructions/${id}/files/hdr.png`, { signal })).blob);
+      show(map, (await picture(`/reconstructions/${id}/files/${pictured[0]}`, { signal })).blob);
       mapEmpty.hidden = true;
-      return say(mapAbout, "Merged exposures, tone-mapped.");
+      return say(mapAbout, pictured[1]);
     }
     // Three angles make a map; asking sooner would be answered with a problem.
     const angles = new Set(frames.map((f) => f.analyser_deg).filter((deg) => typeof deg === "number"));

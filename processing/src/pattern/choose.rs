@@ -6,6 +6,7 @@
 use super::kernel::{Kernel, Weight};
 use super::rays::{Fineness, Layout, between};
 use super::table::{Grid, INNER_PX, Method, Source};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -66,8 +67,8 @@ impl Trial {
     }
 }
 
-/// Root mean square of the error of interpolating samples so far apart, over their own.
-fn interpolation(fine: &[f32], every: usize) -> f64 {
+/// Squares of the error of interpolating samples so far apart, and of their own.
+fn interpolation(fine: &[f32], every: usize) -> [f64; 2] {
     let (mut square, mut all) = (0.0, 0.0);
     for k in every..fine.len().saturating_sub(2 * every) {
         let (left, share) = (k / every * every, (k % every) as f32 / every as f32);
@@ -76,13 +77,24 @@ fn interpolation(fine: &[f32], every: usize) -> f64 {
         square += f64::from(found - fine[k]).powi(2);
         all += f64::from(fine[k]).powi(2);
     }
+    [square, all]
+}
+
+/// Root mean square of the error of interpolation, over the samples' own. Of all lines together: where there is little light there is
+/// mostly noise, which nobody can interpolate, and which no one will miss.
+fn together(lines: &[Vec<f32>], every: usize) -> f64 {
+    let add = |[a, b]: [f64; 2], line: &Vec<f32>| {
+        let [square, all] = interpolation(line, every);
+        [a + square, b + all]
+    };
+    let [square, all] = lines.iter().fold([0.0; 2], add);
     if all > 0.0 { (square / all).sqrt() } else { 0.0 }
 }
 
 /// Of the photograph on circles around the zero order.
 fn across(source: &Source) -> [f64; QUARTERS.len()] {
     let half = 0.5 * source.plane.width.min(source.plane.height) as f64;
-    let circles = [0.45, 0.6, 0.75, 0.9].map(|share| {
+    let circle = |share: f64| {
         let radius = share * half;
         let count = ((TAU * radius * 4.0) as usize).clamp(64, 8192);
         let at = |k: usize| {
@@ -91,8 +103,9 @@ fn across(source: &Source) -> [f64; QUARTERS.len()] {
             source.plane.at(place[0] as f32, place[1] as f32)[0]
         };
         (0..count).map(at).collect::<Vec<f32>>()
-    });
-    QUARTERS.map(|q| circles.iter().map(|c| interpolation(c, q)).fold(0.0, f64::max))
+    };
+    let circles = [0.45, 0.6, 0.75, 0.9].map(circle);
+    QUARTERS.map(|q| together(&circles, q))
 }
 
 /// Of entries along a few rays near the rim.
@@ -112,11 +125,7 @@ fn along(source: &Source, kernel: &Kernel, radius: f64) -> Vec<(usize, f64)> {
     let mut spacings: Vec<usize> = QUARTERS.iter().flat_map(|q| EVERY.map(|e| q * e)).collect();
     spacings.sort_unstable();
     spacings.dedup();
-    let error = |q: usize| {
-        let squares = rays.iter().map(|r| interpolation(r, q).powi(2)).sum::<f64>();
-        (q, (squares / RAYS as f64).sqrt())
-    };
-    spacings.into_iter().map(error).collect()
+    spacings.into_iter().map(|q| (q, together(&rays, q))).collect()
 }
 
 /// CPU time of a method in s, and whether memory is enough for it.
@@ -221,21 +230,22 @@ pub(super) fn check(
         [across.min(grid.size - 1), ((along * grid.size as f64) as usize).min(grid.size - 1)]
     };
     let radius = grid.extent / source.scale * 2.0_f64.sqrt();
-    let (mut off, mut displaced, mut all) = (0.0, 0.0, 0.0);
     let finer: Vec<_> = kernels
         .iter()
         .map(|(kernel, source)| (kernel.steps(CHECK_PX / radius.max(INNER_PX)).taps(), *source))
         .collect();
-    for [x, y] in (0..CHECKED).map(place) {
+    let of = |k: usize| {
+        let [x, y] = place(k);
         let (u, v) = ((grid.at(x) / source.scale) as f32, (grid.at(y) / source.scale) as f32);
         let sum = |du: f32, dv: f32| finer.iter().map(|(taps, s)| shifted(s, taps, [u, v], [du, dv])).sum::<f64>();
         let truth = sum(0.0, 0.0);
         let found = f64::from(table[(grid.size - 1 - y) * grid.size + x][1]);
-        off += (found - truth).powi(2);
-        all += truth * truth;
         let shift = moved as f32;
-        displaced += 0.5 * ((sum(shift, 0.0) - truth).powi(2) + (sum(0.0, shift) - truth).powi(2));
-    }
+        let displaced = 0.5 * ((sum(shift, 0.0) - truth).powi(2) + (sum(0.0, shift) - truth).powi(2));
+        [(found - truth).powi(2), displaced, truth * truth]
+    };
+    let add = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|c| a[c] + b[c]);
+    let [off, displaced, all] = (0..CHECKED).into_par_iter().map(of).reduce(|| [0.0; 3], add);
     [off, displaced].map(|square| (all > 0.0).then(|| (square / all).sqrt()))
 }
 

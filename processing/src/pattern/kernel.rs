@@ -9,6 +9,9 @@ use crate::color::{Illuminant, Observer, VISIBLE_NM};
 /// Longest distance of two wavelengths of the integrals, in nm: a fifth of what lamps are tabulated at would do.
 const FINE_NM: f64 = 0.25;
 
+/// Part of the light that a table's default extent may leave out.
+const IGNORED: f64 = 0.02;
+
 /// X, Y, Z and coverage of one sample of the photograph.
 pub(super) type Weight = [f32; 4];
 
@@ -69,6 +72,20 @@ impl Kernel {
     /// ln(λ/λm) of the shortest and the longest wavelength that count.
     pub(super) fn range(&self) -> [f64; 2] {
         self.range_nm().map(|nm| (nm / self.wavelength_nm).ln())
+    }
+
+    /// Wavelength in nm below which next to nothing is seen of the light: 2 % of X + Y + Z.
+    pub(super) fn shortest_nm(&self) -> f64 {
+        let [from, to] = self.range_nm();
+        let count = ((to - from) / FINE_NM) as usize;
+        let at = |k: usize| from + (k as f64 + 0.5) * FINE_NM;
+        let seen: Vec<f64> = (0..count).map(|k| self.density(at(k), 1.0).iter().sum()).collect();
+        let (all, mut sum) = (seen.iter().sum::<f64>(), 0.0);
+        let reached = |v: &f64| {
+            sum += v;
+            sum >= IGNORED * all
+        };
+        at(seen.iter().position(reached).unwrap_or(0))
     }
 
     /// Y of light that falls everywhere: what tables are divided by.

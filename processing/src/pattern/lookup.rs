@@ -49,6 +49,8 @@ pub struct Table {
     pub center_error: Option<f64>,
     /// Half vector per pixel.
     pub scale: f64,
+    /// Largest component of the half vector.
+    pub extent: f64,
 }
 
 /// Makes a table of one photograph in narrow-band light, or of three channels (red, green, blue) in white light.
@@ -82,7 +84,8 @@ pub fn lookup(photographs: &[Photograph], settings: &Settings) -> Result<Table> 
         sources.push(Source { plane, center: *center, scale: *scale });
     }
     let kernels = kernels(settings, bands, &illuminant);
-    let grid = Grid { size: settings.size, extent: settings.extent, warp: settings.warp };
+    let extent = settings.extent.unwrap_or_else(|| measured(&sources, &kernels));
+    let grid = Grid { size: settings.size, extent, warp: settings.warp };
     let pairs: Vec<(Kernel, &Source)> = kernels.into_iter().zip(&sources).collect();
     // How far off the zero order may be, in pixels: what is measured, or how far a given one is from the lobe.
     let known = lobe_elsewhere.map_or(Some(lobe.sigma_px).filter(|s| s.is_finite()), |l| {
@@ -100,7 +103,21 @@ pub fn lookup(photographs: &[Photograph], settings: &Settings) -> Result<Table> 
         error,
         center_error: known.and(center_error),
         scale: places.first().map_or(1.0, |p| p.1),
+        extent,
     })
+}
+
+/// The largest half vector along an axis of which all wavelengths that matter were measured, to two digits. It is a mean of four
+/// directions.
+fn measured(sources: &[Source], kernels: &[Kernel]) -> f64 {
+    let of = |(source, kernel): (&Source, &Kernel)| {
+        let [x, y] = source.center;
+        let sides = [x, (source.plane.width - 1) as f64 - x, y, (source.plane.height - 1) as f64 - y];
+        sides.iter().sum::<f64>() / 4.0 * source.scale * kernel.shortest_nm() / kernel.wavelength_nm
+    };
+    let extent = sources.iter().zip(kernels).map(of).fold(f64::INFINITY, f64::min);
+    let digit = 10_f64.powf(extent.log10().floor() - 1.0);
+    ((extent / digit).floor() * digit).clamp(1e-3, 2.0)
 }
 
 /// The photograph on which the zero order is looked for.

@@ -57,7 +57,7 @@ impl Output<'_> {
                      coverage is the part that was measured";
         let attributes = [
             ("units", Attribute::Text(units.into())),
-            ("extent", Attribute::Text(self.settings.extent.to_string())),
+            ("extent", Attribute::Text(self.table.extent.to_string())),
             ("warp", Attribute::Text(self.settings.warp.to_string())),
             ("illuminant", Attribute::Text(self.settings.illuminant.clone())),
         ];
@@ -102,7 +102,7 @@ impl Output<'_> {
 
     /// Means over rings around the zero order.
     fn profile(&self) -> String {
-        let grid = Grid { size: self.size(), extent: self.settings.extent, warp: self.settings.warp };
+        let grid = Grid { size: self.size(), extent: self.table.extent, warp: self.settings.warp };
         let mut rings = vec![[0.0_f64; 5]; RINGS];
         for i in 0..self.table.entries.len() {
             let radius = grid.at(i % grid.size).hypot(grid.at(i / grid.size)) / grid.extent;

@@ -44,7 +44,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
         warnings: vec![],
         width: settings.size,
         height: settings.size,
-        extent: settings.extent,
+        extent: table.extent,
         warp: settings.warp,
         wavelength_nm,
         illuminant: settings.illuminant.clone(),
@@ -56,7 +56,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
         choice: table.choice.clone(),
         error_estimate: table.error,
         center_error: table.center_error,
-        band_px: band_nm.zip(narrow(wavelength_nm)).map(|(band, nm)| band / nm * settings.extent / table.scale),
+        band_px: band_nm.zip(narrow(wavelength_nm)).map(|(band, nm)| band / nm * table.extent / table.scale),
         coverage: output.coverage(),
         merged,
         seconds: Seconds::default(),
@@ -103,8 +103,10 @@ fn warnings(report: &Report, table: &Table, wanted: f64) -> Vec<String> {
                 100.0 * error
             ));
         }
-        None => all.push("nothing tells whether the zero order is where it was said to be".into()),
-        Some(_) => {}
+        _ if table.center_sigma_px.is_none() => {
+            all.push("nothing tells whether the zero order is where it was said to be".into());
+        }
+        _ => {}
     }
     match report.error_estimate {
         None => all.push("no light was measured at the rim of the table".into()),

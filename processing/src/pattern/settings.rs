@@ -25,8 +25,8 @@ pub struct Settings {
     pub center: Option<[f64; 2]>,
     /// Entries of a row and a column.
     pub size: usize,
-    /// Largest component of the half vector, up to 2.
-    pub extent: f64,
+    /// Largest component of the half vector, up to 2 (default: as far as nearly all wavelengths were measured).
+    pub extent: Option<f64>,
     /// Odd power of the warp: entries lie at `extent · aⁿ`, `a` even between −1 and 1.
     pub warp: i32,
     /// Light: a name or a CSV file.
@@ -100,7 +100,7 @@ impl Default for Settings {
             geometry: None,
             center: None,
             size: 1024,
-            extent: 1.0,
+            extent: None,
             warp: 1,
             illuminant: "E".into(),
             observer: Observer::default(),
@@ -151,7 +151,7 @@ impl Settings {
         if !SIZES.contains(&self.size) {
             return Err(Error::input("size", format!("is {}", self.size), "give 16 to 8192"));
         }
-        within("extent", self.extent, 1e-3, 2.0)?;
+        self.extent.map_or(Ok(()), |extent| within("extent", extent, 1e-3, 2.0))?;
         if !(1..=9).contains(&self.warp) || self.warp % 2 == 0 {
             return Err(Error::input("warp", format!("is {}", self.warp), "give 1, 3, 5, 7 or 9"));
         }

@@ -50,9 +50,9 @@ pub struct Lut {
     /// Entries of a row and a column, 16 to 8192.
     #[arg(long, default_value_t = 1024)]
     size: usize,
-    /// Largest component of the half vector, up to 2.
-    #[arg(long, default_value_t = 1.0)]
-    extent: f64,
+    /// Largest component of the half vector, up to 2 (default: as far as nearly all wavelengths were measured).
+    #[arg(long)]
+    extent: Option<f64>,
     /// Odd power that gathers entries in the middle: they lie at E·aⁿ.
     #[arg(long, default_value_t = 1, value_name = "N")]
     warp: i32,

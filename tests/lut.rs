@@ -1,0 +1,247 @@
+//! Lookup tables as a user makes them: of simulated flash photographs, of photographs from elsewhere, over REST.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_processing::image::{Attribute, read_exr, write_exr, write_png8};
+use nacre_tests::http::{Service, begin, finished};
+use nacre_tests::{Place, nacre};
+use serde_json::{Value, json};
+use std::path::Path;
+
+const SIZE: usize = 300;
+const SCALE: f64 = 0.004;
+
+/// Gaussian orders on a square lattice around a zero order.
+fn light(u: f64, v: f64) -> f64 {
+    let (pitch, sigma) = (0.15, 0.012);
+    let (m, n) = ((u / pitch).round(), (v / pitch).round());
+    let square = (u - m * pitch).powi(2) + (v - n * pitch).powi(2);
+    (-0.5 * square / (sigma * sigma)).exp() / (1.0 + 2.0 * (m * m + n * n))
+}
+
+/// A photograph of them, and a cap on its light above which it is not known.
+fn photograph(path: &Path, center: [f64; 2], cap: f64) {
+    let at = |x: usize, y: usize| light((center[0] - x as f64) * SCALE, (y as f64 - center[1]) * SCALE);
+    let attributes: [(&str, Attribute); 0] = [];
+    write_exr(path, SIZE, SIZE, &["Y"], &attributes, &|_, y, row| {
+        for (x, out) in row.iter_mut().enumerate() {
+            let l = at(x, y);
+            *out = if l > cap { f32::NAN } else { l as f32 };
+        }
+    })
+    .unwrap();
+}
+
+fn run(photo: &Path, out: &Path, more: &[&str]) -> nacre_tests::Run {
+    let all = ["--json", "reconstruct", "lut", photo.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    nacre(all.iter().chain(more).map(|s| (*s).to_owned()).collect::<Vec<_>>())
+}
+
+const USUAL: [&str; 6] = ["--wavelength", "680", "--scale", "0.004", "--size", "256"];
+
+#[test]
+fn a_table_puts_each_wavelength_where_its_orders_lie() {
+    let dir = tempfile::tempdir().unwrap();
+    let (photo, out) = (dir.path().join("photo.exr"), dir.path().join("table"));
+    photograph(&photo, [150.4, 148.7], f64::INFINITY);
+    // A lamp of one line: the table is the photograph at another scale.
+    let lamp = dir.path().join("line.csv");
+    std::fs::write(&lamp, "544,0\n545,1\n546,0\n").unwrap();
+    let more = ["--illuminant", lamp.to_str().unwrap(), "--extent", "0.4"];
+    let report = run(&photo, &out, &[&USUAL[..], &more].concat()).expect(0).json();
+    assert!(report["warnings"].as_array().unwrap().is_empty(), "{report}");
+    let center: Vec<f64> = report["center"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    assert!((center[0] - 150.4).abs() < 0.02 && (center[1] - 148.7).abs() < 0.02, "{center:?}");
+    let table = read_exr(&out.join("lut.exr")).unwrap();
+    let (mut square, mut all) = (0.0, 0.0);
+    for y in 0..256 {
+        for x in 0..256 {
+            let h = |k: usize| 0.4 * ((2 * k + 1) as f64 / 256.0 - 1.0);
+            let factor: f64 = 680.0 / 545.0;
+            let truth = factor.powi(4) * light(h(x) * factor, h(255 - y) * factor);
+            square += (f64::from(table.channels["Y"][y * 256 + x]) - truth).powi(2);
+            all += truth * truth;
+            assert!(table.channels["coverage"][y * 256 + x] > 0.999, "{x} {y}");
+        }
+    }
+    // The line is 1 nm wide (half maximum), and orders are known to three pixels.
+    let error = f64::sqrt(square / all);
+    assert!(error < 0.01, "{error}");
+    for name in ["lut.png", "coverage.png", "profile.csv", "report.json"] {
+        assert!(out.join(name).is_file(), "{name}");
+    }
+    // Nothing is overwritten without being asked.
+    run(&photo, &out, &USUAL).expect(2);
+    run(&photo, &out, &[&USUAL[..], &["--force"]].concat()).expect(0);
+}
+
+#[test]
+fn what_was_not_measured_is_not_made_up() {
+    let dir = tempfile::tempdir().unwrap();
+    let (photo, out) = (dir.path().join("photo.exr"), dir.path().join("table"));
+    let warned = |report: &Value, word: &str| {
+        let all = report["warnings"].as_array().unwrap();
+        assert!(all.iter().any(|w| w.as_str().unwrap().contains(word)), "{word}: {all:?}");
+    };
+    // Saturated: its place is that of its flanks, and the middle of the table is unknown.
+    photograph(&photo, [150.0, 149.0], 0.6);
+    let report = run(&photo, &out, &[&USUAL[..], &["--force"]].concat()).expect(0).json();
+    warned(&report, "saturated");
+    assert!((report["center"][0].as_f64().unwrap() - 150.0).abs() < 0.05, "{report}");
+    let table = read_exr(&out.join("lut.exr")).unwrap();
+    assert!(table.channels["coverage"][128 * 256 + 128] < 0.01 && table.channels["Y"][128 * 256 + 128].is_nan());
+    // Clipped: more is asked for than the photograph shows.
+    photograph(&photo, [150.0, 149.0], f64::INFINITY);
+    let report = run(&photo, &out, &[&USUAL[..], &["--force", "--extent", "1.5"]].concat()).json();
+    warned(&report, "in part only");
+    let table = read_exr(&out.join("lut.exr")).unwrap();
+    assert!(table.channels["Y"][0].is_nan() && table.channels["coverage"][0] == 0.0);
+    // A wrong centre is seen by the lobe beside it.
+    let wrong = [&USUAL[..], &["--force", "--center", "152,149"]].concat();
+    let report = run(&photo, &out, &wrong).expect(1).json();
+    warned(&report, "lobe there lies at 150");
+    assert!(report["center_error"].as_f64().unwrap() > 0.1, "{report}");
+    // The zero order beyond the border, which makes the brightest order look like it.
+    photograph(&photo, [-30.0, 149.0], f64::INFINITY);
+    let report = run(&photo, &out, &[&USUAL[..], &["--force"]].concat()).json();
+    warned(&report, "as bright");
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let photo = dir.path().join("photo.exr");
+    photograph(&photo, [150.0, 149.0], f64::INFINITY);
+    let (eight, dark) = (dir.path().join("eight.png"), dir.path().join("dark.png"));
+    write_png8(&eight, 8, 8, 1, &[9; 64]).unwrap();
+    write_png8(&dark, 8, 8, 3, &[0; 192]).unwrap();
+    let out = dir.path().join("table");
+    let mut refused = |photo: &Path, more: &[&str], word: &str| {
+        let run = run(photo, &out, more).expect(2);
+        assert!(run.stderr.contains(word), "{more:?}: {}", run.stderr);
+        assert!(!out.exists(), "{more:?}");
+    };
+    refused(&photo, &["--scale", "0.004"], "wavelength");
+    refused(&photo, &["--wavelength", "680"], "scale");
+    refused(&photo, &["--wavelength", "680,540", "--scale", "0.004"], "wavelength");
+    refused(&photo, &["--wavelength", "610,540,460", "--scale", "0.004"], "channel R");
+    for (option, value) in [
+        ("--size", "8"),
+        ("--size", "100000"),
+        ("--extent", "3"),
+        ("--extent", "nan"),
+        ("--warp", "2"),
+        ("--exponent", "inf"),
+        ("--max-error", "0"),
+        ("--method", "fixed=0"),
+        ("--method", "magic"),
+        ("--illuminant", "moonlight"),
+        ("--observer", "1976"),
+        ("--center", "900,2"),
+        ("--center", "here"),
+    ] {
+        refused(&photo, &[&USUAL[..4], &[option, value]].concat(), option.trim_start_matches("--"));
+    }
+    refused(&eight, &USUAL, "8 bits");
+    refused(&eight, &[&USUAL[..], &["--transfer", "srgb"]].concat(), "--center");
+    refused(&dark, &[&USUAL[..], &["--transfer", "linear"]].concat(), "no light");
+    refused(&dir.path().join("missing.exr"), &USUAL, "missing.exr");
+    refused(dir.path(), &USUAL, "");
+    let toml = dir.path().join("bench.toml");
+    for (text, word) in [
+        ("camera_mm = 1", "missing field"),
+        ("words", "bench.toml"),
+        ("camera_mm = 1\nflash_mm = 1000\npixel_um = 0", "pixel_um"),
+    ] {
+        std::fs::write(&toml, text).unwrap();
+        refused(&photo, &["--wavelength", "680", "--geometry", toml.to_str().unwrap()], word);
+    }
+}
+
+#[test]
+fn the_geometry_of_a_near_flash_is_undone() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    // Gratings of the same lattice from near and from far: half vectors do not depend on the distance.
+    let scene = |mm: f64, pixel_um: f64| {
+        format!(
+            "camera_mm = {mm}\nflash_mm = {}\nbaseline_mm = [{}, 0]\npixel_um = {pixel_um}\nwidth = 300\nheight = 300\n\
+             flash_diameter_mm = 0\nblur_px = 1.5\nband_nm = 0\ncoherence_um = 20\nread_noise_e = 0\nfull_scale_e = 1e8",
+            1.2 * mm,
+            0.1 * mm
+        )
+    };
+    let peaks = [("near", 120.0, 400.0), ("far", 4000.0, 13_000.0)].map(|(name, mm, pixel_um)| {
+        std::fs::write(path("scene.toml"), scene(mm, pixel_um)).unwrap();
+        nacre(["sim", "photograph", "flash", "--scene", &path("scene.toml"), "--out", &path(name)]).expect(0);
+        let bench = format!(
+            "camera_mm = {mm}\nflash_mm = {}\nbaseline_mm = [{}, 0]\npixel_um = {pixel_um}",
+            1.2 * mm,
+            0.1 * mm
+        );
+        std::fs::write(path("bench.toml"), bench).unwrap();
+        let line = path("line.csv");
+        std::fs::write(&line, "679,0\n680,1\n681,0\n").unwrap();
+        let (bench, out) = (path("bench.toml"), path(&format!("{name}-table")));
+        let more =
+            ["--geometry", &bench, "--illuminant", &line, "--size", "401", "--extent", "0.4", "--max-error", "0.05"];
+        let report = run(Path::new(&path(name)), Path::new(&out), &more).json();
+        assert!(report["coverage"]["full"].as_f64().unwrap() > 0.99, "{report}");
+        let y = read_exr(&Path::new(&out).join("lut.exr")).unwrap().channels.remove("Y").unwrap();
+        // The order (6, 0) lies at 6 · 0.68 / 20 = 0.204: centroid and light around it.
+        let (mut sum, mut along) = (0.0, 0.0);
+        for row in 195..=205 {
+            for column in 295..=309 {
+                let v = f64::from(y[row * 401 + column]);
+                sum += v;
+                along += v * (0.4 * (f64::from(2 * column as u32 + 1) / 401.0 - 1.0));
+            }
+        }
+        [along / sum, sum / f64::from(y[200 * 401 + 200])]
+    });
+    for [place, _] in peaks {
+        assert!((place - 0.204).abs() < 2e-4, "{peaks:?}");
+    }
+    // The same strength from near as from far: cosine, inverse square and G are undone.
+    assert!((peaks[0][1] / peaks[1][1] - 1.0).abs() < 0.03, "{peaks:?}");
+}
+
+#[test]
+fn the_service_makes_tables_of_its_sessions() {
+    let place = Place::new("");
+    let service = Service::start(&place, &[]);
+    let table = json!({ "wavelength_nm": 680, "scale": 0.002, "size": 64, "illuminant": "D65" });
+    let plan =
+        json!({ "plan": { "kind": "exposures", "bracket": { "at_most": 2 }, "reconstruct": { "method": "hdr" } } });
+    let id = begin(&service, &plan);
+    finished(&service, &id);
+    let asked = json!({ "session": id, "method": "lut", "options": table });
+    let job = service.post("/api/v1/reconstructions", &asked).expect(202).json();
+    let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+    let done = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
+    // The panel has no orders; whether a lobe is found is the scene's business, but the job must end in words.
+    if done["state"] == "done" {
+        assert_eq!(done["report"]["illuminant"], "D65", "{done}");
+        let picture = service.get(&format!("{path}/files/lut.png")).expect(200);
+        assert!(picture.body.starts_with(b"\x89PNG"));
+    } else {
+        assert!(done["error"].to_string().contains("center"), "{done}");
+    }
+    for (options, word) in [
+        (json!({ "wavelength_nm": 680 }), ""),
+        (json!({ "wavelength_nm": 680, "scale": 0.002, "illuminant": "/etc/passwd" }), "illuminant"),
+        (json!({ "wavelength_nm": 680, "scale": 0.002, "size": 1 }), "size"),
+        (json!({ "wavelength_nm": 680, "scale": 0.002, "warps": 1 }), "warps"),
+        (json!({ "scale": 0.002 }), "wavelength"),
+    ] {
+        let asked = json!({ "session": id, "method": "lut", "options": options });
+        let answer = service.post("/api/v1/reconstructions", &asked);
+        if word.is_empty() {
+            continue;
+        }
+        assert!(answer.expect(400).text().contains(word), "{options}");
+    }
+    // A plan asks for its table itself.
+    let plan = json!({ "plan": { "kind": "exposures", "exposures_ms": [5, 20], "reconstruct": { "method": "lut", "lut": { "size": 4 } } } });
+    assert!(service.post("/api/v1/sessions", &plan).expect(400).text().contains("size"));
+}
