@@ -1,5 +1,6 @@
 //! `nacre reconstruct`.
 
+mod bokeh;
 mod hdr;
 mod polarization;
 
@@ -16,6 +17,8 @@ pub enum Reconstruct {
     Polarization(Polarization),
     /// One photograph of high dynamic range from several exposures.
     Hdr(hdr::Hdr),
+    /// Height and lines of a grating from a photograph of an out-of-focus highlight on it.
+    Bokeh(Box<bokeh::Bokeh>),
 }
 
 /// Runs a reconstruction.
@@ -23,5 +26,6 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
     match command {
         Reconstruct::Polarization(args) => args.run(console),
         Reconstruct::Hdr(args) => args.run(console),
+        Reconstruct::Bokeh(args) => args.run(console),
     }
 }

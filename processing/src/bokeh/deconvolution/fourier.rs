@@ -128,7 +128,7 @@ fn good_size(at_least: usize) -> usize {
     let good = |n: &usize| {
         let mut n = *n;
         for factor in [2, 3, 5] {
-            while n % factor == 0 {
+            while n.is_multiple_of(factor) {
                 n /= factor;
             }
         }

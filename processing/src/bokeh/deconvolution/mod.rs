@@ -117,6 +117,8 @@ struct Leaps {
     now: Plane,
     before: Plane,
     step: Plane,
+    /// How far the last extrapolation went, in steps.
+    far: f32,
 }
 
 impl Deconvolution {
@@ -161,7 +163,12 @@ impl Deconvolution {
                 }),
             }
         }
-        let leaps = method.accelerate.then(|| Leaps { now: estimate.clone(), before: estimate.clone(), step: plane() });
+        let leaps = method.accelerate.then(|| Leaps {
+            now: estimate.clone(),
+            before: estimate.clone(),
+            step: plane(),
+            far: 0.0,
+        });
         let shifted = image.light.iter().filter(|v| v.is_finite()).map(|v| v + weights.shift);
         let freedom = Freedom::new(psf.power(Freedom::frequencies()), shifted, weights.shift);
         let ratio = plane();
@@ -185,7 +192,7 @@ impl Deconvolution {
     pub fn update(&mut self) {
         let gain = self.gain.as_ref();
         self.iterations += 1;
-        let Some(Leaps { now, before, step }) = &mut self.leaps else {
+        let Some(Leaps { now, before, step, far: last }) = &mut self.leaps else {
             self.blur.apply(&self.ratio, true, self.estimate.bands().map(|estimate| Update { estimate, gain }));
             self.freedom.spend(0.0);
             return;
@@ -197,6 +204,7 @@ impl Deconvolution {
         let [across, square] = self.blur.apply(&self.ratio, true, works);
         // The first step has none before it.
         let far = if square > 0.0 { (across / square).clamp(0.0, 1.0) as f32 } else { 0.0 };
+        *last = far;
         let (now, before) = (&*now, &*before);
         self.estimate.bands().for_each(|mut band| {
             for y in band.first..band.first + band.rows() {
@@ -206,6 +214,17 @@ impl Deconvolution {
             }
         });
         self.freedom.spend(far.into());
+    }
+
+    /// Goes back from an extrapolated point to the estimate it came from, and forgets in which direction that was going. False
+    /// where nothing was extrapolated.
+    pub fn settle(&mut self) -> bool {
+        let Some(leaps) = self.leaps.as_mut().filter(|leaps| leaps.far > 0.0) else { return false };
+        leaps.far = 0.0;
+        self.estimate.values.copy_from_slice(&leaps.now.values);
+        leaps.step.values.fill(0.0);
+        self.freedom.settle();
+        true
     }
 
     /// Iterations that were done.

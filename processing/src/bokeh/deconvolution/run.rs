@@ -61,7 +61,12 @@ pub fn deconvolve(
         let now = run.compare();
         // Mallows' Cp but for a constant.
         let cost = |[misfit, left]: [f64; 2]| misfit - 2.0 * left;
-        if auto && run.iterations() > 0 && cost(now) >= cost(last) {
+        if auto && cost(now) >= cost(last) {
+            // An extrapolation may have gone too far.
+            if run.settle() {
+                last = [f64::INFINITY, 1.0];
+                continue;
+            }
             converged = true;
             break;
         }

@@ -5,7 +5,8 @@
 //! would leave of each frequency of the misfit the share `1 - κ |H|²`, whatever is in it, with `H` the transfer of the point spread
 //! function. The sum of what is left is the number of degrees of freedom that were not spent. The estimate is then expected to
 //! predict another photograph best where `misfit / n - 2 · left / n` is least (Mallows 1973), and the first iteration that does not
-//! lower it any more is the last. That depends on differences of the misfit, so that noise known to a few per cent is enough.
+//! lower it any more is the last; where it began at an extrapolated point, it is tried once more from the estimate itself. That
+//! depends on differences of the misfit, so that noise known to a few per cent is enough.
 
 /// Frequencies along each axis.
 const FREQUENCIES: usize = 32;
@@ -57,6 +58,11 @@ impl Freedom {
     pub(super) fn left(&self) -> f64 {
         let mean = |left: &Left| left.iter().sum::<f64>() / left.len().max(1) as f64;
         self.shares.iter().zip(&self.start).map(|(share, left)| share * mean(left)).sum()
+    }
+
+    /// The next iteration starts from the estimate itself.
+    pub(super) fn settle(&mut self) {
+        self.start = self.now.clone();
     }
 
     /// An iteration, followed by an extrapolation so many times as far as the estimate went.
