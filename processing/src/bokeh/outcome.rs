@@ -98,6 +98,14 @@ impl Outcome {
             ));
         }
         all.extend(self.doubts_of_the_blur(report));
+        let name = report.photograph.to_lowercase();
+        let jpeg = name.ends_with(".jpg") || name.ends_with(".jpeg");
+        if jpeg && report.deconvolution.noise.is_some_and(|n| n.source == "estimated") {
+            all.push(
+                "JPEG hides noise, so that the estimate of it is too small and too much is sharpened; give --noise"
+                    .into(),
+            );
+        }
         match self.cutoff {
             None => all.push(
                 "the optical cut-off is unknown: whether the lens can show what is seen is not checked; give --lens-focal-mm, \
@@ -134,13 +142,19 @@ impl Outcome {
             return Some(format!("{text} than {}; allow more", found.iterations));
         }
         let (misfit, expected) = found.misfit.zip(found.expected)?;
-        (misfit > UNEXPLAINED * expected).then(|| {
+        if misfit <= UNEXPLAINED * expected {
+            return None;
+        }
+        let times = (misfit / expected).sqrt();
+        let text = format!("the blurred result differs from the photograph by {times:.2} times what noise explains");
+        Some(if found.auto {
+            let noise = found.noise.map_or("assumed", |n| n.source);
             format!(
-                "the blurred result differs from the photograph by {:.2} times what noise explains: the point spread function is \
-                 another (as when it is wider than the lens's), or the noise is larger than {}",
-                (misfit / expected).sqrt(),
-                found.noise.map_or("assumed", |n| n.source)
+                "{text}: the point spread function is another (as when it is wider than the lens's), or the noise is larger than \
+                 {noise}"
             )
+        } else {
+            format!("{text}: more iterations would still find structure, or the point spread function is another")
         })
     }
 

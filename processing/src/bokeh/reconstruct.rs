@@ -219,7 +219,11 @@ fn measured(photograph: &Photograph, sharp: Deconvolved, cutoff: Option<Cutoff>,
     };
     let values = slice.as_ref().map(|s| s.bridged());
     let lines = values.as_ref().and_then(|v| lines(v));
-    let slits = values.as_ref().zip(lines).and_then(|(v, l)| slits(v, &l));
+    // Slits in the photograph itself, as soft as it shows them: deconvolution makes bright ones narrower.
+    let soft = Map { width: photograph.width, height: photograph.height, values: photograph.light.clone() }
+        .turned(options.rotate_deg);
+    let soft = slice.as_ref().and_then(|s| super::slice::slice(&soft, s.line, options.slice_width).ok());
+    let slits = soft.zip(lines).and_then(|(soft, lines)| slits(&soft.bridged(), &lines));
     // Across the lines, which the slice may not be.
     let across = slice.as_ref().map_or(1.0, |s| s.tilt_deg.to_radians().cos());
     let scale = scale(options, lines, slice.as_ref().map(|s| s.light.len()), across)?;

@@ -42,7 +42,7 @@ pub struct Report {
     pub slice: SliceReport,
     /// Lines along the slice; none where there are none.
     pub lines: Option<LinesReport>,
-    /// The slice as a row of slits; none where that comes to nothing.
+    /// The slice through the photograph, before deconvolution, as a row of slits; none where that comes to nothing.
     pub slits: Option<SlitsReport>,
     /// Heights.
     pub heights: Heights,

@@ -5,6 +5,9 @@ use crate::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Offsets across a derivative and their weights.
+const SCHARR: [[f64; 2]; 3] = [[-1.0, 3.0], [0.0, 10.0], [1.0, 3.0]];
+
 /// Least number of samples of a slice.
 const SHORTEST: usize = 8;
 
@@ -64,6 +67,7 @@ pub(super) fn slice(map: &Map, line: Line, width: usize) -> Result<Slice> {
     let offsets: Vec<f64> = (0..width.max(1)).map(|k| k as f64 - 0.5 * (width.max(1) - 1) as f64).collect();
     let mut light = Vec::with_capacity(count);
     let mut sigma = Vec::with_capacity(count);
+    let change = |[a, o]: [f64; 2], [da, d_o]: [f64; 2]| f64::from(point(a + da, o + d_o) - point(a - da, o - d_o));
     // Structure tensor: where light changes along, across and both.
     let [mut aa, mut bb, mut ab] = [0.0; 3];
     for i in 0..count {
@@ -75,8 +79,9 @@ pub(super) fn slice(map: &Map, line: Line, width: usize) -> Result<Slice> {
         light.push(mean);
         sigma.push((variance / n).sqrt());
         for o in &offsets {
-            let a = f64::from(point(along + 1.0, *o) - point(along - 1.0, *o));
-            let b = f64::from(point(along, o + 1.0) - point(along, o - 1.0));
+            // Scharr's derivatives (2000) err least about their direction.
+            let a: f64 = SCHARR.iter().map(|[d, w]| w * change([along, o + d], [1.0, 0.0])).sum();
+            let b: f64 = SCHARR.iter().map(|[d, w]| w * change([along + d, *o], [0.0, 1.0])).sum();
             if (a * b).is_finite() {
                 [aa, bb, ab] = [aa + a * a, bb + b * b, ab + a * b];
             }

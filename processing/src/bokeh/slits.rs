@@ -1,4 +1,5 @@
-//! A slice as a row of slits: how many, how wide and how far apart (2017 paper, section 6.3 and Eq. 16).
+//! A slice as a row of slits: how many, how wide and how far apart (2017 paper, section 6.1). Their edges are soft, so that
+//! slits are fitted to a photograph as the lens blurred it, which leaves their width at half height where it is.
 
 use super::period::Lines;
 use nalgebra::{SMatrix, SVector};

@@ -116,10 +116,12 @@ impl Psf {
             }
             Shape::Any { width, height, values } => {
                 let middle = [(width / 2) as f64, (height / 2) as f64];
+                // What is faint changes nothing.
+                let least = 1e-6 * values.iter().copied().fold(0.0, f32::max);
                 let cell = |i: usize| {
                     let (fx, fy) = (at(i % n, 1.0), at(i / n, 2.0));
                     let (mut re, mut im) = (0.0, 0.0);
-                    for (j, v) in values.iter().enumerate().filter(|(_, v)| **v > 0.0) {
+                    for (j, v) in values.iter().enumerate().filter(|(_, v)| **v > least) {
                         let (x, y) = ((j % width) as f64 - middle[0], (j / width) as f64 - middle[1]);
                         let (sin, cos) = (fx * x + fy * y).sin_cos();
                         re += f64::from(*v) * cos;
