@@ -137,6 +137,18 @@ fn what_the_lens_cannot_show_is_refused() {
 }
 
 #[test]
+fn a_point_spread_function_that_is_much_too_wide_is_warned_of() {
+    let dir = tempfile::tempdir().unwrap();
+    let photo = rendered(dir.path(), "profile = \"blazed\"\nblur_px = 2");
+    let warnings = |sigma: &str, name: &str| {
+        let report = reconstructed(&photo.join("photograph.png"), &dir.path().join(name), &["--psf-sigma", sigma]);
+        report["warnings"].to_string()
+    };
+    assert!(!warnings("2", "right").contains("point spread function"));
+    assert!(warnings("2.5", "wide").contains("wider than the lens"));
+}
+
+#[test]
 fn input_that_makes_no_sense_is_refused_by_name() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);

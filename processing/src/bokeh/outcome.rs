@@ -16,6 +16,10 @@ use std::path::Path;
 /// Misfit over what noise alone leaves that is warned of.
 const UNEXPLAINED: f64 = 1.1;
 
+/// Iterations, accelerated and plain, that are warned of.
+const MANY: usize = 150;
+const MANY_PLAIN: usize = 450;
+
 /// Angle of a slice to the direction across the lines that is warned of, in degrees.
 const TILTED: f64 = 3.0;
 
@@ -140,6 +144,13 @@ impl Outcome {
         if found.auto && !found.converged {
             let text = "another iteration would still find structure, but no more were allowed";
             return Some(format!("{text} than {}; allow more", found.iterations));
+        }
+        if found.auto && found.iterations > if found.accelerated { MANY } else { MANY_PLAIN } {
+            return Some(format!(
+                "{} iterations are needed where light is plenty and edges are steep, but also where the point spread function is \
+                 wider than the lens's, which rings and which noise does not give away: compare with a narrower one",
+                found.iterations
+            ));
         }
         let (misfit, expected) = found.misfit.zip(found.expected)?;
         if misfit <= UNEXPLAINED * expected {

@@ -33,7 +33,7 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
         side,
         "bokeh-psf",
         "Iterations of a deconvolution with a wrong point spread function",
-        Axis::linear("width of the point spread function over the lens's", ""),
+        Axis::linear("width assumed over true", ""),
         WIDTHS.map(|width| [20_000.0, width]).to_vec(),
     );
     vec![noise, width]

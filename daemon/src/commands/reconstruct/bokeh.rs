@@ -213,7 +213,11 @@ impl Bokeh {
 fn summary(report: &Report) -> String {
     let found = &report.deconvolution;
     let mut text = format!("result    {} × {} pixels, {}\n", report.width, report.height, report.psf);
-    let why = if found.auto { "stopped before the noise" } else { "as asked for" };
+    let why = match (found.auto, found.converged) {
+        (true, true) => "stopped before the noise",
+        (true, false) => "the most allowed",
+        (false, _) => "as asked for",
+    };
     let _ = writeln!(text, "sharpened {} iterations, {why}", found.iterations);
     if let Some(noise) = found.noise {
         let _ = writeln!(text, "noise     variance {:.2e} · light + {:.2e}, {}", noise.shot, noise.floor, noise.source);

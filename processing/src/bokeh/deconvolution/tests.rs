@@ -124,7 +124,7 @@ fn photographed(scene: &dyn Fn(f64, f64) -> f64, size: usize, sigma: f64, full: 
 fn rms(found: &[f32], truth: &[f64], keep: &dyn Fn(usize) -> bool) -> f64 {
     let all = (0..truth.len()).filter(|i| keep(*i));
     let (sum, n) = all.fold((0.0, 0.0), |(sum, n), i| (sum + (f64::from(found[i]) - truth[i]).powi(2), n + 1.0));
-    (sum / n as f64).sqrt()
+    f64::sqrt(sum / n)
 }
 
 fn lines(x: f64, y: f64) -> f64 {
