@@ -8,6 +8,7 @@
 //! - Images are row-major, row 0 on top, pixel centres at integers.
 //! - Lengths are µm, wavelengths nm, unless a name says otherwise.
 
+pub mod bokeh;
 pub mod chart;
 pub mod color;
 pub mod error;

@@ -65,7 +65,8 @@ enum ChannelName {
     B,
 }
 
-fn transfer(text: &str) -> Result<Transfer, String> {
+/// How values grow with light, as the command line says it.
+pub(super) fn transfer(text: &str) -> Result<Transfer, String> {
     match (text, text.strip_prefix("gamma=").map(str::parse)) {
         ("linear", _) => Ok(Transfer::Linear),
         ("srgb", _) => Ok(Transfer::Srgb),

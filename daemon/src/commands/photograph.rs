@@ -4,18 +4,20 @@ use crate::Failure;
 use crate::commands::toml_file;
 use crate::console::Console;
 use clap::Subcommand;
+use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::progress::Progress;
-use nacre_sim::photographs::FlashPhotograph;
+use nacre_sim::photographs::{BokehPhotograph, FlashPhotograph};
+use serde::de::DeserializeOwned;
 use std::path::PathBuf;
-
-const REMEDY: &str = "correct it; `nacre sim photograph flash --help` shows one";
 
 /// What is photographed.
 #[derive(Subcommand)]
 pub enum Photograph {
     /// A homogeneous surface under a flash behind a narrow-band filter, in several exposures.
     Flash(Flash),
+    /// An out-of-focus highlight on a grating, in which dark is deep.
+    Bokeh(Bokeh),
 }
 
 /// Arguments of `nacre sim photograph flash`.
@@ -37,6 +39,37 @@ with cd.toml, in which everything can be left out:
 Surfaces are lattice, grating (sinusoid, blazed, rectangular) and paper. Writes the exposures with
 their frames.json, truth.exr (radiance without noise) and scene.json (all that was assumed).")]
 pub struct Flash {
+    #[command(flatten)]
+    common: Common,
+}
+
+/// Arguments of `nacre sim photograph bokeh`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre sim photograph bokeh --out photo                    blazed lines 40 µm apart, 16 pixels
+  nacre sim photograph bokeh --scene lines.toml --out photo
+  nacre reconstruct bokeh photo/photograph.png --psf-sigma 2 --pixel-um 2.5 --out result
+
+with lines.toml, in which everything can be left out:
+  profile = \"rectangular\"
+  duty = 0.4
+  period_um = 30
+  angle_deg = 20
+  highlight_px = 140
+  blur_px = 2.5
+  full_scale_e = 5000
+
+Profiles are sinusoid, blazed and rectangular. Writes photograph.png (16 bits, linear), truth.exr (Y and
+height without blur and noise) and scene.json (all that was assumed).")]
+pub struct Bokeh {
+    #[command(flatten)]
+    common: Common,
+}
+
+/// What all photographs take.
+#[derive(clap::Args)]
+struct Common {
     /// Description of the scene (TOML); its defaults are used without it.
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
@@ -48,22 +81,56 @@ pub struct Flash {
     force: bool,
 }
 
+impl Common {
+    /// The scene, as it was described.
+    fn scene<T: DeserializeOwned + Default>(&self, kind: &str) -> Result<T, Error> {
+        let remedy = format!("correct it; `nacre sim photograph {kind} --help` shows one");
+        self.scene.as_deref().map_or_else(|| Ok(T::default()), |path| toml_file(path, &remedy))
+    }
+
+    /// Lets the photographs be written.
+    fn write(&self, console: &Console, write: &dyn Fn(&OutputFolder) -> Result<(), Error>) -> Result<(), Failure> {
+        let folder = OutputFolder::begin(&self.out, self.force)?;
+        console.stage("rendering", 1);
+        write(&folder)?;
+        console.check()?;
+        Ok(folder.commit()?)
+    }
+}
+
 /// Renders and writes.
 pub fn run(command: &Photograph, console: &Console) -> Result<(), Failure> {
-    let Photograph::Flash(args) = command;
-    let scene = args.scene.as_deref().map_or_else(|| Ok(FlashPhotograph::default()), |path| toml_file(path, REMEDY))?;
+    match command {
+        Photograph::Flash(args) => flash(&args.common, console),
+        Photograph::Bokeh(args) => bokeh(&args.common, console),
+    }
+}
+
+fn flash(args: &Common, console: &Console) -> Result<(), Failure> {
+    let scene: FlashPhotograph = args.scene("flash")?;
     scene.check()?;
-    let folder = OutputFolder::begin(&args.out, args.force)?;
-    console.stage("rendering", 1);
-    scene.write(&folder)?;
-    console.check()?;
-    folder.commit()?;
+    args.write(console, &|folder| scene.write(folder))?;
     let text = format!(
         "{} exposures of {} × {} pixels at {} nm\nwrote     {}",
         scene.exposures.len(),
         scene.width,
         scene.height,
         scene.wavelength_nm,
+        args.out.display()
+    );
+    console.result(&text, &scene);
+    Ok(())
+}
+
+fn bokeh(args: &Common, console: &Console) -> Result<(), Failure> {
+    let scene: BokehPhotograph = args.scene("bokeh")?;
+    scene.check()?;
+    args.write(console, &|folder| scene.write(folder))?;
+    let text = format!(
+        "{} × {} pixels, lines {:.2} pixels apart\nwrote     {}",
+        scene.width,
+        scene.height,
+        scene.period_um / scene.pixel_um,
         args.out.display()
     );
     console.result(&text, &scene);

@@ -14,9 +14,9 @@ use std::fmt::Write;
 const NONE: f32 = 0.01;
 const FULL: f32 = 0.99;
 
-/// Colour of what is not known, and brightness that the picture's logarithmic mean is shown at, of white.
+/// Colour of what is not known, and brightness of the picture's ninth decile, of white before it is compressed.
 const UNKNOWN: [u8; 3] = [58, 58, 66];
-const KEY: f32 = 0.12;
+const KEY: f32 = 0.4;
 
 /// Rings of the radial profile.
 const RINGS: usize = 256;
@@ -73,16 +73,15 @@ impl Output<'_> {
         folder.write("profile.csv", self.profile().as_bytes())
     }
 
-    /// The picture: Reinhard's global curve of the luminance, sRGB.
+    /// The picture, sRGB: nine tenths of the entries are darker than [`KEY`], the brightest are compressed by Reinhard's curve, and
+    /// colours that no screen shows lose saturation until one does.
     fn picture(&self) -> Vec<u8> {
         let entries = &self.table.entries;
         let step = (entries.len() >> 20).max(1);
         let mut light: Vec<f32> =
             (0..entries.len()).step_by(step).map(|i| self.at(i)[1]).filter(|y| *y > 0.0).collect();
         light.sort_by(f32::total_cmp);
-        let mean = (light.iter().map(|l| f64::from(l.ln())).sum::<f64>() / light.len().max(1) as f64).exp() as f32;
-        let scale = KEY / mean.max(f32::MIN_POSITIVE);
-        let white = light.get(light.len() * 995 / 1000).map_or(1.0, |l| (l * scale).max(1.0));
+        let scale = KEY / light.get(light.len() * 9 / 10).map_or(1.0, |y| y.max(f32::MIN_POSITIVE));
         let mut bytes = vec![0_u8; entries.len() * 3];
         bytes.par_chunks_mut(3).enumerate().for_each(|(i, out)| {
             let [x, y, z, coverage] = self.at(i);
@@ -90,11 +89,13 @@ impl Output<'_> {
                 out.copy_from_slice(&UNKNOWN);
                 return;
             }
-            let l = (y * scale).max(0.0);
-            let curve = scale * (1.0 + l / (white * white)) / (1.0 + l);
-            for ((out, v), unknown) in out.iter_mut().zip(linear_srgb([x, y, z])).zip(UNKNOWN) {
-                let shown = srgb_encode(v * curve) * 255.0;
-                *out = (shown * coverage + f32::from(unknown) * (1.0 - coverage)).round() as u8;
+            let luminance = (y * scale).max(0.0);
+            let rgb = linear_srgb([x * scale, y * scale, z * scale]);
+            let (least, most) = rgb.iter().fold((luminance, 1e-9_f32), |(a, b), v| (a.min(*v), b.max(*v)));
+            let kept = if least < 0.0 { luminance / (luminance - least) } else { 1.0 };
+            for ((out, v), unknown) in out.iter_mut().zip(rgb).zip(UNKNOWN) {
+                let v = (luminance + kept * (v - luminance)) / (1.0 + most);
+                *out = (srgb_encode(v) * 255.0 * coverage + f32::from(unknown) * (1.0 - coverage)).round() as u8;
             }
         });
         bytes

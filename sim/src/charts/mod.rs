@@ -1,6 +1,7 @@
 //! Studies that need a bench or its noise: what light at an angle and photographs that do not lie over each other do to a map, and what
 //! taking that out brings.
 
+mod bokeh;
 mod hdr;
 mod photographs;
 
@@ -12,7 +13,9 @@ use photographs::outcome;
 
 /// All of them, in the order of the page.
 pub fn studies(effort: Effort) -> Vec<Study> {
-    vec![registration(effort), oblique(effort), compact_disc(effort), hdr::study(effort)]
+    let mut all = vec![registration(effort), oblique(effort), compact_disc(effort), hdr::study(effort)];
+    all.extend(bokeh::studies(effort));
+    all
 }
 
 /// What a setting asks of the reconstruction, and a value of the stress of the bench.

@@ -1,7 +1,9 @@
 //! Photographs that are rendered as a whole, apart from the bench: what one camera sees of a diffracting surface.
 
+mod bokeh;
 mod flash;
 mod orders;
 
+pub use bokeh::BokehPhotograph;
 pub use flash::FlashPhotograph;
 pub use orders::{Profile, Surface};

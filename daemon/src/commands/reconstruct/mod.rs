@@ -1,5 +1,6 @@
 //! `nacre reconstruct`.
 
+mod bokeh;
 mod hdr;
 mod lut;
 mod polarization;
@@ -19,6 +20,8 @@ pub enum Reconstruct {
     Hdr(hdr::Hdr),
     /// A table of a diffraction pattern under any light, from one photograph in narrow-band light.
     Lut(lut::Lut),
+    /// Height and lines of a grating from a photograph of an out-of-focus highlight on it.
+    Bokeh(Box<bokeh::Bokeh>),
 }
 
 /// Runs a reconstruction.
@@ -27,5 +30,6 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
         Reconstruct::Polarization(args) => args.run(console),
         Reconstruct::Hdr(args) => args.run(console),
         Reconstruct::Lut(args) => args.run(console),
+        Reconstruct::Bokeh(args) => args.run(console),
     }
 }

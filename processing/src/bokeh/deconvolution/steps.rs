@@ -1,0 +1,180 @@
+//! What one iteration does to each row, while it is in the cache.
+
+use super::blur::{Sums, Work};
+use super::kernel::Rows;
+use super::plane::{Band, Plane};
+use std::ops::Range;
+
+/// Kept away from a division by 0, as scikit-image does it.
+const EPSILON: f32 = 1e-12;
+
+/// Sums are kept apart in so many lanes, which become vectors.
+const LANES: usize = 8;
+
+/// How the variance grows with what a pixel should have got, which includes the shift.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Weights {
+    /// Added to light and to what is expected of it (Snyder et al. 1993), so that noise which does not grow with light counts.
+    pub shift: f32,
+    pub slope: f32,
+    pub rest: f32,
+}
+
+/// What was measured over what the estimate, blurred, says; 0 where nothing was measured.
+pub(super) struct Ratio<'a> {
+    pub measured: &'a Plane,
+    pub out: Band<'a>,
+    pub weights: Weights,
+    /// Whether misfits are wanted.
+    pub count: bool,
+    /// Sum of the squared misfits over their variances.
+    pub misfit: f64,
+}
+
+impl Rows for Ratio<'_> {
+    #[inline(always)]
+    fn row(&mut self, y: usize, blurred: &[f32]) {
+        let Weights { shift, slope, rest } = self.weights;
+        let n = blurred.len();
+        let (measured, out) = (&self.measured.row(y)[..n], &mut self.out.row(y)[..n]);
+        let expected = |blurred: f32| blurred.max(0.0) + shift + EPSILON;
+        for x in 0..n {
+            out[x] = measured[x] / expected(blurred[x]);
+        }
+        if !self.count {
+            return;
+        }
+        let one = |measured: f32, blurred: f32| {
+            let (expected, known) = (expected(blurred), if measured == 0.0 { 0.0 } else { 1.0 });
+            known * (measured - expected) * (measured - expected) / (slope * expected + rest)
+        };
+        let ((measured, left), (blurred, over)) = (measured.as_chunks::<LANES>(), blurred.as_chunks::<LANES>());
+        let mut lanes = [0.0_f32; LANES];
+        for (measured, blurred) in measured.iter().zip(blurred) {
+            for lane in 0..LANES {
+                lanes[lane] += one(measured[lane], blurred[lane]);
+            }
+        }
+        let tail = left.iter().zip(over).map(|(measured, blurred)| one(*measured, *blurred));
+        self.misfit += f64::from(lanes.iter().sum::<f32>() + tail.sum::<f32>());
+    }
+}
+
+impl Work for Ratio<'_> {
+    fn rows(&self) -> Range<usize> {
+        self.out.first..self.out.first + self.out.rows()
+    }
+
+    fn sums(&self) -> Sums {
+        [self.misfit, 0.0]
+    }
+}
+
+/// Multiplies the estimate by the blurred ratio.
+pub(super) struct Update<'a> {
+    pub estimate: Band<'a>,
+    /// One over how much of a pixel's light was measured; none where all is taken for measured.
+    pub gain: Option<&'a Plane>,
+}
+
+impl Rows for Update<'_> {
+    #[inline(always)]
+    fn row(&mut self, y: usize, blurred: &[f32]) {
+        let out = &mut self.estimate.row(y)[..blurred.len()];
+        match self.gain {
+            None => out.iter_mut().zip(blurred).for_each(|(v, u)| *v *= u),
+            Some(gain) => {
+                let gain = &gain.row(y)[..blurred.len()];
+                out.iter_mut().zip(blurred).zip(gain).for_each(|((v, u), g)| *v *= u.max(0.0) * g);
+            }
+        }
+    }
+}
+
+impl Work for Update<'_> {
+    fn rows(&self) -> Range<usize> {
+        self.estimate.first..self.estimate.first + self.estimate.rows()
+    }
+
+    fn sums(&self) -> Sums {
+        [0.0; 2]
+    }
+}
+
+/// The same from a point that was extrapolated, which stays as it is.
+pub(super) struct Leap<'a> {
+    pub from: &'a Plane,
+    pub gain: Option<&'a Plane>,
+    pub to: Band<'a>,
+    /// The step before, which this one replaces.
+    pub step: Band<'a>,
+    /// Products of this step with the one before, and of that with itself.
+    pub products: Sums,
+}
+
+impl Rows for Leap<'_> {
+    #[inline(always)]
+    fn row(&mut self, y: usize, blurred: &[f32]) {
+        let n = blurred.len();
+        let (from, to, step) = (&self.from.row(y)[..n], &mut self.to.row(y)[..n], &mut self.step.row(y)[..n]);
+        match self.gain {
+            None => to.iter_mut().zip(blurred).zip(from).for_each(|((to, u), v)| *to = v * u.max(0.0)),
+            Some(gain) => {
+                let gain = &gain.row(y)[..n];
+                for x in 0..n {
+                    to[x] = from[x] * blurred[x].max(0.0) * gain[x];
+                }
+            }
+        }
+        let (mut across, mut square) = ([0.0_f32; LANES], [0.0_f32; LANES]);
+        let ((to, to_left), (from, from_left)) = (to.as_chunks::<LANES>(), from.as_chunks::<LANES>());
+        let (step, step_left) = step.as_chunks_mut::<LANES>();
+        for ((to, from), step) in to.iter().zip(from).zip(step) {
+            for lane in 0..LANES {
+                let (new, old) = (to[lane] - from[lane], step[lane]);
+                step[lane] = new;
+                across[lane] += new * old;
+                square[lane] += old * old;
+            }
+        }
+        for ((to, from), step) in to_left.iter().zip(from_left).zip(step_left) {
+            let (new, old) = (to - from, *step);
+            *step = new;
+            across[0] += new * old;
+            square[0] += old * old;
+        }
+        self.products[0] += f64::from(across.iter().sum::<f32>());
+        self.products[1] += f64::from(square.iter().sum::<f32>());
+    }
+}
+
+impl Work for Leap<'_> {
+    fn rows(&self) -> Range<usize> {
+        self.to.first..self.to.first + self.to.rows()
+    }
+
+    fn sums(&self) -> Sums {
+        self.products
+    }
+}
+
+/// One over the blurred, or 0 where less than a hundredth of a pixel's light was measured.
+pub(super) struct Inverse<'a>(pub Band<'a>);
+
+impl Rows for Inverse<'_> {
+    #[inline(always)]
+    fn row(&mut self, y: usize, blurred: &[f32]) {
+        let out = self.0.row(y).iter_mut().zip(blurred);
+        out.for_each(|(v, b)| *v = if *b > 0.01 { 1.0 / b } else { 0.0 });
+    }
+}
+
+impl Work for Inverse<'_> {
+    fn rows(&self) -> Range<usize> {
+        self.0.first..self.0.first + self.0.rows()
+    }
+
+    fn sums(&self) -> Sums {
+        [0.0; 2]
+    }
+}

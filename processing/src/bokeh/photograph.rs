@@ -1,0 +1,131 @@
+//! A photograph as light, cut to what is of interest.
+
+use crate::frames::Transfer;
+use crate::image::{Depth, Raster, Samples, read};
+use crate::{Error, Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Which light of a colour photograph is taken; a grey one has only one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Light {
+    /// The red channel.
+    Red,
+    /// The green channel.
+    Green,
+    /// The blue channel, whose short waves show the finest detail (2017 paper, section 5).
+    #[default]
+    Blue,
+    /// Relative luminance of linear sRGB (IEC 61966-2-1).
+    Luminance,
+}
+
+impl Light {
+    fn weights(self) -> [f64; 3] {
+        match self {
+            Self::Red => [1.0, 0.0, 0.0],
+            Self::Green => [0.0, 1.0, 0.0],
+            Self::Blue => [0.0, 0.0, 1.0],
+            Self::Luminance => [0.2126, 0.7152, 0.0722],
+        }
+    }
+}
+
+/// A part of a photograph, in pixels of it: column and row of the upper left corner, width, height.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Crop(pub [usize; 4]);
+
+/// Light of a photograph; white is 1.
+#[derive(Clone, Debug)]
+pub(super) struct Photograph {
+    pub width: usize,
+    pub height: usize,
+    /// NaN where saturated or not known.
+    pub light: Vec<f32>,
+    /// Distance of two codes at the mean light; 0 for floating point.
+    pub step: f64,
+}
+
+/// Reads a photograph.
+///
+/// # Errors
+/// `Input` for a file that cannot be read, a transfer that is not known, and a part that is not inside.
+pub(super) fn photograph(path: &Path, light: Light, transfer: Transfer, crop: Option<Crop>) -> Result<Photograph> {
+    if transfer == Transfer::Recover {
+        let remedy = "say linear, srgb or gamma=NUMBER";
+        return Err(Error::input("--transfer", "one photograph does not tell how its values grow with light", remedy));
+    }
+    if let Transfer::Gamma(g) = transfer
+        && !(0.1..=10.0).contains(&g)
+    {
+        return Err(Error::input("--transfer", format!("gamma is {g}; expected 0.1 to 10"), "give 2.2 or so"));
+    }
+    let raster = read(path)?;
+    let (width, height) = (raster.width, raster.height);
+    let Crop([x, y, w, h]) = crop.unwrap_or(Crop([0, 0, width, height]));
+    let inside =
+        |from: usize, size: usize, all: usize| size > 0 && from.checked_add(size).is_some_and(|end| end <= all);
+    if !inside(x, w, width) || !inside(y, h, height) {
+        let problem = format!("{x},{y},{w},{h} is not inside the photograph of {width} x {height} pixels");
+        return Err(Error::input("--crop", problem, "give column, row, width and height inside it"));
+    }
+    let weights = light.weights();
+    let value = Values::new(&raster, transfer);
+    let at = |i: usize| {
+        let pixel = (y + i / w) * width + x + i % w;
+        if raster.channels == 1 {
+            return value.light(pixel) as f32;
+        }
+        let parts = (0..3).filter(|c| weights[*c] > 0.0).map(|c| weights[c] * value.light(3 * pixel + c));
+        parts.sum::<f64>() as f32
+    };
+    let light: Vec<f32> = (0..w * h).map(at).collect();
+    let step = value.step(&light);
+    Ok(Photograph { width: w, height: h, light, step })
+}
+
+/// Samples of a file as light.
+struct Values<'a> {
+    raster: &'a Raster,
+    transfer: Transfer,
+    white: f64,
+}
+
+impl<'a> Values<'a> {
+    fn new(raster: &'a Raster, transfer: Transfer) -> Self {
+        let depth = match raster.samples {
+            Samples::U8(_) => Depth::U8,
+            Samples::U16(_) => Depth::U16,
+            Samples::F32(_) => Depth::F32,
+        };
+        Self { raster, transfer, white: depth.full_scale().into() }
+    }
+
+    /// NaN where an integer is at its end.
+    fn light(&self, sample: usize) -> f64 {
+        let code = match &self.raster.samples {
+            Samples::U8(v) => f64::from(v[sample]),
+            Samples::U16(v) => f64::from(v[sample]),
+            Samples::F32(v) => return f64::from(self.transfer.decode(v[sample])),
+        };
+        if code >= self.white { f64::NAN } else { f64::from(self.transfer.decode((code / self.white) as f32)) }
+    }
+
+    fn step(&self, light: &[f32]) -> f64 {
+        if matches!(self.raster.samples, Samples::F32(_)) {
+            return 0.0;
+        }
+        let known = light.iter().filter(|v| v.is_finite());
+        let (sum, n) = known.fold((0.0, 0.0), |(sum, n), v| (sum + f64::from(*v), n + 1.0));
+        let mean: f64 = sum / f64::max(n, 1.0);
+        let encoded = match self.transfer {
+            Transfer::Linear | Transfer::Recover => mean,
+            Transfer::Gamma(g) => mean.max(0.0).powf(1.0 / g),
+            Transfer::Srgb if mean <= 0.003_130_8 => 12.92 * mean,
+            Transfer::Srgb => 1.055 * mean.powf(1.0 / 2.4) - 0.055,
+        };
+        self.transfer.slope(encoded) / self.white
+    }
+}

@@ -1,0 +1,162 @@
+//! A slice as a row of slits: how many, how wide and how far apart (2017 paper, section 6.1). Their edges are soft, so that
+//! slits are fitted to a photograph as the lens blurred it, which leaves their width at half height where it is.
+
+use super::period::Lines;
+use nalgebra::{SMatrix, SVector};
+use serde::Serialize;
+
+/// Parameters: dark, bright, middle of a slit, distance, width, softness.
+const N: usize = 6;
+type Values = SVector<f64, N>;
+
+/// Steps of the fit, at most.
+const STEPS: usize = 100;
+
+/// Slits fitted to a slice, with standard deviations; lengths in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Slits {
+    /// Bright slits whose middle is in the slice and whose light is more than half way from dark to bright.
+    pub count: usize,
+    /// Distance of two slits.
+    pub spacing_px: [f64; 2],
+    /// Width of a slit, between half heights.
+    pub width_px: [f64; 2],
+    /// Standard deviation of the Gaussian that softens their edges.
+    pub softness_px: [f64; 2],
+    /// Light between slits and in them.
+    pub light: [f64; 2],
+    /// Root mean square of what the fit leaves over, relative to the difference of the two.
+    pub residual: f64,
+}
+
+/// Fits slits to a slice whose lines were found; none where the fit comes to nothing.
+pub(super) fn slits(values: &[f64], lines: &Lines) -> Option<Slits> {
+    let period = lines.period_px[0];
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = |share: f64| sorted[(share * (sorted.len() - 1) as f64) as usize];
+    let (dark, bright) = (at(0.05), at(0.95));
+    let lit = values.iter().filter(|v| **v > 0.5 * (dark + bright)).count() as f64 / values.len() as f64;
+    // The fundamental of a row of slits is brightest in their middle.
+    let middle = -lines.phase / std::f64::consts::TAU * period;
+    let width = lit.clamp(0.15, 0.85) * period;
+    let start = Values::from([dark, bright, middle, period, width, 0.1 * period]);
+    let (found, normal, square) = fit(values, start)?;
+    let [dark, bright, middle, spacing, width, softness] = found.into();
+    let sensible = bright > dark && (0.8..1.25).contains(&(spacing / period)) && width > 0.0 && width < spacing;
+    if !sensible {
+        return None;
+    }
+    let left: Vec<f64> = (0..values.len()).map(|i| values[i] - model(&found, i as f64)).collect();
+    let n = values.len() as f64;
+    let together = left.windows(2).map(|p| p[0] * p[1]).sum::<f64>() / square.max(f64::MIN_POSITIVE);
+    // Neighbours share what is left over: fewer samples than there are count.
+    let inflation = ((1.0 + together) / (1.0 - together).max(0.02)).max(1.0);
+    let variance = square / (n - N as f64) * inflation;
+    let covariance = normal.try_inverse()? * variance;
+    let with = |value: f64, k: usize| [value, covariance[(k, k)].max(0.0).sqrt()];
+    let middles = ((-middle / spacing).ceil() as i64)..=(((n - 1.0 - middle) / spacing).floor() as i64);
+    let is_lit = |k: &i64| {
+        let at = (middle + *k as f64 * spacing).round().clamp(0.0, n - 1.0) as usize;
+        values[at] > 0.5 * (dark + bright)
+    };
+    Some(Slits {
+        count: middles.filter(is_lit).count(),
+        spacing_px: with(spacing, 3),
+        width_px: with(width, 4),
+        softness_px: with(softness.abs(), 5),
+        light: [dark, bright],
+        residual: (square / n).sqrt() / (bright - dark),
+    })
+}
+
+/// Light at a place: slits with soft edges, as far as they matter there.
+fn model(p: &Values, x: f64) -> f64 {
+    let [dark, bright, middle, spacing, width, softness] = (*p).into();
+    let nearest = ((x - middle) / spacing).round();
+    let scale = 1.0 / (softness.abs().max(1e-3) * std::f64::consts::SQRT_2);
+    let one = |k: f64| {
+        let off = x - middle - (nearest + k) * spacing;
+        0.5 * (libm::erf((off + 0.5 * width) * scale) - libm::erf((off - 0.5 * width) * scale))
+    };
+    dark + (bright - dark) * [-2.0, -1.0, 0.0, 1.0, 2.0].map(one).iter().sum::<f64>()
+}
+
+/// Least squares by Levenberg and Marquardt: the parameters, the normal matrix there, and the sum of squares.
+fn fit(values: &[f64], start: Values) -> Option<(Values, SMatrix<f64, N, N>, f64)> {
+    let square = |p: &Values| values.iter().enumerate().map(|(i, v)| (v - model(p, i as f64)).powi(2)).sum::<f64>();
+    let system = |p: &Values| {
+        let (mut normal, mut right) = (SMatrix::<f64, N, N>::zeros(), Values::zeros());
+        let steps = Values::from([1e-6, 1e-6, 1e-4, 1e-5, 1e-4, 1e-4]);
+        for (i, v) in values.iter().enumerate() {
+            let x = i as f64;
+            let slope = Values::from_fn(|k, _| {
+                let (mut up, mut down) = (*p, *p);
+                up[k] += steps[k];
+                down[k] -= steps[k];
+                (model(&up, x) - model(&down, x)) / (2.0 * steps[k])
+            });
+            normal += slope * slope.transpose();
+            right += slope * (v - model(p, x));
+        }
+        (normal, right)
+    };
+    let (mut p, mut best, mut damping) = (start, square(&start), 1e-3);
+    for _ in 0..STEPS {
+        let (normal, right) = system(&p);
+        let mut damped = normal;
+        (0..N).for_each(|k| damped[(k, k)] *= 1.0 + damping);
+        let next = p + damped.try_inverse()? * right;
+        let now = square(&next);
+        if now < best {
+            let done = best - now < 1e-10 * best;
+            (p, best, damping) = (next, now, damping * 0.3);
+            if done {
+                break;
+            }
+        } else {
+            damping *= 10.0;
+            if damping > 1e10 {
+                break;
+            }
+        }
+    }
+    best.is_finite().then(|| (p, system(&p).0, best))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::period::lines;
+    use super::*;
+
+    fn noise(i: usize) -> f64 {
+        let x = (i as f64 * 78.233).sin() * 43_758.545_3;
+        3.46 * (x - x.floor() - 0.5)
+    }
+
+    #[test]
+    fn slits_are_measured_to_their_uncertainty() {
+        for (spacing, width, soft) in [(17.3, 6.2, 1.2), (9.6, 5.5, 0.8), (30.0, 7.5, 2.0)] {
+            let truth = Values::from([0.2, 0.9, 4.7, spacing, width, soft]);
+            let values: Vec<f64> = (0..400).map(|i| model(&truth, i as f64) + 0.02 * noise(i)).collect();
+            let found = slits(&values, &lines(&values).unwrap()).unwrap();
+            for ([value, sigma], truth) in
+                [(found.spacing_px, spacing), (found.width_px, width), (found.softness_px, soft)]
+            {
+                assert!((value - truth).abs() < 4.0 * sigma && sigma < 0.1, "{truth}: {found:?}");
+            }
+            let count = (0..60).filter(|k| (0.0..=399.0).contains(&(4.7 + f64::from(*k) * spacing))).count();
+            assert_eq!(found.count, count);
+        }
+    }
+
+    #[test]
+    fn only_slits_that_are_lit_count() {
+        let truth = Values::from([0.1, 0.9, 5.0, 20.0, 8.0, 1.5]);
+        let lit = |i: usize| if (105..310).contains(&i) { model(&truth, i as f64) } else { 0.1 };
+        let values: Vec<f64> = (0..400).map(|i| lit(i) + 0.005 * noise(i)).collect();
+        let found = lines(&values).and_then(|l| slits(&values, &l)).unwrap();
+        // Middles at 105, 125, … 305.
+        assert!((10..=11).contains(&found.count), "{found:?}");
+    }
+}
