@@ -116,9 +116,9 @@ fn what_makes_no_sense_is_refused() {
     write_png8(&eight, 8, 8, 1, &[9; 64]).unwrap();
     write_png8(&dark, 8, 8, 3, &[0; 192]).unwrap();
     let out = dir.path().join("table");
-    let mut refused = |photo: &Path, more: &[&str], word: &str| {
+    let refused = |photo: &Path, more: &[&str], word: &str| {
         let run = run(photo, &out, more).expect(2);
-        assert!(run.stderr.contains(word), "{more:?}: {}", run.stderr);
+        assert!(run.stderr().contains(word), "{more:?}: {}", run.stderr());
         assert!(!out.exists(), "{more:?}");
     };
     refused(&photo, &["--scale", "0.004"], "wavelength");

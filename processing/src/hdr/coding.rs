@@ -47,6 +47,13 @@ impl Scatter {
         Self { shot: self.shot * factor, floor: (self.floor * factor).max(f32::MIN_POSITIVE) }
     }
 
+    /// Variance that a dark photograph of the same exposure, which was subtracted, brings along: its own, and that of the light it shows
+    /// in the exposure itself.
+    #[inline(always)]
+    pub(super) fn of_dark(self, dark: f32) -> f32 {
+        2.0 * self.shot * dark.max(0.0) + self.floor
+    }
+
     /// Inverse variance of a value where the light is what Σ weight · light and Σ weight so far say, or else the value itself. That is
     /// [`Self::weight`] with one division in place of two.
     #[inline(always)]

@@ -135,6 +135,7 @@ pub(super) fn entries<'a>(
 ) -> impl Fn(usize) -> Entry + Sync + 'a {
     let (n, stored) = (channels.len(), exposure.raster.channels);
     let tables: Vec<Vec<Entry>> = channels.iter().map(|c| coding.table(*c, exposure.frame)).collect();
+    let scatter = coding.scatter(exposure.frame);
     move |i| {
         let (channel, at) = (channels[i % n], i / n * stored + channels[i % n]);
         let [light, rounding] = match &exposure.raster.samples {
@@ -142,7 +143,7 @@ pub(super) fn entries<'a>(
             Samples::U16(v) => tables[i % n][usize::from(v[at])],
             Samples::F32(v) => coding.entry(channel, exposure.frame, v[at].into()),
         };
-        [light - exposure.dark.get(i).unwrap_or(&0.0), rounding]
+        exposure.dark.get(i).map_or([light, rounding], |dark| [light - dark, rounding + scatter.of_dark(*dark)])
     }
 }
 

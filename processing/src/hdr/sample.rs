@@ -74,15 +74,14 @@ impl Sample {
     /// The exposures as light, to be compared.
     pub(super) fn comparison(&self, coding: &Coding, frames: &[Frame]) -> Comparison {
         let n = self.channels.len();
-        let of_frame = |((frame, values), dark): ((&Frame, &Vec<f32>), &Vec<f32>)| -> Vec<Entry> {
-            let entry = |(i, v): (usize, &f32)| {
-                let [light, rounding] = coding.entry(self.channels[i % n], frame, f64::from(*v));
-                [light - dark.get(i).map_or(0.0, |d| d * frame.scale() as f32), rounding]
-            };
+        let of_frame = |(frame, values): (&Frame, &Vec<f32>)| -> Vec<Entry> {
+            let entry = |(i, v): (usize, &f32)| coding.entry(self.channels[i % n], frame, f64::from(*v));
             values.iter().enumerate().map(entry).collect()
         };
+        let dark = |(frame, dark): (&Frame, &Vec<f32>)| dark.iter().map(|d| d * frame.scale() as f32).collect();
         Comparison {
-            light: frames.iter().zip(&self.values).zip(&self.darks).map(of_frame).collect(),
+            light: frames.iter().zip(&self.values).map(of_frame).collect(),
+            darks: frames.iter().zip(&self.darks).map(dark).collect(),
             scatters: frames.iter().map(|f| coding.scatter(f)).collect(),
             // One light for all weights is had by the exposures' lengths.
             lengths: frames.iter().map(|f| 1.0 / f.scale()).collect(),
@@ -93,6 +92,8 @@ impl Sample {
 /// Light of the same samples in every exposure.
 pub(super) struct Comparison {
     light: Vec<Vec<Entry>>,
+    /// What is to be subtracted; empty for nothing.
+    darks: Vec<Vec<f32>>,
     scatters: Vec<Scatter>,
     lengths: Vec<f64>,
 }
@@ -134,13 +135,16 @@ impl Comparison {
     /// Exposures that show a sample: which, weight · light, weight.
     fn entries(&self, i: usize, factor: f64, seen: &mut Vec<(usize, f64, f64)>) {
         let shown = || (0..self.light.len()).filter(|k| self.light[*k][i][1].is_finite());
+        let dark = |k: usize| self.darks[k].get(i).copied();
+        let light = |k: usize| self.light[k][i][0] - dark(k).unwrap_or(0.0);
         let sum = |of: &dyn Fn(usize) -> f64| shown().map(of).sum::<f64>();
-        let common = sum(&|k| self.lengths[k] * f64::from(self.light[k][i][0])) / sum(&|k| self.lengths[k]);
+        let common = sum(&|k| self.lengths[k] * f64::from(light(k))) / sum(&|k| self.lengths[k]);
         seen.clear();
         seen.extend(shown().map(|k| {
-            let [light, rounding] = self.light[k][i];
-            let weight = f64::from(self.scatters[k].times(factor as f32).weight(common as f32, rounding));
-            (k, weight * f64::from(light), weight)
+            let scatter = self.scatters[k].times(factor as f32);
+            let besides = self.light[k][i][1] + dark(k).map_or(0.0, |d| scatter.of_dark(d));
+            let weight = f64::from(scatter.weight(common as f32, besides));
+            (k, weight * f64::from(light(k)), weight)
         }));
     }
 

@@ -253,6 +253,43 @@ fn shot_noise_is_weighted_without_bias() {
     }
 }
 
+#[test]
+fn light_that_is_subtracted_leaves_its_noise() {
+    let dir = tempfile::tempdir().unwrap();
+    let (width, height, full, light) = (256, 128, 2000.0_f64, 0.05);
+    let mut normal = rand_free::Normal(11);
+    let times = [1.0, 0.25_f64];
+    // Ambient light is five times what is measured, and falls off over the image.
+    let ambient = |i: usize| 0.25 * (i % width) as f64 / width as f64;
+    let mut write = |name: String, electrons: &dyn Fn(usize) -> f64| {
+        let mut code = |i: usize| {
+            let signal = electrons(i) + normal.next() * (electrons(i) + 9.0).sqrt();
+            (500.0 + 60_000.0 * signal / full).clamp(0.0, 60_500.0).round() as u16
+        };
+        let codes: Vec<u16> = (0..width * height).map(&mut code).collect();
+        write_png16_gray(&dir.path().join(&name), width, height, &codes).unwrap();
+        name
+    };
+    let mut frames = vec![];
+    for (k, time) in times.into_iter().enumerate() {
+        let file = write(format!("{k}.png"), &|i| (light + ambient(i)) * time * full);
+        let dark = write(format!("dark{k}.png"), &|i| ambient(i) * time * full);
+        frames.push(Frame { exposure_s: Some(time), dark: Some(dark.into()), ..Frame::new(file) });
+    }
+    let noise = Some(NoiseModel { full_scale_e: full, read_noise_e: 3.0 });
+    let set = FrameSet { black: Some(500.0), white: Some(60_500.0), noise, ..FrameSet::new(Kind::Exposures, frames) };
+    std::fs::write(dir.path().join("frames.json"), save(&set)).unwrap();
+    let out = dir.path().join("out");
+    let options = Options { align: Align::Off, ..Options::default() };
+    let report = reconstruct(dir.path(), &out, &options, &Silent).unwrap();
+    let (merged, variance) = (channel(&out, "hdr.exr", "Y"), channel(&out, "variance.exr", "Y"));
+    let all = merged.iter().zip(&variance);
+    let chi2 = all.map(|(m, v)| (f64::from(*m) - light).powi(2) / f64::from(*v)).sum::<f64>() / merged.len() as f64;
+    let mean = merged.iter().map(|m| f64::from(*m)).sum::<f64>() / merged.len() as f64;
+    assert!((0.9..1.1).contains(&chi2) && (mean / light - 1.0).abs() < 0.01, "{chi2} {mean}");
+    assert!(report.chi2.is_some_and(|c| (0.8..1.25).contains(&c)), "{:?}", report.chi2);
+}
+
 /// Normal numbers from a seed.
 mod rand_free {
     pub struct Normal(pub u64);
