@@ -165,13 +165,13 @@ fn the_geometry_of_a_near_flash_is_undone() {
     // Gratings of the same lattice from near and from far: half vectors do not depend on the distance.
     let scene = |mm: f64, pixel_um: f64| {
         format!(
-            "camera_mm = {mm}\nflash_mm = {}\nbaseline_mm = [{}, 0]\npixel_um = {pixel_um}\nwidth = 300\nheight = 300\n\
-             flash_diameter_mm = 0\nblur_px = 1.5\nband_nm = 0\ncoherence_um = 20\nread_noise_e = 0\nfull_scale_e = 1e8",
+            "camera_mm = {mm}\nflash_mm = {}\nbaseline_mm = [{}, 0]\npixel_um = {pixel_um}\nwidth = 600\nheight = 600\n\
+             flash_diameter_mm = 0\nblur_px = 0.8\nband_nm = 0\ncoherence_um = 20\nread_noise_e = 0\nfull_scale_e = 1e8",
             1.2 * mm,
             0.1 * mm
         )
     };
-    let peaks = [("near", 120.0, 400.0), ("far", 4000.0, 13_000.0)].map(|(name, mm, pixel_um)| {
+    let peaks = [("near", 120.0, 200.0), ("far", 4000.0, 6500.0)].map(|(name, mm, pixel_um)| {
         std::fs::write(path("scene.toml"), scene(mm, pixel_um)).unwrap();
         nacre(["sim", "photograph", "flash", "--scene", &path("scene.toml"), "--out", &path(name)]).expect(0);
         let bench = format!(
@@ -199,9 +199,9 @@ fn the_geometry_of_a_near_flash_is_undone() {
         }
         [along / sum, sum / f64::from(y[200 * 401 + 200])]
     });
-    for [place, _] in peaks {
-        assert!((place - 0.204).abs() < 2e-4, "{peaks:?}");
-    }
+    // The lattice's envelope shifts the centroid of an order, from near as from far.
+    assert!(peaks.iter().all(|p| (p[0] - 0.204).abs() < 5e-4), "{peaks:?}");
+    assert!((peaks[0][0] - peaks[1][0]).abs() < 1e-4, "{peaks:?}");
     // The same strength from near as from far: cosine, inverse square and G are undone.
     assert!((peaks[0][1] / peaks[1][1] - 1.0).abs() < 0.03, "{peaks:?}");
 }
@@ -228,18 +228,12 @@ fn the_service_makes_tables_of_its_sessions() {
         assert!(done["error"].to_string().contains("center"), "{done}");
     }
     for (options, word) in [
-        (json!({ "wavelength_nm": 680 }), ""),
         (json!({ "wavelength_nm": 680, "scale": 0.002, "illuminant": "/etc/passwd" }), "illuminant"),
         (json!({ "wavelength_nm": 680, "scale": 0.002, "size": 1 }), "size"),
         (json!({ "wavelength_nm": 680, "scale": 0.002, "warps": 1 }), "warps"),
-        (json!({ "scale": 0.002 }), "wavelength"),
     ] {
         let asked = json!({ "session": id, "method": "lut", "options": options });
-        let answer = service.post("/api/v1/reconstructions", &asked);
-        if word.is_empty() {
-            continue;
-        }
-        assert!(answer.expect(400).text().contains(word), "{options}");
+        assert!(service.post("/api/v1/reconstructions", &asked).expect(400).text().contains(word), "{options}");
     }
     // A plan asks for its table itself.
     let plan = json!({ "plan": { "kind": "exposures", "exposures_ms": [5, 20], "reconstruct": { "method": "lut", "lut": { "size": 4 } } } });

@@ -1,7 +1,7 @@
 //! Lights by name.
 
 use super::Spectrum;
-use crate::Result;
+use crate::{Error, Result};
 use std::path::Path;
 
 /// Names of the lights that are built in.
@@ -90,6 +90,10 @@ impl Illuminant {
     pub fn of(name: &str) -> Result<Self> {
         match Self::named(name) {
             Some(light) => Ok(light),
+            None if !Path::new(name).exists() => {
+                let remedy = format!("give one of {}, or a CSV file", NAMES.join(", "));
+                Err(Error::input("illuminant", format!("{name:?} is neither built in nor a file"), remedy))
+            }
             None => Ok(Self { name: name.into(), spectrum: Spectrum::read(Path::new(name))? }),
         }
     }

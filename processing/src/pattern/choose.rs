@@ -110,7 +110,7 @@ fn across(source: &Source) -> [f64; QUARTERS.len()] {
 
 /// Of entries along a few rays near the rim.
 fn along(source: &Source, kernel: &Kernel, radius: f64) -> Vec<(usize, f64)> {
-    const RAYS: usize = 8;
+    const RAYS: usize = 16;
     const ENTRIES: usize = 100;
     let taps = kernel.steps(SINGLE_PX / radius).taps();
     let ray = |k: usize| -> Vec<f32> {
@@ -147,10 +147,11 @@ fn cost(source: &Source, kernel: &Kernel, grid: &Grid, method: Method) -> (f64, 
                 outer *= 0.5;
             }
         }
-        Method::Rays(fineness) => {
+        Method::Rays(mut fineness) => {
             let mut outer = corner;
             while outer > INNER_PX {
-                let layout = Layout::new(outer, kernel.range(), fineness);
+                let layout = Layout::new(outer, kernel, fineness);
+                fineness = fineness.inward();
                 fits &= layout.bytes() <= MEMORY;
                 ns += (layout.rays * layout.samples) as f64 * SAMPLE_NS;
                 ns += (layout.rays / 16 * layout.rows * layout.taps) as f64 * WEIGHT_NS;
@@ -205,48 +206,54 @@ fn describe(method: Method, predicted_error: Option<f64>, predicted_s: f64, why:
     Choice { method, spacing_px, step_nm, predicted_error, predicted_s, why }
 }
 
-/// Entries that a table is checked on.
-const CHECKED: usize = 512;
+/// Entries of the rim, and of all, that a table is checked on.
+const CHECKED: usize = 256;
 
 /// Distance of samples of the check, in pixels.
 const CHECK_PX: f64 = 0.25;
 
-/// Root mean square of what some entries near the rim are off from a finer sum, over their own; and the same for a zero order
-/// that lies elsewhere. None where there is no light.
-pub(super) fn check(
-    source: &Source,
-    kernels: &[(Kernel, &Source)],
-    grid: &Grid,
-    table: &[Weight],
-    moved: f64,
-) -> [Option<f64>; 2] {
-    let rim = (0.6 * 0.5 * grid.size as f64) as usize;
-    let half = grid.size / 2;
-    // Places by the golden ratio's multiples fill the rim evenly.
-    let place = |k: usize| {
-        let along = (k as f64 * 0.618_033_988_75).fract();
-        let across = rim + ((k as f64 * 0.754_877_666_2).fract() * (half - rim) as f64) as usize;
-        let across = if k.is_multiple_of(2) { half + across } else { half - across.min(half) };
-        [across.min(grid.size - 1), ((along * grid.size as f64) as usize).min(grid.size - 1)]
+/// Root mean square of what some entries are off from a finer sum, over their own: of the rim or of all, whichever is worse; and the same
+/// of the rim for a zero order that lies elsewhere. None where there is no light.
+pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight], moved: f64) -> [Option<f64>; 2] {
+    let (size, half) = (grid.size, grid.size / 2);
+    let rim = (0.6 * half as f64) as usize;
+    // Places by the golden ratio's multiples fill rim and table evenly.
+    let part = |k: usize, ratio: f64, n: usize| ((k as f64 * ratio).fract() * n as f64) as usize;
+    let of_rim = |k: usize| {
+        let across = rim + part(k, 0.754_877_666_2, half - rim);
+        let across = if k.is_multiple_of(2) { half + across } else { half - 1 - across.min(half - 1) };
+        [across.min(size - 1), part(k, 0.618_033_988_75, size)]
     };
-    let radius = grid.extent / source.scale * 2.0_f64.sqrt();
+    let anywhere = |k: usize| [part(k, 0.754_877_666_2, size), part(k, 0.569_840_290_998, size)];
     let finer: Vec<_> = kernels
         .iter()
-        .map(|(kernel, source)| (kernel.steps(CHECK_PX / radius.max(INNER_PX)).taps(), *source))
+        .map(|(kernel, source)| {
+            let radius = grid.extent / source.scale * 2.0_f64.sqrt();
+            (kernel.steps(CHECK_PX / radius.max(INNER_PX)).taps(), *source)
+        })
         .collect();
-    let of = |k: usize| {
-        let [x, y] = place(k);
-        let (u, v) = ((grid.at(x) / source.scale) as f32, (grid.at(y) / source.scale) as f32);
-        let sum = |du: f32, dv: f32| finer.iter().map(|(taps, s)| shifted(s, taps, [u, v], [du, dv])).sum::<f64>();
+    let of = |[x, y]: [usize; 2]| {
+        let sum = |du: f32, dv: f32| {
+            let of_source = |(taps, s): &(Vec<_>, &Source)| {
+                let place = [grid.at(x), grid.at(y)].map(|h| (h / s.scale) as f32);
+                shifted(s, taps, place, [du, dv])
+            };
+            finer.iter().map(of_source).sum::<f64>()
+        };
         let truth = sum(0.0, 0.0);
-        let found = f64::from(table[(grid.size - 1 - y) * grid.size + x][1]);
+        let found = f64::from(table[(size - 1 - y) * size + x][1]);
         let shift = moved as f32;
         let displaced = 0.5 * ((sum(shift, 0.0) - truth).powi(2) + (sum(0.0, shift) - truth).powi(2));
         [(found - truth).powi(2), displaced, truth * truth]
     };
     let add = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|c| a[c] + b[c]);
-    let [off, displaced, all] = (0..CHECKED).into_par_iter().map(of).reduce(|| [0.0; 3], add);
-    [off, displaced].map(|square| (all > 0.0).then(|| (square / all).sqrt()))
+    let all = |places: &(dyn Fn(usize) -> [usize; 2] + Sync)| {
+        (0..CHECKED).into_par_iter().map(|k| of(places(k))).reduce(|| [0.0; 3], add)
+    };
+    let relative = |square: f64, all: f64| (all > 0.0).then(|| (square / all).sqrt());
+    let ([off, displaced, light], [off_all, _, light_all]) = (all(&of_rim), all(&anywhere));
+    let worse = [relative(off, light), relative(off_all, light_all)].into_iter().flatten().reduce(f64::max);
+    [worse.filter(|_| light > 0.0), relative(displaced, light)]
 }
 
 /// Y of an entry, were the zero order elsewhere by so much.

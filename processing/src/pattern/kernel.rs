@@ -4,6 +4,7 @@
 //! its ray of the photograph (2017 paper, Eq. 15): `∫ (λm/λ)ⁿ L(r·λm/λ) P(λ) x̄(λ) dλ`. With q = ln(λ/λm) this is a convolution
 //! over ln r: `∫ L(ln r − q) K(q) dq`, `K(q) = e^(−nq) P x̄ λ`, with one kernel for every entry.
 
+use super::rays::between;
 use crate::color::{Illuminant, Observer, VISIBLE_NM};
 
 /// Longest distance of two wavelengths of the integrals, in nm: a fifth of what lamps are tabulated at would do.
@@ -74,6 +75,19 @@ impl Kernel {
         self.range_nm().map(|nm| (nm / self.wavelength_nm).ln())
     }
 
+    /// λm/λ of the mean wavelength that is seen: so much further out than an entry lies what it adds up.
+    pub(super) fn stretch(&self) -> f64 {
+        let [from, to] = self.range_nm();
+        let count = ((to - from) / FINE_NM) as usize;
+        let at = |k: usize| from + (k as f64 + 0.5) * FINE_NM;
+        let add = |(sum, all): (f64, f64), nm: f64| {
+            let y = self.density(nm, 1.0)[1];
+            (sum + y * nm, all + y)
+        };
+        let (sum, all) = (0..count).map(at).fold((0.0, 0.0), add);
+        if all > 0.0 { self.wavelength_nm * all / sum } else { 1.0 }
+    }
+
     /// Wavelength in nm below which next to nothing is seen of the light: 2 % of X + Y + Z.
     pub(super) fn shortest_nm(&self) -> f64 {
         let [from, to] = self.range_nm();
@@ -114,11 +128,13 @@ impl Kernel {
         (0..count).map(|k| flat.density(at(k), white).iter().sum::<f64>() * FINE_NM).sum()
     }
 
-    /// Weights at even steps of ln r: the integral of the kernel against light that is linear between the samples.
+    /// Weights at even steps of ln r: the integral of the kernel against light that is a cubic between the samples, so that lines
+    /// narrower than a step do not blur.
     pub(super) fn steps(&self, step: f64) -> Steps {
         let [low, high] = self.range();
-        let first = (low / step).floor() as isize;
-        let count = ((high / step).ceil() as isize - first + 1).max(2) as usize;
+        // A cubic needs one more sample to either side.
+        let first = (low / step).floor() as isize - 1;
+        let count = ((high / step).ceil() as isize - first + 3).max(4) as usize;
         let (white, mut sums) = (self.white(), vec![[0.0_f64; 4]; count]);
         let all = self.all(white);
         let [from, to] = self.range_nm();
@@ -127,12 +143,10 @@ impl Kernel {
         for k in 0..n {
             let nm = from + (k as f64 + 0.5) * fine;
             let place = (nm / self.wavelength_nm).ln() / step - first as f64;
-            let left = (place as usize).min(count - 2);
-            let share = place - left as f64;
+            let left = (place as usize).clamp(1, count - 3);
             let weight = self.weight(nm, fine, white, all);
-            for c in 0..4 {
-                sums[left][c] += (1.0 - share) * weight[c];
-                sums[left + 1][c] += share * weight[c];
+            for (sum, part) in sums[left - 1..left + 3].iter_mut().zip(between((place - left as f64) as f32)) {
+                sum.iter_mut().zip(weight).for_each(|(s, w)| *s += f64::from(part) * w);
             }
         }
         Steps { step, first, weights: sums.into_iter().map(|w| w.map(|v| v as f32)).collect() }

@@ -195,13 +195,14 @@ fn add_up(
             let more = source_table(pair, grid, method);
             entries.iter_mut().zip(more).for_each(|(sum, m)| (0..4).for_each(|c| sum[c] += m[c]));
         }
-        let errors = check(source, pairs, grid, &entries, moved);
+        let errors = check(pairs, grid, &entries, moved);
         tries += 1;
-        let enough = settings.method != MethodChoice::Auto || errors[0].is_none_or(|e| e <= settings.max_error);
-        if enough || tries == TRIES {
+        let off = errors[0].unwrap_or(0.0);
+        if settings.method != MethodChoice::Auto || off <= settings.max_error || tries == TRIES {
             return (entries, choice, errors);
         }
-        wanted *= 0.5;
+        // The prediction was too low by some factor, which the next choice makes up for.
+        wanted = choice.predicted_error.unwrap_or(wanted) * settings.max_error / off;
     }
 }
 

@@ -21,10 +21,19 @@ const FEWEST: usize = 32;
 /// How finely the photograph is sampled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fineness {
-    /// Distance of rays at an octave's outer radius, and of samples along them, in pixels of the photograph.
+    /// Distance of rays, and of samples along them, in pixels of the photograph: where it shows the mean wavelength of what lies at an
+    /// octave's outer radius.
     pub spacing_px: f64,
-    /// Every so manieth sample along a ray is worked out for the table.
+    /// Every so manieth sample along a ray of the outermost octave is worked out for the table; half as many of the next, and so on, as
+    /// wavelengths spread less there.
     pub every: usize,
+}
+
+impl Fineness {
+    /// That of the next octave.
+    pub(super) fn inward(self) -> Self {
+        Self { every: (self.every / 2).max(1), ..self }
+    }
 }
 
 /// Entries of one octave of radii, over ln r and angle.
@@ -40,6 +49,8 @@ pub(super) struct Octave {
 
 /// Size of an octave's arrays.
 pub(super) struct Layout {
+    /// Distance of samples in ln r.
+    step: f64,
     pub rays: usize,
     pub rows: usize,
     /// Samples along a ray.
@@ -49,12 +60,14 @@ pub(super) struct Layout {
 
 impl Layout {
     /// For radii of half the outer radius to all of it, in pixels.
-    pub(super) fn new(outer: f64, kernel: [f64; 2], fineness: Fineness) -> Self {
-        let step = fineness.spacing_px / outer;
-        let rays = ((TAU * outer / fineness.spacing_px).ceil() as usize).max(FEWEST).next_multiple_of(LANES);
+    pub(super) fn new(outer: f64, kernel: &Kernel, fineness: Fineness) -> Self {
+        let step = fineness.spacing_px / (outer * kernel.stretch());
+        let [low, high] = kernel.range();
+        let rays = ((TAU / step).ceil() as usize).max(FEWEST).next_multiple_of(LANES);
         let rows = (2.0_f64.ln() / (step * fineness.every as f64)).ceil() as usize + 1 + 2 * HALO;
-        let taps = ((kernel[1] / step).ceil() - (kernel[0] / step).floor()) as usize + 1;
-        Self { rays, rows, samples: (rows - 1) * fineness.every + taps, taps }
+        // As the kernel has them.
+        let taps = ((high / step).ceil() - (low / step).floor()) as usize + 4;
+        Self { step, rays, rows, samples: (rows - 1) * fineness.every + taps, taps }
     }
 
     /// Bytes of the entries.
@@ -66,8 +79,8 @@ impl Layout {
 impl Octave {
     /// Entries at half the outer radius to all of it, in pixels around a centre.
     pub(super) fn new(plane: &Plane, center: [f64; 2], kernel: &Kernel, outer: f64, fineness: Fineness) -> Self {
-        let step = fineness.spacing_px / outer;
-        let (steps, layout) = (kernel.steps(step), Layout::new(outer, kernel.range(), fineness));
+        let layout = Layout::new(outer, kernel, fineness);
+        let (step, steps) = (layout.step, kernel.steps(layout.step));
         let (every, taps) = (fineness.every, steps.weights.len());
         let row_step = step * every as f64;
         let first = (0.5 * outer).ln() - HALO as f64 * row_step;

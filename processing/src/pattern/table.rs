@@ -54,6 +54,7 @@ impl Source<'_> {
         let mut table = vec![[0.0; 4]; grid.size * grid.size];
         let corner = f64::from(side.last().copied().unwrap_or(0.0)) * 2.0_f64.sqrt() * (1.0 + 1e-6);
         let mut outer = corner;
+        let mut method = method;
         while let Method::Rays(fineness) = method {
             if outer <= INNER_PX {
                 break;
@@ -66,6 +67,7 @@ impl Source<'_> {
                 });
             }
             outer *= 0.5;
+            method = Method::Rays(fineness.inward());
         }
         loop {
             let inner = if outer <= INNER_PX { 0.0 } else { 0.5 * outer };

@@ -55,74 +55,81 @@ impl Lattice {
 }
 
 const SIZE: usize = 1000;
-const SCALE: f64 = 0.002;
 const CENTER: [f64; 2] = [500.3, 498.8];
 
-/// Half vectors that the photograph shows.
-fn reach() -> [f64; 4] {
-    let last = (SIZE - 1) as f64;
-    [(CENTER[0] - last) * SCALE, CENTER[0] * SCALE, -CENTER[1] * SCALE, (last - CENTER[1]) * SCALE]
+/// A lattice whose orders are two pixels wide, photographed with so many half vectors per pixel.
+struct Scene {
+    lattice: Lattice,
+    scale: f64,
 }
 
-/// Orders of 2 pixels, as a flash of a few mm makes them.
-const LATTICE: Lattice = Lattice { pitch: 0.085, sigma: 0.004, angle: 0.2 };
+/// The photograph ends where the table does.
+const NARROW: Scene = Scene { lattice: Lattice { pitch: 0.085, sigma: 0.004, angle: 0.2 }, scale: 0.002 };
 
-fn photograph() -> Photograph {
-    Photograph { light: LATTICE.photograph(SIZE, CENTER, SCALE), width: SIZE, height: SIZE }
-}
+/// The photograph shows all that the table needs.
+const WIDE: Scene = Scene { lattice: Lattice { pitch: 0.1, sigma: 0.0072, angle: 0.2 }, scale: 0.0036 };
 
-/// Root mean square of what Y is off, over its own, where the larger half vector lies in a range.
-fn error(table: &Table, settings: &Settings, range: std::ops::Range<f64>) -> f64 {
-    let grid = Grid { size: settings.size, extent: table.extent, warp: settings.warp };
-    let light = Illuminant::named(&settings.illuminant).unwrap();
-    let (mut square, mut all, mut count) = (0.0, 0.0, 0);
-    // Some entries, whose places have nothing to do with those of the orders.
-    for i in (0..table.entries.len()).step_by(grid.size * grid.size / 2003) {
-        let (u, v) = (grid.at(i % grid.size), grid.at(grid.size - 1 - i / grid.size));
-        if range.contains(&u.abs()) {
-            let truth = LATTICE.entry(&light, settings.exponent, u, v, reach());
-            square += (f64::from(table.entries[i][1]) - truth).powi(2);
-            all += truth * truth;
-            count += 1;
-        }
+impl Scene {
+    /// Half vectors that the photograph shows.
+    fn reach(&self) -> [f64; 4] {
+        let last = (SIZE - 1) as f64;
+        [CENTER[0] - last, CENTER[0], -CENTER[1], last - CENTER[1]].map(|p| p * self.scale)
     }
-    assert!(count > 100, "{count}");
-    (square / all).sqrt()
+
+    fn table(&self, method: MethodChoice, max_error: f64) -> (Table, Settings) {
+        let light = self.lattice.photograph(SIZE, CENTER, self.scale);
+        let settings = Settings {
+            wavelength_nm: Some(Wavelength::Band(680.0)),
+            scale: Some(self.scale),
+            extent: Some(1.0),
+            size: 512,
+            // Found to a hundredth of a pixel, which is too little for a thousandth.
+            center: (max_error < 0.01).then_some(CENTER),
+            method,
+            max_error,
+            ..Settings::default()
+        };
+        (lookup(&[Photograph { light, width: SIZE, height: SIZE }], &settings).unwrap(), settings)
+    }
+
+    /// Root mean square of what Y is off, over its own, where the larger half vector lies in a range.
+    fn error(&self, (table, settings): &(Table, Settings), range: std::ops::Range<f64>) -> f64 {
+        let grid = Grid { size: settings.size, extent: table.extent, warp: settings.warp };
+        let light = Illuminant::named(&settings.illuminant).unwrap();
+        let (mut square, mut all, mut count) = (0.0, 0.0, 0);
+        // Some entries, whose places have nothing to do with those of the orders.
+        for i in (0..table.entries.len()).step_by(grid.size * grid.size / 2003) {
+            let (u, v) = (grid.at(i % grid.size), grid.at(grid.size - 1 - i / grid.size));
+            if range.contains(&u.abs()) {
+                let truth = self.lattice.entry(&light, settings.exponent, u, v, self.reach());
+                square += (f64::from(table.entries[i][1]) - truth).powi(2);
+                all += truth * truth;
+                count += 1;
+            }
+        }
+        assert!(count > 100, "{count}");
+        (square / all).sqrt()
+    }
 }
 
 #[test]
 fn tables_are_as_exact_as_asked_for_where_fixed_steps_are_not() {
-    let p = [photograph()];
-    let settings = Settings {
-        wavelength_nm: Some(Wavelength::Band(680.0)),
-        scale: Some(SCALE),
-        extent: Some(1.0),
-        size: 512,
-        ..Settings::default()
-    };
-    let mut found = vec![];
-    for (method, max_error) in [
-        (MethodChoice::Auto, 0.01),
-        (MethodChoice::Auto, 0.001),
-        (MethodChoice::Fixed(1.0), 0.01),
-        (MethodChoice::Fixed(5.0), 0.01),
-    ] {
-        // The place of the zero order is found to a hundredth of a pixel, which is too little for a thousandth.
-        let center = (max_error < 0.01).then_some(CENTER);
-        let settings = Settings { method, max_error, center, ..settings.clone() };
-        let begun = std::time::Instant::now();
-        let table = lookup(&p, &settings).unwrap();
-        let s = begun.elapsed().as_secs_f64();
-        let [rim, inside] = [0.6..2.0, 0.1..0.6].map(|r| error(&table, &settings, r));
-        println!(
-            "{method:?} {max_error}: rim {:.3} %, inside {:.3} %, said {:.3} %, center {:.3} %, {s:.2} s, {:?}",
-            100.0 * rim,
-            100.0 * inside,
-            100.0 * table.error.unwrap(),
-            100.0 * table.center_error.unwrap(),
-            table.choice
-        );
-        found.push(rim);
+    for (name, scene, finest) in [("narrow", &NARROW, 0.002), ("wide", &WIDE, 0.001)] {
+        let mut found = vec![];
+        for (method, max_error) in
+            [(MethodChoice::Auto, 0.01), (MethodChoice::Auto, 0.001), (MethodChoice::Fixed(5.0), 0.01)]
+        {
+            let made = scene.table(method, max_error);
+            let [rim, inside] = [0.6..2.0, 0.05..0.6].map(|r| scene.error(&made, r));
+            let said = made.0.error.unwrap();
+            println!("{name} {max_error}: rim {rim:.5}, inside {inside:.5}, said {said:.5}, {:?}", made.0.choice);
+            found.push([rim, inside]);
+        }
+        assert!(found[0].iter().all(|e| *e < 0.01), "{name}: {found:?}");
+        // Where the photograph ends is known to a part of a pixel only.
+        assert!(found[1].iter().all(|e| *e < finest), "{name}: {found:?}");
+        if name == "narrow" {
+            assert!(found[2][0] > 0.05, "{found:?}");
+        }
     }
-    assert!(found[0] < 0.01 && found[1] < 0.001 && found[2] < 0.005 && found[3] > 0.05, "{found:?}");
 }
