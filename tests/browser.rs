@@ -232,7 +232,17 @@ fn a_person_takes_a_bracket_and_looks_at_the_merged_photograph() {
     browser.until("document.querySelector('#result-picture').naturalWidth === 128");
     browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'hdr.exr')");
     browser.both("result-hdr");
+    // A table of the same photographs: it ends in a table, or in words that say why there is none.
+    browser.until("document.querySelectorAll('#table-light option').length === 18");
+    choose("table-light", "D65");
+    browser.run("for (const [id, v] of [['table-scale', '0.002'], ['table-size', '128']]) { document.getElementById(id).value = v; }");
+    browser.click("#make-table");
+    browser.until(&format!("location.hash.startsWith('#/result/') && !location.hash.includes('{id}')"));
+    browser.until("document.querySelector('#result-picture')?.alt.includes('table') || document.body.innerText.includes('center')");
+    browser.both("result-lut");
     browser.open(&format!("{url}/#/upload"));
+    choose("method", "lut");
+    browser.until("document.querySelector('#table-wavelength').value === '680'");
     choose("method", "hdr");
     browser.until("document.body.innerText.includes('Exif')");
 }

@@ -138,8 +138,9 @@ impl Kernel {
         let (white, mut sums) = (self.white(), vec![[0.0_f64; 4]; count]);
         let all = self.all(white);
         let [from, to] = self.range_nm();
-        let n = ((to - from) / FINE_NM.min(0.25 * step * from)).ceil().max(1.0) as usize;
-        let fine = (to - from) / n as f64;
+        // A whole number to the nm, so that the corners of a lamp's lines lie between them.
+        let fine = 1.0 / FINE_NM.min(0.25 * step * from).recip().ceil();
+        let n = ((to - from) / fine).round().max(1.0) as usize;
         for k in 0..n {
             let nm = from + (k as f64 + 0.5) * fine;
             let place = (nm / self.wavelength_nm).ln() / step - first as f64;
