@@ -126,7 +126,8 @@ fn fit(light: &[f32], size: [usize; 2], at: [usize; 2], reach: f64) -> std::resu
     loop {
         top = square(size, at, radius).map(value).filter(|l| l.is_finite()).fold(0.0, f32::max);
         let edge = square(size, at, radius).filter(|(x, y)| x.abs_diff(at[0]).max(y.abs_diff(at[1])) == radius);
-        let (bright, all) = edge.map(value).fold((0, 0), |(b, n), l| (b + usize::from(!(l < LOBE * top)), n + 1));
+        let (bright, all) =
+            edge.map(value).fold((0, 0), |(b, n), l| (b + usize::from(l.is_nan() || l >= LOBE * top), n + 1));
         if 10 * bright <= all && top > 0.0 {
             break;
         }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 /// Pole of the cubic B-spline's inverse filter, √3 − 2, and its gain.
-const POLE: f32 = -0.267_949_19;
+const POLE: f32 = -0.267_949_2;
 const GAIN: f32 = 6.0;
 
 /// Terms of the inverse filter's beginning: the pole's 16th power is below f32.
@@ -40,7 +40,7 @@ impl Plane {
     pub(super) fn at(&self, x: f32, y: f32) -> [f32; 2] {
         let (right, bottom) = ((self.width - 1) as f32, (self.height - 1) as f32);
         let depth = x.min(right - x).min(y.min(bottom - y));
-        if !(depth > -0.5) {
+        if depth.is_nan() || depth <= -0.5 {
             return [0.0; 2];
         }
         let (x, y) = (x.clamp(0.0, right), y.clamp(0.0, bottom));
@@ -184,9 +184,9 @@ mod tests {
         let image: Vec<f32> =
             (0..width * height).map(|i| light((i % width) as f64, (i / width) as f64) as f32).collect();
         let plane = Plane::new(&image, width, height);
-        for i in 0..image.len() {
+        for (i, light) in image.iter().enumerate() {
             let [found, known] = plane.at((i % width) as f32, (i / width) as f32);
-            assert!((found - known * image[i]).abs() < 2e-6 && known >= 0.5, "{i}: {found} {}", image[i]);
+            assert!((found - known * light).abs() < 2e-6 && known >= 0.5, "{i}: {found} {light}");
         }
         let mut worst = 0.0_f64;
         for k in 0..1000 {
