@@ -101,6 +101,7 @@ fn what_was_not_measured_is_not_made_up() {
     let report = run(&photo, &out, &wrong).expect(1).json();
     warned(&report, "lobe there lies at 150");
     assert!(report["center_error"].as_f64().unwrap() > 0.1, "{report}");
+    assert!(report["error_estimate"].as_f64().unwrap() > 0.1, "{report}");
     // The zero order beyond the border, which makes the brightest order look like it.
     photograph(&photo, [-30.0, 149.0], f64::INFINITY);
     let report = run(&photo, &out, &[&USUAL[..], &["--force"]].concat()).json();

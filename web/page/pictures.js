@@ -116,7 +116,7 @@ function reportOfTable(report) {
   return h("div", { class: "stack" }, warned(warnings),
     figures([
       ["error at the rim", known(report.error_estimate)],
-      ["by the centre", known(report.center_error)],
+      ["its part by the zero order", known(report.center_error)],
       ["measured in full", percent(coverage.full, 0)],
     ]),
     facts([
@@ -124,6 +124,8 @@ function reportOfTable(report) {
       ["Photographed at", `${[report.wavelength_nm].flat().join(", ")} nm`],
       ["Half vectors", `±${plain(report.extent)}, ${report.width} × ${report.height}${report.warp > 1 ? `, warped by ${report.warp}` : ""}`],
       ["Zero order", report.center.map((c) => fixed(c, 2)).join(", ") + (report.center_sigma_px === null ? "" : ` ± ${fixed(report.center_sigma_px, 2)} pixels`)],
+      ["Error by adding up", known(report.sum_error)],
+      ["Error between pixels", known(report.sampling_error)],
       ["Per pixel", plain(report.scale)],
       ["Exponent", plain(report.exponent)],
       ["Method", `${words(choice.method)}${choice.spacing_px === null ? "" : `, ${plain(choice.spacing_px)} pixels apart`}: ${choice.why}`],

@@ -6,6 +6,7 @@ use super::kernel::{Kernel, Weight, Window};
 use super::plane::Plane;
 use super::rays::Fineness;
 use super::settings::{MethodChoice, Settings, Wavelength};
+use super::sharpness::between_pixels;
 use super::table::{Grid, Method, Source};
 use crate::color::Illuminant;
 use crate::{Error, Result};
@@ -45,12 +46,22 @@ pub struct Table {
     pub choice: Choice,
     /// Root mean square of what entries at the rim are off from a finer sum, over their own; none without light there.
     pub error: Option<f64>,
+    /// The same of the photograph between its pixels, which a table's is about half of; noise counts as well.
+    pub sampling_error: Option<f64>,
     /// As [`Self::error`] for what is not known of the zero order's place.
     pub center_error: Option<f64>,
     /// Half vector per pixel.
     pub scale: f64,
     /// Largest component of the half vector.
     pub extent: f64,
+}
+
+impl Table {
+    /// All that is known of the error at the rim together; none without light there.
+    pub fn whole_error(&self) -> Option<f64> {
+        let others = [self.center_error, self.sampling_error].map(|e| e.unwrap_or(0.0));
+        self.error.map(|e| e.hypot(others[0]).hypot(others[1]))
+    }
 }
 
 /// Makes a table of one photograph in narrow-band light, or of three channels (red, green, blue) in white light.
@@ -101,6 +112,7 @@ pub fn lookup(photographs: &[Photograph], settings: &Settings) -> Result<Table> 
         saturated: lobe.saturated,
         choice,
         error,
+        sampling_error: between_pixels(first, lobe.center),
         center_error: known.and(center_error),
         scale: places.first().map_or(1.0, |p| p.1),
         extent,

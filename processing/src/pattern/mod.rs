@@ -12,6 +12,7 @@ mod rays;
 mod reconstruct;
 mod report;
 mod settings;
+mod sharpness;
 mod table;
 #[cfg(test)]
 mod tests;

@@ -54,7 +54,9 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
         center: table.center,
         center_sigma_px: table.center_sigma_px,
         choice: table.choice.clone(),
-        error_estimate: table.error,
+        error_estimate: table.whole_error(),
+        sum_error: table.error,
+        sampling_error: table.sampling_error,
         center_error: table.center_error,
         band_px: band_nm.zip(narrow(wavelength_nm)).map(|(band, nm)| band / nm * table.extent / table.scale),
         coverage: output.coverage(),
@@ -111,12 +113,17 @@ fn warnings(report: &Report, table: &Table, wanted: f64) -> Vec<String> {
     match report.error_estimate {
         None => all.push("no light was measured at the rim of the table".into()),
         Some(error) if error > wanted => {
-            let text = format!(
-                "the error at the rim is {:.2} %, more than the {:.2} % asked for",
+            let parts =
+                [report.sum_error, report.center_error, report.sampling_error].map(|e| 100.0 * e.unwrap_or(0.0));
+            all.push(format!(
+                "the error at the rim is {:.2} %, more than the {:.2} % asked for: adding up {:.2} %, place of the zero order {:.2} %, \
+                 pixels too coarse for what they show, or noise, {:.2} %",
                 100.0 * error,
-                100.0 * wanted
-            );
-            all.push(format!("{text}: the photograph is too sharp for its pixels, or steps are too coarse"));
+                100.0 * wanted,
+                parts[0],
+                parts[1],
+                parts[2]
+            ));
         }
         Some(_) => {}
     }

@@ -37,10 +37,14 @@ pub struct Report {
     pub center_sigma_px: Option<f64>,
     /// How entries were added up, and why so.
     pub choice: Choice,
-    /// Root mean square error of Y at the rim (a half vector's component above 0.6 of the extent), over the table's own there: sums
-    /// against finer sums of the same photograph.
+    /// All errors that are known together: root mean square of Y at the rim (a half vector's component above 0.6 of the extent), over
+    /// the table's own there.
     pub error_estimate: Option<f64>,
-    /// The same for what is not known of the zero order's place.
+    /// Its part of adding up: sums against finer sums of the same photograph, at the rim or of all, whichever is worse.
+    pub sum_error: Option<f64>,
+    /// Its part of the photograph between its pixels: those are too coarse for what is sharper, and noise is.
+    pub sampling_error: Option<f64>,
+    /// Its part of what is not known of the zero order's place.
     pub center_error: Option<f64>,
     /// How far the filter's band spreads an order at the rim, full width at half maximum in pixels of the photograph.
     pub band_px: Option<f64>,

@@ -133,3 +133,16 @@ fn tables_are_as_exact_as_asked_for_where_fixed_steps_are_not() {
         }
     }
 }
+
+#[test]
+fn pixels_that_are_too_coarse_are_noticed() {
+    for px in [0.6, 1.0, 2.0] {
+        let scale = WIDE.scale;
+        let scene = Scene { lattice: Lattice { pitch: 0.1, sigma: px * scale, angle: 0.2 }, scale };
+        // The finder refuses lobes of less than nine pixels; this one is told the place.
+        let made = scene.table(MethodChoice::Auto, 0.009);
+        let (off, said) = (scene.error(&made, 0.6..2.0), made.0.whole_error().unwrap());
+        println!("{px} px: {off:.5}, said {said:.5}, between pixels {:.5}", made.0.sampling_error.unwrap());
+        assert!(off < 2.0 * said && said < 6.0 * off, "{px}: {off} {said}");
+    }
+}

@@ -3,6 +3,7 @@
 
 mod bokeh;
 mod hdr;
+mod lut;
 mod photographs;
 
 use crate::config::BenchConfig;
@@ -13,7 +14,8 @@ use photographs::outcome;
 
 /// All of them, in the order of the page.
 pub fn studies(effort: Effort) -> Vec<Study> {
-    let mut all = vec![registration(effort), oblique(effort), compact_disc(effort), hdr::study(effort)];
+    let mut all =
+        vec![registration(effort), oblique(effort), compact_disc(effort), hdr::study(effort), lut::study(effort)];
     all.extend(bokeh::studies(effort));
     all
 }

@@ -148,8 +148,7 @@ impl Lut {
         let mut text = summary(&report);
         let _ = write!(text, "\nresults   {}", self.out.display());
         console.result(&text, &report);
-        let worst = report.error_estimate.map(|e| e.hypot(report.center_error.unwrap_or(0.0)));
-        match worst {
+        match report.error_estimate {
             Some(error) if error <= self.max_error => Ok(()),
             Some(error) => Err(Failure::Bound(format!(
                 "the error at the rim is {error:.4} of the table's own, more than the {} asked for",
@@ -186,9 +185,11 @@ fn summary(report: &Report) -> String {
     let percent = |v: Option<f64>| v.map_or("unknown".into(), |v| format!("{:.2} %", 100.0 * v));
     let _ = writeln!(
         text,
-        "quality   error at the rim {}, by the zero order's place {}",
+        "quality   error at the rim {} (adding up {}, zero order's place {}, between pixels {})",
         percent(report.error_estimate),
-        percent(report.center_error)
+        percent(report.sum_error),
+        percent(report.center_error),
+        percent(report.sampling_error)
     );
     let coverage = &report.coverage;
     let _ = writeln!(
