@@ -184,10 +184,11 @@ pub(super) fn choose(source: &Source, kernel: &Kernel, grid: &Grid, wanted: f64)
     let finest = || all.iter().min_by(|a, b| a.1.total_cmp(&b.1));
     // Single entries always fit into memory, so there is one.
     let (method, error, seconds) = meets.or_else(finest).copied().unwrap_or((single.0, single.1, 0.0));
+    let limit = 100.0 * MARGIN * wanted;
     let why = if meets.is_some() {
-        format!("the cheapest whose error, tried out on the photograph, stays below half of the {wanted} asked for")
+        format!("the cheapest that, tried out on the photograph, is off by less than {limit:.3} %")
     } else {
-        format!("the finest there is; the photograph is too sharp for the {wanted} asked for")
+        format!("the finest there is; the photograph is too sharp, or too noisy, for {limit:.3} %")
     };
     (method, describe(method, Some(error), seconds, why))
 }
