@@ -1,6 +1,9 @@
 //! Time and result of Richardson-Lucy on 1024 × 1024 pixels with a Gaussian of 31 × 31, for comparison with
 //! `benches/peers/deconvolve.py`: `cargo run --release --example deconvolve`.
 
+mod cpu;
+
+use cpu::used;
 use nacre_processing::bokeh::deconvolution::{Deconvolution, Image, Iterations, Method, Psf, deconvolve};
 use nacre_processing::progress::Silent;
 use std::time::Instant;
@@ -17,15 +20,6 @@ const PLACES: [[usize; 2]; 5] = [[512, 512], [300, 700], [0, 0], [1023, 511], [2
 fn photograph() -> Vec<f32> {
     let light = |x: f64, y: f64| 0.5 + 0.06 * (0.35 * x + 0.15 * y).sin() + 0.1 * (1e-4 * x * y).cos();
     (0..SIDE * SIDE).map(|i| light((i % SIDE) as f64, (i / SIDE) as f64) as f32).collect()
-}
-
-/// CPU time of this process in seconds, all threads, as the system counts it.
-fn used() -> f64 {
-    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
-    // Fields 14 and 15 of the whole line, in hundredths of a second.
-    let ticks = |k: usize| fields.get(k).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);
-    (ticks(11) + ticks(12)) / 100.0
 }
 
 #[allow(clippy::print_stdout)]

@@ -1,6 +1,9 @@
 //! Time and error of a lookup table of 2048² entries from a photograph of 1000², for comparison with
 //! `benches/peers/lookup_table.py`: `cargo run --release --example lookup_table [auto|rays=1|fixed=5|…]`.
 
+mod cpu;
+
+use cpu::used;
 use nacre_processing::pattern::{MethodChoice, Photograph, Settings, Wavelength, lookup};
 use std::time::Instant;
 
@@ -15,15 +18,6 @@ fn light(u: f64, v: f64) -> f64 {
     let (m, n) = ((u / PITCH).round(), (v / PITCH).round());
     let square = (u - m * PITCH).powi(2) + (v - n * PITCH).powi(2);
     (-0.5 * square / (SIGMA * SIGMA)).exp() / (1.0 + 0.1 * (m * m + n * n))
-}
-
-/// CPU time of this process in seconds, all threads, as the system counts it.
-fn used() -> f64 {
-    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
-    // Fields 14 and 15 of the whole line, in hundredths of a second.
-    let ticks = |k: usize| fields.get(k).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);
-    (ticks(11) + ticks(12)) / 100.0
 }
 
 #[allow(clippy::print_stdout)]

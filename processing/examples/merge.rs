@@ -1,6 +1,9 @@
 //! Time and error of merging five photographs of 4096 × 3072 RGB, for comparison with `benches/peers/merge.py`:
 //! `cargo run --release --example merge`.
 
+mod cpu;
+
+use cpu::used;
 use nacre_processing::frames::{Frame, FrameSet, Kind, Transfer};
 use nacre_processing::hdr::merge;
 use nacre_processing::image::{Raster, Samples};
@@ -19,15 +22,6 @@ fn photograph(time: f64) -> Raster {
     let code = |x: usize, y: usize| (255.0 * (light(x, y) * time).min(1.0).powf(1.0 / 2.2)).round() as u8;
     let samples = (0..HEIGHT).flat_map(|y| (0..WIDTH).flat_map(move |x| [code(x, y); 3])).collect();
     Raster { width: WIDTH, height: HEIGHT, channels: 3, samples: Samples::U8(samples) }
-}
-
-/// CPU time of this process in seconds, all threads, as the system counts it.
-fn used() -> f64 {
-    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
-    // Fields 14 and 15 of the whole line, in hundredths of a second.
-    let ticks = |k: usize| fields.get(k).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);
-    (ticks(11) + ticks(12)) / 100.0
 }
 
 #[allow(clippy::print_stdout)]

@@ -1,6 +1,7 @@
 //! `nacre import`: a `frames.json` for photographs taken elsewhere.
 
 use crate::Failure;
+use crate::commands::values::{ChannelName, transfer};
 use crate::console::Console;
 use clap::ValueEnum;
 use nacre_processing::Error;
@@ -56,24 +57,6 @@ enum KindName {
     Polarization,
     DivisionOfFocalPlane,
     Exposures,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum ChannelName {
-    R,
-    G,
-    B,
-}
-
-/// How values grow with light, as the command line says it.
-pub(super) fn transfer(text: &str) -> Result<Transfer, String> {
-    match (text, text.strip_prefix("gamma=").map(str::parse)) {
-        ("linear", _) => Ok(Transfer::Linear),
-        ("srgb", _) => Ok(Transfer::Srgb),
-        ("recover", _) => Ok(Transfer::Recover),
-        (_, Some(Ok(g))) => Ok(Transfer::Gamma(g)),
-        _ => Err("give linear, srgb, gamma=NUMBER or recover".into()),
-    }
 }
 
 /// Describes the photographs, checks the description as a reconstruction does, and writes it.
@@ -168,11 +151,7 @@ fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {
         transfer: args.transfer.unwrap_or(if files.iter().any(jpeg) { Transfer::Srgb } else { Transfer::Linear }),
         black: args.black,
         white: args.white,
-        channel: args.channel.map(|c| match c {
-            ChannelName::R => Channel::R,
-            ChannelName::G => Channel::G,
-            ChannelName::B => Channel::B,
-        }),
+        channel: args.channel.map(Channel::from),
         layout,
         ..FrameSet::new(kind, frames.collect())
     })

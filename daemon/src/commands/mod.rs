@@ -18,8 +18,10 @@ pub mod reconstruct;
 pub mod schema;
 pub mod serve;
 pub mod sim;
+mod values;
 
 use nacre_processing::Error;
+use nacre_processing::text::read_text;
 use std::path::Path;
 
 /// Largest description that is read.
@@ -30,11 +32,6 @@ const MAX_BYTES: u64 = 1 << 20;
 /// # Errors
 /// `Input` with this remedy for what cannot be read or is something else.
 fn toml_file<T: serde::de::DeserializeOwned>(path: &Path, remedy: &str) -> Result<T, Error> {
-    let bad = |problem: String| Error::file(path, problem, remedy);
-    let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
-    if size > MAX_BYTES {
-        return Err(bad(format!("has {size} bytes, at most {MAX_BYTES} are read")));
-    }
-    let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-    toml::from_str(&text).map_err(|e| bad(e.message().to_owned()))
+    let text = read_text(path, MAX_BYTES, remedy)?;
+    toml::from_str(&text).map_err(|e| Error::file(path, e.message().to_owned(), remedy))
 }

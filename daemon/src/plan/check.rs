@@ -6,6 +6,7 @@ use super::{AnalyserPlan, DisplayPlan, Method, Plan, PlanKind, Step};
 use nacre_processing::Error;
 use nacre_processing::color::NAMES;
 use nacre_processing::polarimetry::{MAX_BRACKET, Model, Oblique};
+use nacre_processing::text::read_text;
 use std::path::Path;
 use std::time::Duration;
 
@@ -19,12 +20,9 @@ impl Plan {
     /// `Input`, naming the file and key.
     pub fn read(path: &Path) -> Result<Self, Error> {
         const LIMIT: u64 = 16 << 20;
-        let bad = |problem: String| Error::file(path, problem, "correct the plan; `nacre schema plan` lists its keys");
-        let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
-        if size > LIMIT {
-            return Err(bad(format!("has {size} bytes, at most {LIMIT} are read")));
-        }
-        let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
+        let remedy = "correct the plan; `nacre schema plan` lists its keys";
+        let bad = |problem: String| Error::file(path, problem, remedy);
+        let text = read_text(path, LIMIT, remedy)?;
         let plan: Self = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
             serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?
         } else {

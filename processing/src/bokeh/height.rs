@@ -1,6 +1,7 @@
 //! Light as height: dark is deep (2017 paper, section 5), by a straight line that a known grating tells (its Eq. 27).
 
 use super::period::Lines;
+use crate::text::read_text;
 use crate::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -60,18 +61,9 @@ impl Calibration {
     /// # Errors
     /// `Input` for a file that cannot be read or makes no sense.
     pub fn read(path: &Path) -> Result<Self> {
-        let bad = |problem: String| {
-            Error::file(
-                path,
-                problem,
-                "give the calibration.json of an earlier run with --known-shape and --known-depth-um",
-            )
-        };
-        let meta = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-        if !meta.is_file() || meta.len() > MAX_BYTES {
-            return Err(bad(format!("is no calibration: a file of at most {MAX_BYTES} bytes is")));
-        }
-        let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
+        let remedy = "give the calibration.json of an earlier run with --known-shape and --known-depth-um";
+        let bad = |problem: String| Error::file(path, problem, remedy);
+        let text = read_text(path, MAX_BYTES, remedy)?;
         let this: Self = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
             toml::from_str(&text).map_err(|e| bad(e.message().to_owned()))?
         } else {

@@ -1,7 +1,7 @@
 //! A photograph as light, cut to what is of interest.
 
 use crate::frames::Transfer;
-use crate::image::{Depth, Raster, Samples, read};
+use crate::image::{Depth, read};
 use crate::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -53,15 +53,7 @@ pub(super) struct Photograph {
 /// # Errors
 /// `Input` for a file that cannot be read, a transfer that is not known, and a part that is not inside.
 pub(super) fn photograph(path: &Path, light: Light, transfer: Transfer, crop: Option<Crop>) -> Result<Photograph> {
-    if transfer == Transfer::Recover {
-        let remedy = "say linear, srgb or gamma=NUMBER";
-        return Err(Error::input("--transfer", "one photograph does not tell how its values grow with light", remedy));
-    }
-    if let Transfer::Gamma(g) = transfer
-        && !(0.1..=10.0).contains(&g)
-    {
-        return Err(Error::input("--transfer", format!("gamma is {g}; expected 0.1 to 10"), "give 2.2 or so"));
-    }
+    transfer.check_known()?;
     let raster = read(path)?;
     let (width, height) = (raster.width, raster.height);
     let Crop([x, y, w, h]) = crop.unwrap_or(Crop([0, 0, width, height]));
@@ -72,60 +64,25 @@ pub(super) fn photograph(path: &Path, light: Light, transfer: Transfer, crop: Op
         return Err(Error::input("--crop", problem, "give column, row, width and height inside it"));
     }
     let weights = light.weights();
-    let value = Values::new(&raster, transfer);
     let at = |i: usize| {
         let pixel = (y + i / w) * width + x + i % w;
         if raster.channels == 1 {
-            return value.light(pixel) as f32;
+            return transfer.light(&raster.samples, pixel);
         }
-        let parts = (0..3).filter(|c| weights[*c] > 0.0).map(|c| weights[c] * value.light(3 * pixel + c));
-        parts.sum::<f64>() as f32
+        let part = |c: usize| weights[c] * f64::from(transfer.light(&raster.samples, 3 * pixel + c));
+        (0..3).filter(|c| weights[*c] > 0.0).map(part).sum::<f64>() as f32
     };
     let light: Vec<f32> = (0..w * h).map(at).collect();
-    let step = value.step(&light);
+    let step = step(&light, raster.info().depth, transfer);
     Ok(Photograph { width: w, height: h, light, step })
 }
 
-/// Samples of a file as light.
-struct Values<'a> {
-    raster: &'a Raster,
-    transfer: Transfer,
-    white: f64,
-}
-
-impl<'a> Values<'a> {
-    fn new(raster: &'a Raster, transfer: Transfer) -> Self {
-        let depth = match raster.samples {
-            Samples::U8(_) => Depth::U8,
-            Samples::U16(_) => Depth::U16,
-            Samples::F32(_) => Depth::F32,
-        };
-        Self { raster, transfer, white: depth.full_scale().into() }
+/// Distance in light of two codes at the mean light; 0 for floating point.
+fn step(light: &[f32], depth: Depth, transfer: Transfer) -> f64 {
+    if depth == Depth::F32 {
+        return 0.0;
     }
-
-    /// NaN where an integer is at its end.
-    fn light(&self, sample: usize) -> f64 {
-        let code = match &self.raster.samples {
-            Samples::U8(v) => f64::from(v[sample]),
-            Samples::U16(v) => f64::from(v[sample]),
-            Samples::F32(v) => return f64::from(self.transfer.decode(v[sample])),
-        };
-        if code >= self.white { f64::NAN } else { f64::from(self.transfer.decode((code / self.white) as f32)) }
-    }
-
-    fn step(&self, light: &[f32]) -> f64 {
-        if matches!(self.raster.samples, Samples::F32(_)) {
-            return 0.0;
-        }
-        let known = light.iter().filter(|v| v.is_finite());
-        let (sum, n) = known.fold((0.0, 0.0), |(sum, n), v| (sum + f64::from(*v), n + 1.0));
-        let mean: f64 = sum / f64::max(n, 1.0);
-        let encoded = match self.transfer {
-            Transfer::Linear | Transfer::Recover => mean,
-            Transfer::Gamma(g) => mean.max(0.0).powf(1.0 / g),
-            Transfer::Srgb if mean <= 0.003_130_8 => 12.92 * mean,
-            Transfer::Srgb => 1.055 * mean.powf(1.0 / 2.4) - 0.055,
-        };
-        self.transfer.slope(encoded) / self.white
-    }
+    let known = light.iter().filter(|v| v.is_finite());
+    let (sum, n) = known.fold((0.0, 0.0), |(sum, n), v| (sum + f64::from(*v), n + 1.0));
+    transfer.slope(transfer.encode(sum / f64::max(n, 1.0))) / f64::from(depth.full_scale())
 }

@@ -1,5 +1,6 @@
 //! Turning an image by any angle.
 
+use crate::image::catmull_rom;
 use rayon::prelude::*;
 
 /// An image; NaN where nothing is known.
@@ -67,13 +68,7 @@ fn taps(at: f64, size: usize) -> (i64, [f64; 4]) {
         let weights = if size == 1 { [0.0, 1.0, 0.0, 0.0] } else { [0.0, 1.0 - t, t, 0.0] };
         return (before, weights);
     }
-    let weights = [
-        0.5 * t * (t * (2.0 - t) - 1.0),
-        0.5 * (t * t * (3.0 * t - 5.0) + 2.0),
-        0.5 * t * (t * (4.0 - 3.0 * t) + 1.0),
-        0.5 * t * t * (t - 1.0),
-    ];
-    (before, weights)
+    (before, catmull_rom(t as f32).map(f64::from))
 }
 
 #[cfg(test)]

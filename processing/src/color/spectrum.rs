@@ -1,6 +1,7 @@
 //! Spectra as tables.
 
 use super::VISIBLE_NM;
+use crate::text::read_text;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -68,15 +69,9 @@ impl Spectrum {
     /// # Errors
     /// `Input` for files that are none.
     pub fn read(path: &Path) -> Result<Self> {
-        let bad = |problem: String| {
-            Error::file(path, problem, "give a CSV file with rows \"wavelength_nm,power\" in rising order")
-        };
-        let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
-        if size > MAX_BYTES {
-            return Err(bad(format!("has {size} bytes, at most {MAX_BYTES} are read")));
-        }
-        let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-        Self::parse(&text).map_err(bad)
+        let remedy = "give a CSV file with rows \"wavelength_nm,power\" in rising order";
+        let text = read_text(path, MAX_BYTES, remedy)?;
+        Self::parse(&text).map_err(|problem| Error::file(path, problem, remedy))
     }
 
     /// Power at a wavelength in nm.

@@ -1,7 +1,8 @@
 //! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
 
-use super::{FILE_NAME, FrameSet, Geometry, Kind, Spot, Transfer};
+use super::{FILE_NAME, FrameSet, GAMMAS, Geometry, Kind, Spot, Transfer};
 use crate::image::{Info, info};
+use crate::text::read_text;
 use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
 
@@ -75,12 +76,8 @@ pub fn save(set: &FrameSet) -> String {
 
 fn parse(path: &Path) -> Result<FrameSet> {
     let remedy = format!("give a session folder, a {FILE_NAME} or a folder holding one (`nacre import` makes one)");
-    let size = std::fs::metadata(path).map_err(|e| Error::file(path, format!("cannot be read: {e}"), &remedy))?.len();
-    if size > MAX_BYTES {
-        return Err(Error::file(path, format!("has {size} bytes, at most {MAX_BYTES} are read"), remedy));
-    }
-    let bytes = std::fs::read(path).map_err(|e| Error::file(path, format!("cannot be read: {e}"), &remedy))?;
-    let mut json = serde_json::Deserializer::from_slice(&bytes);
+    let text = read_text(path, MAX_BYTES, &remedy)?;
+    let mut json = serde_json::Deserializer::from_str(&text);
     let set = serde_path_to_error::deserialize(&mut json).map_err(|e| {
         let place = if e.path().iter().next().is_some() { format!("{}: ", e.path()) } else { String::new() };
         Error::file(path, format!("{place}{}", e.inner()), "correct it; `nacre schema frames` prints what is allowed")
@@ -95,7 +92,7 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
         return bad("frames", "holds no frame".into(), "list at least one photograph");
     }
     if let Transfer::Gamma(g) = set.transfer
-        && !(g.is_finite() && (0.1..=10.0).contains(&g))
+        && !GAMMAS.contains(&g)
     {
         return bad("transfer.gamma", format!("{g} is outside 0.1 to 10"), "give the exponent, 2.2 for instance");
     }

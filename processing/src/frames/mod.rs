@@ -7,7 +7,9 @@ mod load;
 pub use linear::{LinearFrame, Linearizer};
 pub use load::{LoadedFrames, check, load, planned, save};
 
+use crate::image::{Depth, Samples};
 use crate::polarimetry::{Material, NoiseModel};
+use crate::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -136,6 +138,9 @@ pub enum Transfer {
     Recover,
 }
 
+/// Exponents that cameras may have.
+const GAMMAS: std::ops::RangeInclusive<f64> = 0.1..=10.0;
+
 /// A channel of a colour file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -209,6 +214,23 @@ impl Frame {
 }
 
 impl Transfer {
+    /// Refuses exponents that no camera has, and what one photograph does not tell.
+    ///
+    /// # Errors
+    /// `Input`.
+    pub fn check_known(self) -> Result<()> {
+        let remedy = "say linear, srgb or gamma=NUMBER, such as gamma=2.2";
+        match self {
+            Self::Recover => {
+                Err(Error::input("transfer", "one photograph does not tell how its values grow with light", remedy))
+            }
+            Self::Gamma(g) if !GAMMAS.contains(&g) => {
+                Err(Error::input("transfer", format!("gamma is {g}; expected 0.1 to 10"), remedy))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Light (0 to 1) of an encoded value (0 to 1); values outside are continued linearly or as a power of 0.
     pub fn decode(self, v: f32) -> f32 {
         match self {
@@ -217,6 +239,26 @@ impl Transfer {
             Self::Srgb => ((v + 0.055) / 1.055).powf(2.4),
             Self::Gamma(g) => v.max(0.0).powf(g as f32),
         }
+    }
+
+    /// Encoded value (0 to 1) of light (0 to 1): the inverse of [`decode`](Self::decode).
+    pub fn encode(self, light: f64) -> f64 {
+        match self {
+            Self::Linear | Self::Recover => light,
+            Self::Srgb if light <= 0.003_130_8 => 12.92 * light,
+            Self::Srgb => 1.055 * light.powf(1.0 / 2.4) - 0.055,
+            Self::Gamma(g) => light.max(0.0).powf(1.0 / g),
+        }
+    }
+
+    /// Light of a sample of a file, of which white is 1; NaN where an integer is at its end, which is saturated.
+    pub fn light(self, samples: &Samples, sample: usize) -> f32 {
+        let (code, white) = match samples {
+            Samples::U8(v) => (f32::from(v[sample]), Depth::U8.full_scale()),
+            Samples::U16(v) => (f32::from(v[sample]), Depth::U16.full_scale()),
+            Samples::F32(v) => return self.decode(v[sample]),
+        };
+        if code >= white { f32::NAN } else { self.decode(code / white) }
     }
 
     /// Change of light per change of the encoded value, at encoded value `v`.
@@ -247,6 +289,9 @@ mod tests {
         assert!((Transfer::Srgb.decode(188.0 / 255.0) - 0.502_9).abs() < 1e-3);
         assert!((Transfer::Gamma(2.0).decode(0.5) - 0.25).abs() < 1e-7);
         for t in [Transfer::Linear, Transfer::Srgb, Transfer::Gamma(2.2)] {
+            for light in [0.001, 0.2, 0.9] {
+                assert!((f64::from(t.decode(t.encode(light) as f32)) - light).abs() < 1e-6);
+            }
             let difference = (t.decode(0.501) - t.decode(0.499)) / 0.002;
             assert!((f64::from(difference) - t.slope(0.5)).abs() < 1e-3);
         }

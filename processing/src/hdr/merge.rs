@@ -12,6 +12,9 @@ use rayon::prelude::*;
 /// Samples that a thread works on at a time: they and the files' values fit into its cache.
 const RUN: usize = 1 << 12;
 
+/// Samples of a page of memory, 4 KiB.
+const PAGE: usize = 4096 / size_of::<Sum>();
+
 /// Σ weight · light and Σ weight of every sample (pixel and channel).
 pub(super) struct Sums {
     /// Channels of the files that are merged.
@@ -33,7 +36,11 @@ pub(super) struct Exposed<'a> {
 impl Sums {
     /// Nothing yet.
     pub(super) fn new(pixels: usize, channels: &[usize]) -> Self {
-        Self { channels: channels.to_vec(), sums: vec![[0.0; 2]; pixels * channels.len()] }
+        let mut sums = vec![[0.0; 2]; pixels * channels.len()];
+        // The system hands memory over page by page as it is first written to. Several threads that do so at once wait for each other:
+        // on two cores the example `merge` took 1.2 to 1.7 s of CPU time without this, and takes 0.35 to 0.5 s.
+        sums.iter_mut().step_by(PAGE).for_each(|sum| *std::hint::black_box(sum) = [0.0; 2]);
+        Self { channels: channels.to_vec(), sums }
     }
 
     /// Adds exposures, longest first. All in one go, so that the sums pass through memory once.

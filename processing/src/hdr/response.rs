@@ -1,5 +1,6 @@
 //! How a camera's values grow with light, as a curve per channel.
 
+use crate::text::read_text;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -27,12 +28,8 @@ impl Response {
     pub fn read(path: &Path) -> Result<Self> {
         let remedy = "give the response.json of an earlier `nacre reconstruct hdr --response recover`";
         let bad = |problem: String| Error::file(path, problem, remedy);
-        let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
-        if size > MAX_BYTES {
-            return Err(bad(format!("has {size} bytes, at most {MAX_BYTES} are read")));
-        }
-        let bytes = std::fs::read(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-        let response: Self = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
+        let text = read_text(path, MAX_BYTES, remedy)?;
+        let response: Self = serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?;
         response.problem().map_or(Ok(response), |problem| Err(bad(problem)))
     }
 

@@ -4,6 +4,7 @@
 mod canvas;
 mod exif;
 mod folder;
+mod interpolation;
 mod jpeg;
 mod listing;
 mod openexr;
@@ -20,6 +21,7 @@ mod write;
 pub use canvas::{Canvas, Rgb, text_width};
 pub use exif::{Exposure, exposure};
 pub use folder::OutputFolder;
+pub use interpolation::catmull_rom;
 pub use listing::photographs;
 pub use openexr::{ExrMap, read_exr};
 pub use picture::{MASKED, hsv, orientation_color, orientation_picture, scalar_picture, viridis, wheel};

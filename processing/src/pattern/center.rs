@@ -46,18 +46,17 @@ pub(super) fn find(
     near: Option<[f64; 2]>,
 ) -> std::result::Result<Lobe, String> {
     let reach = (LARGEST * width.min(height) as f64).max(4.0);
-    let (mut x, mut y) = match near {
-        Some([x, y]) => (x.round() as usize, y.round() as usize),
+    let around = |[x, y]: [f64; 2]| {
+        let pixel = [(x.round() as usize).min(width - 1), (y.round() as usize).min(height - 1)];
+        fit(light, [width, height], pixel, reach)
+    };
+    let start = match near {
+        Some(place) => place,
         None => brightest(light, width, height).ok_or("there is no light in it")?,
     };
-    let mut found = fit(light, [width, height], [x, y], reach)?;
-    // Once more around what was found, so that the window is centred.
-    for _ in 0..2 {
-        let place = found.center.map(|c| c.round().max(0.0) as usize);
-        (x, y) = (place[0].min(width - 1), place[1].min(height - 1));
-        found = fit(light, [width, height], [x, y], reach)?;
-    }
-    Ok(found)
+    // Again around what was found, so that the window is centred.
+    let first = around(start)?;
+    around(around(first.center)?.center)
 }
 
 /// What to do about a zero order that is not found.
@@ -86,9 +85,9 @@ fn sums(light: &[f32], width: usize, height: usize) -> Vec<f32> {
 }
 
 /// Middle of the brightest 5 × 5 pixels.
-fn brightest(light: &[f32], width: usize, height: usize) -> Option<(usize, usize)> {
+fn brightest(light: &[f32], width: usize, height: usize) -> Option<[f64; 2]> {
     let best = sums(light, width, height).into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    Some((best.0 % width, best.0 / width))
+    Some([(best.0 % width) as f64, (best.0 / width) as f64])
 }
 
 impl Lobe {

@@ -4,8 +4,9 @@
 //! entries; the time is counted.
 
 use super::kernel::{Kernel, Weight};
-use super::rays::{Fineness, Layout, between};
+use super::rays::{Fineness, Layout};
 use super::table::{Grid, INNER_PX, Method, Source};
+use crate::image::catmull_rom;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -20,13 +21,13 @@ const SINGLE_PX: f64 = 0.5;
 /// Part of the wanted error that the prediction may use up: it is a sample.
 const MARGIN: f64 = 0.5;
 
-/// Most memory of an octave, in bytes.
-const MEMORY: usize = 2 << 30;
+/// Most memory of an octave's entries, in bytes; they are there twice while they are put in order.
+const MEMORY: usize = 1 << 30;
 
 /// Nanoseconds of CPU time: a sample of the photograph, a weight of a sample for 16 rays, an entry from an octave. As the example
 /// `lookup_table` has them on one machine; they need only be right against each other.
-const SAMPLE_NS: f64 = 14.0;
-const WEIGHT_NS: f64 = 3.0;
+const SAMPLE_NS: f64 = 15.0;
+const WEIGHT_NS: f64 = 4.7;
 const ENTRY_NS: f64 = 45.0;
 
 /// What was chosen, and why.
@@ -72,7 +73,7 @@ fn interpolation(fine: &[f32], every: usize) -> [f64; 2] {
     let (mut square, mut all) = (0.0, 0.0);
     for k in every..fine.len().saturating_sub(2 * every) {
         let (left, share) = (k / every * every, (k % every) as f32 / every as f32);
-        let four = between(share);
+        let four = catmull_rom(share);
         let found: f32 = (0..4).map(|j| four[j] * fine[left + j * every - every]).sum();
         square += f64::from(found - fine[k]).powi(2);
         all += f64::from(fine[k]).powi(2);

@@ -5,7 +5,7 @@ use super::lookup::Photograph;
 use super::settings::{Settings, Wavelength};
 use crate::frames::{Channel, FILE_NAME, Transfer, load};
 use crate::hdr;
-use crate::image::{Depth, Samples, photographs, read, read_exr};
+use crate::image::{Depth, photographs, read, read_exr};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -121,26 +121,15 @@ fn of_exr(path: &Path) -> Result<Channels> {
 /// Of a file of codes. The highest code is saturated.
 fn of_raster(path: &Path, transfer: Option<Transfer>) -> Result<Channels> {
     let raster = read(path)?;
-    let info = raster.info();
-    if info.depth == Depth::U8 && transfer.is_none() {
-        let remedy =
-            "say --transfer linear, srgb or a gamma such as 2.2; better, merge exposures (nacre reconstruct hdr)";
+    if raster.info().depth == Depth::U8 && transfer.is_none() {
+        let remedy = "say --transfer linear, srgb or gamma=2.2; better, merge exposures (nacre reconstruct hdr)";
         return Err(Error::file(path, "has 8 bits, whose values seldom grow in proportion with light", remedy));
     }
     let transfer = transfer.unwrap_or(Transfer::Linear);
-    if transfer == Transfer::Recover {
-        return Err(Error::input("transfer", "cannot be recovered from one photograph", "say linear, srgb or a gamma"));
-    }
-    let white = info.depth.full_scale();
-    let light = |v: f32| if info.depth != Depth::F32 && v >= white { f32::NAN } else { transfer.decode(v / white) };
-    let value = |i: usize| match &raster.samples {
-        Samples::U8(v) => light(v[i].into()),
-        Samples::U16(v) => light(v[i].into()),
-        Samples::F32(v) => v[i],
-    };
     let n = raster.channels;
     let names: &[&str] = if n == 1 { &["Y"] } else { &["R", "G", "B"] };
-    let plane = |c: usize| (0..raster.width * raster.height).map(|p| value(p * n + c)).collect();
+    let plane =
+        |c: usize| (0..raster.width * raster.height).map(|p| transfer.light(&raster.samples, p * n + c)).collect();
     let planes = names.iter().enumerate().map(|(c, name)| ((*name).to_owned(), plane(c))).collect();
     Ok(Channels { path: path.to_owned(), width: raster.width, height: raster.height, planes })
 }

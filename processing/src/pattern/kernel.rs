@@ -4,10 +4,10 @@
 //! its ray of the photograph (2017 paper, Eq. 15): `∫ (λm/λ)ⁿ L(r·λm/λ) P(λ) x̄(λ) dλ`. With q = ln(λ/λm) this is a convolution
 //! over ln r: `∫ L(ln r − q) K(q) dq`, `K(q) = e^(−nq) P x̄ λ`, with one kernel for every entry.
 
-use super::rays::between;
 use crate::color::{Illuminant, Observer, VISIBLE_NM};
+use crate::image::catmull_rom;
 
-/// Longest distance of two wavelengths of the integrals, in nm: a fifth of what lamps are tabulated at would do.
+/// Longest distance of two wavelengths of the integrals, in nm: lamps are tabulated at 1 or 5 nm, and are linear between.
 const FINE_NM: f64 = 0.25;
 
 /// Part of the light that a table's default extent may leave out.
@@ -41,6 +41,11 @@ impl Window {
             |other: Option<f64>| other.map_or(1.0, |o| (1.0 - (nm - self.middle_nm) / (o - self.middle_nm)).max(0.0));
         if nm < self.middle_nm { slope(self.below_nm) } else { slope(self.above_nm) }
     }
+}
+
+/// Middles of fine intervals of wavelengths.
+fn fine([from, to]: [f64; 2]) -> impl Iterator<Item = f64> {
+    (0..((to - from) / FINE_NM) as usize).map(move |k| from + (k as f64 + 0.5) * FINE_NM)
 }
 
 /// A kernel at even steps of ln r.
@@ -77,37 +82,29 @@ impl Kernel {
 
     /// λm/λ of the mean wavelength that is seen: so much further out than an entry lies what it adds up.
     pub(super) fn stretch(&self) -> f64 {
-        let [from, to] = self.range_nm();
-        let count = ((to - from) / FINE_NM) as usize;
-        let at = |k: usize| from + (k as f64 + 0.5) * FINE_NM;
         let add = |(sum, all): (f64, f64), nm: f64| {
             let y = self.density(nm, 1.0)[1];
             (sum + y * nm, all + y)
         };
-        let (sum, all) = (0..count).map(at).fold((0.0, 0.0), add);
+        let (sum, all) = fine(self.range_nm()).fold((0.0, 0.0), add);
         if all > 0.0 { self.wavelength_nm * all / sum } else { 1.0 }
     }
 
     /// Wavelength in nm below which next to nothing is seen of the light: 2 % of X + Y + Z.
     pub(super) fn shortest_nm(&self) -> f64 {
-        let [from, to] = self.range_nm();
-        let count = ((to - from) / FINE_NM) as usize;
-        let at = |k: usize| from + (k as f64 + 0.5) * FINE_NM;
-        let seen: Vec<f64> = (0..count).map(|k| self.density(at(k), 1.0).iter().sum()).collect();
-        let (all, mut sum) = (seen.iter().sum::<f64>(), 0.0);
-        let reached = |v: &f64| {
-            sum += v;
+        let seen = |nm: f64| self.density(nm, 1.0).iter().sum::<f64>();
+        let (all, mut sum) = (fine(self.range_nm()).map(seen).sum::<f64>(), 0.0);
+        let reached = |nm: &f64| {
+            sum += seen(*nm);
             sum >= IGNORED * all
         };
-        at(seen.iter().position(reached).unwrap_or(0))
+        fine(self.range_nm()).find(reached).unwrap_or(self.range_nm()[0])
     }
 
     /// Y of light that falls everywhere: what tables are divided by.
     fn white(&self) -> f64 {
-        let [low, high] = VISIBLE_NM;
-        let count = ((high - low) / FINE_NM) as usize;
-        let at = |k: usize| low + (k as f64 + 0.5) * FINE_NM;
-        (0..count).map(|k| self.illuminant.spectrum.at(at(k)) * self.observer.at(at(k))[1] * FINE_NM).sum()
+        let seen = |nm: f64| self.illuminant.spectrum.at(nm) * self.observer.at(nm)[1];
+        fine(VISIBLE_NM).map(|nm| seen(nm) * FINE_NM).sum()
     }
 
     /// P x̄, P ȳ and P z̄ (λm/λ)ⁿ per nm and white, and their part of what all wavelengths add up to.
@@ -117,15 +114,11 @@ impl Kernel {
         self.observer.at(nm).map(|seen| factor * seen)
     }
 
-    /// Integral of (X + Y + Z) over all wavelengths of the light, of every window: what coverage is a part of.
+    /// Integral of (X + Y + Z) over all wavelengths of the light: what coverage is a part of. Without the exponent, so that windows of
+    /// several photographs add up to one.
     fn all(&self, white: f64) -> f64 {
-        let whole = Self { window: Window::default(), ..self.clone() };
-        let [low, high] = VISIBLE_NM;
-        let count = ((high - low) / FINE_NM) as usize;
-        let at = |k: usize| low + (k as f64 + 0.5) * FINE_NM;
-        // Without the exponent, so that windows of several photographs add up to one.
-        let flat = Self { exponent: 0.0, ..whole };
-        (0..count).map(|k| flat.density(at(k), white).iter().sum::<f64>() * FINE_NM).sum()
+        let seen = |nm: f64| self.illuminant.spectrum.at(nm) * self.observer.at(nm).iter().sum::<f64>();
+        fine(VISIBLE_NM).map(|nm| seen(nm) * FINE_NM).sum::<f64>() / white
     }
 
     /// Weights at even steps of ln r: the integral of the kernel against light that is a cubic between the samples, so that lines
@@ -139,14 +132,14 @@ impl Kernel {
         let all = self.all(white);
         let [from, to] = self.range_nm();
         // A whole number to the nm, so that the corners of a lamp's lines lie between them.
-        let fine = 1.0 / FINE_NM.min(0.25 * step * from).recip().ceil();
-        let n = ((to - from) / fine).round().max(1.0) as usize;
+        let width = 1.0 / FINE_NM.min(0.25 * step * from).recip().ceil();
+        let n = ((to - from) / width).round().max(1.0) as usize;
         for k in 0..n {
-            let nm = from + (k as f64 + 0.5) * fine;
+            let nm = from + (k as f64 + 0.5) * width;
             let place = (nm / self.wavelength_nm).ln() / step - first as f64;
             let left = (place as usize).clamp(1, count - 3);
-            let weight = self.weight(nm, fine, white, all);
-            for (sum, part) in sums[left - 1..left + 3].iter_mut().zip(between((place - left as f64) as f32)) {
+            let weight = self.weight(nm, width, white, all);
+            for (sum, part) in sums[left - 1..left + 3].iter_mut().zip(catmull_rom((place - left as f64) as f32)) {
                 sum.iter_mut().zip(weight).for_each(|(s, w)| *s += f64::from(part) * w);
             }
         }

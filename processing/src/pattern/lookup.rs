@@ -190,34 +190,28 @@ fn add_up(
     let mut wanted = settings.max_error;
     let mut tries = 0;
     loop {
-        let (method, choice) = match settings.method {
-            MethodChoice::Auto => choose(source, kernel, grid, wanted),
-            asked => {
-                let method = match asked {
-                    MethodChoice::Rays(spacing_px) => Method::Rays(Fineness { spacing_px, every: 1 }),
-                    MethodChoice::Fixed(step_nm) => Method::Fixed { step_nm },
-                    MethodChoice::Single(spacing_px) => Method::Single { spacing_px },
-                    MethodChoice::Auto => Method::Single { spacing_px: 0.5 },
-                };
-                (method, given(source, kernel, grid, method))
-            }
+        let asked = match settings.method {
+            MethodChoice::Auto => None,
+            MethodChoice::Rays(spacing_px) => Some(Method::Rays(Fineness { spacing_px, every: 1 })),
+            MethodChoice::Fixed(step_nm) => Some(Method::Fixed { step_nm }),
+            MethodChoice::Single(spacing_px) => Some(Method::Single { spacing_px }),
         };
-        let mut entries = source_table(&pairs[0], grid, method);
-        for pair in &pairs[1..] {
-            let more = source_table(pair, grid, method);
+        let (method, choice) = match asked {
+            None => choose(source, kernel, grid, wanted),
+            Some(method) => (method, given(source, kernel, grid, method)),
+        };
+        let mut entries = pairs[0].1.table(&pairs[0].0, grid, method);
+        for (kernel, source) in &pairs[1..] {
+            let more = source.table(kernel, grid, method);
             entries.iter_mut().zip(more).for_each(|(sum, m)| (0..4).for_each(|c| sum[c] += m[c]));
         }
         let errors = check(pairs, grid, &entries, moved);
         tries += 1;
         let off = errors[0].unwrap_or(0.0);
-        if settings.method != MethodChoice::Auto || off <= settings.max_error || tries == TRIES {
+        if asked.is_some() || off <= settings.max_error || tries == TRIES {
             return (entries, choice, errors);
         }
         // The prediction was too low by some factor, which the next choice makes up for.
         wanted = choice.predicted_error.unwrap_or(wanted) * settings.max_error / off;
     }
-}
-
-fn source_table((kernel, source): &(Kernel, &Source), grid: &Grid, method: Method) -> Vec<Weight> {
-    source.table(kernel, grid, method)
 }

@@ -5,6 +5,7 @@
 
 use super::kernel::{Kernel, Steps, Weight};
 use super::plane::Plane;
+use crate::image::catmull_rom;
 use pulp::Arch;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -120,7 +121,7 @@ impl Octave {
         let down = ((log - self.first as f32) * (1.0 / self.step) as f32).clamp(1.0, (self.rows - 3) as f32);
         let across = angle * (self.rays as f64 / TAU) as f32;
         let (row, ray) = (down as usize, (across as usize).min(self.rays - 1));
-        let (a, b) = (between(down - row as f32), between(across - ray as f32));
+        let (a, b) = (catmull_rom(down - row as f32), catmull_rom(across - ray as f32));
         let stride = self.rays + 2 * HALO;
         // The first of four is one row and one ray before.
         let first = (row - 1) * stride + ray + HALO - 1;
@@ -134,18 +135,6 @@ impl Octave {
         }
         sum
     }
-}
-
-/// Weights of four neighbours by Catmull and Rom's cubic.
-#[inline(always)]
-pub(super) fn between(t: f32) -> [f32; 4] {
-    let (square, cube) = (t * t, t * t * t);
-    [
-        0.5 * (2.0 * square - cube - t),
-        0.5 * (3.0 * cube - 5.0 * square + 2.0),
-        0.5 * (4.0 * square - 3.0 * cube + t),
-        0.5 * (cube - square),
-    ]
 }
 
 /// Some rays of an octave.

@@ -157,6 +157,7 @@ impl Settings {
         }
         within("exponent", self.exponent, -10.0, 10.0)?;
         within("max-error", self.max_error, 1e-4, 1.0)?;
+        self.transfer.map_or(Ok(()), Transfer::check_known)?;
         match self.method {
             MethodChoice::Auto => Ok(()),
             MethodChoice::Rays(px) | MethodChoice::Single(px) => within("method", px, 0.1, 16.0),

@@ -3,11 +3,24 @@
 use super::kernel::{Kernel, Weight};
 use super::plane::Plane;
 use super::rays::{Fineness, Octave};
+use pulp::Arch;
 use rayon::prelude::*;
-use std::f32::consts::TAU;
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Within so many pixels of the zero order every entry is summed up by itself.
 pub(super) const INNER_PX: f64 = 4.0;
+
+/// Coefficients of t, t³, … of the arc tangent of 0 to 1: the polynomial of least largest error, 4·10⁻⁸.
+const ARC_TANGENT: [f32; 8] = [
+    0.999_999_34,
+    -0.333_298_6,
+    0.199_465_59,
+    -0.139_085_96,
+    0.096_421_14,
+    -0.055_911_217,
+    0.021_862_211,
+    -0.004_054_365_7,
+];
 
 /// Which half vectors a table holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,10 +74,13 @@ impl Source<'_> {
             }
             if self.reaches(kernel, 0.5 * outer) {
                 let octave = Octave::new(self.plane, self.center, kernel, outer, fineness);
-                each(&mut table, &side, [0.5 * outer, outer], |u, v, square| {
-                    let angle = v.atan2(u);
-                    octave.at(0.5 * square.ln(), if angle < 0.0 { angle + TAU } else { angle })
-                });
+                each(
+                    &mut table,
+                    &side,
+                    [0.5 * outer, outer],
+                    #[inline(always)]
+                    |u, v, square| octave.at(0.5 * square.ln(), angle(u, v)),
+                );
             }
             outer *= 0.5;
             method = Method::Rays(fineness.inward());
@@ -116,11 +132,45 @@ fn each(table: &mut [Weight], side: &[f32], [inner, outer]: [f64; 2], entry: imp
     table.par_chunks_mut(size).enumerate().skip(begin).take(end - begin).for_each(|(y, row)| {
         // The first row is the uppermost.
         let v = side[size - 1 - y];
-        for (u, out) in side[begin..end].iter().zip(&mut row[begin..end]) {
-            let square = u * u + v * v;
-            if (square > least || least == 0.0) && square <= most {
-                *out = entry(*u, v, square);
-            }
-        }
+        let (side, row) = (&side[begin..end], &mut row[begin..end]);
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (u, out) in side.iter().zip(row) {
+                    let square = u * u + v * v;
+                    if (square > least || least == 0.0) && square <= most {
+                        *out = entry(*u, v, square);
+                    }
+                }
+            },
+        );
     });
+}
+
+/// Angle of a direction, 0 to 2π, to the last digit or two of f32; unlike the library's function it vectorises.
+#[inline(always)]
+fn angle(u: f32, v: f32) -> f32 {
+    let (large, small) = (u.abs().max(v.abs()), u.abs().min(v.abs()));
+    let t = small / large.max(f32::MIN_POSITIVE);
+    let square = t * t;
+    let eighth = ARC_TANGENT.iter().rev().fold(0.0, |sum: f32, c| sum * square + c) * t;
+    let quarter = if v.abs() > u.abs() { FRAC_PI_2 - eighth } else { eighth };
+    let half = if u < 0.0 { PI - quarter } else { quarter };
+    if v < 0.0 { TAU - half } else { half }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_those_of_the_library() {
+        for k in 0..10_000 {
+            let (sin, cos) = (f64::from(k) * 6.283e-4 + 1e-7).sin_cos();
+            let (u, v) = ((3.7 * cos) as f32, (3.7 * sin) as f32);
+            let truth = f64::from(v).atan2(f64::from(u)).rem_euclid(std::f64::consts::TAU);
+            assert!((f64::from(angle(u, v)) - truth).abs() < 6e-7, "{u} {v}");
+        }
+        assert_eq!([angle(0.0, 0.0), angle(1.0, 0.0), angle(-1.0, 0.0)], [0.0, 0.0, PI]);
+    }
 }

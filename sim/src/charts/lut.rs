@@ -1,5 +1,6 @@
 //! How a lookup table is added up: orders of known shape, from wide to narrower than a pixel.
 
+use crate::random::{key, uniform};
 use nacre_processing::Result;
 use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
 use nacre_processing::color::{Illuminant, Observer};
@@ -80,10 +81,9 @@ impl Orders {
 }
 
 fn run(setting: usize, sigma: f64, pixels: usize, entries: usize, seed: u64) -> Result<Outcome> {
-    let part =
-        |k: u64| (seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(k as u32) >> 40) as f64 / (1_u64 << 24) as f64;
     let middle = 0.5 * pixels as f64;
-    let orders = Orders { sigma, angle: part(3), center: [middle + part(17), middle + part(31)] };
+    let part = |k: u64| uniform(key(&[seed, k]));
+    let orders = Orders { sigma, angle: part(0), center: [middle + part(1), middle + part(2)] };
     // Rows go down, and half vectors point the other way.
     let pixel = |i: usize| {
         let (x, y) = ((i % pixels) as f64 - orders.center[0], orders.center[1] - (i / pixels) as f64);

@@ -1,6 +1,7 @@
 //! `nacre reconstruct bokeh`.
 
 use crate::Failure;
+use crate::commands::values::{numbers, transfer};
 use crate::console::Console;
 use clap::ValueEnum;
 use nacre_processing::bokeh::deconvolution::Iterations;
@@ -48,7 +49,7 @@ pub struct Bokeh {
     #[arg(long, default_value = "blue")]
     channel: ChannelName,
     /// How values grow with light: linear, srgb or gamma=NUMBER; srgb for JPEG and linear otherwise if not said.
-    #[arg(long, value_parser = crate::commands::import::transfer)]
+    #[arg(long, value_parser = transfer)]
     transfer: Option<Transfer>,
     /// A number, or auto: until another one would fit more noise than structure.
     #[arg(long, value_name = "N|auto", default_value = "auto", allow_negative_numbers = true, value_parser = iterations)]
@@ -120,12 +121,6 @@ enum ShapeName {
 enum Noise {
     Auto,
     Given(NoiseModel),
-}
-
-/// As many numbers as wanted, with commas.
-fn numbers<T: std::str::FromStr, const N: usize>(text: &str, wanted: &str) -> Result<[T; N], String> {
-    let all: Result<Vec<T>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    all.ok().and_then(|all| all.try_into().ok()).ok_or_else(|| format!("give {wanted}"))
 }
 
 fn crop(text: &str) -> Result<Crop, String> {

@@ -2,6 +2,7 @@
 
 use crate::Failure;
 use crate::commands::toml_file;
+use crate::commands::values::{ChannelName, numbers, transfer};
 use crate::console::Console;
 use nacre_processing::color::Observer;
 use nacre_processing::frames::{Channel, Transfer};
@@ -71,11 +72,11 @@ pub struct Lut {
     /// How entries are added up: auto is the cheapest of rays and single that meets the error; fixed is the paper's way.
     #[arg(long, default_value = "auto", value_name = "auto|rays[=PX]|single[=PX]|fixed[=NM]")]
     method: MethodChoice,
-    /// Channel of a colour photograph: r, g or b (default: that of the wavelength).
-    #[arg(long, value_parser = channel)]
-    channel: Option<Channel>,
+    /// Channel of a colour photograph (default: that of the wavelength).
+    #[arg(long, value_enum)]
+    channel: Option<ChannelName>,
     /// How values of a photograph grow with light; must be said for 8 bits.
-    #[arg(long, value_name = "linear|srgb|GAMMA", value_parser = transfer)]
+    #[arg(long, value_name = "linear|srgb|gamma=NUMBER", value_parser = transfer)]
     transfer: Option<Transfer>,
     /// Replace results that are already in the folder.
     #[arg(long)]
@@ -85,41 +86,14 @@ pub struct Lut {
 /// Where the zero order is; none for where it is found.
 type Center = Option<[f64; 2]>;
 
-fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
-    let all: Vec<f64> = text.split(',').map(|v| v.trim().parse().ok()).collect::<Option<_>>()?;
-    all.try_into().ok()
-}
-
 fn wavelength(text: &str) -> Result<Wavelength, String> {
-    let one = numbers::<1>(text).map(|[nm]| Wavelength::Band(nm));
-    one.or_else(|| numbers(text).map(Wavelength::Channels)).ok_or_else(|| "give one number of nm, or three".into())
+    let wanted = "one number of nm, or three";
+    let one = numbers(text, wanted).map(|[nm]: [f64; 1]| Wavelength::Band(nm));
+    one.or_else(|_| numbers(text, wanted).map(Wavelength::Channels))
 }
 
 fn center(text: &str) -> Result<Center, String> {
-    if text == "auto" {
-        return Ok(None);
-    }
-    numbers(text).map(Some).ok_or_else(|| "give auto, or two numbers of pixels: X,Y".into())
-}
-
-fn channel(text: &str) -> Result<Channel, String> {
-    match text {
-        "r" => Ok(Channel::R),
-        "g" => Ok(Channel::G),
-        "b" => Ok(Channel::B),
-        _ => Err("give r, g or b".into()),
-    }
-}
-
-fn transfer(text: &str) -> Result<Transfer, String> {
-    match text {
-        "linear" => Ok(Transfer::Linear),
-        "srgb" => Ok(Transfer::Srgb),
-        gamma => match gamma.parse() {
-            Ok(g) if (0.1..=10.0).contains(&g) => Ok(Transfer::Gamma(g)),
-            _ => Err("give linear, srgb or a gamma such as 2.2".into()),
-        },
-    }
+    if text == "auto" { Ok(None) } else { numbers(text, "auto, or two numbers of pixels: X,Y").map(Some) }
 }
 
 impl Lut {
@@ -140,7 +114,7 @@ impl Lut {
             exponent: self.exponent,
             max_error: self.max_error,
             method: self.method,
-            channel: self.channel,
+            channel: self.channel.map(Channel::from),
             transfer: self.transfer,
             overwrite: self.force,
         };
