@@ -3,8 +3,9 @@
 #![allow(clippy::unwrap_used)]
 
 use nacre_processing::image::{Attribute, read_exr, write_exr, write_png8, write_png16_gray};
-use nacre_tests::nacre;
-use serde_json::Value;
+use nacre_tests::http::{Service, begin, finished};
+use nacre_tests::{Place, nacre};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Renders a scene into `dir/photo` and returns the folder.
@@ -216,4 +217,61 @@ fn input_that_makes_no_sense_is_refused_by_name() {
     let report = reconstructed(&path("half.exr"), &out, &sigma);
     assert_eq!(report["unknown_pixels"], 20 * 64);
     assert!(report["warnings"].to_string().contains("not known"));
+}
+
+#[test]
+fn the_service_and_plans_deconvolve_too() {
+    let place = Place::new("");
+    let service = Service::start(&place, &[]);
+    let dir = tempfile::tempdir().unwrap();
+    let photo = rendered(dir.path(), "profile = \"rectangular\"\nperiod_um = 48\nblur_px = 2.2").join("photograph.png");
+    let parts: [(&str, &str, &[u8]); 2] =
+        [("kind", "", b"photographs"), ("file", "photograph.png", &std::fs::read(&photo).unwrap())];
+    let upload = service.upload(&parts).expect(201).json();
+    let options = json!({ "psf": { "sigma": 2.2 }, "scale": { "lines": [20.8333333, null] } });
+    let ask = |options: &Value| {
+        service
+            .post("/api/v1/reconstructions", &json!({ "upload": upload["id"], "method": "bokeh", "options": options }))
+    };
+    let job = ask(&options).expect(202).json();
+    let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+    let done = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
+    close(&done["report"]["lines"]["period_um"], 48.0, 1e-3);
+    // The same as the command's.
+    let out = dir.path().join("command");
+    reconstructed(&photo, &out, &["--psf-sigma", "2.2", "--lines-per-mm", "20.8333333"]);
+    let served = service.get(&format!("{path}/files/deconvolved.exr")).expect(200);
+    assert!(served.body == std::fs::read(out.join("deconvolved.exr")).unwrap());
+    for (options, word) in [
+        (json!({}), "psf"),
+        (json!({ "psf": { "sigma": -1 } }), "sigma"),
+        (json!({ "psf": { "image": "/etc/passwd" } }), "psf"),
+        (json!({ "psf": { "sigma": 2 }, "wavelength_nm": "blue" }), "wavelength_nm"),
+        (json!({ "psf": { "sigma": 2 }, "transfer": "recover" }), "transfer"),
+        (json!({ "psf": { "sigma": 2 }, "more": 1 }), "more"),
+    ] {
+        let refused = ask(&options).expect(400).text();
+        assert!(refused.to_lowercase().contains(word), "{options}: {refused}");
+    }
+    // A plan merges its exposures and deconvolves them.
+    let plan = |bokeh: Value| {
+        let reconstruct = json!({ "method": "bokeh", "bokeh": bokeh });
+        json!({ "plan": { "kind": "exposures", "exposures_ms": [5, 20], "reconstruct": reconstruct } })
+    };
+    for (bokeh, word) in [
+        (Value::Null, "psf"),
+        (json!({ "psf": { "sigma": 0 } }), "sigma"),
+        (json!({ "psf": { "image": "a.png" } }), "psf.image"),
+    ] {
+        let refused = service.post("/api/v1/sessions", &plan(bokeh)).expect(400).text();
+        assert!(refused.to_lowercase().contains(word), "{refused}");
+    }
+    let id = begin(&service, &plan(json!({ "psf": { "sigma": 1.5 } })));
+    finished(&service, &id);
+    let own = service.get(&format!("/api/v1/reconstructions/{id}")).expect(200).json();
+    assert_eq!(
+        (&own["method"], own["report"]["merged"]["frames"].as_array().unwrap().len()),
+        (&json!("bokeh"), 2),
+        "{own}"
+    );
 }

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
-use nacre_tests::Place;
 use nacre_tests::http::{Answer, Service, exchange};
+use nacre_tests::{Place, nacre};
 use serde_json::{Value, json};
 use std::net::SocketAddr;
 use std::path::Path;
@@ -96,9 +96,17 @@ impl Browser {
     /// Clicks as a person does: the element has to be there and in reach.
     fn click(&self, css: &str) {
         self.until(&format!("document.querySelector('{css}') && !document.querySelector('{css}').disabled"));
+        self.call("POST", &format!("/element/{}/click", self.element(css)), &json!({}));
+    }
+
+    fn element(&self, css: &str) -> String {
         let found = self.call("POST", "/element", &json!({ "using": "css selector", "value": css }));
-        let id = found.as_object().unwrap().values().next().unwrap().as_str().unwrap().to_owned();
-        self.call("POST", &format!("/element/{id}/click"), &json!({}));
+        found.as_object().unwrap().values().next().unwrap().as_str().unwrap().to_owned()
+    }
+
+    /// Gives a file to a file input.
+    fn attach(&self, css: &str, file: &str) {
+        self.call("POST", &format!("/element/{}/value", self.element(css)), &json!({ "text": file }));
     }
 
     fn shot(&self, name: &str) {
@@ -232,19 +240,73 @@ fn a_person_takes_a_bracket_and_looks_at_the_merged_photograph() {
     browser.until("document.querySelector('#result-picture').naturalWidth === 128");
     browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'hdr.exr')");
     browser.both("result-hdr");
-    // A table of the same photographs: it ends in a table, or in words that say why there is none.
+    // The panel has no zero order, which the page says in the service's words.
     browser.until("document.querySelectorAll('#table-light option').length === 18");
-    choose("table-light", "D65");
     browser.run("for (const [id, v] of [['table-scale', '0.002'], ['table-size', '128']]) { document.getElementById(id).value = v; }");
-    browser.click("#make-table");
+    browser.click("#make-next");
     browser.until(&format!("location.hash.startsWith('#/result/') && !location.hash.includes('{id}')"));
-    browser.until("document.querySelector('#result-picture')?.alt.includes('table') || document.body.innerText.includes('center')");
-    browser.both("result-lut");
+    browser.until("document.body.innerText.includes('center')");
+}
+
+/// Simulated photographs: orders of a lattice under a flash, and lines in an out-of-focus highlight.
+fn photographs(place: &Place) -> [String; 2] {
+    let made = |what: &str, scene: &str, photograph: &str| {
+        let [file, out] = [place.path(&format!("{what}.toml")), place.path(what)];
+        std::fs::write(&file, scene).unwrap();
+        let [file, out] = [file, out].map(|p| p.to_str().unwrap().to_owned());
+        nacre(["sim", "photograph", what, "--scene", &file, "--out", &out]).expect(0);
+        format!("{out}/{photograph}")
+    };
+    let bracket = made("flash", "width = 300\nheight = 300\nread_noise_e = 0\nfull_scale_e = 1e7", "frames.json");
+    let [merged, frames] = [place.path("merged").to_str().unwrap().to_owned(), bracket];
+    nacre(["reconstruct", "hdr", &frames, "--out", &merged]).expect(0);
+    [
+        format!("{merged}/hdr.exr"),
+        made("bokeh", "profile = \"rectangular\"\nperiod_um = 48\nblur_px = 2.2", "photograph.png"),
+    ]
+}
+
+#[test]
+fn a_person_uploads_photographs_of_diffraction() {
+    let Some(browser) = Browser::start() else { return };
+    let (place, _service, url) = service(128);
+    let [orders, highlight] = photographs(&place);
+    let choose = |id: &str, value: &str| {
+        let script = format!(
+            "const list = document.querySelector('#{id}'); list.value = '{value}'; list.dispatchEvent(new Event('change', {{ bubbles: true }}));"
+        );
+        browser.run(&script);
+    };
     browser.open(&format!("{url}/#/upload"));
+    browser.until("document.querySelector('#photographs')");
+    choose("method", "hdr");
     choose("method", "lut");
     browser.until("document.querySelector('#table-wavelength').value === '680'");
-    choose("method", "hdr");
-    browser.until("document.body.innerText.includes('Exif')");
+    browser.attach("#photographs", &orders);
+    choose("table-light", "D65");
+    browser.run("for (const [id, v] of [['table-scale', '0.002'], ['table-size', '256']]) { document.getElementById(id).value = v; }");
+    browser.both("upload-lut");
+    browser.click("#upload-start");
+    browser.until("document.querySelector('#result-picture')?.naturalWidth === 256");
+    browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'lut.exr')");
+    browser.until("document.querySelector('svg path.light')?.getAttribute('d').length > 100");
+    browser.both("result-lut");
+    // Under another light, from the same photograph.
+    choose("table-light", "FL2");
+    browser.click("#make-next");
+    browser.until("document.body.innerText.includes('FL2, observer')");
+
+    browser.open(&format!("{url}/#/upload"));
+    browser.until("document.querySelector('#photographs')");
+    choose("method", "bokeh");
+    browser.attach("#photographs", &highlight);
+    browser.run("for (const [id, v] of [['bokeh-blur', '2.2'], ['bokeh-lines', '20.8333333']]) { document.getElementById(id).value = v; }");
+    browser.both("upload-bokeh");
+    browser.click("#upload-start");
+    browser.until("document.querySelector('#result-picture')?.naturalWidth > 0");
+    browser.until("document.body.innerText.includes('48.0')");
+    browser.until("document.querySelector('svg path.light')?.getAttribute('d').length > 100");
+    browser.both("result-bokeh");
 }
 
 #[test]

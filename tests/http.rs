@@ -64,6 +64,11 @@ impl Service {
         raw(self.address, bytes, patience)
     }
 
+    /// Uploads a form with these parts: name, file name, bytes.
+    pub fn upload(&self, parts: &[(&str, &str, &[u8])]) -> Answer {
+        self.send("POST", "/api/v1/uploads", &["Content-Type: multipart/form-data; boundary=edge"], &form(parts))
+    }
+
     /// A request with these header lines.
     pub fn send(&self, method: &str, path: &str, headers: &[&str], body: &[u8]) -> Answer {
         let host = if headers.iter().any(|h| h.to_lowercase().starts_with("host:")) {
@@ -169,6 +174,17 @@ fn complete(answer: &[u8]) -> bool {
     let length =
         head.lines().find_map(|l| l.strip_prefix("content-length:")).and_then(|v| v.trim().parse::<usize>().ok());
     length.is_some_and(|n| answer.len() >= at + 4 + n)
+}
+
+/// A form with these parts: name, file name, bytes.
+pub fn form(parts: &[(&str, &str, &[u8])]) -> Vec<u8> {
+    let mut body = vec![];
+    for (name, file, bytes) in parts {
+        let head = format!("--edge\r\nContent-Disposition: form-data; name=\"{name}\"; filename=\"{file}\"\r\n\r\n");
+        body.extend([head.as_bytes(), bytes, b"\r\n"].concat());
+    }
+    body.extend(b"--edge--\r\n");
+    body
 }
 
 /// One request to any server.

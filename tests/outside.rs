@@ -2,26 +2,11 @@
 
 #![allow(clippy::unwrap_used)]
 
-use nacre_tests::http::{Answer, Service, begin, events, finished, plan};
+use nacre_tests::http::{Service, begin, events, finished, form, plan};
 use nacre_tests::{BENCH, Place, listing, nacre};
 use serde_json::json;
 use std::fs;
 use std::time::{Duration, Instant};
-
-/// A form with these parts: name, file name, bytes.
-fn form(parts: &[(&str, &str, &[u8])]) -> Vec<u8> {
-    let mut body = vec![];
-    for (name, file, bytes) in parts {
-        let head = format!("--edge\r\nContent-Disposition: form-data; name=\"{name}\"; filename=\"{file}\"\r\n\r\n");
-        body.extend([head.as_bytes(), bytes, b"\r\n"].concat());
-    }
-    body.extend(b"--edge--\r\n");
-    body
-}
-
-fn upload(service: &Service, parts: &[(&str, &str, &[u8])]) -> Answer {
-    service.send("POST", "/api/v1/uploads", &["Content-Type: multipart/form-data; boundary=edge"], &form(parts))
-}
 
 fn photograph(level: u8) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(vec![]);
@@ -37,7 +22,7 @@ fn uploaded_photographs_become_maps() {
     let photographs: Vec<_> =
         [(0, 60), (45, 90), (90, 120), (135, 80)].map(|(a, l)| (format!("{a:03}.png"), photograph(l))).into();
     let parts: Vec<(&str, &str, &[u8])> = photographs.iter().map(|(n, b)| ("file", n.as_str(), b.as_slice())).collect();
-    let uploaded = upload(&service, &parts).expect(201).json();
+    let uploaded = service.upload(&parts).expect(201).json();
     let body = json!({ "upload": uploaded["id"], "method": "polarization" });
     let headers = ["Content-Type: application/json", "Idempotency-Key: once"];
     let send = || service.send("POST", "/api/v1/reconstructions", &headers, body.to_string().as_bytes()).expect(202);
@@ -63,7 +48,7 @@ fn uploaded_photographs_become_maps() {
         (&[("other", "000.png", good.as_slice())], &["neither"]),
         (&[], &["no photograph"]),
     ] {
-        let refused = upload(&service, parts).expect(400).json();
+        let refused = service.upload(parts).expect(400).json();
         let detail = refused["detail"].as_str().unwrap();
         words.iter().for_each(|w| assert!(detail.contains(w), "no {w} in {refused}"));
         assert!(!detail.contains("/data/"), "paths of the machine are told: {refused}");
@@ -129,7 +114,7 @@ fn large_slow_and_many_requests_are_bounded() {
         service.send("POST", "/api/v1/plans/check", &["Content-Type: application/json"], &vec![b' '; 100 << 10]);
     assert_eq!(large.expect(413).json()["type"], "https://nacre.invalid/problems/too-large");
     let photograph = vec![7_u8; 2 << 20];
-    upload(&service, &[("file", "000.png", &photograph)]).expect(413);
+    service.upload(&[("file", "000.png", &photograph)]).expect(413);
     assert!(listing(&place.path("data/uploads")).is_empty());
 
     let begun = Instant::now();

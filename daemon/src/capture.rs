@@ -10,7 +10,7 @@ use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::polarimetry::{self, Align, Options, Report, Running};
 use nacre_processing::progress::Progress;
-use nacre_processing::{hdr, pattern};
+use nacre_processing::{bokeh, hdr, pattern};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -53,6 +53,8 @@ pub enum Findings {
     Hdr(Box<hdr::Report>),
     /// Of a table.
     Lut(Box<pattern::Report>),
+    /// Of an out-of-focus highlight.
+    Bokeh(Box<bokeh::Report>),
 }
 
 impl Findings {
@@ -62,6 +64,7 @@ impl Findings {
             Self::Polarization(report) => &report.warnings,
             Self::Hdr(report) => &report.warnings,
             Self::Lut(report) => &report.warnings,
+            Self::Bokeh(report) => &report.warnings,
         }
     }
 }
@@ -216,6 +219,11 @@ fn results(
         let settings = pattern::Settings { overwrite: true, ..asked };
         let report = pattern::reconstruct(folder, &results, &settings, progress)?;
         return Ok((results, Findings::Lut(Box::new(report))));
+    }
+    if let (Method::Bokeh, Some(asked)) = (planned.method, &planned.bokeh) {
+        let options = bokeh::Options { overwrite: true, ..asked.as_ref().clone() };
+        let report = bokeh::reconstruct(folder, &results, &options, progress)?;
+        return Ok((results, Findings::Bokeh(Box::new(report))));
     }
     let options = Options { model: planned.model, oblique: planned.oblique, overwrite: true, ..Options::default() };
     let report = match running {

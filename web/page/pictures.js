@@ -1,15 +1,19 @@
-// Results that are pictures rather than maps of orientations: merged exposures, lookup tables.
+// Results that are pictures rather than maps of orientations: merged exposures, lookup tables, bokeh photographs.
 
 import { get, makeDownload, picture, post, send, show } from "./api.js";
-import { facts, figures, h, panel, say, segments, svg } from "./dom.js";
+import { facts, field, figures, h, panel, say, segments, select, svg } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes, duration, fixed, percent, plain, significant, words } from "./format.js";
+import { bokehFields } from "./bokehform.js";
 import { tableFields } from "./tableform.js";
 
-const TITLES = { hdr: "Merged exposures", lut: "Diffraction table" };
+const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph" };
+const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
   "lut.png": "The table under its light, tone-mapped for the eye, over half vectors: the zero order is in the middle. Grey is not measured.",
+  "deconvolved.png": "The highlight with the lens's blur taken out; light as a share of white.",
+  "height.png": "Dark taken for deep. Relative where nothing calibrates it.",
   "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
 };
 
@@ -52,29 +56,56 @@ export async function showPictures(main, job, signal) {
         h("header", {}, pictures.length > 1 ? segments("Picture", pictures.map((p) => [p, label(p)]), shown, change) : h("h2", {}, "Picture")),
         well, meaning, h("p", { class: "row downloads" }, h("span", { class: "soft" }, "Download"), links)),
       h("div", { class: "stack" },
-        panel("Report", null, job.method === "lut" ? reportOfTable(report) : reportOf(report)),
+        panel("Report", null, (REPORTS[job.method] ?? reportOf)(report)),
         job.method === "lut" ? panel("Radial profile", null, await profile(base, signal)) : null,
-        tablePanel(job))));
+        job.method === "bokeh" && report.slice ? panel("Slice across the lines", null, await slice(base, signal)) : null,
+        nextPanel(job))));
   if (shown) await change(shown);
 }
 
-/** Another table of the same photographs: the light is chosen, and the service works it out. */
-function tablePanel(job) {
-  const { element, options } = tableFields(job.method === "lut" ? { ...job.options } : {});
+/** Another reconstruction of the same photographs, by the service. */
+function nextPanel(job) {
+  const kept = (method) => (job.method === method ? { ...job.options } : {});
+  const forms = { lut: tableFields(kept("lut")), bokeh: bokehFields(kept("bokeh")) };
+  const method = select([["lut", "A diffraction table"], ["bokeh", "Lines in an out-of-focus highlight"]], job.method === "bokeh" ? "bokeh" : "lut", { id: "next-method", onchange: paint });
+  function paint() {
+    for (const [name, form] of Object.entries(forms)) form.element.hidden = name !== method.value;
+  }
+  paint();
   const problems = h("div", { role: "status", "aria-live": "polite" });
-  const make = h("button", { type: "button", class: "primary", id: "make-table", onclick: async () => {
+  const make = h("button", { type: "button", class: "primary", id: "make-next", onclick: async () => {
     make.disabled = true;
     problems.replaceChildren();
     try {
-      const next = await post("/reconstructions", { session: job.session ?? null, upload: job.upload ?? null, method: "lut", options: options() });
+      const asked = { method: method.value, options: forms[method.value].options() };
+      const next = await post("/reconstructions", { session: job.session ?? null, upload: job.upload ?? null, ...asked });
       location.hash = `#/result/${next.id}`;
     } catch (problem) {
       problems.replaceChildren(problemMessage(problem));
       make.disabled = false;
     }
-  } }, "Make the table");
-  const title = job.method === "lut" ? "Under another light" : "Diffraction table";
-  return panel(title, null, h("div", { class: "stack" }, element, problems, h("p", {}, make)));
+  } }, "Reconstruct");
+  return panel("From the same photographs", null, h("div", { class: "stack" }, field("What to make of them", method), forms.lut.element, forms.bokeh.element, problems, h("p", {}, make)));
+}
+
+/** Light along the slice. */
+async function slice(base, signal) {
+  const text = await (await send(`${base}/slice.csv`, { signal })).text();
+  const rows = text.trim().split("\n").slice(1).map((line) => line.split(","));
+  const known = rows.filter((r) => r[2] !== "").map((r) => ({ at: Number(r[1] === "" ? r[0] : r[1]), light: Number(r[2]) }));
+  const [width, height, left, bottom] = [420, 200, 44, 30];
+  const reach = known.at(-1)?.at ?? 1;
+  const top = Math.max(...known.map((k) => k.light), 1e-30);
+  const x = (at) => left + (at / Math.max(reach, 1e-9)) * (width - left - 8);
+  const y = (light) => 8 + (1 - Math.max(0, light) / top) * (height - bottom - 8);
+  const unit = rows[0]?.[1] === "" ? "pixels" : "µm";
+  return h("div", { class: "stack" },
+    svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `Light along the slice, over ${unit}`, class: "chart" },
+      [0, 0.5, 1].map((share) => [svg("line", { x1: left, x2: width - 8, y1: y(share * top), y2: y(share * top), class: "grid" }),
+        svg("text", { x: left - 6, y: y(share * top) + 4, "text-anchor": "end" }, plain(Number((share * top).toPrecision(2))))]),
+      [0, 0.5, 1].map((share) => svg("text", { x: x(share * reach), y: height - 10, "text-anchor": "middle" }, plain(Number((share * reach).toPrecision(3))))),
+      svg("path", { d: known.map((k, i) => `${i ? "L" : "M"}${x(k.at).toFixed(1)} ${y(k.light).toFixed(1)}`).join(""), class: "light" })),
+    h("p", { class: "soft" }, `Light across the lines, over ${unit}.`));
 }
 
 /** Means over rings around the zero order: the luminance, and below it what was measured. */
@@ -129,6 +160,30 @@ function reportOfTable(report) {
       ["Per pixel", plain(report.scale)],
       ["Exponent", plain(report.exponent)],
       ["Method", `${words(choice.method)}${choice.spacing_px === null ? "" : `, ${plain(choice.spacing_px)} pixels apart`}: ${choice.why}`],
+      ["Took", seconds.total && duration(seconds.total)],
+    ]));
+}
+
+/** A bokeh photograph's report. */
+function reportOfBokeh(report) {
+  const { deconvolution, scale, cutoff, lines, slits, heights, seconds = {}, warnings = [] } = report;
+  const pair = ([value, sigma], unit) => `${fixed(value, 3)} ± ${fixed(sigma, 3)} ${unit}`;
+  const why = !deconvolution.auto ? "as asked for" : deconvolution.converged ? "stopped before the noise" : "the most allowed";
+  return h("div", { class: "stack" }, warned(warnings),
+    figures([
+      ["lines along the slice", lines ? fixed(lines.count, 1) : "none found"],
+      ["from line to line", lines ? (lines.period_um ? `${fixed(lines.period_um, 2)} µm` : `${fixed(lines.period_px[0], 2)} pixels`) : "unknown"],
+      ["finest the lens can show", cutoff ? `${fixed(cutoff.period_um, 1)} µm` : "lens not told"],
+    ]),
+    facts([
+      ["Blur", report.psf],
+      ["Iterations", `${deconvolution.iterations}, ${why}`],
+      ["Period", lines && pair(lines.period_px, "pixels")],
+      ["Slits", slits && `${slits.count}, ${pair(slits.width_px, "pixels")} wide, ${pair(slits.spacing_px, "pixels")} apart`],
+      ["Pixel", scale.pixel_um === null ? "size not known" : `${plain(scale.pixel_um)} µm (${words(scale.source)})`],
+      ["Heights", heights.calibration ? `${plain(heights.calibration.gain_um)} µm · (light ÷ mean − ${fixed(heights.calibration.offset, 3)})` : heights.unit],
+      ["Light", words(report.channel)],
+      ["Size", `${report.width} × ${report.height}${report.rotate_deg ? `, turned by ${plain(report.rotate_deg)}°` : ""}`],
       ["Took", seconds.total && duration(seconds.total)],
     ]));
 }

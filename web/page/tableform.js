@@ -16,12 +16,14 @@ export function tableFields(given = {}) {
   const size = number({ id: "table-size", value: given.size ?? 1024, min: 16, max: 8192, step: 1 });
   const extent = number({ id: "table-extent", value: given.extent ?? "", min: 0, max: 2 });
   const exponent = number({ id: "table-exponent", value: given.exponent ?? 4 });
+  const center = [0, 1].map((k) => number({ id: `table-center-${"xy"[k]}`, value: given.center?.[k] ?? "", min: 0 }));
   const element = h("div", { class: "fields" },
     field("Light", light), field("Observer", observer),
     field("Wavelength of the photograph (nm)", wavelength, { hint: "Empty: as the session says" }),
     field("Half vector per pixel", scale, { hint: "2 × pixel size ÷ distance. Empty: from the session's geometry" }),
     field("Size (entries)", size), field("Extent", extent, { hint: "Empty: as far as was measured" }),
-    field("Exponent", exponent, { hint: "4 is exact for shallow gratings" }));
+    field("Exponent", exponent, { hint: "4 is exact for shallow gratings" }),
+    field("Zero order, from the left (pixels)", center[0], { hint: "Empty: the brightest lobe" }), field("Zero order, from the top (pixels)", center[1]));
   // Whatever has no field stays as it was; empty fields are left to the service.
   const values = () => ({ wavelength_nm: wavelength, scale, size, extent, exponent });
   return {
@@ -32,6 +34,9 @@ export function tableFields(given = {}) {
         if (Number.isFinite(input.valueAsNumber)) options[name] = input.valueAsNumber;
         else if (name !== "wavelength_nm" || typeof given.wavelength_nm === "number") delete options[name];
       }
+      const place = center.map((input) => input.valueAsNumber);
+      if (place.every(Number.isFinite)) options.center = place;
+      else delete options.center;
       if ("scale" in options) delete options.geometry;
       return options;
     },

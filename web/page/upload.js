@@ -1,10 +1,11 @@
-// #/upload: photographs taken elsewhere → a map of their angles, or one merged photograph.
+// #/upload: photographs taken elsewhere → a map of their angles, one merged photograph, a table, or a grating's lines.
 
 import { post, send } from "./api.js";
 import { field, h, number, panel, say, select } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
 import { optionFields } from "./options.js";
+import { bokehFields } from "./bokehform.js";
 import { tableFields } from "./tableform.js";
 
 const LIKELY = /\.(png|tiff?|jpe?g|exr)$/i;
@@ -25,12 +26,12 @@ export async function uploadPage(main, { signal }) {
   const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
   const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
   let chosen = false;
-  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"]], "polarization", { id: "method", onchange: paint });
+  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"], ["bokeh", "Lines and heights of a grating, from an out-of-focus highlight"]], "polarization", { id: "method", onchange: paint });
   const options = optionFields();
-  const table = tableFields({ wavelength_nm: 680, scale: 0.002 });
-  const angled = h("div", { class: "stack" }, field("Values", transfer), field("Channel", channel, { hint: "Colour files need one" }), options.element);
+  const forms = { lut: tableFields({ wavelength_nm: 680, scale: 0.002 }), bokeh: bokehFields() };
+  const values = field("Values", transfer);
+  const angled = h("div", { class: "stack" }, field("Channel", channel, { hint: "Colour files need one" }), options.element);
   const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
-  const tabled = h("div", { class: "stack" }, table.element);
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
   const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
@@ -40,7 +41,7 @@ export async function uploadPage(main, { signal }) {
     h("div", { class: "columns planning" },
       panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, listing))),
       h("div", { class: "stack" },
-        panel("Reconstruction", null, h("div", { class: "stack" }, field("What to make of them", method), angled, tabled, about, problems, progress)))));
+        panel("Reconstruction", null, h("div", { class: "stack" }, field("What to make of them", method), values, angled, Object.values(forms).map((form) => form.element), about, problems, progress)))));
 
   paint();
 
@@ -56,8 +57,9 @@ export async function uploadPage(main, { signal }) {
   function paint() {
     const polarized = method.value === "polarization";
     angled.hidden = !polarized;
-    tabled.hidden = method.value !== "lut";
-    about.hidden = polarized;
+    values.hidden = !polarized && !alone();
+    for (const [name, form] of Object.entries(forms)) form.element.hidden = name !== method.value;
+    about.hidden = polarized || photographs.length < 2;
     listing.hidden = photographs.length === 0;
     listing.querySelectorAll("th")[2].hidden = !polarized;
     body.replaceChildren(...photographs.map((photograph) => h("tr", {},
@@ -71,6 +73,11 @@ export async function uploadPage(main, { signal }) {
         paint();
       } }, "✕")))));
     judge();
+  }
+
+  /** Whether the values of one photograph are taken as they are, without others to merge it with. */
+  function alone() {
+    return method.value in forms && photographs.length === 1 && !/\.exr$/i.test(photographs[0].file.name);
   }
 
   function judge() {
@@ -102,7 +109,8 @@ export async function uploadPage(main, { signal }) {
     for (const { file } of photographs) form.append("file", file, file.name);
     try {
       const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
-      const asked = polarized ? options.request() : { method: method.value, ...(method.value === "lut" ? { options: table.options() } : {}) };
+      const asked = polarized ? options.request() : { method: method.value };
+      if (method.value in forms) asked.options = { ...forms[method.value].options(), ...(alone() ? { transfer: transfer.value } : {}) };
       const job = await post("/reconstructions", { session: null, upload: upload.id, ...asked });
       location.hash = `#/result/${job.id}`;
     } catch (problem) {

@@ -58,6 +58,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("options.js", SCRIPT),
     row!("patterns.js", SCRIPT),
     row!("pictures.js", SCRIPT),
+    row!("bokehform.js", SCRIPT),
     row!("tableform.js", SCRIPT),
     row!("pixelchart.js", SCRIPT),
     row!("plan.js", SCRIPT),

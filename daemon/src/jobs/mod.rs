@@ -79,9 +79,9 @@ impl Spec {
     ///
     /// # Errors
     /// `Input`, naming the key, for options that the method does not know.
-    pub fn options_of<O: Default + serde::de::DeserializeOwned>(&self) -> Result<O, Error> {
-        let Some(options) = &self.options else { return Ok(O::default()) };
-        serde_path_to_error::deserialize(options)
+    pub fn options_of<O: serde::de::DeserializeOwned>(&self) -> Result<O, Error> {
+        let none = serde_json::Value::Object(serde_json::Map::new());
+        serde_path_to_error::deserialize(self.options.as_ref().unwrap_or(&none))
             .map_err(|e| Error::input("options", e, "see the service's OpenAPI document"))
     }
 

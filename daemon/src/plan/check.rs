@@ -4,6 +4,7 @@ use super::estimate::{Limits, light_on_s};
 use super::steps::groups;
 use super::{AnalyserPlan, DisplayPlan, Method, Plan, PlanKind, Step};
 use nacre_processing::Error;
+use nacre_processing::bokeh::PsfChoice;
 use nacre_processing::color::NAMES;
 use nacre_processing::polarimetry::{MAX_BRACKET, Model, Oblique};
 use nacre_processing::text::read_text;
@@ -123,7 +124,7 @@ impl Plan {
         let (method, kind) = (super::word(planned.method), super::word(self.kind));
         let fits = match planned.method {
             Method::Polarization => self.kind == PlanKind::Polarization,
-            Method::Hdr | Method::Lut => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
+            Method::Hdr | Method::Lut | Method::Bokeh => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
         };
         if !fits {
             return Err(format!("reconstruct.method is {method}, but the plan's kind is {kind}; remove it"));
@@ -136,6 +137,21 @@ impl Plan {
         }
         if planned.lut.is_some() && planned.method != Method::Lut {
             return Err(format!("reconstruct.lut belongs to the method lut, not to {method}; remove it"));
+        }
+        match (&planned.bokeh, planned.method) {
+            (Some(options), Method::Bokeh) => {
+                if matches!(options.psf, PsfChoice::Image(_)) {
+                    return Err("reconstruct.bokeh.psf.image is for the command line; give psf.sigma in pixels".into());
+                }
+                options.check().map_err(|e| format!("reconstruct.bokeh: {e}"))?;
+            }
+            (Some(_), _) => {
+                return Err(format!("reconstruct.bokeh belongs to the method bokeh, not to {method}; remove it"));
+            }
+            (None, Method::Bokeh) => {
+                return Err("the method bokeh must know the blur; give reconstruct.bokeh.psf.sigma in pixels".into());
+            }
+            (None, _) => {}
         }
         if let Some(settings) = &planned.lut {
             settings.check().map_err(|e| format!("reconstruct.lut: {e}"))?;

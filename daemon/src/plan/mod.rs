@@ -10,8 +10,8 @@ pub use estimate::{Estimate, Least, Limits, approach, light_on_s};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
-use nacre_processing::pattern;
 use nacre_processing::polarimetry::{Model, Oblique};
+use nacre_processing::{bokeh, pattern};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -95,6 +95,9 @@ pub struct ReconstructPlan {
     /// Of the method lut: wavelength, scale, light and so on. What the bench says of wavelength and geometry is known without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lut: Option<Box<pattern::Settings>>,
+    /// Of the method bokeh: blur, scale, lens and so on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bokeh: Option<Box<bokeh::Options>>,
 }
 
 /// Which reconstruction.
@@ -108,6 +111,8 @@ pub enum Method {
     Hdr,
     /// A table of a diffraction pattern under any light, for kinds exposures and flash.
     Lut,
+    /// Lines and heights of a grating in an out-of-focus highlight, for kinds exposures and flash.
+    Bokeh,
 }
 
 /// What a plan varies.

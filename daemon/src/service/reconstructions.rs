@@ -11,7 +11,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
 use nacre_processing::polarimetry::{Model, Oblique, PeriodMethod, Smoothing};
-use nacre_processing::{color, hdr, pattern};
+use nacre_processing::{bokeh, color, hdr, pattern};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,13 +25,17 @@ pub struct Request {
     session: Option<String>,
     /// Or uploaded photographs.
     upload: Option<String>,
-    /// `polarization` (the default), `hdr` or `lut`.
+    /// `polarization` (the default), `hdr`, `lut` or `bokeh`.
     method: Option<Method>,
     /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
     /// "recover", "align": "auto" | "off"}`. Of `lut`, of which wavelength and scale or geometry are needed unless the photographs say
     /// them: `{"wavelength_nm": 680 | [610, 540, 460], "scale": 0.002, "geometry": {"camera_mm", "flash_mm", "baseline_mm",
     /// "pixel_um"}, "center": [x, y], "size": 1024, "extent": 1, "warp": 1, "illuminant": "D65", "observer": "1931" | "1964",
-    /// "exponent": 4, "max_error": 0.01, "method": "auto" | {"rays": 1} | {"single": 0.5} | {"fixed": 5}}`.
+    /// "exponent": 4, "max_error": 0.01, "method": "auto" | {"rays": 1} | {"single": 0.5} | {"fixed": 5}}`. Of `bokeh`,
+    /// of which `psf` is needed: `{"psf": {"sigma": 2.5}, "light": "blue", "crop": [x, y, w, h], "rotate_deg": 90, "iterations": {"auto":
+    /// 500} | {"count": 30}, "scale": {"pixel": 2.5} | {"lines": [50, null]}, "lens": {"focal_mm", "f_number", "distance_m"},
+    /// "wavelength_nm": 450, "known": {"shape": "blazed", "depth_um": 0.4}, "calibration": {"gain_um", "offset"}, "slice": [x0, y0, x1,
+    /// y1], "slice_width": 15}`.
     #[schema(value_type = Option<Object>)]
     options: Option<serde_json::Value>,
     /// `auto`, `sinusoid`, `prenormalized`, `circle` or `curve`.
@@ -263,6 +267,18 @@ fn check(spec: &Spec, input: &std::path::Path) -> Answer<()> {
                 return Err(Problem::bad(format!("illuminant is none of {}", color::NAMES.join(", "))));
             }
             Ok(pattern::check_input(input, &settings)?)
+        }
+        Method::Bokeh => {
+            if spec.session.is_some() {
+                whole()?;
+            }
+            let options: bokeh::Options = spec.options_of()?;
+            // A file of the service's machine is nobody's business.
+            if matches!(options.psf, bokeh::PsfChoice::Image(_)) {
+                return Err(Problem::bad("psf: an image of a point is for the command line; give {\"sigma\": PX}"));
+            }
+            options.check()?;
+            Ok(hdr::Source::check(input)?)
         }
     }
 }

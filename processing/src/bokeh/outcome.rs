@@ -57,6 +57,7 @@ impl Outcome {
             rotate_deg: options.rotate_deg,
             width: self.map.width,
             height: self.map.height,
+            merged: None,
             unknown_pixels: self.unknown,
             psf,
             deconvolution: Deconvolution {

@@ -13,18 +13,25 @@ use super::slice::{Line, slice};
 use super::slits::slits;
 use super::turn::Map;
 use crate::frames::Transfer;
+use crate::hdr::Source;
 use crate::image::{OutputFolder, read};
 use crate::polarimetry::NoiseModel;
 use crate::progress::Progress;
 use crate::{Error, Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Pixels across that a slice is the mean of, unless asked for.
 pub const SLICE_WIDTH: usize = 15;
 
+/// Wavelength of blue light, unless said, in nm.
+const BLUE_NM: f64 = 450.0;
+
 /// The point spread function.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum PsfChoice {
     /// A Gaussian of this standard deviation in pixels.
     Sigma(f64),
@@ -33,9 +40,11 @@ pub enum PsfChoice {
 }
 
 /// What is known of a pixel's size on the sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum KnownScale {
     /// Nothing.
+    #[default]
     Unknown,
     /// The size itself, in µm.
     Pixel(f64),
@@ -43,41 +52,69 @@ pub enum KnownScale {
     Lines(f64, Option<f64>),
 }
 
-/// What the user may choose.
-#[derive(Clone, Debug, PartialEq)]
+/// What the user may choose. Only the point spread function must be said.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Options {
     /// What the lens makes of a point.
     pub psf: PsfChoice,
     /// Which light of a colour photograph is taken.
+    #[serde(default)]
     pub light: Light,
     /// How values grow with light; sRGB for JPEG and linear for everything else where it is not said.
+    #[serde(default)]
     pub transfer: Option<Transfer>,
     /// Part of the photograph; all of it otherwise.
+    #[serde(default)]
     pub crop: Option<Crop>,
     /// By how much the result is turned, anticlockwise, in degrees.
+    #[serde(default)]
     pub rotate_deg: f64,
     /// How many iterations.
+    #[serde(default)]
     pub iterations: Iterations,
     /// Noise of the camera; estimated from the photograph otherwise.
+    #[serde(default)]
     pub noise: Option<NoiseModel>,
     /// Fewer iterations by extrapolation.
+    #[serde(default = "yes")]
     pub accelerate: bool,
     /// From light to height.
+    #[serde(default)]
     pub calibration: Option<Calibration>,
     /// The grating in the photograph, where the calibration is to be made from it.
+    #[serde(default)]
     pub known: Option<KnownGrating>,
     /// Size of a pixel.
+    #[serde(default)]
     pub scale: KnownScale,
     /// The lens, which says what it lets through.
+    #[serde(default)]
     pub lens: Option<Lens>,
     /// Wavelength of the light in nm.
+    #[serde(default = "blue_nm")]
     pub wavelength_nm: f64,
     /// Across the lines; across the middle of the result where it is not said.
+    #[serde(default)]
     pub slice: Option<Line>,
     /// Pixels across that it is the mean of.
+    #[serde(default = "slice_width")]
     pub slice_width: usize,
     /// Replace results that are already there.
+    #[serde(skip)]
     pub overwrite: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn blue_nm() -> f64 {
+    BLUE_NM
+}
+
+fn slice_width() -> usize {
+    SLICE_WIDTH
 }
 
 impl Options {
@@ -89,14 +126,14 @@ impl Options {
             transfer: None,
             crop: None,
             rotate_deg: 0.0,
-            iterations: Iterations::Auto(500),
+            iterations: Iterations::default(),
             noise: None,
             accelerate: true,
             calibration: None,
             known: None,
             scale: KnownScale::Unknown,
             lens: None,
-            wavelength_nm: 450.0,
+            wavelength_nm: BLUE_NM,
             slice: None,
             slice_width: SLICE_WIDTH,
             overwrite: false,
@@ -104,7 +141,10 @@ impl Options {
     }
 
     /// Refuses what makes no sense before anything is read; what the lens lets through.
-    fn check(&self) -> Result<Option<Cutoff>> {
+    ///
+    /// # Errors
+    /// `Input`, which names the option.
+    pub fn check(&self) -> Result<Option<Cutoff>> {
         let bad = |name: &str, value: f64, wanted: &str| {
             Err(Error::input(name, format!("is {value}; expected {wanted}"), "correct it"))
         };
@@ -123,6 +163,10 @@ impl Options {
                 "electrons at white above 0, and read noise of at least 0 electrons",
             );
         }
+        if let PsfChoice::Sigma(sigma) = self.psf {
+            Psf::gaussian(sigma)?;
+        }
+        self.transfer.map_or(Ok(()), Transfer::check_known)?;
         let cutoff = self.lens.map(|lens| lens.cutoff(self.wavelength_nm)).transpose()?;
         match self.scale {
             KnownScale::Pixel(um) if !(um > 0.0 && um < 1e6) => return bad("--pixel-um", um, "above 0"),
@@ -166,7 +210,7 @@ impl Options {
     }
 }
 
-/// Deconvolves the photograph `input` and writes what it shows into the new folder `out`.
+/// Deconvolves the photograph `input` is or holds (exposures are merged first) and writes what it shows into the new folder `out`.
 ///
 /// The photograph is deconvolved as it was taken and turned afterwards, since turning first would mix the noise of neighbours.
 /// Memory: nine floats per pixel.
@@ -179,7 +223,13 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     let cutoff = options.check()?;
     let (psf, psf_name) = options.psf()?;
     let folder = OutputFolder::begin(out, options.overwrite)?;
-    let photograph = photograph(input, options.light, options.transfer_of(input), options.crop)?;
+    progress.stage("reading", 1);
+    let source = Source::find(input, progress)?;
+    if source.merged.is_some() && options.noise.is_some() {
+        let remedy = "leave it out: it is estimated from the photograph";
+        return Err(Error::input("--noise", "is that of one photograph, not of merged exposures", remedy));
+    }
+    let photograph = photograph(&source.path, options.light, options.transfer_of(&source.path), options.crop)?;
     let read_s = begun.elapsed().as_secs_f64();
     let noise = options.noise(&photograph);
     if noise.is_none() && matches!(options.iterations, Iterations::Auto(_)) {
@@ -194,6 +244,9 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     let outcome = measured(&photograph, sharp, cutoff, options)?;
     let noise = noise.map(|(noise, given)| NoiseReport::new(noise, given));
     let mut report = outcome.report(input, options, psf_name, noise);
+    report.merged = source.merged;
+    let told = report.merged.iter().flat_map(|m| m.warnings.clone());
+    report.warnings = told.chain(std::mem::take(&mut report.warnings)).collect();
     output::write(&folder, &outcome)?;
     progress.check()?;
     report.seconds = Seconds { read: read_s, deconvolve: deconvolve_s, total: begun.elapsed().as_secs_f64() };

@@ -7,6 +7,7 @@ use super::period::Lines;
 use super::photograph::{Crop, Light};
 use super::slice::Line;
 use super::slits::Slits;
+use crate::hdr;
 use serde::Serialize;
 
 /// Result, in words and numbers.
@@ -28,6 +29,9 @@ pub struct Report {
     pub width: usize,
     /// Its rows.
     pub height: usize,
+    /// How exposures were merged, where the photograph was made of some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub merged: Option<hdr::Report>,
     /// Pixels of the part that were saturated or not known; their light is a guess from around them.
     pub unknown_pixels: usize,
     /// The point spread function: `Gaussian, σ 2.5 px` or its file.

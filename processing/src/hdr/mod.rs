@@ -20,6 +20,7 @@ mod recover;
 mod report;
 mod response;
 mod sample;
+mod source;
 #[cfg(test)]
 mod tests;
 
@@ -28,3 +29,4 @@ pub use memory::{Merged, merge};
 pub use reconstruct::{Options, ResponseChoice, reconstruct};
 pub use report::{FrameReport, Report};
 pub use response::Response;
+pub use source::{Source, is_bracket};

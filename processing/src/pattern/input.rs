@@ -4,8 +4,8 @@ use super::geometry::Arrangement;
 use super::lookup::Photograph;
 use super::settings::{Settings, Wavelength};
 use crate::frames::{Channel, FILE_NAME, Transfer, load};
-use crate::hdr;
-use crate::image::{Depth, photographs, read, read_exr};
+use crate::hdr::{self, Source, is_bracket};
+use crate::image::{Depth, read, read_exr};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -36,36 +36,8 @@ struct Channels {
 /// As [`reconstruct`](super::reconstruct) for settings and files that make no sense.
 pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
     settings.check()?;
-    if exposures(input) {
-        hdr::check_input(input)?;
-        return with_frames(input, settings).and_then(|(settings, _)| settings.bands().map(drop));
-    }
-    let file = file(input).unwrap_or_else(|| input.to_owned());
-    let there = std::fs::metadata(&file).map_err(|e| Error::file(&file, format!("cannot be read: {e}"), REMEDY))?;
-    if there.is_file() { settings.bands().map(drop) } else { Err(Error::file(&file, "is no photograph", REMEDY)) }
-}
-
-const REMEDY: &str = "give a photograph (EXR, PNG, TIFF), results of reconstruct hdr, or a session of exposures";
-
-/// Whether the input is a set of exposures.
-fn exposures(input: &Path) -> bool {
-    let json = input.extension().is_some_and(|e| e == "json");
-    json || input.is_dir() && (input.join(FILE_NAME).is_file() || file(input).is_none())
-}
-
-/// The photograph: the input, the merged exposures in it, or the only photograph in it.
-fn file(input: &Path) -> Option<PathBuf> {
-    if !input.is_dir() {
-        return Some(input.to_owned());
-    }
-    let merged = input.join("hdr.exr");
-    if merged.is_file() {
-        return Some(merged);
-    }
-    match photographs(input).ok()?.as_slice() {
-        [only] => Some(input.join(only)),
-        _ => None,
-    }
+    Source::check(input)?;
+    with_frames(input, settings).and_then(|(settings, _)| settings.bands().map(drop))
 }
 
 /// Reads what the settings want of an input.
@@ -73,28 +45,19 @@ fn file(input: &Path) -> Option<PathBuf> {
 /// # Errors
 /// `Input` for anything about the photograph.
 pub(super) fn photograph(input: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Input> {
-    let (mut settings, mut band_nm, mut merged) = (settings.clone(), None, None);
-    let channels = if exposures(input) {
-        (settings, band_nm) = with_frames(input, &settings)?;
-        let folder =
-            tempfile::tempdir().map_err(|e| Error::input("temporary folder", e.to_string(), "make room for it"))?;
-        let out = folder.path().join("hdr");
-        merged = Some(hdr::reconstruct(input, &out, &hdr::Options::default(), progress)?);
-        let path = out.join("hdr.exr");
-        Channels { path: input.to_owned(), ..of_exr(&path)? }
-    } else {
-        let path = file(input).unwrap_or_else(|| input.to_owned());
-        let exr = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
-        if exr { of_exr(&path)? } else { of_raster(&path, settings.transfer)? }
-    };
+    let (settings, band_nm) = with_frames(input, settings)?;
+    let source = Source::find(input, progress)?;
+    let exr = source.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
+    let channels = if exr { of_exr(&source.path)? } else { of_raster(&source.path, settings.transfer)? };
+    let channels = if source.merged.is_some() { Channels { path: input.to_owned(), ..channels } } else { channels };
     let channels = channels.wanted(&settings)?;
-    Ok(Input { channels, settings, band_nm, merged })
+    Ok(Input { channels, settings, band_nm, merged: source.merged })
 }
 
 /// Settings, completed by what `frames.json` says, and the filter's band.
 fn with_frames(input: &Path, settings: &Settings) -> Result<(Settings, Option<f64>)> {
-    // Photographs in a folder without one say nothing.
-    if input.is_dir() && !input.join(FILE_NAME).is_file() {
+    // Photographs, and folders of them without one, say nothing.
+    if !is_bracket(input) || input.is_dir() && !input.join(FILE_NAME).is_file() {
         return Ok((settings.clone(), None));
     }
     let set = load(input)?.set;

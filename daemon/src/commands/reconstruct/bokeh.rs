@@ -13,9 +13,6 @@ use nacre_processing::polarimetry::NoiseModel;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Most iterations where the number is chosen from the noise.
-const AT_MOST: usize = 500;
-
 /// Arguments of `nacre reconstruct bokeh`.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -28,7 +25,7 @@ Examples:
 Writes deconvolved.exr (Y), height.exr (height), their pictures, slice.csv, report.json, and calibration.json
 where a known grating was given. Dark is deep; heights are relative without a calibration.")]
 pub struct Bokeh {
-    /// The photograph: PNG, TIFF, JPEG or EXR.
+    /// The photograph (PNG, TIFF, JPEG, EXR), results of `reconstruct hdr`, or a session of exposures, which are merged first.
     image: PathBuf,
     /// Folder for the results.
     #[arg(long)]
@@ -133,7 +130,7 @@ fn line(text: &str) -> Result<Line, String> {
 
 fn iterations(text: &str) -> Result<Iterations, String> {
     match (text, text.parse()) {
-        ("auto", _) => Ok(Iterations::Auto(AT_MOST)),
+        ("auto", _) => Ok(Iterations::default()),
         (_, Ok(n)) => Ok(Iterations::Count(n)),
         _ => Err("give auto, or a number above 0".into()),
     }

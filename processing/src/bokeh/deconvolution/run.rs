@@ -3,17 +3,27 @@
 use super::{Deconvolution, Image, Method, Noise, Psf};
 use crate::progress::Progress;
 use crate::{Error, Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// Most iterations.
 pub const MAX_ITERATIONS: usize = 10_000;
 
 /// How many iterations.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Iterations {
     /// Until another one would fit more noise than structure, at most so many.
     Auto(usize),
     /// So many.
     Count(usize),
+}
+
+impl Default for Iterations {
+    /// Accelerated ones have long ended by then.
+    fn default() -> Self {
+        Self::Auto(500)
+    }
 }
 
 /// A deconvolved photograph.

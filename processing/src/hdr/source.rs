@@ -1,0 +1,71 @@
+//! One photograph for reconstructions that need one: a file, the merged exposures in a folder, or exposures that are merged first.
+
+use super::{Options, Report, check_input, reconstruct};
+use crate::frames::FILE_NAME;
+use crate::image::photographs;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// One photograph.
+pub struct Source {
+    /// Its file.
+    pub path: PathBuf,
+    /// How exposures were merged into it, where they were. Their light is per second of exposure and unit of gain.
+    pub merged: Option<Report>,
+    /// Where merged exposures are until they have been read.
+    _folder: Option<tempfile::TempDir>,
+}
+
+impl Source {
+    /// Finds the photograph `input` is or holds; merges exposures.
+    ///
+    /// # Errors
+    /// As [`reconstruct`] for exposures.
+    pub fn find(input: &Path, progress: &dyn Progress) -> Result<Self> {
+        if !is_bracket(input) {
+            let path = file(input).unwrap_or_else(|| input.to_owned());
+            return Ok(Self { path, merged: None, _folder: None });
+        }
+        let folder = tempfile::tempdir()
+            .map_err(|e| Error::input("temporary folder", e.to_string(), "make room for it, or set TMPDIR"))?;
+        let out = folder.path().join("hdr");
+        let merged = Some(reconstruct(input, &out, &Options::default(), progress)?);
+        Ok(Self { path: out.join("hdr.exr"), merged, _folder: Some(folder) })
+    }
+
+    /// Whether there is something to read, without a look at any pixel.
+    ///
+    /// # Errors
+    /// `Input`.
+    pub fn check(input: &Path) -> Result<()> {
+        if is_bracket(input) {
+            return check_input(input);
+        }
+        let remedy = "give a photograph (EXR, PNG, TIFF, JPEG), results of reconstruct hdr, or a session of exposures";
+        let file = file(input).unwrap_or_else(|| input.to_owned());
+        let there = std::fs::metadata(&file).map_err(|e| Error::file(&file, format!("cannot be read: {e}"), remedy))?;
+        if there.is_file() { Ok(()) } else { Err(Error::file(&file, "is no photograph", remedy)) }
+    }
+}
+
+/// Whether the input is a set of exposures.
+pub fn is_bracket(input: &Path) -> bool {
+    let json = input.extension().is_some_and(|e| e == "json");
+    json || input.is_dir() && (input.join(FILE_NAME).is_file() || file(input).is_none())
+}
+
+/// The photograph: the input, the merged exposures in it, or the only photograph in it.
+fn file(input: &Path) -> Option<PathBuf> {
+    if !input.is_dir() {
+        return Some(input.to_owned());
+    }
+    let merged = input.join("hdr.exr");
+    if merged.is_file() {
+        return Some(merged);
+    }
+    match photographs(input).ok()?.as_slice() {
+        [only] => Some(input.join(only)),
+        _ => None,
+    }
+}

@@ -1,0 +1,50 @@
+// The options of a bokeh photograph: blur, light, part, scale, lens, known grating.
+
+import { field, h, number, select } from "./dom.js";
+
+const CHANNELS = [["blue", "Blue: its short waves show the finest lines"], ["green", "Green"], ["red", "Red"], ["luminance", "Luminance"]];
+const SHAPES = [["", "Not known"], ["sinusoid", "Sinusoid"], ["blazed", "Blazed"], ["rectangular", "Rectangular"]];
+
+/** The fields, as an earlier reconstruction left them if there is one; `options()` is what the service takes. */
+export function bokehFields(given = {}) {
+  const { psf = {}, scale = {}, lens = {}, known = {} } = given;
+  const blur = number({ id: "bokeh-blur", value: psf.sigma ?? 2, min: 0 });
+  const light = select(CHANNELS, given.light ?? "blue", { id: "bokeh-light" });
+  const part = ["column", "row", "width", "height"].map((name, k) => [`bokeh-${name}`, number({ id: `bokeh-${name}`, value: given.crop?.[k] ?? "", min: 0, step: 1 })]);
+  const rotate = number({ id: "bokeh-rotate", value: given.rotate_deg ?? 0 });
+  const pixel = number({ id: "bokeh-pixel", value: scale.pixel ?? "", min: 0 });
+  const lines = number({ id: "bokeh-lines", value: scale.lines?.[0] ?? "", min: 0 });
+  const focal = number({ id: "bokeh-focal", value: lens.focal_mm ?? "", min: 0 });
+  const stop = number({ id: "bokeh-stop", value: lens.f_number ?? "", min: 0 });
+  const distance = number({ id: "bokeh-distance", value: lens.distance_m ?? "", min: 0 });
+  const shape = select(SHAPES, known.shape ?? "", { id: "bokeh-shape", onchange: paint });
+  const depth = number({ id: "bokeh-depth", value: known.depth_um ?? "", min: 0 });
+  const depthField = field("Its depth (µm)", depth, { hint: "From its lowest to its highest point" });
+  function paint() {
+    depthField.hidden = shape.value === "";
+  }
+  paint();
+  const element = h("div", { class: "fields" },
+    field("Blur, standard deviation (pixels)", blur), field("Light", light),
+    ["Part: first column", "Part: first row", "Part: width", "Part: height"].map((label, k) => field(label, part[k][1], k === 0 ? { hint: "Empty: all of it" } : {})),
+    field("Turn anticlockwise (°)", rotate, { hint: "So that the lines stand upright" }),
+    field("Pixel on the sample (µm)", pixel, { hint: "Or the next" }), field("Lines per mm", lines, { hint: "They are counted, which tells the scale" }),
+    field("Focal length (mm)", focal, { hint: "With the next two: what the lens can show" }), field("F-number", stop), field("Lens to sample (m)", distance),
+    field("Shape of the grating", shape, { hint: "A known one calibrates heights" }), depthField);
+  const value = (input) => (Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null);
+  return {
+    element,
+    options: () => {
+      const options = { ...given, psf: { sigma: value(blur) ?? 0 }, light: light.value, rotate_deg: value(rotate) ?? 0 };
+      for (const name of ["crop", "scale", "lens", "known"]) delete options[name];
+      const crop = part.map(([, input]) => value(input));
+      if (crop.every((v) => v !== null)) options.crop = crop;
+      if (value(pixel) !== null) options.scale = { pixel: value(pixel) };
+      else if (value(lines) !== null) options.scale = { lines: [value(lines), scale.lines?.[1] ?? null] };
+      const told = { focal_mm: value(focal), f_number: value(stop), distance_m: value(distance) };
+      if (Object.values(told).some((v) => v !== null)) options.lens = told;
+      if (shape.value) options.known = { shape: shape.value, depth_um: value(depth) };
+      return options;
+    },
+  };
+}
