@@ -76,6 +76,50 @@ fn a_table_puts_each_wavelength_where_its_orders_lie() {
 }
 
 #[test]
+fn a_light_that_is_no_point_is_spread_over_the_table() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    photograph(&path("photo.exr"), [150.4, 148.7], f64::INFINITY);
+    // Two lamps, 21 pixels (0.084 half vectors) beside each other, the right one twice as bright.
+    let lamps = |name: &str, right: f32| {
+        let attributes: [(&str, Attribute); 0] = [];
+        write_exr(&path(name), 64, 64, &["Y"], &attributes, &|_, y, row| {
+            row.fill(0.01);
+            if y == 32 {
+                (row[22], row[43]) = (1.01, 0.01 + right);
+            }
+        })
+        .unwrap();
+        path(name).to_str().unwrap().to_owned()
+    };
+    let mirror = lamps("mirror.exr", 2.0);
+    let [plain, spread] = ["plain", "spread"].map(path);
+    // Entries as far apart as pixels.
+    let wide = [&USUAL[..4], &["--size", "200", "--extent", "0.4"]].concat();
+    run(&path("photo.exr"), &plain, &wide).expect(0);
+    let report = run(&path("photo.exr"), &spread, &[&wide[..], &["--light", &mirror]].concat()).json();
+    assert_eq!(report["light"]["pixels"], 2, "{report}");
+    // Root mean square distance from the middle: 21 pixels · √(1/3 · 2/3).
+    assert!((report["light"]["spread"].as_f64().unwrap() - 0.084 * f64::sqrt(2.0 / 9.0)).abs() < 1e-6, "{report}");
+    let [plain, spread] = [plain, spread].map(|p| read_exr(&p.join("lut.exr")).unwrap().channels.remove("Y").unwrap());
+    let brightest = plain.iter().copied().fold(0.0, f32::max);
+    // The middle of the light is put where the zero order is: the brighter lamp is seven pixels right of it, which are seven entries to
+    // the left in half vectors, and the other one fourteen pixels left.
+    for i in (200..199 * 200).filter(|i| (20..180).contains(&(i % 200))) {
+        let wanted = (2.0 * plain[i + 7] + plain[i - 14]) / 3.0;
+        assert!((spread[i] - wanted).abs() < 1e-4 * brightest, "{i}: {} {wanted}", spread[i]);
+    }
+    let refused = |more: &[&str], word: &str| {
+        let run = run(&path("photo.exr"), &path("none"), &[&USUAL[..], more].concat()).expect(2);
+        assert!(run.stderr().contains(word), "{more:?}: {}", run.stderr());
+    };
+    refused(&["--light", &mirror, "--warp", "3"], "warp");
+    refused(&["--light", &lamps("saturated.exr", f32::NAN)], "saturated.exr");
+    refused(&["--light", &mirror, "--light-scale", "0.1", "--extent", "0.4"], "mirror.exr");
+    refused(&["--light-scale", "0.1"], "--light");
+}
+
+#[test]
 fn what_was_not_measured_is_not_made_up() {
     let dir = tempfile::tempdir().unwrap();
     let (photo, out) = (dir.path().join("photo.exr"), dir.path().join("table"));

@@ -2,7 +2,7 @@
 
 import { field, h, number, select } from "./dom.js";
 
-const CHANNELS = [["blue", "Blue: its short waves show the finest lines"], ["green", "Green"], ["red", "Red"], ["luminance", "Luminance"]];
+const CHANNELS = [["blue", "Blue (finest lines)"], ["green", "Green"], ["red", "Red"], ["luminance", "Luminance"]];
 const SHAPES = [["", "Not known"], ["sinusoid", "Sinusoid"], ["blazed", "Blazed"], ["rectangular", "Rectangular"]];
 
 /** The fields, as an earlier reconstruction left them if there is one; `options()` is what the service takes. */

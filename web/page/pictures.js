@@ -36,7 +36,7 @@ export async function showPictures(main, job, signal) {
       const { blob } = await picture(`${base}/${encodeURIComponent(name)}`, { signal });
       if (shown !== name) return;
       image.alt = MEANING[name] ?? name;
-      image.classList.toggle("small", report.width < 640);
+      image.classList.toggle("small", job.method !== "bokeh" && report.width < 640);
       show(image, blob);
     } catch (problem) {
       if (problem.name !== "AbortError") well.replaceChildren(problemMessage(problem));
@@ -161,7 +161,8 @@ function reportOfTable(report) {
       ["Exponent", plain(report.exponent)],
       ["Method", `${words(choice.method)}${choice.spacing_px === null ? "" : `, ${plain(choice.spacing_px)} pixels apart`}: ${choice.why}`],
       ["Took", seconds.total && duration(seconds.total)],
-    ]));
+    ]),
+    h("details", {}, h("summary", {}, "Taken for granted"), h("ul", {}, (report.assumptions ?? []).map((a) => h("li", { class: "soft" }, a)))));
 }
 
 /** A bokeh photograph's report. */

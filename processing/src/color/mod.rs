@@ -82,6 +82,15 @@ pub fn linear_srgb([x, y, z]: [f32; 3]) -> [f32; 3] {
     ]
 }
 
+/// CIE XYZ of linear sRGB: the inverse of [`linear_srgb`].
+pub fn xyz_of_linear_srgb([r, g, b]: [f32; 3]) -> [f32; 3] {
+    [
+        0.412_456_4 * r + 0.357_576_1 * g + 0.180_437_5 * b,
+        0.212_672_9 * r + 0.715_152_2 * g + 0.072_175 * b,
+        0.019_333_9 * r + 0.119_192 * g + 0.950_304_1 * b,
+    ]
+}
+
 /// Value of the sRGB curve for linear light, 0 to 1.
 pub fn srgb_encode(light: f32) -> f32 {
     let v = light.clamp(0.0, 1.0);

@@ -2,6 +2,7 @@
 //! appears whole or not at all.
 
 mod canvas;
+mod convolution;
 mod exif;
 mod folder;
 mod interpolation;
@@ -19,6 +20,7 @@ mod whole;
 mod write;
 
 pub use canvas::{Canvas, Rgb, text_width};
+pub(crate) use convolution::Convolution;
 pub use exif::{Exposure, exposure};
 pub use folder::OutputFolder;
 pub use interpolation::catmull_rom;

@@ -1,8 +1,9 @@
 //! The photograph: a file, merged exposures, or exposures that are merged first.
 
 use super::geometry::Arrangement;
+use super::light::Light;
 use super::lookup::Photograph;
-use super::settings::{Settings, Wavelength};
+use super::settings::{LightPhotograph, Settings, Wavelength};
 use crate::frames::{Channel, FILE_NAME, Transfer, load};
 use crate::hdr::{self, Source, is_bracket};
 use crate::image::{Depth, read, read_exr};
@@ -47,11 +48,40 @@ pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
 pub(super) fn photograph(input: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Input> {
     let (settings, band_nm) = with_frames(input, settings)?;
     let source = Source::find(input, progress)?;
-    let exr = source.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
-    let channels = if exr { of_exr(&source.path)? } else { of_raster(&source.path, settings.transfer)? };
+    let channels = channels(&source.path, settings.transfer)?;
     let channels = if source.merged.is_some() { Channels { path: input.to_owned(), ..channels } } else { channels };
     let channels = channels.wanted(&settings)?;
     Ok(Input { channels, settings, band_nm, merged: source.merged })
+}
+
+/// The light of a photograph; `scale` is that of the pattern's photograph.
+///
+/// # Errors
+/// `Input` for anything about the photograph.
+pub(super) fn light(photograph: &LightPhotograph, settings: &Settings, scale: f64) -> Result<Light> {
+    let all = channels(&photograph.path, settings.transfer)?;
+    let gray = all.planes.iter().position(|(name, _)| name == "Y");
+    let planes = match gray {
+        Some(k) => vec![all.planes[k].1.clone()],
+        None => {
+            ["R", "G", "B"].iter().filter_map(|c| Some(all.planes.iter().find(|(n, _)| n == c)?.1.clone())).collect()
+        }
+    };
+    Light::cut_out(&planes, all.width, photograph.center, photograph.scale.unwrap_or(scale))
+        .map_err(|e| named(&photograph.path, e))
+}
+
+/// An error about the photograph of a light, with its file.
+pub(super) fn named(path: &Path, error: Error) -> Error {
+    match error {
+        Error::Input { problem, remedy, .. } => Error::file(path, problem, remedy),
+        other => other,
+    }
+}
+
+fn channels(path: &Path, transfer: Option<Transfer>) -> Result<Channels> {
+    let exr = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
+    if exr { of_exr(path) } else { of_raster(path, transfer) }
 }
 
 /// Settings, completed by what `frames.json` says, and the filter's band.

@@ -3,6 +3,7 @@
 use super::center::{Lobe, find, not_found, require};
 use super::choose::{Choice, check, choose, given};
 use super::kernel::{Kernel, Weight, Window};
+use super::light::{Light, LightReport};
 use super::plane::Plane;
 use super::rays::Fineness;
 use super::settings::{MethodChoice, Settings, Wavelength};
@@ -13,6 +14,9 @@ use crate::{Error, Result};
 
 /// A zero order that was given is compared with a lobe this near, in pixels.
 const NEAR_PX: f64 = 20.0;
+
+/// Entries of which less than this part was measured are unknown.
+pub(super) const UNKNOWN: f32 = 0.01;
 
 /// How often a table that is worse than asked for is made anew.
 const TRIES: usize = 3;
@@ -50,6 +54,8 @@ pub struct Table {
     pub sampling_error: Option<f64>,
     /// As [`Self::error`] for what is not known of the zero order's place.
     pub center_error: Option<f64>,
+    /// Light that is no point.
+    pub light: Option<LightReport>,
     /// Half vector per pixel.
     pub scale: f64,
     /// Largest component of the half vector.
@@ -59,8 +65,23 @@ pub struct Table {
 impl Table {
     /// All that is known of the error at the rim together; none without light there.
     pub fn whole_error(&self) -> Option<f64> {
-        let others = [self.center_error, self.sampling_error].map(|e| e.unwrap_or(0.0));
-        self.error.map(|e| e.hypot(others[0]).hypot(others[1]))
+        let light = self.light.and_then(|l| l.error);
+        let others = [self.center_error, self.sampling_error, light].map(|e| e.unwrap_or(0.0));
+        self.error.map(|e| others.iter().fold(e, |sum, other| sum.hypot(*other)))
+    }
+
+    /// Makes it the table of a light that is no point. It must not be warped.
+    ///
+    /// # Errors
+    /// `Input` for a light that is wider than the table.
+    pub fn spread(&mut self, light: &Light) -> Result<()> {
+        let size = self.entries.len().isqrt();
+        let y: Vec<f32> = self.entries.iter().map(|e| if e[3] < UNKNOWN { f32::NAN } else { e[1] }).collect();
+        let middle = [0.5 * (size as f64 - 1.0); 2];
+        let error = between_pixels(&Photograph { light: y, width: size, height: size }, middle);
+        light.spread(&mut self.entries, size, 2.0 * self.extent / size as f64)?;
+        self.light = Some(light.report(error));
+        Ok(())
     }
 }
 
@@ -98,10 +119,8 @@ pub fn lookup(photographs: &[Photograph], settings: &Settings) -> Result<Table> 
     let extent = settings.extent.unwrap_or_else(|| measured(&sources, &kernels));
     let grid = Grid { size: settings.size, extent, warp: settings.warp };
     let pairs: Vec<(Kernel, &Source)> = kernels.into_iter().zip(&sources).collect();
-    // How far off the zero order may be, in pixels: what is measured, or how far a given one is from the lobe.
-    let known = lobe_elsewhere.map_or(Some(lobe.sigma_px).filter(|s| s.is_finite()), |l| {
-        Some((l[0] - lobe.center[0]).hypot(l[1] - lobe.center[1]))
-    });
+    // How far off the zero order may be, in pixels: what is measured, and how far a given one is from the lobe.
+    let known = Some(lobe.sigma_px).filter(|s| s.is_finite());
     let (entries, choice, [error, center_error]) = add_up(&pairs, &grid, settings, known.unwrap_or(0.0));
     Ok(Table {
         entries,
@@ -114,6 +133,7 @@ pub fn lookup(photographs: &[Photograph], settings: &Settings) -> Result<Table> 
         error,
         sampling_error: between_pixels(first, lobe.center),
         center_error: known.and(center_error),
+        light: None,
         scale: places.first().map_or(1.0, |p| p.1),
         extent,
     })
@@ -162,8 +182,11 @@ fn zero_order(p: &Photograph, settings: &Settings) -> Result<(Lobe, Option<[f64;
         return Ok((Lobe::given(center, f64::NAN, false), None));
     };
     let off = (lobe.center[0] - center[0]).hypot(lobe.center[1] - center[1]);
-    let elsewhere = off > (3.0 * lobe.sigma_px).max(0.1) && off < NEAR_PX;
-    Ok((Lobe::given(center, lobe.sigma_px, lobe.saturated), elsewhere.then_some(lobe.center)))
+    if off >= NEAR_PX {
+        return Ok((Lobe::given(center, f64::NAN, lobe.saturated), None));
+    }
+    let elsewhere = off > (3.0 * lobe.sigma_px).max(0.1);
+    Ok((Lobe::given(center, lobe.sigma_px.hypot(off), lobe.saturated), elsewhere.then_some(lobe.center)))
 }
 
 fn kernels(settings: &Settings, bands: Wavelength, illuminant: &Illuminant) -> Vec<Kernel> {

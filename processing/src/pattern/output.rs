@@ -1,6 +1,6 @@
 //! Maps, pictures and the radial profile of a table.
 
-use super::lookup::Table;
+use super::lookup::{Table, UNKNOWN};
 use super::report::Coverage;
 use super::settings::Settings;
 use super::table::Grid;
@@ -10,12 +10,11 @@ use crate::image::{Attribute, OutputFolder, scalar_picture, write_exr, write_png
 use rayon::prelude::*;
 use std::fmt::Write;
 
-/// Entries of which less than this part was measured are NaN, and those above that one are whole.
-const NONE: f32 = 0.01;
+/// Entries of which more than this part was measured are whole.
 const FULL: f32 = 0.99;
 
 /// Colour of what is not known, and brightness of the picture's ninth decile, of white before it is compressed.
-const UNKNOWN: [u8; 3] = [58, 58, 66];
+const GRAY: [u8; 3] = [58, 58, 66];
 const KEY: f32 = 0.4;
 
 /// Rings of the radial profile.
@@ -35,7 +34,7 @@ impl Output<'_> {
     /// X, Y, Z and coverage; NaN light where next to nothing was measured.
     fn at(&self, i: usize) -> [f32; 4] {
         let [x, y, z, coverage] = self.table.entries[i];
-        if coverage < NONE { [f32::NAN, f32::NAN, f32::NAN, coverage] } else { [x, y, z, coverage.min(1.0)] }
+        if coverage < UNKNOWN { [f32::NAN, f32::NAN, f32::NAN, coverage] } else { [x, y, z, coverage.min(1.0)] }
     }
 
     pub(super) fn coverage(&self) -> Coverage {
@@ -46,7 +45,7 @@ impl Output<'_> {
         Coverage {
             mean: self.table.entries.par_iter().map(|e| f64::from(e[3].min(1.0))).sum::<f64>() / all,
             full: share(counted(&|c| c >= FULL)),
-            none: share(counted(&|c| c < NONE)),
+            none: share(counted(&|c| c < UNKNOWN)),
         }
     }
 
@@ -86,14 +85,14 @@ impl Output<'_> {
         bytes.par_chunks_mut(3).enumerate().for_each(|(i, out)| {
             let [x, y, z, coverage] = self.at(i);
             if y.is_nan() {
-                out.copy_from_slice(&UNKNOWN);
+                out.copy_from_slice(&GRAY);
                 return;
             }
             let luminance = (y * scale).max(0.0);
             let rgb = linear_srgb([x * scale, y * scale, z * scale]);
             let (least, most) = rgb.iter().fold((luminance, 1e-9_f32), |(a, b), v| (a.min(*v), b.max(*v)));
             let kept = if least < 0.0 { luminance / (luminance - least) } else { 1.0 };
-            for ((out, v), unknown) in out.iter_mut().zip(rgb).zip(UNKNOWN) {
+            for ((out, v), unknown) in out.iter_mut().zip(rgb).zip(GRAY) {
                 let v = (luminance + kept * (v - luminance)) / (1.0 + most);
                 *out = (srgb_encode(v) * 255.0 * coverage + f32::from(unknown) * (1.0 - coverage)).round() as u8;
             }

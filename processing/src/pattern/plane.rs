@@ -29,8 +29,7 @@ impl Plane {
     /// Of row-major light; NaN is unknown.
     pub(super) fn new(light: &[f32], width: usize, height: usize) -> Self {
         let (mut filled, known) = fill(light, width, height);
-        filled.par_chunks_mut(width).for_each(along_row);
-        along_columns(&mut filled, width, height);
+        to_coefficients(&mut filled, width, height);
         Self { width, height, coefficients: padded(&filled, width, height), known }
     }
 
@@ -77,9 +76,15 @@ impl Plane {
     }
 }
 
+/// Values of an image, continued by its mirror image, to the coefficients of the splines that meet them.
+pub(super) fn to_coefficients(image: &mut [f32], width: usize, height: usize) {
+    image.par_chunks_mut(width).for_each(along_row);
+    along_columns(image, width, height);
+}
+
 /// Weights of the four coefficients around a place.
 #[inline(always)]
-fn weights(t: f32) -> [f32; 4] {
+pub(super) fn weights(t: f32) -> [f32; 4] {
     let (u, square) = (1.0 - t, t * t);
     let cube = square * t;
     [u * u * u / 6.0, 2.0 / 3.0 - square + 0.5 * cube, 2.0 / 3.0 - u * u + 0.5 * u * u * u, cube / 6.0]

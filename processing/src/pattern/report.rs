@@ -1,6 +1,7 @@
 //! `report.json` of a table.
 
 use super::choose::Choice;
+use super::light::LightReport;
 use super::settings::Wavelength;
 use crate::color::Observer;
 use crate::hdr;
@@ -13,6 +14,8 @@ pub struct Report {
     pub method: &'static str,
     /// What the reader must know before trusting the result. Empty when there is nothing.
     pub warnings: Vec<String>,
+    /// What the table takes for granted, which no photograph tells; the errors below do not count it.
+    pub assumptions: Vec<String>,
     /// Entries of a row.
     pub width: usize,
     /// Rows.
@@ -46,6 +49,9 @@ pub struct Report {
     pub sampling_error: Option<f64>,
     /// Its part of what is not known of the zero order's place.
     pub center_error: Option<f64>,
+    /// The light's shape, where its photograph was given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub light: Option<LightReport>,
     /// How far the filter's band spreads an order at the rim, full width at half maximum in pixels of the photograph.
     pub band_px: Option<f64>,
     /// What was covered.

@@ -6,6 +6,7 @@ use crate::frames::{Channel, Transfer};
 use crate::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// Limits of a table's side.
 pub const SIZES: std::ops::RangeInclusive<usize> = 16..=8192;
@@ -43,9 +44,23 @@ pub struct Settings {
     pub channel: Option<Channel>,
     /// How the photograph's values grow with light (default: linear; must be said for 8 bits).
     pub transfer: Option<Transfer>,
+    /// A photograph of the light's mirror image, for light that is no point. Not over REST: it names a file.
+    #[serde(skip)]
+    pub light: Option<LightPhotograph>,
     /// Replace results that are already there.
     #[serde(skip)]
     pub overwrite: bool,
+}
+
+/// A photograph of a light's mirror image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightPhotograph {
+    /// Its file.
+    pub path: PathBuf,
+    /// Half vector per pixel of it (default: that of the pattern's photograph).
+    pub scale: Option<f64>,
+    /// Its pixel that is put where the zero order is (default: the middle of its light).
+    pub center: Option<[f64; 2]>,
 }
 
 /// Wavelengths of a photograph.
@@ -109,6 +124,7 @@ impl Default for Settings {
             method: MethodChoice::Auto,
             channel: None,
             transfer: None,
+            light: None,
             overwrite: false,
         }
     }
@@ -158,6 +174,9 @@ impl Settings {
         within("exponent", self.exponent, -10.0, 10.0)?;
         within("max-error", self.max_error, 1e-4, 1.0)?;
         self.transfer.map_or(Ok(()), Transfer::check_known)?;
+        if self.light.is_some() && self.warp != 1 {
+            return Err(Error::input("warp", "does not go with a photograph of the light", "give --warp 1"));
+        }
         match self.method {
             MethodChoice::Auto => Ok(()),
             MethodChoice::Rays(px) | MethodChoice::Single(px) => within("method", px, 0.1, 16.0),

@@ -14,8 +14,8 @@ use photographs::outcome;
 
 /// All of them, in the order of the page.
 pub fn studies(effort: Effort) -> Vec<Study> {
-    let mut all =
-        vec![registration(effort), oblique(effort), compact_disc(effort), hdr::study(effort), lut::study(effort)];
+    let mut all = vec![registration(effort), oblique(effort), compact_disc(effort), hdr::study(effort)];
+    all.extend(lut::studies(effort));
     all.extend(bokeh::studies(effort));
     all
 }

@@ -6,7 +6,7 @@ use crate::commands::values::{ChannelName, numbers, transfer};
 use crate::console::Console;
 use nacre_processing::color::Observer;
 use nacre_processing::frames::{Channel, Transfer};
-use nacre_processing::pattern::{self, Arrangement, MethodChoice, Report, Settings, Wavelength};
+use nacre_processing::pattern::{self, Arrangement, LightPhotograph, MethodChoice, Report, Settings, Wavelength};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -18,6 +18,7 @@ Examples:
   nacre reconstruct lut hdr.exr --wavelength 680 --geometry bench.toml --illuminant D65 --out table
   nacre reconstruct lut session --out table --illuminant FL2 --observer 1964 --max-error 0.002
   nacre reconstruct lut photo.exr --wavelength 610,540,460 --scale 0.002 --out table     white light, by channel
+  nacre reconstruct lut hdr.exr --wavelength 680 --scale 0.002 --light mirror.exr --out table            a light that is no point
 
 with bench.toml:
   camera_mm = 1000          # above the surface; it looks straight down
@@ -78,6 +79,15 @@ pub struct Lut {
     /// How values of a photograph grow with light; must be said for 8 bits.
     #[arg(long, value_name = "linear|srgb|gamma=NUMBER", value_parser = transfer)]
     transfer: Option<Transfer>,
+    /// Photograph of the mirror image of a light that is no point, which the table is spread with.
+    #[arg(long, value_name = "PHOTO")]
+    light: Option<PathBuf>,
+    /// Half vector per pixel of that (default: that of the pattern's photograph).
+    #[arg(long, value_name = "H_PER_PIXEL", requires = "light")]
+    light_scale: Option<f64>,
+    /// Its pixel that is put where the zero order is (default: the middle of its light).
+    #[arg(long, value_name = "auto|X,Y", requires = "light", default_value = "auto", value_parser = center)]
+    light_center: Center,
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
@@ -116,6 +126,11 @@ impl Lut {
             method: self.method,
             channel: self.channel.map(Channel::from),
             transfer: self.transfer,
+            light: self.light.as_ref().map(|path| LightPhotograph {
+                path: path.clone(),
+                scale: self.light_scale,
+                center: self.light_center,
+            }),
             overwrite: self.force,
         };
         let report = pattern::reconstruct(&self.input, &self.out, &settings, console)?;
@@ -153,6 +168,13 @@ fn summary(report: &Report) -> String {
     let [x, y] = report.center;
     let sigma = report.center_sigma_px.map_or("unknown".into(), |s| format!("{s:.2}"));
     let _ = writeln!(text, "centre    {x:.2}, {y:.2} (± {sigma} pixels), {:.6} half vectors per pixel", report.scale);
+    if let Some(l) = &report.light {
+        let _ = writeln!(
+            text,
+            "shape     {} pixels of light, {:.4} half vectors from their middle (RMS)",
+            l.pixels, l.spread
+        );
+    }
     let c = &report.choice;
     let step = c.spacing_px.map(|s| format!("{s} pixels")).or(c.step_nm.map(|s| format!("{s} nm"))).unwrap_or_default();
     let _ = writeln!(text, "method    {} in steps of {step}: {}", c.method, c.why);
@@ -172,6 +194,9 @@ fn summary(report: &Report) -> String {
         100.0 * coverage.full,
         100.0 * coverage.none
     );
+    for assumption in &report.assumptions {
+        let _ = writeln!(text, "assumed   {assumption}");
+    }
     for warning in &report.warnings {
         let _ = writeln!(text, "warning   {warning}");
     }

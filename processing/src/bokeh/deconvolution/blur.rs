@@ -1,16 +1,16 @@
 //! Blurring with a point spread function, by the way that suits it, and what is done with the blurred rows.
 
-use super::fourier::Fourier;
 use super::kernel::{Rows, Scratch, convolve};
 use super::plane::Plane;
 use super::psf::{Psf, Shape};
+use crate::image::Convolution;
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// A point spread function, ready for images of one size.
 pub(super) enum Blur {
     Separable(Vec<f32>),
-    Any(Box<Fourier>),
+    Any(Box<Convolution>),
 }
 
 /// Sums over an image that fall off while its rows are written.
@@ -29,7 +29,9 @@ impl Blur {
     pub(super) fn new(psf: &Psf, size: [usize; 2]) -> Self {
         match &psf.0 {
             Shape::Separable(half) => Self::Separable(half.clone()),
-            Shape::Any { width, height, values } => Self::Any(Box::new(Fourier::new(size, [*width, *height], values))),
+            Shape::Any { width, height, values } => {
+                Self::Any(Box::new(Convolution::new(size, [*width, *height], values)))
+            }
         }
     }
 
@@ -57,7 +59,12 @@ impl Blur {
                 })
                 .collect(),
             Self::Any(fourier) => {
-                let (image, stride) = (fourier.convolved(input, adjoint), fourier.stride());
+                let fill = |y: usize, row: &mut [f32]| {
+                    if y < input.height {
+                        row[..input.width].copy_from_slice(input.row(y));
+                    }
+                };
+                let (image, stride) = (fourier.convolved(&fill, adjoint), fourier.stride());
                 let one = |mut work: W| {
                     work.rows().for_each(|y| work.row(y, &image[y * stride..][..input.width]));
                     work.sums()

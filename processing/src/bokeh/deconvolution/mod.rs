@@ -9,7 +9,6 @@
 //! (Bertero and Boccacci 2005). Pixels that are not known (NaN) are treated alike. [`Edges::Zero`] is the textbook's way.
 
 mod blur;
-mod fourier;
 mod kernel;
 mod plane;
 mod psf;

@@ -1,6 +1,5 @@
 //! Convolution with any kernel through the Fourier transform.
 
-use super::plane::Plane;
 use num_complex::Complex32;
 use rayon::prelude::*;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
@@ -8,7 +7,7 @@ use rustfft::{Fft, FftPlanner};
 use std::sync::Arc;
 
 /// A kernel, ready for images of one size.
-pub(super) struct Fourier {
+pub(crate) struct Convolution {
     /// Size of the transform.
     width: usize,
     height: usize,
@@ -19,9 +18,9 @@ pub(super) struct Fourier {
     kernel: Vec<Complex32>,
 }
 
-impl Fourier {
+impl Convolution {
     /// For images of `size` (width, height) with zeros beyond; `values` has odd width and height.
-    pub(super) fn new(size: [usize; 2], kernel: [usize; 2], values: &[f32]) -> Self {
+    pub(crate) fn new(size: [usize; 2], kernel: [usize; 2], values: &[f32]) -> Self {
         // What wraps around comes from the zeros.
         let [width, height] = [0, 1].map(|axis| good_size(size[axis] + kernel[axis] / 2));
         let mut real = RealFftPlanner::new();
@@ -75,14 +74,10 @@ impl Fourier {
         );
     }
 
-    /// Convolves (`adjoint`: with the mirrored kernel); rows of the width of the transform.
-    pub(super) fn convolved(&self, input: &Plane, adjoint: bool) -> Vec<f32> {
-        let fill = |y: usize, row: &mut [f32]| {
-            if y < input.height {
-                row[..input.width].copy_from_slice(input.row(y));
-            }
-        };
-        let mut spectrum = self.transformed(&fill);
+    /// Convolves the image of which `fill` writes a row, if there is one (`adjoint`: with the mirrored kernel); rows of the width of the
+    /// transform.
+    pub(crate) fn convolved(&self, fill: &(dyn Fn(usize, &mut [f32]) + Sync), adjoint: bool) -> Vec<f32> {
+        let mut spectrum = self.transformed(fill);
         spectrum.par_iter_mut().zip(&self.kernel).for_each(|(v, k)| *v *= if adjoint { k.conj() } else { *k });
         self.along_columns(&mut spectrum, 1);
         let mut rows = turned(&spectrum, self.height);
@@ -101,7 +96,7 @@ impl Fourier {
     }
 
     /// Values per row of [`Self::convolved`].
-    pub(super) fn stride(&self) -> usize {
+    pub(crate) fn stride(&self) -> usize {
         self.width
     }
 }
