@@ -247,8 +247,9 @@ fn the_geometry_of_a_near_flash_is_undone() {
     // The lattice's envelope shifts the centroid of an order, from near as from far.
     assert!(peaks.iter().all(|p| (p[0] - 0.204).abs() < 5e-4), "{peaks:?}");
     assert!((peaks[0][0] - peaks[1][0]).abs() < 1e-4, "{peaks:?}");
-    // The same strength from near as from far: cosine, inverse square and G are undone.
-    assert!((peaks[0][1] / peaks[1][1] - 1.0).abs() < 0.03, "{peaks:?}");
+    // The same strength from near as from far: cosine, inverse square and G are undone. Pixels of 200 µm from near and 6.5 mm from far are
+    // not quite the same part of an order (1.4 %).
+    assert!((peaks[0][1] / peaks[1][1] - 1.0).abs() < 0.02, "{peaks:?}");
 }
 
 #[test]

@@ -143,6 +143,7 @@ fn pixels_that_are_too_coarse_are_noticed() {
         let made = scene.table(MethodChoice::Auto, 0.009);
         let (off, said) = (scene.error(&made, 0.6..2.0), made.0.whole_error().unwrap());
         println!("{px} px: {off:.5}, said {said:.5}, between pixels {:.5}", made.0.sampling_error.unwrap());
-        assert!(off < 2.0 * said && said < 6.0 * off, "{px}: {off} {said}");
+        // Twice what it is off by, for room: parts are added as if they had nothing to do with each other.
+        assert!(off < said && said < 3.0 * off, "{px}: {off} {said}");
     }
 }
