@@ -19,5 +19,6 @@ pub mod pattern;
 pub mod polarimetry;
 pub mod progress;
 pub mod rcwa;
+pub mod surface;
 
 pub use error::{Error, Result};
