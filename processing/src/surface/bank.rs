@@ -228,6 +228,7 @@ impl<T: Real> Bank<T> {
     }
 
     /// Power of all stored frequencies together, for `q`; 1 where nothing is left out.
+    #[cfg(test)]
     pub(super) fn total(&self, q: f64) -> f64 {
         let mut scratch = Scratch::default();
         self.coefficients(q * self.half_um, &mut scratch);

@@ -299,6 +299,9 @@ pub fn name(method: Method) -> &'static str {
     }
 }
 
+/// Places that are compared at one q.
+const GROUP: usize = 8;
+
 /// Largest difference from direct sums at some places near to lobes, relative to what is there, or to a lobe of a thousandth of the light.
 fn measured(field: &HeightField, model: &Model, request: &Request, method: Method) -> Option<f64> {
     // Windows of other shapes are not comparable.
@@ -312,35 +315,28 @@ fn measured(field: &HeightField, model: &Model, request: &Request, method: Metho
     let floor = FAINTEST * model.window.peak();
     let ratio = |k: usize, by: f64| (k as f64 * by).fract();
     let size = field.size_um();
-    for k in 0..count {
-        let q = request.q[0] + (request.q[1] - request.q[0]) * ratio(k + 1, 0.754_877_666_2);
-        // The strongest frequencies of a coarse look, and places between; a little off their middle.
-        let mut place = [0, 1].map(|axis| {
-            let bins = (request.frequency[axis] * size[axis]).floor();
-            let bin = ((2.0 * ratio(k + 1, [0.569_840_291, 0.618_033_989][axis]) - 1.0) * bins).round();
-            bin / size[axis]
-        });
-        if let (Some(peak), true) = (brightest(model, request, size, q, k, &mut memory), k % 4 != 3) {
-            place = peak;
+    for group in 0..count.div_ceil(GROUP) {
+        let q = request.q[0] + (request.q[1] - request.q[0]) * ratio(group + 1, 0.754_877_666_2);
+        let bright = brightest(model, request, size, q, &mut memory);
+        for k in group * GROUP..count.min((group + 1) * GROUP) {
+            // Three of four at the strongest frequencies, the others anywhere; a little off their middle.
+            let anywhere = [0, 1].map(|axis| {
+                let bins = (request.frequency[axis] * size[axis]).floor();
+                ((2.0 * ratio(k + 1, [0.569_840_291, 0.618_033_989][axis]) - 1.0) * bins).round() / size[axis]
+            });
+            let place = bright.get(k % GROUP).copied().filter(|_| k % 4 != 3).unwrap_or(anywhere);
+            let off = model.window.sigma * (ratio(k, 0.324_717_957) - 0.5);
+            let place = [place[0] + off, place[1] - 0.5 * off];
+            let truth = reference.density(place, q, model.window);
+            let found = model.density(place, q, &mut memory);
+            worst = worst.max((found - truth).abs() / truth.max(floor));
         }
-        let off = model.window.sigma * (ratio(k, 0.324_717_957) - 0.5);
-        let place = [place[0] + off, place[1] - 0.5 * off];
-        let truth = reference.density(place, q, model.window);
-        let found = model.density(place, q, &mut memory);
-        worst = worst.max((found - truth).abs() / truth.max(floor));
     }
     Some(worst)
 }
 
-/// The k-th place of a coarse look at the frequencies of a patch that is bright.
-fn brightest(
-    model: &Model,
-    request: &Request,
-    size: [f64; 2],
-    q: f64,
-    k: usize,
-    memory: &mut Memory,
-) -> Option<[f64; 2]> {
+/// The brightest places of a coarse look at the frequencies of a patch.
+fn brightest(model: &Model, request: &Request, size: [f64; 2], q: f64, memory: &mut Memory) -> Vec<[f64; 2]> {
     let bins = [0, 1].map(|axis| ((request.frequency[axis] * size[axis]) as isize).min(24));
     let mut all = vec![];
     for iy in -bins[1]..=bins[1] {
@@ -350,5 +346,5 @@ fn brightest(
         }
     }
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
-    all.get(k % 8).map(|p| p.1)
+    all.into_iter().take(GROUP).map(|p| p.1).collect()
 }

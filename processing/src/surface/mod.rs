@@ -36,6 +36,7 @@ pub mod output;
 mod pq;
 mod reference;
 mod settings;
+mod slits;
 mod spectral;
 #[cfg(test)]
 mod tests;
@@ -50,4 +51,5 @@ pub use geometry::{Direction, Pair, Window};
 pub use height::HeightField;
 pub use orders::{OrderMethod, Section, most_orders};
 pub use settings::{Method, Normalisation, SIZES, Settings};
+pub use slits::{Slits, stripes};
 pub use spectral::RANGE_NM;

@@ -339,6 +339,72 @@ fn nmm_finds_the_light_of_a_map_at_few_wavelengths() {
         let (a, b) = (at(x, 31), at(62 - x, 31));
         (a - b).abs() <= 1e-3 * a.max(b).max(1e-6) || a.is_nan()
     }));
-    // At the mirror direction the whole spectrum is there: no white disc is needed.
-    assert!(few.xyz[31 * 63 + 31].iter().all(|v| (v / few.xyz[31 * 63 + 31][1] - 1.0).abs() < 0.5));
+}
+
+#[test]
+fn every_expansion_conserves_energy_on_a_surface_of_two_dimensions() {
+    let field = fingers();
+    let relief = Relief::new(&field);
+    let [low, high] = [8.0, 33.0].map(|q| q * relief.half_um);
+    for kind in [Kind::Taylor, Kind::Chebyshev, Kind::Nodes] {
+        let of = |error: f64| Expansion::new(kind, low, high, error, f64::EPSILON).unwrap();
+        // All frequencies but those at half a cycle per pixel, which an even number of pixels has.
+        let odd = HeightField { width: 59, height: 59, um: crop(&field, 59), ..field.clone() };
+        let relief = Relief::new(&odd);
+        let double = Bank::<f64>::new(&relief, of(1e-5), [99.0; 2], 1e-12, || {});
+        for q in [8.0, 12.3, 20.0, 33.0] {
+            assert!((double.total(q) - 1.0).abs() < 1e-3, "{kind:?} {q}: {}", double.total(q));
+        }
+    }
+}
+
+fn crop(field: &HeightField, side: usize) -> Vec<f64> {
+    field.um.chunks(field.width).take(side).flat_map(|row| row[..side].to_vec()).collect()
+}
+
+#[test]
+fn pq_is_the_sum_over_all_repetitions() {
+    // 25 pixels a period, two periods a patch, eight patches; along y a sixteenth of the coherence is one patch.
+    let field = Synthetic {
+        shape: Shape::Grating(Profile::Blazed),
+        pixels: 50,
+        pixel_um: 0.1,
+        period_um: 2.5,
+        depth_um: 0.3,
+        angle: 0.0,
+    }
+    .field()
+    .unwrap();
+    let relief = Relief::new(&field);
+    let expansion = Expansion::new(Kind::Chebyshev, 5.0 * relief.half_um, 33.0 * relief.half_um, 1e-9, 0.0).unwrap();
+    for linear in [false, true] {
+        let bank = Bank::<f64>::new(&relief, expansion.clone(), [9.0; 2], 0.0, || {});
+        let pq = super::pq::Pq {
+            bank,
+            pixels: [50, 50],
+            size_um: relief.size_um,
+            repeats: super::pq::repeats(relief.size_um, 40.0),
+            linear,
+        };
+        let n = pq.repeats[0];
+        assert_eq!(pq.repeats, [8, 8]);
+        let limit = super::pq::interpolation_error(pq.repeats, linear);
+        let mut scratch = Scratch::default();
+        for q in [12.0, 23.0] {
+            for k in -60..=60 {
+                let f = f64::from(k) * 0.4 / 20.0 + 0.003;
+                // The pixels of all repetitions, along x; along y the sum is that of a mirror.
+                let sum: Complex64 = (0..50 * n)
+                    .map(|x| Complex64::from_polar(0.1, -q * field.um[x % 50] - TAU * f * 0.1 * x as f64))
+                    .sum();
+                let along = 5.0 * n as f64;
+                let truth = sum.norm_sqr() / along * along;
+                let found = pq.density([f, 0.0], q, &mut scratch);
+                assert!(
+                    (found - truth).abs() <= limit * truth.max(1e-3 * pq.area_um2()),
+                    "{linear} {q} {f}: {found} {truth}"
+                );
+            }
+        }
+    }
 }

@@ -16,8 +16,8 @@ Examples:
   nacre brdf surface blazed --period-um 2.5 --depth-um 0.3 --out blazed.exr
   nacre brdf surface fingers --period-um 1.15 --depth-um 0.4 --pixels 512 --pixel-um 0.09 --angle 20 --out snake.exr
 
-Without --pixel-um, pixels are as fine as light at 75 degrees needs, and the patch holds whole periods where the angle
-is a multiple of 90. Writes FILE.exr (height in µm, with the pixel pitch) and FILE.png (a picture).")]
+Without --pixel-um, pixels are as fine as light at 75 degrees needs, periods are whole pixels, and the patch holds whole
+periods where the angle is a multiple of 90. Writes FILE.exr (height in µm, with the pixel pitch) and FILE.png (a picture).")]
 pub struct Surface {
     /// What it is.
     shape: Kind,
@@ -33,7 +33,7 @@ pub struct Surface {
     /// Direction of the grating vector, anticlockwise from the right, in degrees.
     #[arg(long, default_value_t = 0.0, value_name = "DEG", allow_negative_numbers = true)]
     angle: f64,
-    /// Pixels of a row and of a column.
+    /// Pixels of a row and of a column; without --pixel-um at most so many.
     #[arg(long, default_value_t = 256)]
     pixels: usize,
     /// Size of a pixel in µm.
@@ -75,6 +75,16 @@ struct Report<'a> {
 }
 
 impl Surface {
+    /// Pixels, at most as many as asked for, and their pitch.
+    fn whole(&self) -> (usize, f64) {
+        let per_period = (self.period_um / FINE_UM).ceil().max(4.0);
+        let periods = (self.pixels as f64 / per_period).floor();
+        if !(periods >= 1.0) {
+            return (self.pixels, FINE_UM);
+        }
+        ((periods * per_period) as usize, self.period_um / per_period)
+    }
+
     /// Makes and writes it.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let picture = self.out.with_extension("png");
@@ -94,15 +104,12 @@ impl Surface {
             Kind::TwoRegions => Shape::TwoRegions,
             Kind::Fingers => Shape::Fingers,
         };
-        // Whole periods in the patch: the largest pitch that is fine enough.
-        let whole = || {
-            let periods = (self.pixels as f64 * FINE_UM / self.period_um).floor().max(1.0);
-            periods * self.period_um / self.pixels as f64
-        };
+        // Whole pixels in a period and whole periods in the patch, so that it can be repeated.
+        let (pixels, pixel_um) = self.pixel_um.map_or_else(|| self.whole(), |um| (self.pixels, um));
         let surface = Synthetic {
             shape,
-            pixels: self.pixels,
-            pixel_um: self.pixel_um.unwrap_or_else(whole),
+            pixels,
+            pixel_um,
             period_um: self.period_um,
             depth_um: self.depth_um,
             angle: self.angle.to_radians(),

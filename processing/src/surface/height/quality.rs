@@ -113,7 +113,7 @@ impl Quality {
         if least < coherence_um && self.height > 1 && self.single().is_none() && self.range_um > 0.0 {
             all.push(format!(
                 "the patch ({least:.1} µm) is smaller than the coherence length ({coherence_um} µm) and is no plain grating: its repetition \
-                 shows as orders of a grating of {least:.1} µm"
+                 shows as orders of a grating of {least:.1} µm; a coherence of {least:.0} µm shows what the patch itself diffracts"
             ));
         }
         let [right, up] = self.tilt;
