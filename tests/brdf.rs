@@ -141,6 +141,8 @@ fn what_cannot_be_done_is_refused_in_words() {
         ("orders --period-um 0 --depth-um 0.1 --out x.csv", "period"),
         ("orders --period-um 2 --out x.csv", "--depth-um"),
         ("orders --period-um 2 --depth-um 0.1 --profile blazed --method taylor2 --out x.csv", "sinusoid"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --out nowhere/x.exr", "no folder"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --out x.png", "twice"),
         ("surface blazed --period-um -1 --depth-um 0.1 --out x.exr", "period"),
     ] {
         let run = brdf(dir, args).expect(2);

@@ -6,6 +6,7 @@ use super::height::HeightField;
 use super::transform::{Plan, Real};
 use num_complex::Complex;
 use pulp::Arch;
+use rayon::prelude::*;
 
 /// Most memory of the transforms, in bytes.
 pub(super) const MOST_BYTES: usize = 3 << 30;
@@ -88,7 +89,7 @@ impl<T: Real> Bank<T> {
         if expansion.is_real() {
             let mut cast = vec![T::zero(); relief.t.len()];
             expansion.real_terms(&relief.t, |_, factor, values| {
-                cast.iter_mut().zip(values).for_each(|(to, from)| *to = T::of(*from));
+                cast.par_iter_mut().zip(values).for_each(|(to, from)| *to = T::of(*from));
                 let mut plane = plan.real(&cast);
                 let factor = Complex::new(T::of(factor.re), T::of(factor.im));
                 plane.iter_mut().for_each(|c| *c = *c * factor);
@@ -102,7 +103,7 @@ impl<T: Real> Bank<T> {
                     let (sin, cos) = (node * t).sin_cos();
                     Complex::new(T::of(cos), T::of(-sin))
                 };
-                planes.push(plan.complex(relief.t.iter().map(turned).collect()));
+                planes.push(plan.complex(relief.t.par_iter().map(turned).collect()));
                 step();
             }
         }
@@ -136,6 +137,18 @@ impl<T: Real> Bank<T> {
                 *slot = DARK;
             }
         }
+    }
+
+    /// Whether all frequencies that hold light, in cycles per patch, are like this.
+    pub(super) fn all(&self, which: impl Fn([isize; 2]) -> bool) -> bool {
+        let across = 2 * self.reach[0] + 1;
+        let at = |k: usize| [k as isize % across - self.reach[0], k as isize / across - self.reach[1]];
+        self.slots.iter().enumerate().all(|(k, slot)| *slot == DARK || which(at(k)))
+    }
+
+    /// Part of the frequencies that hold light.
+    pub(super) fn share(&self) -> f64 {
+        self.bright() as f64 / self.slots.len() as f64
     }
 
     /// Frequencies that hold light.

@@ -68,7 +68,7 @@ pub fn check(
     let [period_um, azimuth_deg] = given;
     let strongest = quality.periods.first();
     let refuse =
-        || Error::input("height field", "has no period that stands out", "give --period-um and the light's azimuth");
+        || Error::input(&field.name, "has no period that stands out", "give --period-um and the light's azimuth");
     let period = period_um.or(strongest.map(|p| p.period_um)).ok_or_else(refuse)?;
     let azimuth = azimuth_deg.or(strongest.map(|p| p.direction_deg)).ok_or_else(refuse)?;
     if !(period > 0.0 && period < 1e4) {
@@ -143,7 +143,7 @@ pub fn check(
         found.into_iter().flatten().filter(|p| p.period_nm.is_finite() && p.relative > 0.0).collect();
     if peaks.is_empty() {
         let problem = format!("shows no peak near to a period of {period:.3} µm in the plane of {azimuth:.1}°");
-        return Err(Error::input("height field", problem, "check --period-um and the light's azimuth"));
+        return Err(Error::input(&field.name, problem, "check --period-um and the light's azimuth"));
     }
     let count = peaks.len() as f64;
     let mean_nm = peaks.iter().map(|p| p.period_nm).sum::<f64>() / count;

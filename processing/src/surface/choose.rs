@@ -9,6 +9,7 @@ use super::lattice::Lattice;
 use super::pq::{Pq, interpolation_error, repeats};
 use super::reference::Reference;
 use super::settings::{Method, Settings};
+use super::transform::Real;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use serde::Serialize;
@@ -20,15 +21,21 @@ const FAINTEST: f64 = 1e-3;
 const EXPANSION: f64 = 0.25;
 pub(super) const WINDOW: f64 = 0.25;
 pub(super) const STEP: f64 = 0.25;
+const DARK: f64 = 0.1;
 
-/// Nanoseconds: a point of a transform and doubling of its size, a density, a frequency under the window, a term of it in groups of eight.
+/// Nanoseconds: a point of a transform and doubling of its size, a density, a frequency under the window and its terms in groups of eight,
+/// a function of X, a look at whether a frequency is dark, an exponential.
 /// As measured on one machine; they need only be right against each other.
 const POINT_NS: f64 = 0.9;
 const DENSITY_NS: f64 = 60.0;
 const NEAR_NS: f64 = 6.0;
 const GROUP_NS: f64 = 1.6;
 const COEFFICIENT_NS: f64 = 4.0;
+const LOOK_NS: f64 = 1.0;
 const EXPONENTIAL_NS: f64 = 15.0;
+
+/// Why of a method that somebody chose.
+const ASKED: &str = "asked for";
 
 /// What was chosen, and why.
 #[derive(Clone, Debug, Serialize)]
@@ -41,7 +48,8 @@ pub struct Choice {
     pub terms: Option<usize>,
     /// Spatial frequencies that hold light.
     pub frequencies: Option<usize>,
-    /// Largest relative error, of lobes with a thousandth of the light, that is expected of the expansion, its rounding and the window.
+    /// Largest relative error, of lobes with a thousandth of the light, that is expected of the expansion, its rounding and the window; of
+    /// `pq`, of lobes as strong as their neighbours.
     pub predicted_error: f64,
     /// The same, measured against direct sums at some places.
     pub measured_error: Option<f64>,
@@ -94,7 +102,7 @@ impl Chooser<'_> {
             return None;
         }
         let error = of_lobes(expansion.error() + rounding) + WINDOW * self.wanted;
-        let seconds = self.seconds(&expansion, bits);
+        let seconds = self.seconds(&expansion, bits, 1.0);
         Some(Candidate { method, expansion, bits, error, seconds })
     }
 
@@ -103,15 +111,19 @@ impl Chooser<'_> {
         across(self.relief.size_um[0], self.relief.width) * across(self.relief.size_um[1], self.relief.height)
     }
 
-    /// CPU time in s.
-    fn seconds(&self, expansion: &Expansion, bits: u32) -> f64 {
+    /// CPU time in s, where this part of the frequencies holds light.
+    fn seconds(&self, expansion: &Expansion, bits: u32, lit: f64) -> f64 {
         let points = (self.relief.width * self.relief.height) as f64;
         let wide = if bits == 32 { 1.0 } else { 1.7 };
         let kind = if expansion.is_real() { 1.0 } else { 2.0 };
         let turning = if expansion.is_real() { 2.0 } else { EXPONENTIAL_NS };
         let once = expansion.terms as f64 * points * (turning + kind * wide * POINT_NS * points.log2().max(1.0));
         let groups = (expansion.terms as f64 / 8.0).ceil() * 2.0 * wide;
-        let each = DENSITY_NS + COEFFICIENT_NS * expansion.terms as f64 + self.near() * (NEAR_NS + GROUP_NS * groups);
+        let near = self.near();
+        let each = DENSITY_NS
+            + near * LOOK_NS
+            + (lit * near).min(1.0) * COEFFICIENT_NS * expansion.terms as f64
+            + lit * near * (NEAR_NS + GROUP_NS * groups);
         1e-9 * (once + self.request.densities * each)
     }
 
@@ -139,7 +151,7 @@ pub(super) fn check_pitch(field: &HeightField, request: &Request) -> Result<()> 
         0.5 / worst
     );
     Err(Error::input(
-        "height field",
+        &field.name,
         problem,
         "give a finer one, or longer wavelengths, or directions nearer to the mirror's",
     ))
@@ -172,7 +184,7 @@ pub(super) fn prepare<'a>(
             predicted_error: 1e-8,
             measured_error: None,
             predicted_s: chooser.direct_seconds(),
-            why: "asked for".into(),
+            why: ASKED.into(),
         };
         return Ok((model(Engine::Reference(Reference::new(field)), None), choice));
     }
@@ -197,7 +209,8 @@ pub(super) fn prepare<'a>(
         predicted_s: candidate.seconds,
         why,
     };
-    let dark = (EXPANSION * settings.max_error).powi(2) * 1e-3 * FAINTEST;
+    // All that is left out together would not be missed, were it in one place.
+    let dark = DARK * settings.max_error * FAINTEST;
     let wide = request.wide(radius);
     let step = || progress.step();
     let ready = match settings.method {
@@ -213,21 +226,48 @@ pub(super) fn prepare<'a>(
             model(Engine::Pq(Box::new(Pq { bank, pixels, size_um: relief.size_um, repeats, linear })), None)
         }
         _ if candidate.bits == 32 => {
-            let mut bank = Bank::<f32>::new(&relief, candidate.expansion, wide, dark, step);
-            single.iter().for_each(|l| bank.keep(|at| l.holds(at)));
-            choice.frequencies = Some(bank.bright());
-            model(Engine::Single(bank), single)
+            let mut bank = Bank::<f32>::new(&relief, candidate.expansion.clone(), wide, dark, step);
+            let lattice = settle(&mut bank, single, &relief, &mut choice);
+            choice.predicted_s = chooser.seconds(&candidate.expansion, 32, bank.share());
+            model(Engine::Single(bank), lattice)
         }
         _ => {
-            let mut bank = Bank::<f64>::new(&relief, candidate.expansion, wide, dark, step);
-            single.iter().for_each(|l| bank.keep(|at| l.holds(at)));
-            choice.frequencies = Some(bank.bright());
-            model(Engine::Double(bank), single)
+            let mut bank = Bank::<f64>::new(&relief, candidate.expansion.clone(), wide, dark, step);
+            let lattice = settle(&mut bank, single, &relief, &mut choice);
+            choice.predicted_s = chooser.seconds(&candidate.expansion, 64, bank.share());
+            model(Engine::Double(bank), lattice)
         }
     };
     progress.check()?;
     choice.measured_error = measured(field, &ready, &request, settings.method);
     Ok((ready, choice))
+}
+
+/// Keeps what `nmm` was asked for; or finds out that what is there is all of one grating, whose other wavelengths are dark anyway.
+fn settle<T: Real>(
+    bank: &mut Bank<T>,
+    asked: Option<Lattice>,
+    relief: &Relief,
+    choice: &mut Choice,
+) -> Option<Lattice> {
+    let lattice = match asked {
+        Some(lattice) => {
+            bank.keep(|at| lattice.holds(at));
+            Some(lattice)
+        }
+        None if choice.why != ASKED => Lattice::find(relief).ok().filter(|lattice| bank.all(|at| lattice.holds(at))),
+        None => None,
+    };
+    choice.frequencies = Some(bank.bright());
+    if lattice.is_some() && choice.method != Method::Nmm {
+        choice.why = format!(
+            "all light is that of one grating, so that only its wavelengths are added up (nmm), by {}: {}",
+            name(choice.method),
+            choice.why
+        );
+        choice.method = Method::Nmm;
+    }
+    lattice
 }
 
 impl Chooser<'_> {
@@ -279,7 +319,7 @@ impl Chooser<'_> {
                 best.seconds / self.workers
             )
         } else {
-            "asked for".into()
+            ASKED.into()
         };
         Ok((best, why))
     }

@@ -4,6 +4,7 @@
 //! made once for a patch; a pair of directions and a wavelength then only need the functions of X.
 
 use num_complex::Complex64;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::PI;
 
@@ -205,15 +206,15 @@ impl Expansion {
         for n in 0..self.terms {
             put(n, factor, &here);
             if self.kind == Kind::Taylor {
-                here.iter_mut().zip(t).for_each(|(h, t)| *h *= t);
+                here.par_iter_mut().zip(t).for_each(|(h, t)| *h *= t);
                 // (-i)ⁿ Xⁿ/n! at the largest X; the coefficients are powers of X over it.
                 factor *= Complex64::new(0.0, -self.high / (n as f64 + 1.0));
             } else {
                 let first = n == 0;
-                for ((h, l), t) in here.iter_mut().zip(&mut last).zip(t) {
+                here.par_iter_mut().zip(&mut last).zip(t).for_each(|((h, l), t)| {
                     let next = if first { *t } else { 2.0 * t * *h - *l };
                     (*l, *h) = (*h, next);
-                }
+                });
                 factor *= Complex64::new(0.0, -1.0);
             }
         }

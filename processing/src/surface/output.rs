@@ -17,15 +17,24 @@ const KEY: f32 = 0.6;
 /// Rows of a table, at most.
 const MOST_ROWS: usize = 20_000_000;
 
-/// Refuses to replace files that are there.
+/// Refuses to replace files that are there, folders that are not, and one file for two things.
 ///
 /// # Errors
-/// `Input` for the first that is, unless `overwrite`.
+/// `Input` for the first of them; files are replaced where `overwrite` says so.
 pub fn vacant(paths: &[PathBuf], overwrite: bool) -> Result<()> {
-    match paths.iter().find(|p| !overwrite && p.exists()) {
-        Some(path) => Err(Error::file(path, "exists", "choose another --out or add --force")),
-        None => Ok(()),
+    for (k, path) in paths.iter().enumerate() {
+        if paths[..k].contains(path) {
+            return Err(Error::file(path, "would be written twice", "give --out the ending that the help shows"));
+        }
+        if path.exists() && !overwrite {
+            return Err(Error::file(path, "exists", "choose another --out or add --force"));
+        }
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+        if let Some(folder) = folder.filter(|f| !f.is_dir()) {
+            return Err(Error::file(folder, "is no folder", "make it first, or choose another --out"));
+        }
     }
+    Ok(())
 }
 
 /// An EXR map, written beside its place and then moved there.

@@ -26,10 +26,10 @@ pub(super) fn repeats(size_um: [f64; 2], coherence_um: f64) -> [usize; 2] {
     size_um.map(|um| ((coherence_um / um).round() as usize).max(1))
 }
 
-/// Largest error of a lobe, relative, that interpolation leaves: within a lobe the frequencies of the neighbours weigh 1/N over their
-/// distance.
+/// Largest relative error of lobes as strong as their neighbours that interpolation leaves: within a lobe the amplitudes of neighbours
+/// weigh 1/N over their distance. Lobes that are fainter by a factor suffer the more by its root.
 pub(super) fn interpolation_error(repeats: [usize; 2], linear: bool) -> f64 {
-    let worst = |n: usize| if linear { 1.0 / n as f64 } else { 1.0 / (n as f64 * (NEAREST + 1) as f64) };
+    let worst = |n: usize| if linear { 2.0 / n as f64 } else { 2.0 / (n as f64 * (NEAREST + 1) as f64) };
     worst(repeats[0]) + worst(repeats[1])
 }
 

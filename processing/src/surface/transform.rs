@@ -6,6 +6,9 @@ use realfft::{FftNum, RealFftPlanner, RealToComplex};
 use rustfft::{Fft, FftPlanner};
 use std::sync::Arc;
 
+/// Columns that are gathered at once: a line of the cache.
+const TOGETHER: usize = 8;
+
 /// f32 or f64.
 pub(super) trait Real: FftNum {
     fn of(value: f64) -> Self;
@@ -133,13 +136,15 @@ impl<T: Real> Plan<T> {
     fn transposed(&self, rows: &[Complex<T>], count: usize) -> Vec<Complex<T>> {
         let scale = T::of(1.0 / (self.width * self.height) as f64);
         let mut columns = vec![Complex::new(T::zero(), T::zero()); count * self.height];
-        columns.par_chunks_mut(self.height).enumerate().for_each_init(
+        // Several columns at once: what a row holds of them lies together in memory.
+        columns.par_chunks_mut(self.height * TOGETHER).enumerate().for_each_init(
             || vec![Complex::new(T::zero(), T::zero()); self.columns.get_inplace_scratch_len()],
-            |scratch, (x, column)| {
-                for (y, value) in column.iter_mut().enumerate() {
-                    *value = rows[y * count + x] * scale;
+            |scratch, (group, columns)| {
+                for (y, row) in rows.chunks_exact(count).enumerate() {
+                    let places = columns[y..].iter_mut().step_by(self.height);
+                    places.zip(&row[group * TOGETHER..]).for_each(|(to, from)| *to = *from * scale);
                 }
-                self.columns.process_with_scratch(column, scratch);
+                columns.chunks_exact_mut(self.height).for_each(|c| self.columns.process_with_scratch(c, scratch));
             },
         );
         columns

@@ -11,7 +11,7 @@ const DEPTHS_UM: [f64; 6] = [0.1, 0.25, 0.5, 1.0, 2.0, 4.0];
 const REFERENCE: usize = 2;
 
 const WAVELENGTHS_NM: [f64; 3] = [400.0, 520.0, 680.0];
-const COHERENCE_UM: f64 = 65.0;
+const COHERENCE_UM: f64 = 12.0;
 const LIGHT_DEG: [f64; 2] = [20.0, 30.0];
 const AZIMUTH_DEG: f64 = 10.0;
 

@@ -22,6 +22,8 @@ pub const MAX_PIXELS: usize = 16 << 20;
 /// Every method takes the surface for this patch repeated without end in both directions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightField {
+    /// Its file, or what it is, for messages.
+    pub name: String,
     /// Pixels of a row.
     pub width: usize,
     /// Rows.
@@ -58,7 +60,7 @@ impl HeightField {
             );
             return Err(Error::input(subject, problem, "fill these gaps, or crop the patch"));
         }
-        let this = Self { width, height, pixel_um, um, step_um: None };
+        let this = Self { name: subject.into(), width, height, pixel_um, um, step_um: None };
         let range = this.range_um();
         if range > 1e3 {
             let problem = format!("spans {range} µm of height");
