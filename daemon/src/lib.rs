@@ -79,6 +79,9 @@ enum Command {
     /// Turn photographs into maps.
     #[command(subcommand)]
     Reconstruct(commands::reconstruct::Reconstruct),
+    /// From the shape of a surface to the light that it diffracts.
+    #[command(subcommand)]
+    Brdf(commands::brdf::Brdf),
     /// Chart speed against accuracy, and where each method breaks.
     Chart(commands::chart::Args),
     /// Describe photographs taken elsewhere in a frames.json.
@@ -117,6 +120,7 @@ pub fn main() -> ExitCode {
         Command::Check(args) => commands::check::run(&args, &console),
         Command::Catalogue(args) => commands::catalogue::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
+        Command::Brdf(args) => commands::brdf::run(&args, &console),
         Command::Chart(args) => commands::chart::run(&args, &console),
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),

@@ -2,6 +2,7 @@
 
 pub mod attach;
 pub mod bench;
+pub mod brdf;
 pub mod capture;
 pub mod catalogue;
 pub mod chart;

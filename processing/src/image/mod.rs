@@ -1,6 +1,7 @@
 //! Images in and out: photographs of any usual format, EXR maps, pictures for people, and the output folder that
 //! appears whole or not at all.
 
+mod bmp;
 mod canvas;
 mod convolution;
 mod exif;

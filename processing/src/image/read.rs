@@ -1,4 +1,4 @@
-//! Reads photographs: PNG, JPEG, TIFF and OpenEXR, told apart by their first bytes.
+//! Reads photographs: PNG, JPEG, TIFF, BMP and OpenEXR, told apart by their first bytes.
 //!
 //! Bad input is an [`Error::Input`] in plain words, never a panic and never a half-decoded picture. Sizes are
 //! checked against the header before anything is allocated for pixels.
@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::{jpeg, openexr, png, tif};
+use super::{bmp, jpeg, openexr, png, tif};
 use crate::{Error, Result};
 
 /// File name endings of the formats that [`read`] understands, in lower case.
@@ -224,6 +224,7 @@ enum Format {
     Jpeg,
     Tiff,
     Exr,
+    Bmp,
 }
 
 /// Opens a regular, not empty, not gigantic file.
@@ -253,7 +254,8 @@ fn sniff(source: &mut Source) -> Decoded<Format> {
         [0xff, 0xd8, 0xff, ..] => Ok(Format::Jpeg),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Ok(Format::Tiff),
         [0x76, 0x2f, 0x31, 0x01, ..] => Ok(Format::Exr),
-        _ => Err(Fault::unusable("is not a PNG, JPEG, TIFF or EXR image", "convert it to one of these")),
+        [b'B', b'M', ..] => Ok(Format::Bmp),
+        _ => Err(Fault::unusable("is not a PNG, JPEG, TIFF, BMP or EXR image", "convert it to one of these")),
     }
 }
 
@@ -269,6 +271,7 @@ pub fn info(path: &Path) -> Result<Info> {
             Format::Jpeg => jpeg::info(source),
             Format::Tiff => tif::info(source),
             Format::Exr => openexr::info(source),
+            Format::Bmp => bmp::info(source),
         }
     };
     attempt().map_err(|fault| fault.at(path))
@@ -287,6 +290,7 @@ pub fn read(path: &Path) -> Result<Raster> {
             Format::Jpeg => jpeg::read(source),
             Format::Tiff => tif::read(source),
             Format::Exr => openexr::read(source),
+            Format::Bmp => bmp::read(source),
         }
     };
     attempt().map_err(|fault| fault.at(path))

@@ -1,0 +1,266 @@
+//! A patch's transforms, and the power density of `exp(ikwh)` from them.
+
+use super::expansion::Expansion;
+use super::geometry::Window;
+use super::height::HeightField;
+use super::transform::{Plan, Real};
+use num_complex::Complex;
+use pulp::Arch;
+use rayon::prelude::*;
+
+/// Most memory of the transforms, in bytes.
+pub(super) const MOST_BYTES: usize = 3 << 30;
+
+/// Terms are stored in groups of so many numbers.
+const LANES: usize = 8;
+
+/// No transform is stored for this frequency: it has no light.
+const DARK: u32 = u32::MAX;
+
+/// Heights as the expansions take them: from -1 to 1.
+pub(super) struct Relief {
+    pub width: usize,
+    pub height: usize,
+    pub size_um: [f64; 2],
+    /// Half the range in µm.
+    pub half_um: f64,
+    pub t: Vec<f64>,
+}
+
+impl Relief {
+    pub(super) fn new(field: &HeightField) -> Self {
+        let [low, high] = field.ends_um();
+        let (middle, half) = (0.5 * (low + high), (0.5 * (high - low)).max(1e-9));
+        let t = field.um.iter().map(|h| ((h - middle) / half).clamp(-1.0, 1.0)).collect();
+        Self { width: field.width, height: field.height, size_um: field.size_um(), half_um: half, t }
+    }
+}
+
+/// Frequencies of a patch up to a limit, in cycles per patch.
+pub(super) fn reach(relief: &Relief, frequency: [f64; 2]) -> [usize; 2] {
+    let count = |f: f64, um: f64, n: usize| ((f * um).ceil() as usize).min((n - 1) / 2);
+    [count(frequency[0], relief.size_um[0], relief.width), count(frequency[1], relief.size_um[1], relief.height)]
+}
+
+/// Bytes that a bank of so many terms needs while it is made.
+pub(super) fn bytes<T: Real>(reach: [usize; 2], terms: usize) -> usize {
+    let plane = (2 * reach[0] + 1) * (2 * reach[1] + 1) * 2 * size_of::<T>();
+    2 * plane * terms.next_multiple_of(LANES)
+}
+
+/// Transforms of the terms of an expansion.
+pub(super) struct Bank<T: Real> {
+    pub expansion: Expansion,
+    size_um: [f64; 2],
+    half_um: f64,
+    reach: [isize; 2],
+    /// Which of the stored frequencies, or [`DARK`].
+    slots: Vec<u32>,
+    padded: usize,
+    /// For each stored frequency the real parts of all terms, then the imaginary parts.
+    values: Vec<T>,
+}
+
+/// Memory of one thread.
+pub(super) struct Scratch<T> {
+    near: Vec<(u32, f64)>,
+    across: Vec<f64>,
+    exact: Vec<f64>,
+    coefficients: Vec<T>,
+}
+
+impl<T> Default for Scratch<T> {
+    fn default() -> Self {
+        Self { near: vec![], across: vec![], exact: vec![], coefficients: vec![] }
+    }
+}
+
+impl<T: Real> Bank<T> {
+    /// Makes the transforms; frequencies that hold less than a part `dark` of the light together with all others like them are left out.
+    pub(super) fn new(
+        relief: &Relief,
+        expansion: Expansion,
+        frequency: [f64; 2],
+        dark: f64,
+        mut step: impl FnMut(),
+    ) -> Self {
+        let plan = Plan::<T>::new(relief.width, relief.height, reach(relief, frequency));
+        let mut planes: Vec<Vec<Complex<T>>> = Vec::with_capacity(expansion.terms);
+        if expansion.is_real() {
+            let mut cast = vec![T::zero(); relief.t.len()];
+            expansion.real_terms(&relief.t, |_, factor, values| {
+                cast.par_iter_mut().zip(values).for_each(|(to, from)| *to = T::of(*from));
+                let mut plane = plan.real(&cast);
+                let factor = Complex::new(T::of(factor.re), T::of(factor.im));
+                plane.iter_mut().for_each(|c| *c = *c * factor);
+                planes.push(plane);
+                step();
+            });
+        } else {
+            for term in 0..expansion.terms {
+                let node = expansion.node(term);
+                let turned = |t: &f64| {
+                    let (sin, cos) = (node * t).sin_cos();
+                    Complex::new(T::of(cos), T::of(-sin))
+                };
+                planes.push(plan.complex(relief.t.par_iter().map(turned).collect()));
+                step();
+            }
+        }
+        let [mx, my] = plan.reach();
+        let padded = expansion.terms.next_multiple_of(LANES);
+        let count = (2 * mx + 1) * (2 * my + 1);
+        // All that is left out together holds less than `dark` of the light.
+        let least = (dark / count as f64).sqrt() / expansion.terms as f64;
+        let (mut slots, mut values) = (vec![DARK; count], vec![]);
+        for (k, slot) in slots.iter_mut().enumerate() {
+            if planes.iter().all(|p| p[k].norm_sqr().double() < least * least) {
+                continue;
+            }
+            *slot = (values.len() / (2 * padded)) as u32;
+            let parts: [&dyn Fn(&Complex<T>) -> T; 2] = [&|c| c.re, &|c| c.im];
+            for part in parts {
+                values.extend(planes.iter().map(|p| part(&p[k])));
+                values.extend(std::iter::repeat_n(T::zero(), padded - expansion.terms));
+            }
+        }
+        let reach = [mx as isize, my as isize];
+        Self { expansion, size_um: relief.size_um, half_um: relief.half_um, reach, slots, padded, values }
+    }
+
+    /// Leaves out all frequencies, in cycles per patch, but these.
+    pub(super) fn keep(&mut self, which: impl Fn([isize; 2]) -> bool) {
+        let across = 2 * self.reach[0] + 1;
+        for (k, slot) in self.slots.iter_mut().enumerate() {
+            let at = [k as isize % across - self.reach[0], k as isize / across - self.reach[1]];
+            if !which(at) {
+                *slot = DARK;
+            }
+        }
+    }
+
+    /// Whether all frequencies that hold light, in cycles per patch, are like this.
+    pub(super) fn all(&self, which: impl Fn([isize; 2]) -> bool) -> bool {
+        let across = 2 * self.reach[0] + 1;
+        let at = |k: usize| [k as isize % across - self.reach[0], k as isize / across - self.reach[1]];
+        self.slots.iter().enumerate().all(|(k, slot)| *slot == DARK || which(at(k)))
+    }
+
+    /// Part of the frequencies that hold light.
+    pub(super) fn share(&self) -> f64 {
+        self.bright() as f64 / self.slots.len() as f64
+    }
+
+    /// Frequencies that hold light.
+    pub(super) fn bright(&self) -> usize {
+        self.slots.iter().filter(|s| **s != DARK).count()
+    }
+
+    /// Frequencies near to a place, in cycles per µm, with the window's weight.
+    fn near(&self, place: [f64; 2], window: Window, radius: f64, scratch: &mut Scratch<T>) {
+        let [cx, cy] = [place[0] * self.size_um[0], place[1] * self.size_um[1]];
+        let range = |c: f64, um: f64, most: isize| {
+            let r = radius * um;
+            [((c - r).ceil() as isize).max(-most), ((c + r).floor() as isize).min(most)]
+        };
+        let [left, right] = range(cx, self.size_um[0], self.reach[0]);
+        let [low, high] = range(cy, self.size_um[1], self.reach[1]);
+        scratch.near.clear();
+        if right < left {
+            return;
+        }
+        let scale = -0.5 / (window.sigma * window.sigma);
+        scratch.across.clear();
+        let across = (left..=right).map(|ix| (scale * ((ix as f64 - cx) / self.size_um[0]).powi(2)).exp());
+        scratch.across.extend(across);
+        for iy in low..=high {
+            let first = ((iy + self.reach[1]) * (2 * self.reach[0] + 1) + left + self.reach[0]) as usize;
+            let slots = &self.slots[first..=first + (right - left) as usize];
+            if slots.iter().all(|s| *s == DARK) {
+                continue;
+            }
+            let down = window.peak() * (scale * ((iy as f64 - cy) / self.size_um[1]).powi(2)).exp();
+            let lit = slots.iter().zip(&scratch.across).filter(|(s, _)| **s != DARK);
+            scratch.near.extend(lit.map(|(s, w)| (*s, w * down)));
+        }
+    }
+
+    /// Functions of X for all terms.
+    fn coefficients(&self, x: f64, scratch: &mut Scratch<T>) {
+        scratch.exact.resize(self.expansion.terms, 0.0);
+        self.expansion.coefficients(x, &mut scratch.exact);
+        scratch.coefficients.clear();
+        scratch.coefficients.extend(scratch.exact.iter().map(|c| T::of(*c)));
+        scratch.coefficients.resize(self.padded, T::zero());
+    }
+
+    /// Power density in µm² at a spatial frequency in 1/µm, for `q = k (cos θi + cos θr)` in 1/µm.
+    pub(super) fn density(
+        &self,
+        place: [f64; 2],
+        q: f64,
+        window: Window,
+        radius: f64,
+        scratch: &mut Scratch<T>,
+    ) -> f64 {
+        self.near(place, window, radius, scratch);
+        if scratch.near.is_empty() {
+            return 0.0;
+        }
+        self.coefficients(q * self.half_um, scratch);
+        let Scratch { near, coefficients, .. } = scratch;
+        Arch::new().dispatch(|| {
+            let mut sum = 0.0;
+            for (slot, weight) in near.iter() {
+                let [re, im] = self.amplitude(*slot, coefficients);
+                sum += weight * (re * re + im * im);
+            }
+            sum
+        })
+    }
+
+    /// Amplitude of a stored frequency.
+    #[inline(always)]
+    fn amplitude(&self, slot: u32, coefficients: &[T]) -> [f64; 2] {
+        let both = &self.values[slot as usize * 2 * self.padded..][..2 * self.padded];
+        let (re, im) = both.split_at(self.padded);
+        [dot(re, coefficients), dot(im, coefficients)]
+    }
+
+    /// Amplitude at a frequency in cycles per patch, for `q` as above; 0 where there is no light.
+    pub(super) fn amplitude_at(&self, [ix, iy]: [isize; 2], q: f64, scratch: &mut Scratch<T>) -> [f64; 2] {
+        if ix.abs() > self.reach[0] || iy.abs() > self.reach[1] {
+            return [0.0; 2];
+        }
+        let slot = self.slots[((iy + self.reach[1]) * (2 * self.reach[0] + 1) + ix + self.reach[0]) as usize];
+        if slot == DARK {
+            return [0.0; 2];
+        }
+        self.coefficients(q * self.half_um, scratch);
+        self.amplitude(slot, &scratch.coefficients)
+    }
+
+    /// Power of all stored frequencies together, for `q`; 1 where nothing is left out.
+    #[cfg(test)]
+    pub(super) fn total(&self, q: f64) -> f64 {
+        let mut scratch = Scratch::default();
+        self.coefficients(q * self.half_um, &mut scratch);
+        (self.slots.iter().filter(|s| **s != DARK))
+            .map(|slot| {
+                let [re, im] = self.amplitude(*slot, &scratch.coefficients);
+                re * re + im * im
+            })
+            .sum()
+    }
+}
+
+#[inline(always)]
+fn dot<T: Real>(a: &[T], b: &[T]) -> f64 {
+    let mut sums = [T::zero(); LANES];
+    for (a, b) in a.as_chunks::<LANES>().0.iter().zip(b.as_chunks::<LANES>().0) {
+        for k in 0..LANES {
+            sums[k] = sums[k] + a[k] * b[k];
+        }
+    }
+    sums.iter().map(|s| s.double()).sum()
+}

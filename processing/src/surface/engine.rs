@@ -1,0 +1,70 @@
+//! A patch made ready: power densities for any pair of directions and any wavelength within a range.
+
+use super::bank::{Bank, Scratch};
+use super::geometry::Window;
+use super::lattice::Lattice;
+use super::pq::Pq;
+use super::reference::Reference;
+
+/// What a product is going to ask for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Request {
+    /// Least and most of `2π/λ · (cos θi + cos θr)`, in 1/µm.
+    pub q: [f64; 2],
+    /// Largest spatial frequencies to the right and up, in 1/µm.
+    pub frequency: [f64; 2],
+    /// How many densities.
+    pub densities: f64,
+}
+
+impl Request {
+    /// Largest spatial frequencies with the window's margin.
+    pub(super) fn wide(&self, radius: f64) -> [f64; 2] {
+        self.frequency.map(|f| f + radius)
+    }
+}
+
+/// Memory of one thread.
+#[derive(Default)]
+pub(super) struct Memory {
+    single: Scratch<f32>,
+    double: Scratch<f64>,
+}
+
+/// How densities are computed.
+pub(super) enum Engine<'a> {
+    Reference(Reference<'a>),
+    Single(Bank<f32>),
+    Double(Bank<f64>),
+    Pq(Box<Pq>),
+}
+
+/// An engine with its window.
+pub(super) struct Model<'a> {
+    pub engine: Engine<'a>,
+    pub window: Window,
+    /// How far the window is followed, in 1/µm.
+    pub radius: f64,
+    /// The only frequencies that have light, if they are known to be those of one grating (`nmm`).
+    pub lattice: Option<Lattice>,
+}
+
+impl Model<'_> {
+    /// Power density in µm² at a spatial frequency in 1/µm (y up), for `q = 2π/λ · (cos θi + cos θr)` in 1/µm.
+    pub(super) fn density(&self, place: [f64; 2], q: f64, memory: &mut Memory) -> f64 {
+        match &self.engine {
+            Engine::Reference(reference) => reference.density(place, q, self.window),
+            Engine::Single(bank) => bank.density(place, q, self.window, self.radius, &mut memory.single),
+            Engine::Double(bank) => bank.density(place, q, self.window, self.radius, &mut memory.double),
+            Engine::Pq(pq) => pq.density(place, q, &mut memory.double),
+        }
+    }
+
+    /// Density of a flat mirror in its mirror direction, µm².
+    pub(super) fn mirror(&self) -> f64 {
+        match &self.engine {
+            Engine::Pq(pq) => pq.area_um2(),
+            _ => self.window.peak(),
+        }
+    }
+}

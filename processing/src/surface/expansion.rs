@@ -1,0 +1,310 @@
+//! Three ways to write `exp(-iXt)`, -1 ≤ t ≤ 1, as a sum of products of a function of X and one of t.
+//!
+//! X is `k(cos θi + cos θr)` times half the range of heights, t the height within this range. The transforms of the functions of t are
+//! made once for a patch; a pair of directions and a wavelength then only need the functions of X.
+
+use num_complex::Complex64;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::f64::consts::PI;
+
+/// Most terms: a depth of 60 µm at 380 nm.
+pub const MOST_TERMS: usize = 600;
+
+/// Which expansion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Kind {
+    /// Powers (2014 thesis, section 3.3: FLSS). Its terms grow to e^X before they cancel.
+    Taylor,
+    /// Chebyshev polynomials with Bessel functions (Jacobi and Anger): stable at any depth.
+    Chebyshev,
+    /// The exponential itself at some X, with the polynomial through them between.
+    Nodes,
+}
+
+/// An expansion for `low ≤ X ≤ high` with a number of terms.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Expansion {
+    pub kind: Kind,
+    pub low: f64,
+    pub high: f64,
+    pub terms: usize,
+    /// X of the nodes and their barycentric weights.
+    nodes: Vec<[f64; 2]>,
+}
+
+/// Bessel functions J0 to J(n-1) of x ≥ 0, by Miller's backward recurrence.
+pub(super) fn bessel(x: f64, out: &mut [f64]) {
+    out.fill(0.0);
+    if x < 1e-12 {
+        out[0] = 1.0;
+        out.iter_mut().skip(1).take(1).for_each(|j| *j = 0.5 * x);
+        return;
+    }
+    // Far enough above both x and n that nothing of the start is left.
+    let top = (out.len() as f64).max(x);
+    let start = (top + 12.0 + 10.0 * top.cbrt()) as usize / 2 * 2;
+    let (mut above, mut here, mut sum) = (0.0, 1e-280_f64, 0.0);
+    for k in (0..=start).rev() {
+        // here is proportional to J_k.
+        if k < out.len() {
+            out[k] = here;
+        }
+        if k % 2 == 0 {
+            sum += if k == 0 { here } else { 2.0 * here };
+        }
+        if k == 0 {
+            break;
+        }
+        let below = 2.0 * k as f64 / x * here - above;
+        (above, here) = (here, below);
+        if here.abs() > 1e200 {
+            for v in [&mut above, &mut here, &mut sum] {
+                *v *= 1e-200;
+            }
+            let first = k.min(out.len());
+            out[first..].iter_mut().for_each(|v| *v *= 1e-200);
+        }
+    }
+    out.iter_mut().for_each(|v| *v /= sum);
+}
+
+/// Terms of the Chebyshev expansion that leave less than `error`: `2 Σ |Jn(X)|` over the others. None above [`MOST_TERMS`].
+pub fn chebyshev_terms(x: f64, error: f64) -> Option<usize> {
+    let mut all = vec![0.0; (x + 60.0 + 12.0 * x.cbrt()) as usize + 2];
+    if x > MOST_TERMS as f64 {
+        return None;
+    }
+    bessel(x, &mut all);
+    let mut rest = 0.0;
+    let mut terms = all.len();
+    while terms > 1 {
+        let next = rest + 2.0 * all[terms - 1].abs();
+        if next > error {
+            break;
+        }
+        (rest, terms) = (next, terms - 1);
+    }
+    (terms <= MOST_TERMS && terms < all.len()).then_some(terms)
+}
+
+/// Terms of the Taylor expansion that leave less than `error`, if rounding to `epsilon` leaves less as well: terms reach e^X before they
+/// cancel. None where it does not ("never", in the notes' table).
+pub fn taylor_terms(x: f64, error: f64, epsilon: f64) -> Option<usize> {
+    if taylor_rounding(x, epsilon) > error {
+        return None;
+    }
+    let (mut term, mut n) = (1.0_f64, 0_usize);
+    loop {
+        // Lagrange's remainder: every derivative of exp(-iX) is at most 1.
+        if n > 0 && term <= error {
+            return Some(n);
+        }
+        n += 1;
+        term *= x / n as f64;
+        if n > MOST_TERMS {
+            return None;
+        }
+    }
+}
+
+/// Rounding error of the Taylor expansion: ε of its largest term, `e^X/√(2πX)`.
+pub(super) fn taylor_rounding(x: f64, epsilon: f64) -> f64 {
+    x.min(700.0).exp() / (1.0 + 2.0 * PI * x).sqrt() * epsilon
+}
+
+impl Expansion {
+    /// The shortest of its kind whose truncation leaves less than `error` of the amplitude 1; none where there is none.
+    pub(super) fn new(kind: Kind, low: f64, high: f64, error: f64, epsilon: f64) -> Option<Self> {
+        let terms = match kind {
+            Kind::Taylor => taylor_terms(high, error, epsilon)?,
+            Kind::Chebyshev => chebyshev_terms(high, error)?,
+            // Interpolating doubles what truncation leaves: what is left out comes back as lower terms.
+            Kind::Nodes => chebyshev_terms(0.5 * (high - low), 0.5 * error)?,
+        };
+        Some(Self::with_terms(kind, low, high, terms))
+    }
+
+    /// With so many terms.
+    pub(super) fn with_terms(kind: Kind, low: f64, high: f64, terms: usize) -> Self {
+        let angle = |k: usize| PI * (k as f64 + 0.5) / terms as f64;
+        let node = |k: usize| {
+            let sign = if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+            [0.5 * (low + high) + 0.5 * (high - low) * angle(k).cos(), sign * angle(k).sin()]
+        };
+        let nodes = if kind == Kind::Nodes { (0..terms).map(node).collect() } else { vec![] };
+        Self { kind, low, high, terms, nodes }
+    }
+
+    /// What truncation leaves of the amplitude 1.
+    pub(super) fn error(&self) -> f64 {
+        let rest = |x: f64, from: usize| {
+            let mut all = vec![0.0; from + 40 + (x + 6.0 * x.cbrt()) as usize];
+            bessel(x, &mut all);
+            all[from..].iter().map(|j| 2.0 * j.abs()).sum::<f64>()
+        };
+        match self.kind {
+            Kind::Taylor => (1..=self.terms).fold(1.0, |term, n| term * self.high / n as f64),
+            Kind::Chebyshev => rest(self.high, self.terms),
+            Kind::Nodes => 2.0 * rest(0.5 * (self.high - self.low), self.terms),
+        }
+    }
+
+    /// What rounding to `epsilon` leaves.
+    pub(super) fn rounding(&self, epsilon: f64) -> f64 {
+        match self.kind {
+            Kind::Taylor => taylor_rounding(self.high, epsilon),
+            // Transforms and sums of so many numbers of about 1.
+            Kind::Chebyshev | Kind::Nodes => 8.0 * epsilon * (self.terms as f64).sqrt(),
+        }
+    }
+
+    /// Whether the functions of t are real; else they are complex, and their transforms cost twice as much.
+    pub(super) fn is_real(&self) -> bool {
+        self.kind != Kind::Nodes
+    }
+
+    /// Functions of X, one per term, all real.
+    pub(super) fn coefficients(&self, x: f64, out: &mut [f64]) {
+        match self.kind {
+            Kind::Taylor => {
+                let mut power = 1.0;
+                for c in out.iter_mut() {
+                    *c = power;
+                    power *= x / self.high;
+                }
+            }
+            Kind::Chebyshev => {
+                bessel(x, out);
+                out[1..].iter_mut().for_each(|c| *c *= 2.0);
+            }
+            Kind::Nodes => self.barycentric(x, out),
+        }
+    }
+
+    /// Lagrange's polynomials through the nodes.
+    fn barycentric(&self, x: f64, out: &mut [f64]) {
+        if let Some(at) = self.nodes.iter().position(|n| (x - n[0]).abs() < 1e-13 * self.high.max(1.0)) {
+            out.fill(0.0);
+            out[at] = 1.0;
+            return;
+        }
+        let mut sum = 0.0;
+        for (c, [node, weight]) in out.iter_mut().zip(&self.nodes) {
+            *c = weight / (x - node);
+            sum += *c;
+        }
+        out.iter_mut().for_each(|c| *c /= sum);
+    }
+
+    /// Calls `put(term, factor, values of the function of t)` for the real expansions: the term's function is factor times the values.
+    pub(super) fn real_terms(&self, t: &[f64], mut put: impl FnMut(usize, Complex64, &[f64])) {
+        let mut here = vec![1.0; t.len()];
+        let mut last = here.clone();
+        let mut factor = Complex64::new(1.0, 0.0);
+        for n in 0..self.terms {
+            put(n, factor, &here);
+            if self.kind == Kind::Taylor {
+                here.par_iter_mut().zip(t).for_each(|(h, t)| *h *= t);
+                // (-i)ⁿ Xⁿ/n! at the largest X; the coefficients are powers of X over it.
+                factor *= Complex64::new(0.0, -self.high / (n as f64 + 1.0));
+            } else {
+                let first = n == 0;
+                here.par_iter_mut().zip(&mut last).zip(t).for_each(|((h, l), t)| {
+                    let next = if first { *t } else { 2.0 * t * *h - *l };
+                    (*l, *h) = (*h, next);
+                });
+                factor *= Complex64::new(0.0, -1.0);
+            }
+        }
+    }
+
+    /// X of a node.
+    pub(super) fn node(&self, term: usize) -> f64 {
+        self.nodes[term][0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Largest error of an expansion at an X.
+    fn worst(e: &Expansion, x: f64) -> f64 {
+        let t: Vec<f64> = (0..=200).map(|k| f64::from(k) / 100.0 - 1.0).collect();
+        let mut c = vec![0.0; e.terms];
+        e.coefficients(x, &mut c);
+        let mut sum = vec![Complex64::new(0.0, 0.0); t.len()];
+        if e.is_real() {
+            e.real_terms(&t, |n, f, v| sum.iter_mut().zip(v).for_each(|(s, v)| *s += f * *v * c[n]));
+        } else {
+            for (n, c) in c.iter().enumerate() {
+                let node = e.node(n);
+                sum.iter_mut().zip(&t).for_each(|(s, t)| *s += Complex64::from_polar(*c, -node * t));
+            }
+        }
+        let off = |(s, t): (&Complex64, &f64)| (s - Complex64::from_polar(1.0, -x * t)).norm();
+        sum.iter().zip(&t).map(off).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn bessel_functions_are_those_of_the_library() {
+        for x in [1e-13, 1e-3, 0.7, 2.4, 10.0, 33.0, 132.0, 300.0] {
+            let mut all = vec![0.0; 200];
+            bessel(x, &mut all);
+            for (n, j) in all.iter().enumerate() {
+                let truth = libm::jn(n as i32, x);
+                assert!((j - truth).abs() < 2e-14, "J{n}({x}): {j} {truth}");
+            }
+        }
+    }
+
+    #[test]
+    fn terms_are_those_of_the_notes() {
+        // Highest powers for 1 % at 380 nm and w = 2, by range of height; "never" is cancellation.
+        let x = |range_um: f64| 4.0 * PI / 0.38 * range_um;
+        let highest = |terms: Option<usize>| terms.map(|n| n - 1);
+        let double = f64::EPSILON;
+        for (range, plain, single, centered, chebyshev) in [
+            (0.15, Some(15), Some(15), Some(8), 5),
+            (0.5, Some(46), None, Some(24), 13),
+            (1.0, Some(91), None, Some(46), 22),
+            (2.0, None, None, Some(91), 40),
+            (4.0, None, None, None, 74),
+        ] {
+            assert_eq!(highest(taylor_terms(x(range), 0.01, double)), plain, "{range}");
+            assert_eq!(highest(taylor_terms(x(range), 0.01, f64::from(f32::EPSILON))), single, "{range} f32");
+            assert_eq!(highest(taylor_terms(0.5 * x(range), 0.01, double)), centered, "{range} centred");
+            // The bound adds up what is left without regard to signs, which at 4 µm costs one term; the notes' number is enough.
+            let bound = highest(chebyshev_terms(0.5 * x(range), 0.01)).unwrap();
+            assert!(bound == chebyshev || (range == 4.0 && bound == 75), "{range}: {bound}");
+            let e = Expansion::with_terms(Kind::Chebyshev, 0.0, 0.5 * x(range), chebyshev + 1);
+            assert!(worst(&e, e.high) < 0.01 && worst(&e, e.high) > 1e-3, "{range}");
+        }
+    }
+
+    #[test]
+    fn expansions_meet_their_bounds() {
+        for (kind, low, high) in [
+            (Kind::Taylor, 1.0, 12.0),
+            (Kind::Chebyshev, 1.0, 12.0),
+            (Kind::Chebyshev, 10.0, 66.0),
+            (Kind::Nodes, 3.0, 12.0),
+            (Kind::Nodes, 10.0, 66.0),
+        ] {
+            for error in [1e-2, 1e-4, 1e-8] {
+                let e = Expansion::new(kind, low, high, error, f64::EPSILON).unwrap();
+                assert!(e.error() <= error * 1.001, "{kind:?} {}", e.error());
+                let along = (0..=50).map(|k| worst(&e, low + (high - low) * f64::from(k) / 50.0));
+                let worst = along.fold(0.0, f64::max);
+                let floor = e.rounding(f64::EPSILON);
+                assert!(worst <= error + floor && worst.is_finite(), "{kind:?} {error}: {worst}");
+                // Not wasteful: one bound in a hundred would do.
+                assert!(worst > error * 1e-3 || worst < 1e-9, "{kind:?} {error}: {worst}");
+            }
+        }
+        assert!(Expansion::new(Kind::Taylor, 1.0, 66.0, 1e-2, f64::EPSILON).is_none());
+        assert!(Expansion::new(Kind::Chebyshev, 1.0, 1e4, 1e-2, f64::EPSILON).is_none());
+    }
+}

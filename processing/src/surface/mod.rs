@@ -1,0 +1,55 @@
+//! From the shape of a surface to the light that it diffracts: Stam's BRDF (1999) of height fields by several methods (2014 thesis), and
+//! exact orders of gratings (2018 paper).
+//!
+//! - [`height`]: height fields from files and formulas, and what they are fit for.
+//! - [`map`]: X, Y, Z over all directions of view; [`slice`]: spectra along a half circle; [`check`]: peaks against the grating equation.
+//! - [`Section`]: efficiencies of a grating's orders from its cross-section.
+//!
+//! Scalar theory: one reflection, no polarization, periods of several wavelengths. What it leaves out is in [`crate::rcwa`].
+//!
+//! ```
+//! use nacre_processing::progress::Silent;
+//! use nacre_processing::surface::height::{Profile, Quality, Shape, Synthetic};
+//! use nacre_processing::surface::{Settings, check};
+//!
+//! let shape = Shape::Grating(Profile::Blazed);
+//! let field = Synthetic { shape, pixels: 120, pixel_um: 0.0625, period_um: 2.5, depth_um: 0.3, angle: 0.0 }.field()?;
+//! let quality = Quality::of(&field, 65.0);
+//! let settings = Settings { light_deg: [75.0, 0.0], ..Settings::default() };
+//! let found = check(&field, &quality, &settings, &[450.0, 550.0, 650.0], [None; 2], &Silent)?;
+//! assert!((found.mean_nm - 2500.0).abs() < 1.0);
+//! # Ok::<(), nacre_processing::Error>(())
+//! ```
+
+mod bank;
+mod brdf;
+mod check;
+mod choose;
+mod engine;
+mod expansion;
+mod fresnel;
+mod geometry;
+pub mod height;
+mod lattice;
+mod orders;
+pub mod output;
+mod pq;
+mod reference;
+mod settings;
+mod slits;
+mod spectral;
+#[cfg(test)]
+mod tests;
+mod transform;
+
+pub use brdf::{Map, Slice, map, slice};
+pub use check::{GratingCheck, Peak, check};
+pub use choose::{Choice, name};
+pub use expansion::{chebyshev_terms, taylor_terms};
+pub use fresnel::{MATERIALS, Reflectance};
+pub use geometry::{Direction, Pair, Window};
+pub use height::HeightField;
+pub use orders::{OrderMethod, Section, most_orders};
+pub use settings::{Method, Normalisation, SIZES, Settings};
+pub use slits::{Slits, stripes};
+pub use spectral::RANGE_NM;

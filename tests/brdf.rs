@@ -1,0 +1,183 @@
+//! BRDFs of surfaces as a user makes them: maps, slices, orders, the grating equation.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_processing::image::{read_exr, write_png8};
+use nacre_tests::{Run, nacre};
+use serde_json::Value;
+use std::path::Path;
+
+/// Runs `nacre --json brdf …` in a folder, arguments split at spaces.
+fn brdf(dir: &Path, args: &str) -> Run {
+    let place = |arg: &str| {
+        if arg.contains('.') && !arg.contains(['=', ':', ',']) && arg.parse::<f64>().is_err() {
+            dir.join(arg).to_str().unwrap().to_owned()
+        } else {
+            arg.to_owned()
+        }
+    };
+    nacre(["--json", "brdf"].into_iter().map(str::to_owned).chain(args.split(' ').map(place)).collect::<Vec<_>>())
+}
+
+fn rows(path: &Path) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(path).unwrap();
+    text.lines().skip(1).map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+#[test]
+fn a_blazed_grating_keeps_the_grating_equation_by_every_method() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    // Two periods, which repeat 13 times within the coherence length: enough even for linear interpolation.
+    brdf(dir, "surface blazed --period-um 2.5 --depth-um 0.3 --pixels 64 --out blazed.exr").expect(0);
+    assert!(dir.join("blazed.png").is_file());
+    for method in ["auto", "taylor", "chebyshev", "fft", "nmm", "pq", "pq-linear"] {
+        let more = if method.starts_with("pq") { " --max-error 0.5" } else { "" };
+        let run = brdf(dir, &format!("check blazed.exr --light 75 --period-um 2.5 --method {method}{more}"));
+        let report = run.expect(0).json();
+        assert!((number(&report["mean_nm"]) - 2500.0).abs() < 1.0, "{method}: {report}");
+        assert!(number(&report["variance_nm2"]) <= 0.4, "{method}: {report}");
+        let peak = &report["quality"]["periods"][0];
+        assert!((number(&peak["period_um"]) - 2.5).abs() < number(&peak["resolution_um"]));
+    }
+    // Other azimuths of the same light see no first order there.
+    brdf(dir, "check blazed.exr --light 75 --period-um 900").expect(2);
+}
+
+#[test]
+fn a_map_shows_violet_near_the_mirror_direction_and_red_far_from_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    brdf(dir, "surface sinusoid --period-um 1.6 --depth-um 0.1 --out a.exr").expect(0);
+    let report = brdf(dir, "map a.exr --size 401 --out map.exr").expect(0).json();
+    assert!(number(&report["error_estimate"]) <= 0.01, "{report}");
+    assert!(!report["choice"]["why"].as_str().unwrap().is_empty());
+    // A mirror would reflect all; the gain of oblique orders is near to 1.
+    assert!((number(&report["albedo"][1]) - 1.0).abs() < 0.15, "{report}");
+    let map = read_exr(&dir.join("map.exr")).unwrap();
+    let at = |c: &str, x: usize| map.channels[c][200 * 401 + x];
+    assert!(map.channels["Y"][0].is_nan() && at("Y", 200) > 0.0);
+    // Orders of λ lie at λ/1.6: 450 nm at 0.281, 550 nm at 0.344, 650 nm at 0.406.
+    let pixel = |sine: f64| (200.0 + sine * 200.5).round() as usize;
+    for side in [1.0, -1.0] {
+        let [blue, green, red] = [0.281, 0.344, 0.406].map(|s| pixel(side * s));
+        assert!(at("Z", blue) > 2.0 * at("Y", blue), "blue {side}");
+        assert!(at("Y", green) > at("X", green) && at("Y", green) > at("Z", green), "green {side}");
+        assert!(at("X", red) > 1.5 * at("Y", red) && at("X", red) > 10.0 * at("Z", red), "red {side}");
+        // Both sides of a sinusoid are alike.
+        let mirrored = pixel(-side * 0.344);
+        assert!((at("Y", green) / at("Y", mirrored) - 1.0).abs() < 0.01);
+    }
+    let json: Value = serde_json::from_slice(&std::fs::read(dir.join("map.json")).unwrap()).unwrap();
+    assert_eq!(json["product"], "map");
+    let picture = image::open(dir.join("map.png")).unwrap();
+    assert_eq!((picture.width(), picture.height()), (401, 401));
+    // Nothing is overwritten without being asked.
+    assert!(brdf(dir, "map a.exr --size 401 --out map.exr").expect(2).stderr().contains("--force"));
+    brdf(dir, "map a.exr --size 64 --method nmm --normalisation relative --material gold --force --out map.exr")
+        .expect(0);
+    // A blazed grating is not the same to both sides.
+    brdf(dir, "surface blazed --period-um 1.6 --depth-um 0.25 --out b.exr").expect(0);
+    brdf(dir, "map b.exr --size 401 --out blazed.exr --force").expect(0);
+    let map = read_exr(&dir.join("blazed.exr")).unwrap();
+    let y = |x: usize| map.channels["Y"][200 * 401 + x];
+    assert!(y(pixel(-0.344)) > 20.0 * y(pixel(0.344)), "{} {}", y(pixel(-0.344)), y(pixel(0.344)));
+}
+
+#[test]
+fn slices_and_orders_are_those_of_the_closed_form() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    brdf(dir, "orders --period-um 2 --depth-um 0.1 --wavelengths 550 --out orders.csv").expect(0);
+    let orders = rows(&dir.join("orders.csv"));
+    let sum: f64 = orders.iter().map(|r| r[2]).sum();
+    assert!((sum - 1.0).abs() < 1e-6, "{sum}");
+    // X = k w h/2 = 2π · 2 · 0.05 / 0.55 = 1.1424, J1(X) = 0.48295.
+    let first = orders.iter().find(|r| r[1] == 1.0).unwrap();
+    assert!((first[2] - 0.482_95_f64.powi(2)).abs() < 1e-4, "{first:?}");
+    assert!((first[3] - 15.96).abs() < 0.01, "{first:?}");
+    let paper =
+        brdf(dir, "orders --period-um 2 --depth-um 0.1 --wavelengths 550 --method taylor2 --out t.csv").expect(0);
+    assert!((number(&paper.json()["sums"][0]) - 2.86).abs() < 0.02);
+    // The peaks of a slice are those of the orders: f = flux per lobe, density of the window at its peak.
+    brdf(dir, "surface sinusoid --period-um 2 --depth-um 0.1 --out a.exr").expect(0);
+    brdf(dir, "slice a.exr --wavelengths 550 --views=-60:60:0.01 --out slice.csv").expect(0);
+    let slice = rows(&dir.join("slice.csv"));
+    let peak = |degrees: f64| slice.iter().filter(|r| (r[1] - degrees).abs() < 0.5).map(|r| r[2]).fold(0.0, f64::max);
+    let sigma = 4.0 / (8_f64.sqrt() * std::f64::consts::PI * 65.0);
+    for m in -2..=2 {
+        let order = orders.iter().find(|r| r[1] == f64::from(m)).unwrap();
+        let truth = order[4] / (2.0 * std::f64::consts::PI * sigma * sigma * 0.55 * 0.55);
+        assert!((peak(order[3]) / truth - 1.0).abs() < 5e-3, "{m}: {} {truth}", peak(order[3]));
+    }
+    assert_eq!(slice.len(), 12_001);
+}
+
+#[test]
+fn what_cannot_be_done_is_refused_in_words() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    write_png8(&dir.join("a.png"), 16, 16, 1, &(0..=255).collect::<Vec<u8>>()).unwrap();
+    std::fs::write(dir.join("nan.txt"), "1 2\n3 nan\n").unwrap();
+    for (args, word) in [
+        ("map a.png --out x.exr", "--pixel-um"),
+        ("map a.png --pixel-um 0.1 --out x.exr", "--range-um"),
+        ("map a.png --pixel-um 0.5 --range-um 0.2 --out x.exr", "pixels of at most 0.1900"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --size 100000 --out x.exr", "size"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --max-error 0 --out x.exr", "max-error"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --light 95 --out x.exr", "light"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --coherence-um nan --out x.exr", "coherence"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --illuminant moonlight --out x.exr", "moonlight"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --material mithril --out x.exr", "mithril"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --method nmm --out x.exr", "nmm"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --method pq --out x.exr", "edges"),
+        ("map a.png --pixel-um 0.1 --range-um 900 --out x.exr", "terms"),
+        ("map nan.txt --pixel-um 0.1 --range-um 1 --out x.exr", "column 1, row 1"),
+        ("map missing.png --pixel-um 0.1 --range-um 1 --out x.exr", "missing.png"),
+        ("slice a.png --pixel-um 0.1 --range-um 0.2 --wavelengths 20 --out x.csv", "wavelengths"),
+        ("slice a.png --pixel-um 0.1 --range-um 0.2 --views 100 --out x.csv", "views"),
+        ("orders --period-um 0 --depth-um 0.1 --out x.csv", "period"),
+        ("orders --period-um 2 --out x.csv", "--depth-um"),
+        ("orders --period-um 2 --depth-um 0.1 --profile blazed --method taylor2 --out x.csv", "sinusoid"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --out nowhere/x.exr", "no folder"),
+        ("map a.png --pixel-um 0.1 --range-um 0.2 --out x.png", "twice"),
+        ("surface blazed --period-um -1 --depth-um 0.1 --out x.exr", "period"),
+    ] {
+        let run = brdf(dir, args).expect(2);
+        assert!(run.stderr().contains(word), "{args}: {}", run.stderr());
+        for name in ["x.exr", "x.png", "x.json", "x.csv"] {
+            assert!(!dir.join(name).exists(), "{args}");
+        }
+    }
+}
+
+#[test]
+fn the_thesis_own_patches_show_their_periods() {
+    let data = std::env::var_os("NACRE_TEST_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), Into::into);
+    let folder = data.join("heightfields/thesis");
+    if !folder.exists() {
+        println!("skipped: {} is not there", folder.display());
+        return;
+    }
+    // Their scale is not recorded. At 0.08 µm per pixel and 0.43 µm from black to white the fingers are about as far apart as the thesis says.
+    let check = |name: &str, more: &str| {
+        let path = folder.join(name);
+        let args = format!("check {} --pixel-um 0.08 --range-um 0.43 --light 75{more}", path.display());
+        let args: Vec<String> =
+            ["--json", "brdf"].into_iter().map(str::to_owned).chain(args.split(' ').map(str::to_owned)).collect();
+        nacre(args).expect(0).json()
+    };
+    let elaphe = check("Elaph100x100.png", " --coherence-um 16");
+    let peak = &elaphe["quality"]["periods"][0];
+    let (mean, resolution) = (number(&elaphe["mean_nm"]), 1e3 * number(&peak["resolution_um"]));
+    assert!((mean - 1e3 * number(&peak["period_um"])).abs() < resolution, "{mean} {peak}");
+    assert!(number(&elaphe["variance_nm2"]) < 0.4 && (1100.0..1500.0).contains(&mean), "{elaphe}");
+    // Regions of two directions and periods: two ridges take turns in being the highest.
+    let xenopeltis = check("Xeno100x100.png", " --coherence-um 16 --azimuth 104 --period-um 0.77");
+    assert!(xenopeltis["ridges"].as_array().unwrap().len() >= 2, "{}", xenopeltis["ridges"]);
+}
