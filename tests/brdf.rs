@@ -3,8 +3,9 @@
 #![allow(clippy::unwrap_used)]
 
 use nacre_processing::image::{read_exr, write_png8};
-use nacre_tests::{Run, nacre};
-use serde_json::Value;
+use nacre_tests::http::Service;
+use nacre_tests::{Place, Run, nacre};
+use serde_json::{Value, json};
 use std::path::Path;
 
 /// Runs `nacre --json brdf …` in a folder, arguments split at spaces.
@@ -180,4 +181,50 @@ fn the_thesis_own_patches_show_their_periods() {
     // Regions of two directions and periods: two ridges take turns in being the highest.
     let xenopeltis = check("Xeno100x100.png", " --coherence-um 16 --azimuth 104 --period-um 0.77");
     assert!(xenopeltis["ridges"].as_array().unwrap().len() >= 2, "{}", xenopeltis["ridges"]);
+}
+
+#[test]
+fn the_service_renders_uploaded_height_fields() {
+    let place = Place::new("");
+    let service = Service::start(&place, &[]);
+    let image = place.path("heights.png");
+    let blaze: Vec<u8> = (0..64 * 64).map(|i| (i % 16 * 16) as u8).collect();
+    write_png8(&image, 64, 64, 1, &blaze).unwrap();
+    let parts: [(&str, &str, &[u8]); 2] =
+        [("kind", "", b"photographs"), ("file", "heights.png", &std::fs::read(&image).unwrap())];
+    let upload = service.upload(&parts).expect(201).json();
+    let ask = |options: Value| {
+        service
+            .post("/api/v1/reconstructions", &json!({ "upload": upload["id"], "method": "brdf", "options": options }))
+    };
+    let settings = json!({ "light_deg": [20, 0], "illuminant": "D65", "reflectance": "gold" });
+    let job = ask(json!({ "pixel_um": 0.1, "range_um": 0.3, "size": 64, "settings": settings })).expect(202).json();
+    let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+    let done = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
+    assert_eq!(done["report"]["settings"]["reflectance"], "gold", "{done}");
+    // The same as the command's.
+    let more = "--pixel-um 0.1 --range-um 0.3 --size 64 --light 20 --illuminant D65 --material gold --out map.exr";
+    brdf(&place.path("."), &format!("map heights.png {more}")).expect(0);
+    let served = service.get(&format!("{path}/files/brdf.exr")).expect(200);
+    std::fs::write(place.path("served.exr"), &served.body).unwrap();
+    let [a, b] = ["served.exr", "map.exr"].map(|name| read_exr(&place.path(name)).unwrap());
+    for c in ["X", "Y", "Z"] {
+        assert!(a.channels[c].iter().zip(&b.channels[c]).all(|(a, b)| a.to_bits() == b.to_bits()), "{c}");
+    }
+    // What is missing or wrong is said at once where it can be, and by the job otherwise.
+    for (options, word) in [
+        (json!({ "size": 1 }), "size"),
+        (json!({ "pixel_um": -1 }), "pixel"),
+        (json!({ "settings": { "reflectance": "mithril" } }), "mithril"),
+        (json!({ "settings": { "illuminant": "/etc/passwd" } }), "illuminant"),
+        (json!({ "settings": { "light_deg": [95, 0] } }), "light"),
+        (json!({ "depth": 1 }), "depth"),
+    ] {
+        let refused = ask(options.clone()).expect(400).text();
+        assert!(refused.contains(word), "{options}: {refused}");
+    }
+    let job = ask(json!({})).expect(202).json();
+    let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+    let failed = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
+    assert!(failed["error"].to_string().contains("--pixel-um"), "{failed}");
 }

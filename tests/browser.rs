@@ -307,6 +307,24 @@ fn a_person_uploads_photographs_of_diffraction() {
     browser.until("document.body.innerText.includes('48.0')");
     browser.until("document.querySelector('svg path.light')?.getAttribute('d').length > 100");
     browser.both("result-bokeh");
+
+    // A surface under light: an image of heights whose scale is said on the page.
+    let heights = place.path("heights.png").to_str().unwrap().to_owned();
+    let blaze: Vec<u8> = (0..128 * 128).map(|i| (i % 16 * 16) as u8).collect();
+    nacre_processing::image::write_png8(Path::new(&heights), 128, 128, 1, &blaze).unwrap();
+    browser.open(&format!("{url}/#/upload"));
+    browser.until("document.querySelector('#photographs')");
+    choose("method", "brdf");
+    browser.attach("#photographs", &heights);
+    browser.run("for (const [id, v] of [['brdf-pixel', '0.1'], ['brdf-range', '0.3'], ['brdf-size', '300']]) { document.getElementById(id).value = v; }");
+    browser.both("upload-brdf");
+    browser.click("#upload-start");
+    browser.until("document.querySelector('#result-picture')?.naturalWidth === 300");
+    browser.until("document.body.innerText.includes('1.60 µm')");
+    browser.both("result-brdf");
+    choose("brdf-material", "gold");
+    browser.click("#make-next");
+    browser.until("[...document.querySelectorAll('dd')].some((d) => d.textContent === 'gold')");
 }
 
 #[test]

@@ -1,19 +1,21 @@
-// Results that are pictures rather than maps of orientations: merged exposures, lookup tables, bokeh photographs.
+// Results that are pictures rather than maps of orientations: merged exposures, lookup tables, bokeh photographs, BRDF maps.
 
 import { get, makeDownload, picture, post, send, show } from "./api.js";
 import { facts, field, figures, h, panel, say, segments, select, svg } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes, duration, fixed, percent, plain, significant, words } from "./format.js";
 import { bokehFields } from "./bokehform.js";
+import { brdfFields } from "./brdfform.js";
 import { tableFields } from "./tableform.js";
 
-const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph" };
-const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh };
+const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light" };
+const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
   "lut.png": "The table under its light, tone-mapped for the eye, over half vectors: the zero order is in the middle. Grey is not measured.",
   "deconvolved.png": "The highlight with the lens's blur taken out; light as a share of white.",
   "height.png": "Dark taken for deep. Relative where nothing calibrates it.",
+  "brdf.png": "Light towards each direction, seen from above: the rim is grazing, up is up. Orders are spread violet to red away from the mirror direction. Compressed for the eye.",
   "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
 };
 
@@ -36,7 +38,7 @@ export async function showPictures(main, job, signal) {
       const { blob } = await picture(`${base}/${encodeURIComponent(name)}`, { signal });
       if (shown !== name) return;
       image.alt = MEANING[name] ?? name;
-      image.classList.toggle("small", job.method !== "bokeh" && report.width < 640);
+      image.classList.toggle("small", !["bokeh", "brdf"].includes(job.method) && report.width < 640);
       show(image, blob);
     } catch (problem) {
       if (problem.name !== "AbortError") well.replaceChildren(problemMessage(problem));
@@ -65,6 +67,7 @@ export async function showPictures(main, job, signal) {
 
 /** Another reconstruction of the same photographs, by the service. */
 function nextPanel(job) {
+  if (job.method === "brdf") return anew(job, "In other light", brdfFields({ ...job.options }));
   const kept = (method) => (job.method === method ? { ...job.options } : {});
   const forms = { lut: tableFields(kept("lut")), bokeh: bokehFields(kept("bokeh")) };
   const method = select([["lut", "A diffraction table"], ["bokeh", "Lines in an out-of-focus highlight"]], job.method === "bokeh" ? "bokeh" : "lut", { id: "next-method", onchange: paint });
@@ -72,20 +75,30 @@ function nextPanel(job) {
     for (const [name, form] of Object.entries(forms)) form.element.hidden = name !== method.value;
   }
   paint();
+  return asking(job, "From the same photographs", () => [method.value, forms[method.value]], [field("What to make of them", method), forms.lut.element, forms.bokeh.element]);
+}
+
+/** The same reconstruction with other options. */
+function anew(job, title, form) {
+  return asking(job, title, () => [job.method, form], [form.element]);
+}
+
+/** A panel that asks the service for a reconstruction of the same input. */
+function asking(job, title, wanted, content) {
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const make = h("button", { type: "button", class: "primary", id: "make-next", onclick: async () => {
     make.disabled = true;
     problems.replaceChildren();
     try {
-      const asked = { method: method.value, options: forms[method.value].options() };
-      const next = await post("/reconstructions", { session: job.session ?? null, upload: job.upload ?? null, ...asked });
+      const [method, form] = wanted();
+      const next = await post("/reconstructions", { session: job.session ?? null, upload: job.upload ?? null, method, options: form.options() });
       location.hash = `#/result/${next.id}`;
     } catch (problem) {
       problems.replaceChildren(problemMessage(problem));
       make.disabled = false;
     }
   } }, "Reconstruct");
-  return panel("From the same photographs", null, h("div", { class: "stack" }, field("What to make of them", method), forms.lut.element, forms.bokeh.element, problems, h("p", {}, make)));
+  return panel(title, null, h("div", { class: "stack" }, content, problems, h("p", {}, make)));
 }
 
 /** Light along the slice. */
@@ -186,6 +199,28 @@ function reportOfBokeh(report) {
       ["Light", words(report.channel)],
       ["Size", `${report.width} × ${report.height}${report.rotate_deg ? `, turned by ${plain(report.rotate_deg)}°` : ""}`],
       ["Took", seconds.total && duration(seconds.total)],
+    ]));
+}
+
+/** A BRDF map's report. */
+function reportOfBrdf(report) {
+  const { quality, settings, choice, albedo, warnings = [] } = report;
+  const [first] = quality.periods;
+  return h("div", { class: "stack" }, warned(warnings),
+    figures([
+      ["error at most", percent(report.error_estimate, 2)],
+      ["strongest period", first ? `${fixed(first.period_um, 2)} µm` : "none"],
+      ["depth", `${significant(quality.range_um)} µm`],
+    ]),
+    facts([
+      ["Method", `${words(choice.method)}, ${choice.bits} bits${choice.terms === null ? "" : `, ${choice.terms} terms`}: ${choice.why}`],
+      ["Measured error", choice.measured_error === null ? "not measured" : percent(choice.measured_error, 4)],
+      ["Periods", quality.periods.map((p) => `${fixed(p.period_um, 3)} ± ${fixed(p.resolution_um, 3)} µm towards ${fixed(p.direction_deg, 1)}° (${percent(p.share, 0)} of the variance)`).join("; ")],
+      ["Light", `${settings.illuminant}, ${plain(settings.light_deg[0])}° from the normal, azimuth ${plain(settings.light_deg[1])}°`],
+      ["Reflected", `X ${fixed(albedo[0], 3)}, Y ${fixed(albedo[1], 3)}, Z ${fixed(albedo[2], 3)} of what falls in`],
+      ["Reflects", settings.reflectance],
+      ["Height field", `${quality.width} × ${quality.height} pixels of ${significant(quality.pixel_um)} µm`],
+      ["Took", report.seconds && duration(report.seconds)],
     ]));
 }
 

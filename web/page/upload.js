@@ -1,4 +1,4 @@
-// #/upload: photographs taken elsewhere → a map of their angles, one merged photograph, a table, or a grating's lines.
+// #/upload: photographs taken elsewhere → a map of their angles, one merged photograph, a table, a grating's lines, or the light of a height field.
 
 import { post, send } from "./api.js";
 import { field, h, number, panel, say, select } from "./dom.js";
@@ -6,6 +6,7 @@ import { complain, problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
 import { optionFields } from "./options.js";
 import { bokehFields } from "./bokehform.js";
+import { brdfFields } from "./brdfform.js";
 import { tableFields } from "./tableform.js";
 
 const LIKELY = /\.(png|tiff?|jpe?g|exr)$/i;
@@ -26,9 +27,9 @@ export async function uploadPage(main, { signal }) {
   const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
   const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
   let chosen = false;
-  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"], ["bokeh", "Lines and heights of a grating, from an out-of-focus highlight"]], "polarization", { id: "method", onchange: paint });
+  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"], ["bokeh", "Lines and heights of a grating, from an out-of-focus highlight"], ["brdf", "The light that a surface diffracts, from an image of its heights"]], "polarization", { id: "method", onchange: paint });
   const options = optionFields();
-  const forms = { lut: tableFields({ wavelength_nm: 680, scale: 0.002 }), bokeh: bokehFields() };
+  const forms = { lut: tableFields({ wavelength_nm: 680, scale: 0.002 }), bokeh: bokehFields(), brdf: brdfFields() };
   const values = field("Values", transfer);
   const angled = h("div", { class: "stack" }, field("Channel", channel, { hint: "Colour files need one" }), options.element);
   const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
@@ -77,7 +78,7 @@ export async function uploadPage(main, { signal }) {
 
   /** Whether the values of one photograph are taken as they are, without others to merge it with. */
   function alone() {
-    return method.value in forms && photographs.length === 1 && !/\.exr$/i.test(photographs[0].file.name);
+    return method.value in forms && method.value !== "brdf" && photographs.length === 1 && !/\.exr$/i.test(photographs[0].file.name);
   }
 
   function judge() {

@@ -124,6 +124,8 @@ impl Plan {
         let (method, kind) = (super::word(planned.method), super::word(self.kind));
         let fits = match planned.method {
             Method::Polarization => self.kind == PlanKind::Polarization,
+            // Nothing that is captured.
+            Method::Brdf => false,
             Method::Hdr | Method::Lut | Method::Bokeh => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
         };
         if !fits {

@@ -113,6 +113,8 @@ pub enum Method {
     Lut,
     /// Lines and heights of a grating in an out-of-focus highlight, for kinds exposures and flash.
     Bokeh,
+    /// The light that an uploaded height field diffracts; not for plans.
+    Brdf,
 }
 
 /// What a plan varies.

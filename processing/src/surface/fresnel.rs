@@ -5,15 +5,19 @@
 
 use crate::{Error, Result};
 use num_complex::Complex64;
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
 /// Names of the materials that are built in.
 pub const MATERIALS: [&str; 7] = ["aluminium", "silver", "gold", "copper", "nickel", "chromium", "silicon"];
 
 /// Reflectance of the smooth surface.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
+///
+/// In JSON as on the command line: `perfect`, `schlick=0.04`, or a material's name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "String", into = "String")]
+#[schemars(with = "String")]
 pub enum Reflectance {
     /// All light at every angle.
     Perfect,
@@ -24,7 +28,6 @@ pub enum Reflectance {
         /// Its name.
         name: String,
         /// Wavelength in nm, n and k.
-        #[serde(skip)]
         rows: Vec<[f64; 3]>,
     },
 }
@@ -53,6 +56,24 @@ impl FromStr for Reflectance {
             _ => return Err(format!("{text:?} is none of perfect, schlick=R0, {}", MATERIALS.join(", "))),
         };
         Ok(Self::Material { name: text.into(), rows: rows(table) })
+    }
+}
+
+impl TryFrom<String> for Reflectance {
+    type Error = String;
+
+    fn try_from(text: String) -> std::result::Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<Reflectance> for String {
+    fn from(reflectance: Reflectance) -> Self {
+        match reflectance {
+            Reflectance::Perfect => "perfect".into(),
+            Reflectance::Schlick(r0) => format!("schlick={r0}"),
+            Reflectance::Material { name, .. } => name,
+        }
     }
 }
 

@@ -4,14 +4,15 @@ use super::fresnel::Reflectance;
 use super::geometry::{Direction, Window};
 use crate::color::Observer;
 use crate::{Error, Result};
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
 /// Limits of a map's side.
 pub const SIZES: std::ops::RangeInclusive<usize> = 8..=4096;
 
 /// How the power density of a surface is computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
     /// The cheapest that meets the wanted error.
@@ -52,7 +53,7 @@ impl FromStr for Method {
 }
 
 /// What the numbers of a result are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Normalisation {
     /// The BRDF in 1/sr.
@@ -75,7 +76,8 @@ impl FromStr for Normalisation {
 }
 
 /// What every product takes.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// Angle of the light from the normal and its azimuth, in degrees.
     pub light_deg: [f64; 2],

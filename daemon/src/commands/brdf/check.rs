@@ -1,10 +1,10 @@
 //! `nacre brdf check`.
 
-use super::common::{List, Optics, Report, Surface};
+use super::common::{List, Optics, Surface, summary};
 use crate::Failure;
 use crate::console::Console;
 use nacre_processing::surface::output::{vacant, write_check};
-use nacre_processing::surface::{GratingCheck, check};
+use nacre_processing::surface::{GratingCheck, Report, check};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -93,7 +93,7 @@ impl Check {
                 let _ = write!(text, "\nridge     {nm:.1} nm at {:.0} % of the wavelengths", 100.0 * share);
             }
         }
-        console.result(&report.summary(&text), &report);
+        console.result(&summary(&report, &text), &report);
         self.optics.judge(report.error_estimate)
     }
 }

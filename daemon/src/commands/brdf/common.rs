@@ -2,12 +2,10 @@
 
 use crate::Failure;
 use crate::console::Console;
-use nacre_processing::Error;
 use nacre_processing::color::Observer;
-use nacre_processing::image::write_whole;
 use nacre_processing::progress::Progress;
 use nacre_processing::surface::height::{self, Quality, Scale};
-use nacre_processing::surface::{Choice, HeightField, Method, Normalisation, Reflectance, Settings, name};
+use nacre_processing::surface::{HeightField, Method, Normalisation, Reflectance, Report, Settings, name};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -162,70 +160,35 @@ impl std::str::FromStr for List {
     }
 }
 
-/// What was computed, how, and how good it is.
-#[derive(Serialize)]
-pub struct Report<'a, T: Serialize> {
-    /// The product.
-    pub product: &'static str,
-    /// What the reader must know before trusting the result.
-    pub warnings: Vec<String>,
-    /// Height field.
-    pub input: PathBuf,
-    /// What it holds.
-    pub quality: &'a Quality,
-    /// What was asked for.
-    pub settings: &'a Settings,
-    /// How densities were computed.
-    pub choice: &'a Choice,
-    /// Largest relative error of lobes with a thousandth of the light.
-    pub error_estimate: f64,
-    /// What is of this product only.
-    #[serde(flatten)]
-    pub more: T,
-    /// Time in s.
-    pub seconds: f64,
-    /// Files that were written.
-    pub files: Vec<PathBuf>,
-}
-
-impl<T: Serialize> Report<'_, T> {
-    /// Writes `report.json` to its place.
-    pub fn write(&self, path: &Path) -> Result<(), Error> {
-        // Plain data with string keys always serialises.
-        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
-        write_whole(path, text.as_bytes())
+/// A few lines for a person.
+pub fn summary<T: Serialize>(report: &Report<T>, middle: &str) -> String {
+    let q = report.quality;
+    let mut text =
+        format!("surface   {} × {} pixels of {} µm, {:.4} µm deep", q.width, q.height, q.pixel_um, q.range_um);
+    for p in q.periods.iter().take(3) {
+        let share = 100.0 * p.share;
+        let _ = write!(
+            text,
+            "\nperiod    {:.3} µm (± {:.3}) towards {:.1}°, {share:.0} % of the variance",
+            p.period_um, p.resolution_um, p.direction_deg
+        );
     }
-
-    /// A few lines for a person.
-    pub fn summary(&self, middle: &str) -> String {
-        let q = self.quality;
-        let mut text =
-            format!("surface   {} × {} pixels of {} µm, {:.4} µm deep", q.width, q.height, q.pixel_um, q.range_um);
-        for p in q.periods.iter().take(3) {
-            let share = 100.0 * p.share;
-            let _ = write!(
-                text,
-                "\nperiod    {:.3} µm (± {:.3}) towards {:.1}°, {share:.0} % of the variance",
-                p.period_um, p.resolution_um, p.direction_deg
-            );
-        }
-        let c = self.choice;
-        let terms = c.terms.map_or(String::new(), |n| format!(", {n} terms"));
-        let _ = write!(text, "\nmethod    {}{terms}, {} bits: {}", name(c.method), c.bits, c.why);
-        let measured = c.measured_error.map_or("not measured".into(), |e| format!("{:.4} % measured", 100.0 * e));
-        let _ = write!(text, "\nquality   error at most {:.3} % ({measured})", 100.0 * self.error_estimate);
-        if !middle.is_empty() {
-            let _ = write!(text, "\n{middle}");
-        }
-        for warning in &self.warnings {
-            let _ = write!(text, "\nwarning   {warning}");
-        }
-        let _ = write!(text, "\ntime      {:.2} s (expected {:.2})", self.seconds, c.predicted_s);
-        for file in &self.files {
-            let _ = write!(text, "\nwrote     {}", file.display());
-        }
-        text
+    let c = report.choice;
+    let terms = c.terms.map_or(String::new(), |n| format!(", {n} terms"));
+    let _ = write!(text, "\nmethod    {}{terms}, {} bits: {}", name(c.method), c.bits, c.why);
+    let measured = c.measured_error.map_or("not measured".into(), |e| format!("{:.4} % measured", 100.0 * e));
+    let _ = write!(text, "\nquality   error at most {:.3} % ({measured})", 100.0 * report.error_estimate);
+    if !middle.is_empty() {
+        let _ = write!(text, "\n{middle}");
     }
+    for warning in &report.warnings {
+        let _ = write!(text, "\nwarning   {warning}");
+    }
+    let _ = write!(text, "\ntime      {:.2} s (expected {:.2})", report.seconds, c.predicted_s);
+    for file in &report.files {
+        let _ = write!(text, "\nwrote     {}", file.display());
+    }
+    text
 }
 
 #[cfg(test)]

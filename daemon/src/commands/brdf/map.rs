@@ -1,11 +1,10 @@
 //! `nacre brdf map`.
 
-use super::common::{Material, Optics, Report, Seen, Surface, direction};
+use super::common::{Material, Optics, Seen, Surface, direction, summary};
 use crate::Failure;
 use crate::console::Console;
-use nacre_processing::surface::output::{albedo, needed_size, vacant, write_map, write_picture};
-use nacre_processing::surface::{Settings, Window, map};
-use serde::Serialize;
+use nacre_processing::surface::output::{vacant, write_map, write_picture};
+use nacre_processing::surface::{Report, Settings, about_map, map};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -43,15 +42,6 @@ pub struct Map {
     force: bool,
 }
 
-/// What a map's report adds.
-#[derive(Serialize)]
-struct More {
-    size: usize,
-    /// Light in all directions, over what falls in, in X, Y, Z.
-    albedo: [f64; 3],
-    densities: f64,
-}
-
 impl Map {
     /// Computes and writes it.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
@@ -68,9 +58,7 @@ impl Map {
         let map = map(&field, &quality, &settings, self.size, console)?;
         write_map(&self.out, &map, &settings)?;
         write_picture(&picture, &map)?;
-        let more = More { size: self.size, albedo: albedo(&map), densities: map.densities };
-        let mut warnings = quality.warnings.clone();
-        warnings.extend(self.narrow(window, &more));
+        let (more, warnings) = about_map(&map, &quality, window);
         let report = Report {
             product: "map",
             warnings,
@@ -85,25 +73,7 @@ impl Map {
         };
         report.write(&json)?;
         let [x, y, z] = report.more.albedo;
-        console.result(&report.summary(&format!("light     X {x:.3} Y {y:.3} Z {z:.3} of what falls in")), &report);
+        console.result(&summary(&report, &format!("light     X {x:.3} Y {y:.3} Z {z:.3} of what falls in")), &report);
         self.optics.judge(map.error_estimate)
-    }
-
-    /// What the pixels of the map cannot show.
-    fn narrow(&self, window: Window, more: &More) -> Vec<String> {
-        let needed = needed_size(window.sigma);
-        let mut all = vec![];
-        if self.size < needed {
-            all.push(format!(
-                "lobes are narrower than the map's pixels, which hold the light of their middles only: --size {needed} shows all"
-            ));
-        }
-        if self.size >= needed && more.albedo[1] > 1.02 {
-            all.push(format!(
-                "scalar theory reflects {:.2} times the light here: its gain overestimates grazing directions",
-                more.albedo[1]
-            ));
-        }
-        all
     }
 }

@@ -1,10 +1,10 @@
 //! `nacre brdf slice`.
 
-use super::common::{List, Material, Optics, Report, Surface, direction};
+use super::common::{List, Material, Optics, Surface, direction, summary};
 use crate::Failure;
 use crate::console::Console;
 use nacre_processing::surface::output::{check_rows, vacant, write_slice};
-use nacre_processing::surface::slice;
+use nacre_processing::surface::{Report, slice};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -79,7 +79,7 @@ impl Slice {
         };
         report.write(&json)?;
         let text = format!("slice     {} wavelengths × {} angles", wavelengths.len(), views.len());
-        console.result(&report.summary(&text), &report);
+        console.result(&summary(&report, &text), &report);
         self.optics.judge(slice.error_estimate)
     }
 }

@@ -22,7 +22,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    fn check(&self) -> Result<()> {
+    pub(in crate::surface) fn check(&self) -> Result<()> {
         let positive = |what: &str, value: Option<f64>| match value {
             Some(v) if !(v > 0.0 && v <= 1e4) => {
                 Err(Error::input(what, format!("is {v}"), "give a number of µm above 0, at most 10000"))
