@@ -33,13 +33,13 @@ fn number(value: &Value) -> f64 {
 fn a_blazed_grating_keeps_the_grating_equation_by_every_method() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
-    // Two periods, which repeat 13 times within the coherence length: enough even for linear interpolation.
-    brdf(dir, "surface blazed --period-um 2.5 --depth-um 0.3 --pixels 64 --out blazed.exr").expect(0);
+    brdf(dir, "surface blazed --period-um 2.5 --depth-um 0.3 --out blazed.exr").expect(0);
     assert!(dir.join("blazed.png").is_file());
     for method in ["auto", "taylor", "chebyshev", "fft", "nmm", "pq", "pq-linear"] {
         let more = if method.starts_with("pq") { " --max-error 0.5" } else { "" };
         let run = brdf(dir, &format!("check blazed.exr --light 75 --period-um 2.5 --method {method}{more}"));
-        let report = run.expect(0).json();
+        // The patch repeats three times within the coherence length: too few for linear interpolation, which says so.
+        let report = run.expect(if method == "pq-linear" { 1 } else { 0 }).json();
         assert!((number(&report["mean_nm"]) - 2500.0).abs() < 1.0, "{method}: {report}");
         assert!(number(&report["variance_nm2"]) <= 0.4, "{method}: {report}");
         let peak = &report["quality"]["periods"][0];

@@ -3,7 +3,7 @@
 use super::expansion::Expansion;
 use super::geometry::Window;
 use super::height::HeightField;
-use super::transform::{Plan, Real};
+use super::transform::{Plan, Put, Real};
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
@@ -42,10 +42,11 @@ pub(super) fn reach(relief: &Relief, frequency: [f64; 2]) -> [usize; 2] {
     [count(frequency[0], relief.size_um[0], relief.width), count(frequency[1], relief.size_um[1], relief.height)]
 }
 
-/// Bytes that a bank of so many terms needs while it is made.
-pub(super) fn bytes<T: Real>(reach: [usize; 2], terms: usize) -> usize {
-    let plane = (2 * reach[0] + 1) * (2 * reach[1] + 1) * 2 * size_of::<T>();
-    2 * plane * terms.next_multiple_of(LANES)
+/// Bytes that a bank of so many terms of a patch this high needs while it is made.
+pub(super) fn bytes<T: Real>(reach: [usize; 2], height: usize, terms: usize) -> usize {
+    let plane = (2 * reach[0] + 1) * (2 * reach[1] + 1);
+    let rows = (reach[0] + 1) * height;
+    (2 * plane + rows) * terms.next_multiple_of(LANES) * 2 * size_of::<T>()
 }
 
 /// Transforms of the terms of an expansion.
@@ -87,10 +88,12 @@ impl<T: Real> Bank<T> {
         let plan = Plan::<T>::new(relief.width, relief.height, reach(relief, frequency));
         let mut planes: Vec<Vec<Complex<T>>> = Vec::with_capacity(expansion.terms);
         if expansion.is_real() {
-            let mut cast = vec![T::zero(); relief.t.len()];
-            expansion.real_terms(&relief.t, |_, factor, values| {
-                cast.par_iter_mut().zip(values).for_each(|(to, from)| *to = T::of(*from));
-                let mut plane = plan.real(&cast);
+            let row = |y: usize, put: &mut Put| {
+                let t = &relief.t[y * relief.width..][..relief.width];
+                expansion.real_terms(t, put);
+            };
+            plan.series(expansion.terms, &row, |n, mut plane| {
+                let factor = expansion.factor(n);
                 let factor = Complex::new(T::of(factor.re), T::of(factor.im));
                 plane.iter_mut().for_each(|c| *c = *c * factor);
                 planes.push(plane);
@@ -118,11 +121,9 @@ impl<T: Real> Bank<T> {
                 continue;
             }
             *slot = (values.len() / (2 * padded)) as u32;
-            let parts: [&dyn Fn(&Complex<T>) -> T; 2] = [&|c| c.re, &|c| c.im];
-            for part in parts {
-                values.extend(planes.iter().map(|p| part(&p[k])));
-                values.extend(std::iter::repeat_n(T::zero(), padded - expansion.terms));
-            }
+            let padding = || std::iter::repeat_n(T::zero(), padded - expansion.terms);
+            values.extend(planes.iter().map(|p| p[k].re).chain(padding()));
+            values.extend(planes.iter().map(|p| p[k].im).chain(padding()));
         }
         let reach = [mx as isize, my as isize];
         Self { expansion, size_um: relief.size_um, half_um: relief.half_um, reach, slots, padded, values }

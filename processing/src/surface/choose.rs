@@ -97,7 +97,11 @@ impl Chooser<'_> {
             return None;
         }
         let reach = reach(self.relief, self.request.wide(self.radius));
-        let need = if bits == 32 { bytes::<f32>(reach, expansion.terms) } else { bytes::<f64>(reach, expansion.terms) };
+        let need = if bits == 32 {
+            bytes::<f32>(reach, self.relief.height, expansion.terms)
+        } else {
+            bytes::<f64>(reach, self.relief.height, expansion.terms)
+        };
         if need > MOST_BYTES {
             return None;
         }

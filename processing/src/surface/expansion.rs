@@ -4,7 +4,6 @@
 //! made once for a patch; a pair of directions and a wavelength then only need the functions of X.
 
 use num_complex::Complex64;
-use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::PI;
 
@@ -198,26 +197,29 @@ impl Expansion {
         out.iter_mut().for_each(|c| *c /= sum);
     }
 
-    /// Calls `put(term, factor, values of the function of t)` for the real expansions: the term's function is factor times the values.
-    pub(super) fn real_terms(&self, t: &[f64], mut put: impl FnMut(usize, Complex64, &[f64])) {
+    /// Calls `put(term, values of the function of t)` for the real expansions; each is to be multiplied by [`Self::factor`].
+    pub(super) fn real_terms(&self, t: &[f64], mut put: impl FnMut(usize, &[f64])) {
         let mut here = vec![1.0; t.len()];
         let mut last = here.clone();
-        let mut factor = Complex64::new(1.0, 0.0);
         for n in 0..self.terms {
-            put(n, factor, &here);
+            put(n, &here);
             if self.kind == Kind::Taylor {
-                here.par_iter_mut().zip(t).for_each(|(h, t)| *h *= t);
-                // (-i)ⁿ Xⁿ/n! at the largest X; the coefficients are powers of X over it.
-                factor *= Complex64::new(0.0, -self.high / (n as f64 + 1.0));
+                here.iter_mut().zip(t).for_each(|(h, t)| *h *= t);
             } else {
                 let first = n == 0;
-                here.par_iter_mut().zip(&mut last).zip(t).for_each(|((h, l), t)| {
+                here.iter_mut().zip(&mut last).zip(t).for_each(|((h, l), t)| {
                     let next = if first { *t } else { 2.0 * t * *h - *l };
                     (*l, *h) = (*h, next);
                 });
-                factor *= Complex64::new(0.0, -1.0);
             }
         }
+    }
+
+    /// The factor of a real term: powers of -i and, of powers, `Xⁿ/n!` at the largest X; their coefficients are powers of X over it.
+    pub(super) fn factor(&self, term: usize) -> Complex64 {
+        let turn = Complex64::new(0.0, -1.0).powi(term as i32);
+        let size = if self.kind == Kind::Taylor { (1..=term).fold(1.0, |f, n| f * self.high / n as f64) } else { 1.0 };
+        turn * size
     }
 
     /// X of a node.
@@ -237,7 +239,10 @@ mod tests {
         e.coefficients(x, &mut c);
         let mut sum = vec![Complex64::new(0.0, 0.0); t.len()];
         if e.is_real() {
-            e.real_terms(&t, |n, f, v| sum.iter_mut().zip(v).for_each(|(s, v)| *s += f * *v * c[n]));
+            e.real_terms(&t, |n, v| {
+                let factor = e.factor(n) * c[n];
+                sum.iter_mut().zip(v).for_each(|(s, v)| *s += factor * *v);
+            });
         } else {
             for (n, c) in c.iter().enumerate() {
                 let node = e.node(n);

@@ -74,7 +74,7 @@ impl Wavelengths {
     /// `Input` for a light without any visible power.
     pub(super) fn new(light: &Illuminant, observer: Observer, finest_step: f64, error: f64) -> Result<Self> {
         let truth = Samples::new(4001, light, observer).moments();
-        if !(truth[1] > 0.5) {
+        if truth[1].is_nan() || truth[1] < 0.5 {
             let problem = format!("{} has no light between 380 and 780 nm", light.name);
             return Err(Error::input("illuminant", problem, "give another light"));
         }

@@ -37,6 +37,9 @@ impl Real for f64 {
     }
 }
 
+/// Takes the number of a function and its values along a row.
+pub(super) type Put<'a> = dyn FnMut(usize, &[f64]) + 'a;
+
 /// Transforms of one size.
 ///
 /// A result holds `1/N Σ z exp(-2πi (fx x + fy y))` for the frequencies `fx = ix/width`, `fy = iy/height` (y up) of a rectangle:
@@ -77,31 +80,51 @@ impl<T: Real> Plan<T> {
 
     /// Of real values.
     pub(super) fn real(&self, values: &[T]) -> Vec<Complex<T>> {
+        let row = |y: usize, put: &mut Put| {
+            let row: Vec<f64> = values[y * self.width..][..self.width].iter().map(|v| v.double()).collect();
+            put(0, &row);
+        };
+        let mut plane = vec![];
+        self.series(1, &row, |_, found| plane = found);
+        plane
+    }
+
+    /// Of several real functions whose rows are made one after another: `row(y, put)` puts each function's row y by its number, and
+    /// `done` gets their results. A row's functions never leave the processor's cache.
+    pub(super) fn series(
+        &self,
+        count: usize,
+        row: &(dyn Fn(usize, &mut Put) + Sync),
+        mut done: impl FnMut(usize, Vec<Complex<T>>),
+    ) {
         let kept = self.reach[0] + 1;
-        let mut half = vec![Complex::new(T::zero(), T::zero()); kept * self.height];
-        half.par_chunks_mut(kept).zip(values.par_chunks(self.width)).for_each_init(
+        let mut half = vec![Complex::new(T::zero(), T::zero()); count * kept * self.height];
+        half.par_chunks_mut(count * kept).enumerate().for_each_init(
             || (self.rows.make_input_vec(), self.rows.make_output_vec(), self.rows.make_scratch_vec()),
-            |(input, output, scratch), (kept, row)| {
-                input.copy_from_slice(row);
-                // Lengths are the plan's own, so this cannot fail.
-                let _ = self.rows.process_with_scratch(input, output, scratch);
-                let n = kept.len();
-                kept.copy_from_slice(&output[..n]);
+            |(input, output, scratch), (y, all)| {
+                row(y, &mut |k, values| {
+                    input.iter_mut().zip(values).for_each(|(to, from)| *to = T::of(*from));
+                    // Lengths are the plan's own, so this cannot fail.
+                    let _ = self.rows.process_with_scratch(input, output, scratch);
+                    all[k * kept..][..kept].copy_from_slice(&output[..kept]);
+                });
             },
         );
-        let columns = self.transposed(&half, kept);
         let [mx, my] = self.reach.map(|m| m as isize);
-        let mut out = vec![Complex::new(T::zero(), T::zero()); self.len()];
-        for ix in 0..=mx {
-            let column = &columns[ix as usize * self.height..][..self.height];
-            for iy in -my..=my {
-                // Row numbers grow downwards.
-                let value = column[(-iy).rem_euclid(self.height as isize) as usize];
-                out[self.place(ix, iy)] = value;
-                out[self.place(-ix, -iy)] = value.conj();
+        for k in 0..count {
+            let columns = self.transposed(&half[k * kept..], count * kept, kept);
+            let mut out = vec![Complex::new(T::zero(), T::zero()); self.len()];
+            for ix in 0..=mx {
+                let column = &columns[ix as usize * self.height..][..self.height];
+                for iy in -my..=my {
+                    // Row numbers grow downwards.
+                    let value = column[(-iy).rem_euclid(self.height as isize) as usize];
+                    out[self.place(ix, iy)] = value;
+                    out[self.place(-ix, -iy)] = value.conj();
+                }
             }
+            done(k, out);
         }
-        out
     }
 
     /// Of complex values.
@@ -118,7 +141,7 @@ impl<T: Real> Plan<T> {
             low.copy_from_slice(&from[width - mx as usize..]);
             high.copy_from_slice(&from[..=mx as usize]);
         }
-        let columns = self.transposed(&kept, count);
+        let columns = self.transposed(&kept, count, count);
         let mut out = vec![Complex::new(T::zero(), T::zero()); self.len()];
         for (k, column) in columns.chunks(self.height).enumerate() {
             for iy in -my..=my {
@@ -132,15 +155,15 @@ impl<T: Real> Plan<T> {
         (2 * self.reach[0] + 1) * (2 * self.reach[1] + 1)
     }
 
-    /// Columns one after another, transformed and scaled.
-    fn transposed(&self, rows: &[Complex<T>], count: usize) -> Vec<Complex<T>> {
+    /// Columns one after another, transformed and scaled, of the first `count` numbers of rows this far apart.
+    fn transposed(&self, rows: &[Complex<T>], stride: usize, count: usize) -> Vec<Complex<T>> {
         let scale = T::of(1.0 / (self.width * self.height) as f64);
         let mut columns = vec![Complex::new(T::zero(), T::zero()); count * self.height];
         // Several columns at once: what a row holds of them lies together in memory.
         columns.par_chunks_mut(self.height * TOGETHER).enumerate().for_each_init(
             || vec![Complex::new(T::zero(), T::zero()); self.columns.get_inplace_scratch_len()],
             |scratch, (group, columns)| {
-                for (y, row) in rows.chunks_exact(count).enumerate() {
+                for (y, row) in rows.chunks(stride).enumerate() {
                     let places = columns[y..].iter_mut().step_by(self.height);
                     places.zip(&row[group * TOGETHER..]).for_each(|(to, from)| *to = *from * scale);
                 }

@@ -98,7 +98,7 @@ fn run(setting: usize, depth_um: f64, pixels: usize, views: usize, seed: u64) ->
             error = error.max((a - b).abs() / b.max(floor));
         }
     }
-    let wrong = f64::from(u8::from(!(error <= 5.0 * found.error_estimate)));
+    let wrong = f64::from(u8::from(error.is_nan() || error > 5.0 * found.error_estimate));
     // What is the same number has no logarithm.
     let error = error.max(1e-16);
     Ok(Outcome { error: Some(error), seconds, masked: 0.0, wrong, predicted: Some(found.error_estimate) })

@@ -149,7 +149,7 @@ impl std::str::FromStr for List {
         };
         if let Some([from, to, step]) = numbers(':').as_deref() {
             let count = ((to - from) / step + 1e-9).floor();
-            if !(count >= 0.0 && count < MOST && *step != 0.0) {
+            if !(0.0..MOST).contains(&count) || *step == 0.0 {
                 return Err(format!("{text} is no range from:to:step of at most {MOST} numbers"));
             }
             // Rounded to what a person writes, so that no 0.30000000000000004 gets into tables.

@@ -104,7 +104,7 @@ impl Orders {
             }
         };
         match self.depth_um {
-            Some(depth_um) if depth_um >= 0.0 && depth_um <= 50.0 => Ok(Section::Formula { profile, depth_um }),
+            Some(depth_um) if (0.0..=50.0).contains(&depth_um) => Ok(Section::Formula { profile, depth_um }),
             Some(depth) => wrong("--depth-um", format!("is {depth}"), "give 0 to 50"),
             None => wrong("--depth-um", "is not given".into(), "say how deep the grating is"),
         }

@@ -79,7 +79,7 @@ impl Surface {
     fn whole(&self) -> (usize, f64) {
         let per_period = (self.period_um / FINE_UM).ceil().max(4.0);
         let periods = (self.pixels as f64 / per_period).floor();
-        if !(periods >= 1.0) {
+        if periods.is_nan() || periods < 1.0 {
             return (self.pixels, FINE_UM);
         }
         ((periods * per_period) as usize, self.period_um / per_period)
