@@ -1,19 +1,13 @@
 //! CPU time of the transforms of a patch of 2048 × 2048 pixels, half a µm deep, at 1 %, for comparison with
 //! `benches/peers/terms.py`: `cargo run --release --example terms`.
 
+mod cpu;
+
+use cpu::used;
 use nacre_processing::progress::Silent;
 use nacre_processing::surface::height::{Quality, Shape, Synthetic};
 use nacre_processing::surface::{Method, Settings, slice};
 use std::time::Instant;
-
-/// CPU time of this process in seconds, all threads, as the system counts it.
-fn used() -> f64 {
-    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields: Vec<&str> = text.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
-    // Fields 14 and 15 of the whole line, in hundredths of a second.
-    let ticks = |k: usize| fields.get(k).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);
-    (ticks(11) + ticks(12)) / 100.0
-}
 
 #[allow(clippy::print_stdout)]
 fn main() -> nacre_processing::Result<()> {

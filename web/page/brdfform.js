@@ -3,7 +3,7 @@
 import { field, h, number, select } from "./dom.js";
 import { LIGHTS } from "./tableform.js";
 
-const METHODS = [["auto", "Auto: the cheapest that is exact enough"], ["chebyshev", "Chebyshev"], ["fft", "FFT"], ["taylor", "Taylor (FLSS)"], ["nmm", "NMM: one period"], ["pq", "PQ"], ["reference", "Direct sums (slow)"]];
+const METHODS = [["auto", "Auto (cheapest)"], ["chebyshev", "Chebyshev"], ["fft", "FFT"], ["taylor", "Taylor (FLSS)"], ["nmm", "NMM: one period"], ["pq", "PQ"], ["reference", "Direct sums (slow)"]];
 const MATERIALS = [["perfect", "All of it"], ...["aluminium", "silver", "gold", "copper", "nickel", "chromium", "silicon"].map((m) => [m, m])];
 
 /** The fields, as an earlier map left them if there is one; `options()` is what the service takes. */

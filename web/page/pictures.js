@@ -215,7 +215,7 @@ function reportOfBrdf(report) {
     facts([
       ["Method", `${words(choice.method)}, ${choice.bits} bits${choice.terms === null ? "" : `, ${choice.terms} terms`}: ${choice.why}`],
       ["Measured error", choice.measured_error === null ? "not measured" : percent(choice.measured_error, 4)],
-      ["Periods", quality.periods.map((p) => `${fixed(p.period_um, 3)} ± ${fixed(p.resolution_um, 3)} µm towards ${fixed(p.direction_deg, 1)}° (${percent(p.share, 0)} of the variance)`).join("; ")],
+      ["Periods", quality.periods.slice(0, 3).map((p) => `${fixed(p.period_um, 3)} ± ${fixed(p.resolution_um, 3)} µm towards ${fixed(p.direction_deg, 1)}° (${percent(p.share, 0)} of the variance)`).join("; ")],
       ["Light", `${settings.illuminant}, ${plain(settings.light_deg[0])}° from the normal, azimuth ${plain(settings.light_deg[1])}°`],
       ["Reflected", `X ${fixed(albedo[0], 3)}, Y ${fixed(albedo[1], 3)}, Z ${fixed(albedo[2], 3)} of what falls in`],
       ["Reflects", settings.reflectance],

@@ -259,7 +259,10 @@ fn settle<T: Real>(
             bank.keep(|at| lattice.holds(at));
             Some(lattice)
         }
-        None if choice.why != ASKED => Lattice::find(relief).ok().filter(|lattice| bank.all(|at| lattice.holds(at))),
+        // Orders of one grating lie on a line.
+        None if choice.why != ASKED && bank.bright() <= relief.width + relief.height => {
+            Lattice::find(relief).ok().filter(|lattice| bank.all(|at| lattice.holds(at)))
+        }
         None => None,
     };
     choice.frequencies = Some(bank.bright());

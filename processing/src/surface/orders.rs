@@ -3,6 +3,7 @@
 
 use super::expansion::bessel;
 use super::height::Profile;
+use crate::text::read_text;
 use crate::{Error, Result};
 use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
@@ -44,14 +45,9 @@ impl Section {
     /// # Errors
     /// `Input` for what is none.
     pub fn read(path: &Path, period_um: f64) -> Result<Self> {
-        let bad = |problem: String| {
-            Error::file(path, problem, "give a CSV file with rows \"x_um,height_um\" over one period, x rising")
-        };
-        let meta = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-        if !meta.is_file() || meta.len() > MAX_BYTES {
-            return Err(bad(format!("is no file of at most {MAX_BYTES} bytes")));
-        }
-        let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
+        let remedy = "give a CSV file with rows \"x_um,height_um\" over one period, x rising";
+        let bad = |problem: String| Error::file(path, problem, remedy);
+        let text = read_text(path, MAX_BYTES, remedy)?;
         let mut points: Vec<[f64; 2]> = vec![];
         for (k, line) in text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
             let numbers: Vec<Option<f64>> = line.split([',', ';', '\t']).map(|v| v.trim().parse().ok()).collect();
