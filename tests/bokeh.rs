@@ -228,7 +228,7 @@ fn the_service_and_plans_deconvolve_too() {
     let parts: [(&str, &str, &[u8]); 2] =
         [("kind", "", b"photographs"), ("file", "photograph.png", &std::fs::read(&photo).unwrap())];
     let upload = service.upload(&parts).expect(201).json();
-    let options = json!({ "psf": { "sigma": 2.2 }, "scale": { "lines": [20.8333333, null] } });
+    let options = json!({ "psf": { "sigma": 2.2 }, "scale": { "lines": { "per_mm": 20.8333333 } } });
     let ask = |options: &Value| {
         service
             .post("/api/v1/reconstructions", &json!({ "upload": upload["id"], "method": "bokeh", "options": options }))

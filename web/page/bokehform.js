@@ -13,7 +13,7 @@ export function bokehFields(given = {}) {
   const part = ["column", "row", "width", "height"].map((name, k) => [`bokeh-${name}`, number({ id: `bokeh-${name}`, value: given.crop?.[k] ?? "", min: 0, step: 1 })]);
   const rotate = number({ id: "bokeh-rotate", value: given.rotate_deg ?? 0 });
   const pixel = number({ id: "bokeh-pixel", value: scale.pixel ?? "", min: 0 });
-  const lines = number({ id: "bokeh-lines", value: scale.lines?.[0] ?? "", min: 0 });
+  const lines = number({ id: "bokeh-lines", value: scale.lines?.per_mm ?? "", min: 0 });
   const focal = number({ id: "bokeh-focal", value: lens.focal_mm ?? "", min: 0 });
   const stop = number({ id: "bokeh-stop", value: lens.f_number ?? "", min: 0 });
   const distance = number({ id: "bokeh-distance", value: lens.distance_m ?? "", min: 0 });
@@ -40,7 +40,7 @@ export function bokehFields(given = {}) {
       const crop = part.map(([, input]) => value(input));
       if (crop.every((v) => v !== null)) options.crop = crop;
       if (value(pixel) !== null) options.scale = { pixel: value(pixel) };
-      else if (value(lines) !== null) options.scale = { lines: [value(lines), scale.lines?.[1] ?? null] };
+      else if (value(lines) !== null) options.scale = { lines: { ...scale.lines, per_mm: value(lines) } };
       const told = { focal_mm: value(focal), f_number: value(stop), distance_m: value(distance) };
       if (Object.values(told).some((v) => v !== null)) options.lens = told;
       if (shape.value) options.known = { shape: shape.value, depth_um: value(depth) };

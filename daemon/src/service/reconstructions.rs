@@ -33,7 +33,7 @@ pub struct Request {
     /// "pixel_um"}, "center": [x, y], "size": 1024, "extent": 1, "warp": 1, "illuminant": "D65", "observer": "1931" | "1964",
     /// "exponent": 4, "max_error": 0.01, "method": "auto" | {"rays": 1} | {"single": 0.5} | {"fixed": 5}}`. Of `bokeh`,
     /// of which `psf` is needed: `{"psf": {"sigma": 2.5}, "light": "blue", "crop": [x, y, w, h], "rotate_deg": 90, "iterations": {"auto":
-    /// 500} | {"count": 30}, "scale": {"pixel": 2.5} | {"lines": [50, null]}, "lens": {"focal_mm", "f_number", "distance_m"},
+    /// 500} | {"count": 30}, "scale": {"pixel": 2.5} | {"lines": {"per_mm": 50}}, "lens": {"focal_mm", "f_number", "distance_m"},
     /// "wavelength_nm": 450, "known": {"shape": "blazed", "depth_um": 0.4}, "calibration": {"gain_um", "offset"}, "slice": [x0, y0, x1,
     /// y1], "slice_width": 15}`. Of `brdf`, for uploaded height fields: `{"pixel_um": 0.08, "range_um": 0.4, "level": false, "size": 512,
     /// "settings": {"light_deg": [30, 0], "method": "auto", "coherence_um": 65, "max_error": 0.01, "normalisation": "brdf" | "relative",

@@ -48,8 +48,14 @@ pub enum KnownScale {
     Unknown,
     /// The size itself, in µm.
     Pixel(f64),
-    /// Lines per mm of the grating, and how many the slice crosses; they are counted where it is not said.
-    Lines(f64, Option<f64>),
+    /// Lines of the grating are known.
+    Lines {
+        /// Lines per mm.
+        per_mm: f64,
+        /// How many the slice crosses; counted where it is not said.
+        #[serde(default)]
+        count: Option<f64>,
+    },
 }
 
 /// What the user may choose. Only the point spread function must be said.
@@ -170,7 +176,7 @@ impl Options {
         let cutoff = self.lens.map(|lens| lens.cutoff(self.wavelength_nm)).transpose()?;
         match self.scale {
             KnownScale::Pixel(um) if !(um > 0.0 && um < 1e6) => return bad("--pixel-um", um, "above 0"),
-            KnownScale::Lines(per_mm, count) => {
+            KnownScale::Lines { per_mm, count } => {
                 if !(per_mm > 0.0 && per_mm < 1e5) {
                     return bad("--lines-per-mm", per_mm, "above 0");
                 }
@@ -302,7 +308,7 @@ fn scale(options: &Options, lines: Option<Lines>, samples: Option<usize>, across
     let (per_mm, count) = match options.scale {
         KnownScale::Unknown => return Ok(Scale { pixel_um: None, sigma_um: None, source: "unknown" }),
         KnownScale::Pixel(um) => return Ok(Scale { pixel_um: Some(um), sigma_um: None, source: "given" }),
-        KnownScale::Lines(per_mm, count) => (per_mm, count),
+        KnownScale::Lines { per_mm, count } => (per_mm, count),
     };
     let counted = lines.map(|l| l.period_px);
     let told = count.zip(samples).map(|(n, samples)| [samples as f64 / n, 0.0]);
@@ -313,4 +319,24 @@ fn scale(options: &Options, lines: Option<Lines>, samples: Option<usize>, across
     let pixel = 1000.0 / per_mm / (period * across);
     let sigma_um = told.is_none().then_some(pixel * sigma / period);
     Ok(Scale { pixel_um: Some(pixel), sigma_um, source: "counted lines" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_can_be_written_in_plans() {
+        let text = "psf = { sigma = 2.5 }\nscale = { lines = { per_mm = 50 } }\niterations = { count = 30 }\ncrop = [1, 2, 3, 4]";
+        let options: Options = toml::from_str(text).unwrap();
+        let lines = KnownScale::Lines { per_mm: 50.0, count: None };
+        let wanted = Options {
+            scale: lines,
+            iterations: Iterations::Count(30),
+            crop: Some(Crop([1, 2, 3, 4])),
+            ..Options::new(PsfChoice::Sigma(2.5))
+        };
+        assert_eq!(options, wanted);
+        assert!(toml::from_str::<Options>("rotate_deg = 90").is_err(), "the blur must be said");
+    }
 }

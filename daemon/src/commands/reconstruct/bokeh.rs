@@ -188,7 +188,7 @@ impl Bokeh {
             known,
             scale: match (self.pixel_um, self.lines_per_mm) {
                 (Some(um), _) => KnownScale::Pixel(um),
-                (None, Some(per_mm)) => KnownScale::Lines(per_mm, self.lines),
+                (None, Some(per_mm)) => KnownScale::Lines { per_mm, count: self.lines },
                 (None, None) => KnownScale::Unknown,
             },
             lens: lens.map(|((focal_mm, f_number), distance_m)| Lens { focal_mm, f_number, distance_m }),
