@@ -69,7 +69,7 @@ pub(super) fn bessel(x: f64, out: &mut [f64]) {
     out.iter_mut().for_each(|v| *v /= sum);
 }
 
-/// Terms of the Chebyshev expansion that leave less than `error`: `2 Σ |Jn(X)|` over the others. None above [`MOST_TERMS`].
+/// Terms of the Chebyshev expansion that leave less than `error`: `2 Σ |Jn(X)|` over the others. None above 600.
 pub fn chebyshev_terms(x: f64, error: f64) -> Option<usize> {
     let mut all = vec![0.0; (x + 60.0 + 12.0 * x.cbrt()) as usize + 2];
     if x > MOST_TERMS as f64 {

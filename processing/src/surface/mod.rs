@@ -2,7 +2,7 @@
 //! exact orders of gratings (2018 paper).
 //!
 //! - [`height`]: height fields from files and formulas, and what they are fit for.
-//! - [`map`]: X, Y, Z over all directions of view; [`slice`]: spectra along a half circle; [`check`]: peaks against the grating equation.
+//! - [`map`]: X, Y, Z over all directions of view; [`slice()`]: spectra along a half circle; [`check`]: peaks against the grating equation.
 //! - [`Section`]: efficiencies of a grating's orders from its cross-section.
 //!
 //! Scalar theory: one reflection, no polarization, periods of several wavelengths. What it leaves out is in [`crate::rcwa`].
