@@ -133,6 +133,8 @@ impl SessionDoc {
 
     fn live(&mut self, run: &Run) {
         self.state = run.control.state();
+        // Whoever sees them can have the devices.
+        self.has_results &= run.is_over();
         self.stage = Some(run.stage().0).filter(|_| !run.is_over());
         (self.eta_s, self.error) = (run.eta_s(), run.error().or(self.error.take()));
         self.sigma = self.sigma.or(run.sigma_so_far());
