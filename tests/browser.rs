@@ -104,6 +104,20 @@ impl Browser {
         found.as_object().unwrap().values().next().unwrap().as_str().unwrap().to_owned()
     }
 
+    /// Chooses from a list.
+    fn choose(&self, id: &str, value: &str) {
+        self.run(&format!(
+            "const list = document.querySelector('#{id}'); list.value = '{value}'; list.dispatchEvent(new Event('change', {{ bubbles: true }}));"
+        ));
+    }
+
+    /// Opens the upload page for a kind of reconstruction.
+    fn upload_page(&self, url: &str, method: &str) {
+        self.open(&format!("{url}/#/upload"));
+        self.until("document.querySelector('#photographs')");
+        self.choose("method", method);
+    }
+
     /// Gives a file to a file input.
     fn attach(&self, css: &str, file: &str) {
         self.call("POST", &format!("/element/{}/value", self.element(css)), &json!({ "text": file }));
@@ -221,14 +235,8 @@ fn a_person_takes_a_bracket_and_looks_at_the_merged_photograph() {
     let (_place, service, url) = service(128);
     browser.open(&format!("{url}/#/new"));
     browser.click("input[name=kind][value=exposures]");
-    let choose = |id: &str, value: &str| {
-        let script = format!(
-            "const list = document.querySelector('#{id}'); list.value = '{value}'; list.dispatchEvent(new Event('change', {{ bubbles: true }}));"
-        );
-        browser.run(&script);
-    };
-    choose("plan-angles", "none");
-    choose("plan-exposing", "bracket");
+    browser.choose("plan-angles", "none");
+    browser.choose("plan-exposing", "bracket");
     browser.until("!document.querySelector('#plan-step_ev').closest('.field').hidden");
     browser.until("/\\d/.test(document.querySelector('#estimate').textContent)");
     browser.both("new-bracket");
@@ -271,19 +279,11 @@ fn a_person_uploads_photographs_of_diffraction() {
     let Some(browser) = Browser::start() else { return };
     let (place, _service, url) = service(128);
     let [orders, highlight] = photographs(&place);
-    let choose = |id: &str, value: &str| {
-        let script = format!(
-            "const list = document.querySelector('#{id}'); list.value = '{value}'; list.dispatchEvent(new Event('change', {{ bubbles: true }}));"
-        );
-        browser.run(&script);
-    };
-    browser.open(&format!("{url}/#/upload"));
-    browser.until("document.querySelector('#photographs')");
-    choose("method", "hdr");
-    choose("method", "lut");
+    browser.upload_page(&url, "hdr");
+    browser.choose("method", "lut");
     browser.until("document.querySelector('#table-wavelength').value === '680'");
     browser.attach("#photographs", &orders);
-    choose("table-light", "D65");
+    browser.choose("table-light", "D65");
     browser.run("for (const [id, v] of [['table-scale', '0.002'], ['table-size', '256']]) { document.getElementById(id).value = v; }");
     browser.both("upload-lut");
     browser.click("#upload-start");
@@ -292,13 +292,11 @@ fn a_person_uploads_photographs_of_diffraction() {
     browser.until("document.querySelector('svg path.light')?.getAttribute('d').length > 100");
     browser.both("result-lut");
     // Under another light, from the same photograph.
-    choose("table-light", "FL2");
+    browser.choose("table-light", "FL2");
     browser.click("#make-next");
     browser.until("document.body.innerText.includes('FL2, observer')");
 
-    browser.open(&format!("{url}/#/upload"));
-    browser.until("document.querySelector('#photographs')");
-    choose("method", "bokeh");
+    browser.upload_page(&url, "bokeh");
     browser.attach("#photographs", &highlight);
     browser.run("for (const [id, v] of [['bokeh-blur', '2.2'], ['bokeh-lines', '20.8333333']]) { document.getElementById(id).value = v; }");
     browser.both("upload-bokeh");
@@ -312,9 +310,7 @@ fn a_person_uploads_photographs_of_diffraction() {
     let heights = place.path("heights.png").to_str().unwrap().to_owned();
     let blaze: Vec<u8> = (0..128 * 128).map(|i| (i % 16 * 16) as u8).collect();
     nacre_processing::image::write_png8(Path::new(&heights), 128, 128, 1, &blaze).unwrap();
-    browser.open(&format!("{url}/#/upload"));
-    browser.until("document.querySelector('#photographs')");
-    choose("method", "brdf");
+    browser.upload_page(&url, "brdf");
     browser.attach("#photographs", &heights);
     browser.run("for (const [id, v] of [['brdf-pixel', '0.1'], ['brdf-range', '0.3'], ['brdf-size', '300']]) { document.getElementById(id).value = v; }");
     browser.both("upload-brdf");
@@ -322,7 +318,7 @@ fn a_person_uploads_photographs_of_diffraction() {
     browser.until("document.querySelector('#result-picture')?.naturalWidth === 300");
     browser.until("document.body.innerText.includes('1.60 µm')");
     browser.both("result-brdf");
-    choose("brdf-material", "gold");
+    browser.choose("brdf-material", "gold");
     browser.click("#make-next");
     browser.until("[...document.querySelectorAll('dd')].some((d) => d.textContent === 'gold')");
 }

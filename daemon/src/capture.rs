@@ -208,29 +208,36 @@ fn results(
     progress: &dyn Progress,
 ) -> Result<(PathBuf, Findings), Failure> {
     let results = folder.join("results");
-    if planned.method == Method::Hdr {
-        // The bench stands still.
-        let options = hdr::Options { align: Align::Off, overwrite: true, ..hdr::Options::default() };
-        let report = hdr::reconstruct(folder, &results, &options, progress)?;
-        return Ok((results, Findings::Hdr(Box::new(report))));
-    }
-    if planned.method == Method::Lut {
-        let asked = planned.lut.as_deref().cloned().unwrap_or_default();
-        let settings = pattern::Settings { overwrite: true, ..asked };
-        let report = pattern::reconstruct(folder, &results, &settings, progress)?;
-        return Ok((results, Findings::Lut(Box::new(report))));
-    }
-    if let (Method::Bokeh, Some(asked)) = (planned.method, &planned.bokeh) {
-        let options = bokeh::Options { overwrite: true, ..asked.as_ref().clone() };
-        let report = bokeh::reconstruct(folder, &results, &options, progress)?;
-        return Ok((results, Findings::Bokeh(Box::new(report))));
-    }
-    let options = Options { model: planned.model, oblique: planned.oblique, overwrite: true, ..Options::default() };
-    let report = match running {
-        Some(running) => running.finish(OutputFolder::begin(&results, true)?, &options, progress)?,
-        None => polarimetry::reconstruct(folder, &results, &options, progress)?,
+    let findings = match planned.method {
+        Method::Polarization => {
+            let options =
+                Options { model: planned.model, oblique: planned.oblique, overwrite: true, ..Options::default() };
+            let report = match running {
+                Some(running) => running.finish(OutputFolder::begin(&results, true)?, &options, progress)?,
+                None => polarimetry::reconstruct(folder, &results, &options, progress)?,
+            };
+            Findings::Polarization(Box::new(report))
+        }
+        Method::Hdr => {
+            // The bench stands still.
+            let options = hdr::Options { align: Align::Off, overwrite: true, ..hdr::Options::default() };
+            Findings::Hdr(Box::new(hdr::reconstruct(folder, &results, &options, progress)?))
+        }
+        Method::Lut => {
+            let asked = planned.lut.as_deref().cloned().unwrap_or_default();
+            let settings = pattern::Settings { overwrite: true, ..asked };
+            Findings::Lut(Box::new(pattern::reconstruct(folder, &results, &settings, progress)?))
+        }
+        Method::Bokeh => {
+            let remedy = "say the blur in the plan: reconstruct.bokeh.psf.sigma";
+            let asked =
+                planned.bokeh.as_deref().ok_or_else(|| Error::input("plan", "has no options of bokeh", remedy))?;
+            let options = bokeh::Options { overwrite: true, ..asked.clone() };
+            Findings::Bokeh(Box::new(bokeh::reconstruct(folder, &results, &options, progress)?))
+        }
+        Method::Brdf => return Err(Error::input("plan", "makes a BRDF of photographs", "upload a height field").into()),
     };
-    Ok((results, Findings::Polarization(Box::new(report))))
+    Ok((results, findings))
 }
 
 /// Lets signals steer a run: SIGINT and SIGTERM stop it after the frames in progress and abort it the second time,

@@ -4,7 +4,10 @@ use clap::ValueEnum;
 use nacre_processing::frames::{Channel, Transfer};
 
 /// As many numbers as wanted, with commas.
-pub(super) fn numbers<T: std::str::FromStr, const N: usize>(text: &str, wanted: &str) -> Result<[T; N], String> {
+pub(in crate::commands) fn numbers<T: std::str::FromStr, const N: usize>(
+    text: &str,
+    wanted: &str,
+) -> Result<[T; N], String> {
     let all: Result<Vec<T>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     all.ok().and_then(|all| all.try_into().ok()).ok_or_else(|| format!("give {wanted}"))
 }

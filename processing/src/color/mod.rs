@@ -91,6 +91,16 @@ pub fn xyz_of_linear_srgb([r, g, b]: [f32; 3]) -> [f32; 3] {
     ]
 }
 
+/// What a screen shows of CIE XYZ, sRGB values of 0 to 1: the brightest is compressed by Reinhard's curve (Reinhard et al. 2002), and colours
+/// that no screen shows lose saturation until one does.
+pub fn displayed([x, y, z]: [f32; 3]) -> [f32; 3] {
+    let luminance = y.max(0.0);
+    let rgb = linear_srgb([x, y, z]);
+    let (least, most) = rgb.iter().fold((luminance, 1e-9_f32), |(a, b), v| (a.min(*v), b.max(*v)));
+    let kept = if least < 0.0 { luminance / (luminance - least) } else { 1.0 };
+    rgb.map(|v| srgb_encode((luminance + kept * (v - luminance)) / (1.0 + most)))
+}
+
 /// Value of the sRGB curve for linear light, 0 to 1.
 pub fn srgb_encode(light: f32) -> f32 {
     let v = light.clamp(0.0, 1.0);

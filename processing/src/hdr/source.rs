@@ -2,7 +2,7 @@
 
 use super::{Options, Report, check_input, reconstruct};
 use crate::frames::FILE_NAME;
-use crate::image::photographs;
+use crate::image::photograph_in;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -57,15 +57,5 @@ pub fn is_bracket(input: &Path) -> bool {
 
 /// The photograph: the input, the merged exposures in it, or the only photograph in it.
 fn file(input: &Path) -> Option<PathBuf> {
-    if !input.is_dir() {
-        return Some(input.to_owned());
-    }
-    let merged = input.join("hdr.exr");
-    if merged.is_file() {
-        return Some(merged);
-    }
-    match photographs(input).ok()?.as_slice() {
-        [only] => Some(input.join(only)),
-        _ => None,
-    }
+    if input.is_dir() { photograph_in(input, "hdr.exr") } else { Some(input.to_owned()) }
 }

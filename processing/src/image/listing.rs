@@ -27,3 +27,15 @@ pub fn photographs(folder: &Path) -> Result<Vec<PathBuf>> {
     files.sort();
     if files.is_empty() { Err(bad("holds no photograph".into())) } else { Ok(files) }
 }
+
+/// The file of this name in a folder; without one, the folder's only photograph. None where there is neither.
+pub fn photograph_in(folder: &Path, name: &str) -> Option<PathBuf> {
+    let named = folder.join(name);
+    if named.is_file() {
+        return Some(named);
+    }
+    match photographs(folder).ok()?.as_slice() {
+        [only] => Some(folder.join(only)),
+        _ => None,
+    }
+}

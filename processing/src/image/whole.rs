@@ -1,11 +1,11 @@
 //! A single file that appears whole or not at all.
 
 use std::fs::{self, File, Permissions};
-use std::io::{self, Write};
+use std::io;
 use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use tempfile::Builder;
+use tempfile::{Builder, NamedTempFile};
 
 use crate::{Error, Result};
 
@@ -16,25 +16,41 @@ use crate::{Error, Result};
 /// # Errors
 /// `Error::Output` when the system refuses; a file that was there is as it was.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    place(path, bytes).map_err(|error| Error::output(path, error))
+    let write = |file: &Path| fs::write(file, bytes).map_err(|error| Error::output(path, error));
+    write_whole_with(path, write)
 }
 
-fn place(path: &Path, bytes: &[u8]) -> io::Result<()> {
+/// The same for a file that `write` writes, given a path to write to.
+///
+/// # Errors
+/// As [`write_whole`], and those of `write`.
+pub fn write_whole_with(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    let failed = |error: io::Error| Error::output(path, error);
     let old = fs::metadata(path).ok();
     if old.as_ref().is_some_and(|old| !old.is_file()) {
-        return fs::write(path, bytes);
+        return write(path);
     }
-    let target = if old.is_some() { path.canonicalize()? } else { std::path::absolute(path)? };
+    let (file, target) = beside(path, old.is_some()).map_err(failed)?;
+    write(file.path())?;
+    place(file, &target, old.map(|old| old.permissions())).map_err(failed)
+}
+
+/// An empty temporary file in the folder of `path`, and the path to move it to.
+fn beside(path: &Path, exists: bool) -> io::Result<(NamedTempFile, PathBuf)> {
+    let target = if exists { path.canonicalize()? } else { std::path::absolute(path)? };
     let folder = target.parent().ok_or(io::ErrorKind::InvalidInput)?;
     // Less the umask, as `File::create` has it.
-    let mut file = Builder::new().permissions(Permissions::from_mode(0o666)).tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    if let Some(old) = old {
-        file.as_file().set_permissions(old.permissions())?;
+    let file = Builder::new().permissions(Permissions::from_mode(0o666)).tempfile_in(folder)?;
+    Ok((file, target))
+}
+
+fn place(file: NamedTempFile, target: &Path, permissions: Option<Permissions>) -> io::Result<()> {
+    if let Some(permissions) = permissions {
+        file.as_file().set_permissions(permissions)?;
     }
     file.as_file().sync_all()?;
-    file.persist(&target)?;
-    File::open(folder)?.sync_all()
+    file.persist(target)?;
+    File::open(target.parent().ok_or(io::ErrorKind::InvalidInput)?)?.sync_all()
 }
 
 #[cfg(test)]

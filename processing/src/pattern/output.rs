@@ -5,7 +5,7 @@ use super::report::Coverage;
 use super::settings::Settings;
 use super::table::Grid;
 use crate::Result;
-use crate::color::{linear_srgb, srgb_encode};
+use crate::color::displayed;
 use crate::image::{Attribute, OutputFolder, scalar_picture, write_exr, write_png8};
 use rayon::prelude::*;
 use std::fmt::Write;
@@ -72,8 +72,7 @@ impl Output<'_> {
         folder.write("profile.csv", self.profile().as_bytes())
     }
 
-    /// The picture, sRGB: nine tenths of the entries are darker than [`KEY`], the brightest are compressed by Reinhard's curve, and
-    /// colours that no screen shows lose saturation until one does.
+    /// The picture, sRGB: nine tenths of the entries are darker than [`KEY`], and brighter ones are compressed.
     fn picture(&self) -> Vec<u8> {
         let entries = &self.table.entries;
         let step = (entries.len() >> 20).max(1);
@@ -88,13 +87,8 @@ impl Output<'_> {
                 out.copy_from_slice(&GRAY);
                 return;
             }
-            let luminance = (y * scale).max(0.0);
-            let rgb = linear_srgb([x * scale, y * scale, z * scale]);
-            let (least, most) = rgb.iter().fold((luminance, 1e-9_f32), |(a, b), v| (a.min(*v), b.max(*v)));
-            let kept = if least < 0.0 { luminance / (luminance - least) } else { 1.0 };
-            for ((out, v), unknown) in out.iter_mut().zip(rgb).zip(GRAY) {
-                let v = (luminance + kept * (v - luminance)) / (1.0 + most);
-                *out = (srgb_encode(v) * 255.0 * coverage + f32::from(unknown) * (1.0 - coverage)).round() as u8;
+            for ((out, v), unknown) in out.iter_mut().zip(displayed([x, y, z].map(|v| v * scale))).zip(GRAY) {
+                *out = (v * 255.0 * coverage + f32::from(unknown) * (1.0 - coverage)).round() as u8;
             }
         });
         bytes

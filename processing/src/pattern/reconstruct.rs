@@ -86,25 +86,27 @@ fn narrow(wavelength: Wavelength) -> Option<f64> {
     }
 }
 
-/// What nobody can tell from the photograph, and what it costs at the rim: numbers are those of the studies `lut-depth`, `lut-wavelength`
-/// and `lut-tilt`, whose orders are two pixels wide.
+/// What nobody can tell from the photograph, and an example of what it costs: the studies `lut-depth`, `lut-wavelength` and `lut-tilt`, in
+/// which orders at the rim are two pixels wide and some seventy from the zero order.
 fn assumptions(report: &Report, settings: &Settings) -> Vec<String> {
     let mut all = vec![];
     match (report.wavelength_nm, settings.exponent) {
         (Wavelength::Band(_), 4.0) => all.push(
-            "orders grow weaker with the fourth power of the wavelength: true of first orders of shallow gratings (off by 1 % of the \
-             light at 20 nm of depth, 6 % at 40, 26 % at 80); three bands bear any depth"
+            "orders grow weaker with the fourth power of the wavelength, as first orders of shallow gratings do (in an example 1 % off at \
+             20 nm of depth, 6 % at 40, 26 % at 80); three bands bear any depth"
                 .into(),
         ),
         (Wavelength::Band(_), n) => all.push(format!("orders grow weaker with the power {n} of the wavelength")),
         (Wavelength::Channels(_), _) => all.push(
-            "red, green and blue were photographed in three narrow bands: a colour photograph in white light blurs orders and is off by \
-             a tenth and more"
+            "red, green and blue were photographed in three narrow bands; a colour photograph in white light blurs orders (in an example \
+             12 % off and more)"
                 .into(),
         ),
     }
-    all.push("the wavelength of the photograph is right: 1 nm moves the rim by 1.3 % of the light".into());
-    all.push("the surface faces the camera: a tilt of 0.2° is off by 1.4 %, 1° by 7 %".into());
+    all.push(
+        "the wavelength of the photograph is right (in an example 1 nm moves the rim by 1.3 % of its light)".into(),
+    );
+    all.push("the surface faces the camera (in an example 0.2° of tilt are 1.4 % off, 1° 7 %)".into());
     if report.light.is_none() {
         all.push("the light to come is a point; --light takes a photograph of one that is not".into());
     }

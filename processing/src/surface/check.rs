@@ -46,7 +46,8 @@ pub struct GratingCheck {
     pub ridges: Vec<[f64; 2]>,
     /// Azimuth of the light in degrees.
     pub azimuth_deg: f64,
-    /// How densities were computed.
+    /// How densities were computed; reports have it by themselves.
+    #[serde(skip)]
     pub choice: Choice,
 }
 

@@ -150,6 +150,7 @@ mod tests {
             ("silicon", 550.0, 0.36),
         ] {
             let r = of(name).at(1.0, nm);
+            println!("{name} {nm}: {r} {truth}");
             assert!((r - truth).abs() < 0.035, "{name} {nm}: {r}");
         }
         for name in MATERIALS {

@@ -6,7 +6,7 @@ use super::height::{HeightField, Quality, Scale, read};
 use super::output::{albedo, needed_size, write_map, write_picture};
 use super::report::Report;
 use super::settings::{SIZES, Settings};
-use crate::image::{OutputFolder, photographs};
+use crate::image::{OutputFolder, photograph_in};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use schemars::JsonSchema;
@@ -110,14 +110,8 @@ fn file(input: &Path) -> Result<PathBuf> {
     if !input.is_dir() {
         return Ok(input.to_owned());
     }
-    let heights = input.join("height.exr");
-    if heights.is_file() {
-        return Ok(heights);
-    }
-    match photographs(input)?.as_slice() {
-        [only] => Ok(input.join(only)),
-        all => Err(Error::file(input, format!("holds {} images", all.len()), "give one height field")),
-    }
+    photograph_in(input, "height.exr")
+        .ok_or_else(|| Error::file(input, "holds no image, or several", "give one height field"))
 }
 
 /// What a map's report adds, and what the reader must know: what its pixels cannot show, and what scalar theory adds.

@@ -4,8 +4,8 @@ use super::brdf::{Map, Slice, view};
 use super::check::GratingCheck;
 use super::height::HeightField;
 use super::settings::{Normalisation, Settings};
-use crate::color::{linear_srgb, srgb_encode};
-use crate::image::{Attribute, encode_png8, scalar_picture, write_exr, write_whole};
+use crate::color::displayed;
+use crate::image::{Attribute, encode_png8, scalar_picture, write_exr, write_whole, write_whole_with};
 use crate::{Error, Result};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -37,25 +37,6 @@ pub fn vacant(paths: &[PathBuf], overwrite: bool) -> Result<()> {
     Ok(())
 }
 
-/// An EXR map, written beside its place and then moved there.
-fn whole_exr(
-    path: &Path,
-    [width, height]: [usize; 2],
-    channels: &[&str],
-    attributes: &[(&str, Attribute)],
-    fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
-) -> Result<()> {
-    let failed = |e: std::io::Error| Error::output(path, e);
-    let target = std::path::absolute(path).map_err(failed)?;
-    let folder = target.parent().ok_or_else(|| failed(std::io::ErrorKind::InvalidInput.into()))?;
-    let permissions = std::os::unix::fs::PermissionsExt::from_mode(0o666);
-    let file = tempfile::Builder::new().permissions(permissions).tempfile_in(folder).map_err(failed)?;
-    write_exr(file.path(), width, height, channels, attributes, fill)?;
-    std::fs::File::open(file.path()).and_then(|f| f.sync_all()).map_err(failed)?;
-    file.persist(&target).map_err(|e| failed(e.error))?;
-    Ok(())
-}
-
 /// Writes a map as an EXR (X, Y, Z).
 ///
 /// # Errors
@@ -74,13 +55,15 @@ pub fn write_map(path: &Path, map: &Map, settings: &Settings) -> Result<()> {
         ("coherence_um", Attribute::Number(settings.coherence_um)),
         ("error_estimate", Attribute::Number(map.error_estimate)),
     ];
-    whole_exr(path, [map.size; 2], &["X", "Y", "Z"], &attributes, &|c, y, row| {
-        row.iter_mut().enumerate().for_each(|(x, out)| *out = map.xyz[y * map.size + x][c]);
+    write_whole_with(path, |file| {
+        write_exr(file, map.size, map.size, &["X", "Y", "Z"], &attributes, &|c, y, row| {
+            row.iter_mut().enumerate().for_each(|(x, out)| *out = map.xyz[y * map.size + x][c]);
+        })
     })
 }
 
-/// Writes a map as a picture (sRGB, PNG): half of what shines, counted by light, is darker than 0.6 of white; the brightest are compressed
-/// by Reinhard's curve, and colours that no screen shows lose saturation until one does.
+/// Writes a map as a picture (sRGB, PNG): half of what shines, counted by light, is darker than 0.6 of white, and brighter ones are
+/// compressed.
 ///
 /// # Errors
 /// `Output` when the system refuses.
@@ -93,22 +76,14 @@ pub fn write_picture(path: &Path, map: &Map) -> Result<()> {
     let scale = KEY / shining.get(shining.len() * 9 / 10).map_or(1.0, |y| y.max(f32::MIN_POSITIVE));
     let mut bytes = Vec::with_capacity(3 * map.xyz.len());
     for xyz in &map.xyz {
-        bytes.extend(if xyz[1].is_nan() { BELOW } else { screen(xyz.map(|v| v * scale)) });
+        bytes.extend(if xyz[1].is_nan() {
+            BELOW
+        } else {
+            displayed(xyz.map(|v| v * scale)).map(|v| (v * 255.0).round() as u8)
+        });
     }
     let encoded = encode_png8(map.size, map.size, 3, &bytes).map_err(|e| Error::output(path, e))?;
     write_whole(path, &encoded)
-}
-
-/// The colour of a screen for X, Y, Z.
-fn screen([x, y, z]: [f32; 3]) -> [u8; 3] {
-    let luminance = y.max(0.0);
-    let rgb = linear_srgb([x, y, z]);
-    let (least, most) = rgb.iter().fold((luminance, 1e-9_f32), |(a, b), v| (a.min(*v), b.max(*v)));
-    let kept = if least < 0.0 { luminance / (luminance - least) } else { 1.0 };
-    rgb.map(|v| {
-        let v = (luminance + kept * (v - luminance)) / (1.0 + most);
-        (srgb_encode(v) * 255.0).round() as u8
-    })
 }
 
 /// Part of the directions whose light is narrower than a pixel: a lobe of the coherence window has the standard deviation λσ, 380 nm the
@@ -180,8 +155,10 @@ pub fn write_check(path: &Path, check: &GratingCheck) -> Result<()> {
 pub fn write_height(path: &Path, picture: Option<&Path>, field: &HeightField) -> Result<()> {
     let attributes = [("units", Attribute::Text("µm".into())), ("pixel_um", Attribute::Number(field.pixel_um))];
     let (w, h) = (field.width, field.height);
-    whole_exr(path, [w, h], &["height"], &attributes, &|_, y, row| {
-        row.iter_mut().zip(&field.um[y * w..]).for_each(|(to, from)| *to = *from as f32);
+    write_whole_with(path, |file| {
+        write_exr(file, w, h, &["height"], &attributes, &|_, y, row| {
+            row.iter_mut().zip(&field.um[y * w..]).for_each(|(to, from)| *to = *from as f32);
+        })
     })?;
     let Some(picture) = picture else { return Ok(()) };
     let [low, high] = field.ends_um();

@@ -4,8 +4,7 @@ use super::common::{List, Optics, Surface, summary};
 use crate::Failure;
 use crate::console::Console;
 use nacre_processing::surface::output::{vacant, write_check};
-use nacre_processing::surface::{GratingCheck, Report, check};
-use serde::Serialize;
+use nacre_processing::surface::{Report, check};
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -45,13 +44,6 @@ pub struct Check {
     force: bool,
 }
 
-/// What a check's report adds.
-#[derive(Serialize)]
-struct More<'a> {
-    #[serde(flatten)]
-    check: &'a GratingCheck,
-}
-
 impl Check {
     /// Computes it, and writes it where asked.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
@@ -63,16 +55,16 @@ impl Check {
         let (field, quality) = self.surface.read(settings.coherence_um, console)?;
         let given = [self.period_um, self.azimuth];
         let found = check(&field, &quality, &settings, &self.wavelengths.0, given, console)?;
-        let choice = found.choice.clone();
+        let choice = &found.choice;
         let report = Report {
             product: "check",
             warnings: quality.warnings.clone(),
             input: self.surface.path().into(),
             quality: &quality,
             settings: &settings,
-            choice: &choice,
+            choice,
             error_estimate: choice.predicted_error.max(choice.measured_error.unwrap_or(0.0)),
-            more: More { check: &found },
+            more: &found,
             seconds: begun.elapsed().as_secs_f64(),
             files: files.clone(),
         };

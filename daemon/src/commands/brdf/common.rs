@@ -1,6 +1,7 @@
 //! What the products of a height field share.
 
 use crate::Failure;
+use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_processing::color::Observer;
 use nacre_processing::progress::Progress;
@@ -125,12 +126,8 @@ pub struct Seen {
 
 /// Two angles of a direction, in degrees.
 pub fn direction(text: &str) -> Result<[f64; 2], String> {
-    let all: Option<Vec<f64>> = text.split(',').map(|v| v.trim().parse().ok()).collect();
-    match all.as_deref() {
-        Some([theta]) => Ok([*theta, 0.0]),
-        Some([theta, phi]) => Ok([*theta, *phi]),
-        _ => Err("give THETA or THETA,PHI in degrees".into()),
-    }
+    let wanted = "THETA or THETA,PHI in degrees";
+    numbers(text, wanted).or_else(|_| numbers(text, wanted).map(|[theta]: [f64; 1]| [theta, 0.0]))
 }
 
 /// Most numbers of a list.

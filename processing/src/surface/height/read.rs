@@ -48,6 +48,10 @@ impl Scale {
 /// `Input` for what cannot be read, holds no numbers, or whose scale nobody has said.
 pub fn read(path: &Path, scale: &Scale) -> Result<HeightField> {
     scale.check()?;
+    // Opening a pipe waits for its writer.
+    if std::fs::metadata(path).is_ok_and(|there| !there.is_file()) {
+        return Err(Error::file(path, "is no file", "give an image, or rows of heights as text"));
+    }
     let mut head = [0_u8; 4];
     let opened = std::fs::File::open(path).and_then(|mut f| f.read(&mut head));
     let count = opened.map_err(|e| Error::file(path, format!("cannot be read: {e}"), "check the path"))?;

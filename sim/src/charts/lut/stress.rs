@@ -225,3 +225,36 @@ fn lamps(points: &[([f64; 2], f64); 2], scale: f64) -> Result<Light> {
     };
     Light::cut_out(&[(0..SIZE * SIZE).map(at).collect()], SIZE, None, scale)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Error and what the table says, of a setting at a value of the stress.
+    fn outcome(stress: Stress, setting: usize, value: f64) -> [f64; 2] {
+        let job = Job::new(Pattern::shallow(5), 300, 5);
+        let base = Settings { size: 128, ..job.settings() };
+        let outcome = (stress.run)(setting, value, job, base).unwrap();
+        [outcome.error.unwrap(), outcome.predicted.unwrap()]
+    }
+
+    #[test]
+    fn studies_show_what_the_docs_say() {
+        // A place that is given wrong costs what the table says, within a fifth; one that is found does not.
+        for off in [0.05, 0.5, 2.0] {
+            let ([wrong, said], [found, _]) = (outcome(center(), 1, off), outcome(center(), 0, off));
+            assert!((said / wrong - 1.0).abs() < 0.25 && found < 0.002, "{off}: {wrong} {said} {found}");
+        }
+        // The fourth power is right for shallow gratings, the second is not; for deep ones three bands are.
+        assert!(outcome(depth(), 0, 10.0)[0] < 0.01 && outcome(depth(), 1, 10.0)[0] > 0.2);
+        assert!(outcome(bands(), 4, 200.0)[0] < 0.03 && outcome(bands(), 0, 200.0)[0] > 0.3);
+        // A light is spread over the table, not over the photograph.
+        for distance in [2.0, 16.0] {
+            let [after, before] = [0, 1].map(|setting| outcome(light(), setting, distance)[0]);
+            assert!(after < 0.02 && before > 3.0 * after, "{distance}: {after} {before}");
+        }
+        // A nm and a degree cost what the reports' assumptions say.
+        let [nm, degree] = [outcome(band(), 0, 1.0)[0], outcome(tilt(), 0, 1.0)[0]];
+        assert!((0.01..0.02).contains(&nm) && (0.05..0.09).contains(&degree), "{nm} {degree}");
+    }
+}
