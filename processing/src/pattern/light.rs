@@ -255,11 +255,9 @@ mod tests {
         let gray = [1.0; 3];
         // Two lights beside each other, one below and weaker; and one that is moved as a whole.
         let [error, said] = off(&[([50.0, 55.0], 1.5, gray), ([72.0, 66.0], 1.0, [0.4; 3])], None);
-        println!("off {error} said {said}");
-        assert!(error < 0.005 && error < 2.0 * said + 0.003, "{error} {said}");
-        let [error, said] = off(&[([60.0, 60.0], 0.9, gray)], Some([52.3, 63.4]));
-        println!("off {error} said {said}");
-        assert!(error < 0.005, "{error}");
+        assert!(error < 1e-3 && said < error, "{error} {said}");
+        let [error, _] = off(&[([60.0, 60.0], 0.9, gray)], Some([52.3, 63.4]));
+        assert!(error < 1e-3, "{error}");
     }
 
     #[test]

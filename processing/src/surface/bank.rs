@@ -140,11 +140,11 @@ impl<T: Real> Bank<T> {
         }
     }
 
-    /// Whether all frequencies that hold light, in cycles per patch, are like this.
-    pub(super) fn all(&self, which: impl Fn([isize; 2]) -> bool) -> bool {
+    /// The frequencies that hold light, in cycles per patch.
+    pub(super) fn lit(&self) -> impl Iterator<Item = [isize; 2]> {
         let across = 2 * self.reach[0] + 1;
-        let at = |k: usize| [k as isize % across - self.reach[0], k as isize / across - self.reach[1]];
-        self.slots.iter().enumerate().all(|(k, slot)| *slot == DARK || which(at(k)))
+        let lit = self.slots.iter().enumerate().filter(|(_, slot)| **slot != DARK);
+        lit.map(move |(k, _)| [k as isize % across - self.reach[0], k as isize / across - self.reach[1]])
     }
 
     /// Part of the frequencies that hold light.

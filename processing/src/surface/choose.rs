@@ -231,13 +231,13 @@ pub(super) fn prepare<'a>(
         }
         _ if candidate.bits == 32 => {
             let mut bank = Bank::<f32>::new(&relief, candidate.expansion.clone(), wide, dark, step);
-            let lattice = settle(&mut bank, single, &relief, &mut choice);
+            let lattice = settle(&mut bank, single, &relief, radius, &mut choice);
             choice.predicted_s = chooser.seconds(&candidate.expansion, 32, bank.share());
             model(Engine::Single(bank), lattice)
         }
         _ => {
             let mut bank = Bank::<f64>::new(&relief, candidate.expansion.clone(), wide, dark, step);
-            let lattice = settle(&mut bank, single, &relief, &mut choice);
+            let lattice = settle(&mut bank, single, &relief, radius, &mut choice);
             choice.predicted_s = chooser.seconds(&candidate.expansion, 64, bank.share());
             model(Engine::Double(bank), lattice)
         }
@@ -252,6 +252,7 @@ fn settle<T: Real>(
     bank: &mut Bank<T>,
     asked: Option<Lattice>,
     relief: &Relief,
+    radius: f64,
     choice: &mut Choice,
 ) -> Option<Lattice> {
     let lattice = match asked {
@@ -259,10 +260,7 @@ fn settle<T: Real>(
             bank.keep(|at| lattice.holds(at));
             Some(lattice)
         }
-        // Orders of one grating lie on a line.
-        None if choice.why != ASKED && bank.bright() <= relief.width + relief.height => {
-            Lattice::find(relief).ok().filter(|lattice| bank.all(|at| lattice.holds(at)))
-        }
+        None if choice.why != ASKED => Lattice::of(bank.lit(), relief.size_um, radius),
         None => None,
     };
     choice.frequencies = Some(bank.bright());
@@ -365,7 +363,7 @@ fn measured(field: &HeightField, model: &Model, request: &Request, method: Metho
     for group in 0..count.div_ceil(GROUP) {
         let q = request.q[0] + (request.q[1] - request.q[0]) * ratio(group + 1, 0.754_877_666_2);
         let bright = brightest(model, request, size, q, &mut memory);
-        for k in group * GROUP..count.min((group + 1) * GROUP) {
+        let place = |k: usize| {
             // Three of four at the strongest frequencies, the others anywhere; a little off their middle.
             let anywhere = [0, 1].map(|axis| {
                 let bins = (request.frequency[axis] * size[axis]).floor();
@@ -373,9 +371,11 @@ fn measured(field: &HeightField, model: &Model, request: &Request, method: Metho
             });
             let place = bright.get(k % GROUP).copied().filter(|_| k % 4 != 3).unwrap_or(anywhere);
             let off = model.window.sigma * (ratio(k, 0.324_717_957) - 0.5);
-            let place = [place[0] + off, place[1] - 0.5 * off];
-            let truth = reference.density(place, q, model.window);
-            let found = model.density(place, q, &mut memory);
+            [place[0] + off, place[1] - 0.5 * off]
+        };
+        let places: Vec<[f64; 2]> = (group * GROUP..count.min((group + 1) * GROUP)).map(place).collect();
+        for (place, truth) in places.iter().zip(reference.densities(&places, q, model.window)) {
+            let found = model.density(*place, q, &mut memory);
             worst = worst.max((found - truth).abs() / truth.max(floor));
         }
     }

@@ -137,7 +137,8 @@ mod tests {
 
     #[test]
     fn metals_reflect_as_published() {
-        // Reflectance at normal incidence (CRC Handbook and the cited papers' own n and k), within 2 %.
+        // Reflectance at normal incidence as handbooks print it. Films of metals differ by 0.02 to 0.03
+        // between sources, so this tells metals and columns of a table apart, and no more.
         for (name, nm, truth) in [
             ("aluminium", 550.0, 0.92),
             ("silver", 550.0, 0.97),
@@ -150,7 +151,6 @@ mod tests {
             ("silicon", 550.0, 0.36),
         ] {
             let r = of(name).at(1.0, nm);
-            println!("{name} {nm}: {r} {truth}");
             assert!((r - truth).abs() < 0.035, "{name} {nm}: {r}");
         }
         for name in MATERIALS {

@@ -63,6 +63,13 @@ impl Lattice {
         Ok(Self { base, frequency })
     }
 
+    /// That of orders which lie on one line, apart from each other by more than twice `radius` (1/µm), if there are any but the zeroth.
+    pub(super) fn of(mut orders: impl Iterator<Item = [isize; 2]>, size_um: [f64; 2], radius: f64) -> Option<Self> {
+        let base = orders.try_fold([0; 2], |base, at| if at == [0; 2] { Some(base) } else { measure(base, at) })?;
+        let frequency = [base[0] as f64 / size_um[0], base[1] as f64 / size_um[1]];
+        (frequency[0].hypot(frequency[1]) > 2.0 * radius).then_some(Self { base, frequency })
+    }
+
     /// Whether a frequency in cycles per patch is one of its orders.
     pub(super) fn holds(&self, [ix, iy]: [isize; 2]) -> bool {
         let [bx, by] = self.base;

@@ -3,10 +3,18 @@
 use super::geometry::Window;
 use super::height::HeightField;
 use num_complex::Complex64;
+use pulp::Arch;
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Part of the window that is left out.
 const OUTSIDE: f64 = 1e-9;
+
+/// Rows that are summed up together.
+const ROWS: usize = 64;
+
+/// Numbers that are added at once.
+const LANES: usize = 8;
 
 /// A patch for direct sums.
 pub(super) struct Reference<'a> {
@@ -21,44 +29,103 @@ impl<'a> Reference<'a> {
     /// Power density in µm² at a spatial frequency in 1/µm, for `q = k (cos θi + cos θr)` in 1/µm: all of the patch's frequencies under the
     /// window, of which none is beyond half a cycle per pixel.
     pub(super) fn density(&self, place: [f64; 2], q: f64, window: Window) -> f64 {
-        let [width, height] = self.field.size_um();
+        self.densities(&[place], q, window)[0]
+    }
+
+    /// The same at several places, whose waves share the heights' phases.
+    pub(super) fn densities(&self, places: &[[f64; 2]], q: f64, window: Window) -> Vec<f64> {
         let radius = window.radius(OUTSIDE);
+        let [width, height] = self.field.size_um();
         let range = |f: f64, um: f64, n: usize| {
             let most = (n as i64 - 1) / 2;
             (((f - radius) * um).ceil() as i64).max(-most)..=(((f + radius) * um).floor() as i64).min(most)
         };
-        let columns: Vec<i64> = range(place[0], width, self.field.width).collect();
-        let rows: Vec<i64> = range(place[1], height, self.field.height).collect();
-        let amplitudes = self.amplitudes(q, &columns, &rows);
-        let weight = |ix: i64, iy: i64| {
+        let near: Vec<[Vec<i64>; 2]> = (places.iter())
+            .map(|p| [range(p[0], width, self.field.width).collect(), range(p[1], height, self.field.height).collect()])
+            .collect();
+        let all = self.amplitudes(q, &near);
+        let weight = |place: &[f64; 2], ix: i64, iy: i64| {
             let square = (ix as f64 / width - place[0]).powi(2) + (iy as f64 / height - place[1]).powi(2);
             window.peak() * (-0.5 * square / (window.sigma * window.sigma)).exp()
         };
-        let all = rows.iter().flat_map(|iy| columns.iter().map(|ix| weight(*ix, *iy)));
-        all.zip(amplitudes).map(|(w, c)| w * c.norm_sqr()).sum()
+        let density = |((place, [columns, rows]), found): ((_, &[Vec<i64>; 2]), &Vec<Complex64>)| {
+            let weights = rows.iter().flat_map(|iy| columns.iter().map(|ix| weight(place, *ix, *iy)));
+            weights.zip(found).map(|(w, c)| w * c.norm_sqr()).sum()
+        };
+        places.iter().zip(&near).zip(&all).map(density).collect()
     }
 
-    /// `1/N Σ exp(-iqh) exp(-2πi (fx x + fy y))` for the frequencies `fx = ix/width` and `fy = iy/height`, y up, row by row.
-    pub(super) fn amplitudes(&self, q: f64, columns: &[i64], rows: &[i64]) -> Vec<Complex64> {
+    /// `1/N Σ exp(-iqh) exp(-2πi (fx x + fy y))` of rectangles of frequencies, `fx = ix/width` for all columns and `fy = iy/height` for all
+    /// rows, y up, row by row.
+    pub(super) fn amplitudes(&self, q: f64, near: &[[Vec<i64>; 2]]) -> Vec<Vec<Complex64>> {
         let (w, h) = (self.field.width, self.field.height);
         let turn = |k: i64, at: usize, n: usize| {
             Complex64::from_polar(1.0, -TAU * (k * at as i64).rem_euclid(n as i64) as f64 / n as f64)
         };
-        let across: Vec<Vec<Complex64>> = columns.iter().map(|ix| (0..w).map(|x| turn(*ix, x, w)).collect()).collect();
-        let mut out = vec![Complex64::new(0.0, 0.0); columns.len() * rows.len()];
-        let mut line = vec![Complex64::new(0.0, 0.0); w];
-        for (y, heights) in self.field.um.chunks_exact(w).enumerate() {
-            line.iter_mut().zip(heights).for_each(|(p, h)| *p = Complex64::from_polar(1.0, -q * h));
-            for (k, wave) in across.iter().enumerate() {
-                let sum: Complex64 = line.iter().zip(wave).map(|(p, e)| p * e).sum();
-                for (j, iy) in rows.iter().enumerate() {
-                    // Rows count downwards, frequencies up.
-                    out[j * columns.len() + k] += sum * turn(-iy, y, h);
+        let across: Vec<Vec<Split>> = (near.iter())
+            .map(|[columns, _]| columns.iter().map(|ix| Split::new((0..w).map(|x| turn(*ix, x, w)))).collect())
+            .collect();
+        let nothing = || -> Vec<Vec<Complex64>> {
+            near.iter().map(|[columns, rows]| vec![Complex64::default(); columns.len() * rows.len()]).collect()
+        };
+        let add = |mut all: Vec<Vec<Complex64>>, (y, heights): (usize, &[f64])| {
+            let line = Split::new(heights.iter().map(|h| Complex64::from_polar(1.0, -q * h)));
+            for ((out, waves), [columns, rows]) in all.iter_mut().zip(&across).zip(near) {
+                // Rows count downwards, frequencies up.
+                let down: Vec<Complex64> = rows.iter().map(|iy| turn(-iy, y, h)).collect();
+                for (k, wave) in waves.iter().enumerate() {
+                    let sum = line.dot(wave);
+                    down.iter().enumerate().for_each(|(j, turn)| out[j * columns.len() + k] += sum * turn);
                 }
             }
-        }
+            all
+        };
+        let join = |mut all: Vec<Vec<Complex64>>, more: Vec<Vec<Complex64>>| {
+            all.iter_mut().flatten().zip(more.iter().flatten()).for_each(|(a, b)| *a += b);
+            all
+        };
+        // Pieces of one size, so that a sum is the same on any number of cores.
+        let pieces: Vec<Vec<Vec<Complex64>>> = (self.field.um.par_chunks(w * ROWS).enumerate())
+            .map(|(k, piece)| {
+                piece.chunks_exact(w).enumerate().map(|(y, row)| (k * ROWS + y, row)).fold(nothing(), add)
+            })
+            .collect();
+        let mut all = pieces.into_iter().fold(nothing(), join);
         let count = (w * h) as f64;
-        out.iter_mut().for_each(|c| *c /= count);
-        out
+        all.iter_mut().flatten().for_each(|c| *c /= count);
+        all
+    }
+}
+
+/// Complex numbers as two rows, whose sums of products fill the processor's vectors.
+struct Split {
+    re: Vec<f64>,
+    im: Vec<f64>,
+}
+
+impl Split {
+    fn new(values: impl Iterator<Item = Complex64>) -> Self {
+        let (re, im) = values.map(|c| (c.re, c.im)).unzip();
+        Self { re, im }
+    }
+
+    fn dot(&self, other: &Self) -> Complex64 {
+        Arch::new().dispatch(|| {
+            let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
+            let whole = self.re.len() / LANES * LANES;
+            for k in (0..whole).step_by(LANES) {
+                let [a, b] = [&self.re[k..k + LANES], &self.im[k..k + LANES]];
+                let [c, d] = [&other.re[k..k + LANES], &other.im[k..k + LANES]];
+                for j in 0..LANES {
+                    re[j] += a[j] * c[j] - b[j] * d[j];
+                    im[j] += a[j] * d[j] + b[j] * c[j];
+                }
+            }
+            let mut sum = Complex64::new(re.iter().sum(), im.iter().sum());
+            for k in whole..self.re.len() {
+                sum += Complex64::new(self.re[k], self.im[k]) * Complex64::new(other.re[k], other.im[k]);
+            }
+            sum
+        })
     }
 }

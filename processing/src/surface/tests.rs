@@ -199,10 +199,6 @@ fn every_method_keeps_the_grating_equation() {
     for method in METHODS.into_iter().filter(|m| *m != Method::Reference) {
         let settings = Settings { light_deg: [75.0, 0.0], method, ..Settings::default() };
         let found = check(&field, &quality, &settings, &all, [Some(2.5), Some(0.0)], &Silent).unwrap();
-        println!(
-            "{method:?} mean {} variance {} measured {:?}",
-            found.mean_nm, found.variance_nm2, found.choice.measured_error
-        );
         assert_eq!(found.peaks.len(), all.len());
         assert!((found.mean_nm - 2500.0).abs() < 1.0, "{method:?} {}", found.mean_nm);
         assert!(found.variance_nm2 < 0.4, "{method:?} {}", found.variance_nm2);
@@ -298,12 +294,11 @@ fn a_mirror_reflects_all_light_into_its_lobe() {
         let sum: f64 = found.xyz.iter().filter(|v| v[1].is_finite()).map(|v| f64::from(v[1])).sum();
         let flux = sum * (2.0 / 400.0_f64).powi(2);
         // The gain is 1 in the middle of the lobe only.
-        println!("flux {flux}");
-        assert!((flux - 1.0).abs() < 0.01, "{light_deg:?}: {flux}");
+        assert!((flux - 1.0).abs() < 0.003, "{light_deg:?}: {flux}");
         let relative = Settings { normalisation: Normalisation::Relative, ..settings };
         let peak = map(&field, &quality, &relative, 401, &Silent).unwrap().xyz.iter().map(|v| v[1]).fold(0.0, f32::max);
-        println!("peak {peak}");
-        assert!((peak - 1.0).abs() < 0.02, "{peak}");
+        // Half a cell of the map beside the middle of the lobe.
+        assert!((peak - 1.0).abs() < 5e-4, "{peak}");
     }
 }
 
