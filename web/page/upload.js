@@ -9,7 +9,7 @@ import { bokehFields } from "./bokehform.js";
 import { brdfFields } from "./brdfform.js";
 import { tableFields } from "./tableform.js";
 
-const LIKELY = /\.(png|tiff?|jpe?g|exr)$/i;
+const LIKELY = /\.(png|tiff?|jpe?g|exr|bmp|txt|asc|csv|dat)$/i;
 
 /** The angle that a file name tells: the last number in it that can be one. */
 function guess(name) {
@@ -21,7 +21,7 @@ function guess(name) {
 /** Shows the form until the signal fires. */
 export async function uploadPage(main, { signal }) {
   let photographs = [];
-  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr", onchange: () => add(input.files) });
+  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr,.bmp,.txt,.asc,.csv,.dat", onchange: () => add(input.files) });
   const body = h("tbody");
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
   const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
@@ -37,7 +37,7 @@ export async function uploadPage(main, { signal }) {
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
   const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
   const drop = h("div", { class: "drop", ondragover: (e) => e.preventDefault(), ondrop: (e) => { e.preventDefault(); add(e.dataTransfer.files); } },
-    field("Photographs (PNG, TIFF, JPEG, EXR)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }));
+    field("Photographs (PNG, TIFF, JPEG, EXR), or a height field (BMP or text as well)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }));
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Upload photographs"), start),
     h("div", { class: "columns planning" },
       panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, listing))),
@@ -105,7 +105,7 @@ export async function uploadPage(main, { signal }) {
     if (channel.value) description.channel = channel.value;
     const form = new FormData();
     const polarized = method.value === "polarization";
-    form.append("kind", polarized ? "polarization" : "photographs");
+    form.append("kind", polarized ? "polarization" : method.value === "brdf" ? "surface" : "photographs");
     if (polarized) form.append("frames", new Blob([JSON.stringify(description)], { type: "application/json" }), "frames.json");
     for (const { file } of photographs) form.append("file", file, file.name);
     try {

@@ -9,6 +9,7 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
 use nacre_processing::image::{EXTENSIONS, info};
+use nacre_processing::surface::height;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -32,11 +33,12 @@ pub struct Uploaded {
 
 /// Photographs as form parts `file` with their names, and their description as the part `frames` (a frames.json);
 /// without it the analyser's angles are read from the names, as `045.png`, and colour files' green is used. Where the part
-/// `kind`, which comes first, is `photographs`, they stand for themselves: exposures of one view, or single photographs.
+/// `kind`, which comes first, is `photographs`, they stand for themselves: exposures of one view, or single photographs. With `surface`
+/// there is one part `file`: a height field, which may be a grid of numbers as text as well.
 #[derive(ToSchema)]
 #[allow(dead_code, reason = "describes the form")]
 pub struct Form {
-    /// `polarization` (the default) or `photographs`.
+    /// `polarization` (the default), `photographs` or `surface`.
     kind: Option<String>,
     /// A frames.json.
     frames: Option<String>,
@@ -76,7 +78,7 @@ pub async fn upload(State(app): State<Arc<App>>, form: Result<Multipart, Multipa
 
 async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
     let most = app.config.limits.upload_mib << 20;
-    let (mut files, mut bytes, mut single) = (0, 0, false);
+    let (mut files, mut bytes, mut what) = (0, 0, What::Polarization);
     loop {
         let next = tokio::time::timeout(PATIENCE, form.next_field()).await;
         let next = next.map_err(|_| Problem::bad("the upload stopped half-way"))?;
@@ -84,13 +86,16 @@ async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize
             break;
         };
         if field.name() == Some("kind") {
-            single = kind(field).await?;
+            what = kind(field).await?;
             continue;
         }
-        let name = file_name(&field)?;
+        let name = file_name(&field, what)?;
         files += usize::from(name != FILE_NAME);
         if files > MAX_FILES {
             return Err(Problem::new(Kind::TooLarge, format!("more than {MAX_FILES} photographs")));
+        }
+        if what == What::Surface && files > 1 {
+            return Err(Problem::bad("more than one height field").remedy("send one part named file"));
         }
         bytes += store(field, &folder.join(&name), most.saturating_sub(bytes)).await?;
     }
@@ -98,26 +103,43 @@ async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize
         return Err(Problem::bad("the form holds no photograph").remedy("send parts named file with file names"));
     }
     let folder = folder.to_path_buf();
-    super::blocking(move || if single { decodable(&folder) } else { describe(&folder) }).await?;
+    match what {
+        What::Polarization => super::blocking(move || describe(&folder)).await?,
+        What::Photographs => super::blocking(move || decodable(&folder)).await?,
+        // Its scale is not known before it is asked for a BRDF, which reads it.
+        What::Surface => {}
+    }
     Ok((files, bytes))
 }
 
-/// Plain names of photographs only, so that nothing is written elsewhere.
-fn file_name(field: &Field<'_>) -> Answer<String> {
+/// What an upload holds.
+#[derive(Clone, Copy, PartialEq)]
+enum What {
+    /// Photographs at angles of an analyser, with or without their description.
+    Polarization,
+    /// Photographs that stand for themselves.
+    Photographs,
+    /// A height field.
+    Surface,
+}
+
+/// Plain names of photographs only, or of height fields, so that nothing is written elsewhere.
+fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
     match field.name() {
-        Some("frames") => return Ok(FILE_NAME.into()),
+        Some("frames") if what != What::Surface => return Ok(FILE_NAME.into()),
         Some("file") => {}
         _ => return Err(Problem::bad("a part is neither file nor frames")),
     }
     let name = field.file_name().unwrap_or_default();
     let extension = Path::new(name).extension().map(|e| e.to_string_lossy().to_lowercase());
-    let known = extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str()));
+    let (of, endings) =
+        if what == What::Surface { ("height field", height::EXTENSIONS) } else { ("photograph", EXTENSIONS) };
+    let known = extension.is_some_and(|e| endings.contains(&e.as_str()));
     let plain = name.chars().all(|c| c.is_alphanumeric() || "._- +()".contains(c)) && !name.starts_with('.');
     if known && plain && name.len() <= 200 {
         return Ok(name.to_owned());
     }
-    let allowed = EXTENSIONS.join(", ");
-    Err(Problem::bad(format!("{:?} is no name of a photograph ({allowed})", clip(name))))
+    Err(Problem::bad(format!("{:?} is no name of a {of} ({})", clip(name), endings.join(", "))))
 }
 
 async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
@@ -144,8 +166,7 @@ async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
     Ok(bytes)
 }
 
-/// Whether the photographs stand for themselves.
-async fn kind(mut field: Field<'_>) -> Answer<bool> {
+async fn kind(mut field: Field<'_>) -> Answer<What> {
     let mut word = vec![];
     while word.len() < 80 {
         let chunk = tokio::time::timeout(PATIENCE, field.chunk()).await;
@@ -156,11 +177,12 @@ async fn kind(mut field: Field<'_>) -> Answer<bool> {
         }
     }
     match word.as_slice() {
-        b"photographs" => Ok(true),
-        b"polarization" => Ok(false),
+        b"photographs" => Ok(What::Photographs),
+        b"polarization" => Ok(What::Polarization),
+        b"surface" => Ok(What::Surface),
         other => {
             let said = clip(&String::from_utf8_lossy(other));
-            Err(Problem::bad(format!("kind is {said:?}; give photographs or polarization")))
+            Err(Problem::bad(format!("kind is {said:?}; give photographs, polarization or surface")))
         }
     }
 }

@@ -30,4 +30,6 @@ pub use openexr::{ExrMap, read_exr};
 pub use picture::{MASKED, hsv, orientation_color, orientation_picture, scalar_picture, viridis, wheel};
 pub use read::{Depth, EXTENSIONS, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, info, read};
 pub use whole::{write_whole, write_whole_with};
-pub use write::{Attribute, encode_png8, encode_png16_gray, write_exr, write_png8, write_png16_gray};
+pub use write::{
+    Attribute, Precision, encode_png8, encode_png16_gray, write_exr, write_exr_as, write_png8, write_png16_gray,
+};

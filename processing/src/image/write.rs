@@ -9,7 +9,9 @@ use std::path::Path;
 
 use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use ::image::{ExtendedColorType, ImageEncoder};
+use half::f16;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::read::MAX_SIDE;
 use super::whole::write_whole;
@@ -22,6 +24,22 @@ pub enum Attribute {
     Number(f64),
     /// Stored as `string`, UTF-8.
     Text(String),
+}
+
+/// How an EXR holds its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// 16 bits: relative errors of 2⁻¹¹ down to 6·10⁻⁵, and none below 6·10⁻⁸; at most 65504.
+    Half,
+    /// 32 bits.
+    Float,
+}
+
+impl Precision {
+    fn bytes(self) -> usize {
+        if self == Self::Half { 2 } else { 4 }
+    }
 }
 
 /// Rows are computed in parallel in batches of about this size.
@@ -44,14 +62,29 @@ pub fn write_exr(
     attributes: &[(&str, Attribute)],
     fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
 ) -> Result<()> {
+    write_exr_as(path, Precision::Float, [width, height], channels, attributes, fill)
+}
+
+/// [`write_exr`] in a precision.
+///
+/// # Errors
+/// As there.
+pub fn write_exr_as(
+    path: &Path,
+    precision: Precision,
+    [width, height]: [usize; 2],
+    channels: &[&str],
+    attributes: &[(&str, Attribute)],
+    fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
+) -> Result<()> {
     let write = || {
         let mut order: Vec<usize> = (0..channels.len()).collect();
         order.sort_by_key(|&i| channels[i]);
         let sorted: Vec<&str> = order.iter().map(|&i| channels[i]).collect();
-        let header = exr_header(width, height, &sorted, attributes)?;
+        let header = exr_header(precision, [width, height], &sorted, attributes)?;
         let mut file = File::create(path)?;
         file.write_all(&header)?;
-        let chunk = 8 + width * order.len() * 4;
+        let chunk = 8 + width * order.len() * precision.bytes();
         file.write_all(&offset_table(header.len(), height, chunk))?;
         let batch = (BATCH_BYTES / chunk).clamp(1, height);
         let mut bytes = vec![0_u8; batch * chunk];
@@ -60,7 +93,7 @@ pub fn write_exr(
             let part = &mut bytes[..rows * chunk];
             part.par_chunks_exact_mut(chunk).enumerate().for_each_init(
                 || vec![0.0; width],
-                |values, (row, chunk)| fill_chunk(chunk, first + row, &order, values, fill),
+                |values, (row, chunk)| fill_chunk(chunk, first + row, (&order, precision), values, fill),
             );
             file.write_all(part)?;
         }
@@ -73,17 +106,23 @@ pub fn write_exr(
 fn fill_chunk(
     chunk: &mut [u8],
     row: usize,
-    order: &[usize],
+    (order, precision): (&[usize], Precision),
     values: &mut [f32],
     fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
 ) {
     let (head, data) = chunk.split_at_mut(8);
     head[..4].copy_from_slice(&(row as u32).to_le_bytes());
     head[4..].copy_from_slice(&(data.len() as u32).to_le_bytes());
-    for (&channel, target) in order.iter().zip(data.chunks_exact_mut(values.len() * 4)) {
+    for (&channel, target) in order.iter().zip(data.chunks_exact_mut(values.len() * precision.bytes())) {
         fill(channel, row, values);
-        for (bytes, value) in target.as_chunks_mut::<4>().0.iter_mut().zip(&*values) {
-            *bytes = value.to_le_bytes();
+        if precision == Precision::Half {
+            for (bytes, value) in target.as_chunks_mut::<2>().0.iter_mut().zip(&*values) {
+                *bytes = f16::from_f32(*value).to_le_bytes();
+            }
+        } else {
+            for (bytes, value) in target.as_chunks_mut::<4>().0.iter_mut().zip(&*values) {
+                *bytes = value.to_le_bytes();
+            }
         }
     }
 }
@@ -94,7 +133,12 @@ fn offset_table(header: usize, rows: usize, chunk: usize) -> Vec<u8> {
 }
 
 /// Magic number, version and attributes, as in "OpenEXR File Layout" (openexr.com).
-fn exr_header(width: usize, height: usize, channels: &[&str], custom: &[(&str, Attribute)]) -> io::Result<Vec<u8>> {
+fn exr_header(
+    precision: Precision,
+    [width, height]: [usize; 2],
+    channels: &[&str],
+    custom: &[(&str, Attribute)],
+) -> io::Result<Vec<u8>> {
     let refuse = |what: &str| Err(io::Error::new(io::ErrorKind::InvalidInput, what.to_string()));
     let names = || channels.iter().copied().chain(custom.iter().map(|(name, _)| *name));
     if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
@@ -113,8 +157,9 @@ fn exr_header(width: usize, height: usize, channels: &[&str], custom: &[(&str, A
     let mut list = Vec::new();
     for name in channels {
         list.extend(name.bytes().chain([0]));
-        // f32, not perceptually linear, reserved, sampling 1 x 1.
-        for word in [2_u32, 0, 1, 1] {
+        // Type, not perceptually linear, reserved, sampling 1 x 1.
+        let kind = if precision == Precision::Half { 1_u32 } else { 2 };
+        for word in [kind, 0, 1, 1] {
             list.extend(word.to_le_bytes());
         }
     }

@@ -62,6 +62,42 @@ pub(super) struct Bank<T: Real> {
     values: Vec<T>,
 }
 
+/// Transforms of the terms of an expansion, each times its factor, for the frequencies up to `frequency` (1/µm): how many, and row by row from
+/// the lowest frequency.
+pub(super) fn planes<T: Real>(
+    relief: &Relief,
+    expansion: &Expansion,
+    frequency: [f64; 2],
+    mut step: impl FnMut(),
+) -> ([usize; 2], Vec<Vec<Complex<T>>>) {
+    let plan = Plan::<T>::new(relief.width, relief.height, reach(relief, frequency));
+    let mut planes: Vec<Vec<Complex<T>>> = Vec::with_capacity(expansion.terms);
+    if expansion.is_real() {
+        let row = |y: usize, put: &mut Put| {
+            let t = &relief.t[y * relief.width..][..relief.width];
+            expansion.real_terms(t, put);
+        };
+        plan.series(expansion.terms, &row, |n, mut plane| {
+            let factor = expansion.factor(n);
+            let factor = Complex::new(T::of(factor.re), T::of(factor.im));
+            plane.iter_mut().for_each(|c| *c = *c * factor);
+            planes.push(plane);
+            step();
+        });
+    } else {
+        for term in 0..expansion.terms {
+            let node = expansion.node(term);
+            let turned = |t: &f64| {
+                let (sin, cos) = (node * t).sin_cos();
+                Complex::new(T::of(cos), T::of(-sin))
+            };
+            planes.push(plan.complex(relief.t.par_iter().map(turned).collect()));
+            step();
+        }
+    }
+    (plan.reach(), planes)
+}
+
 /// Memory of one thread.
 pub(super) struct Scratch<T> {
     near: Vec<(u32, f64)>,
@@ -83,34 +119,21 @@ impl<T: Real> Bank<T> {
         expansion: Expansion,
         frequency: [f64; 2],
         dark: f64,
-        mut step: impl FnMut(),
+        step: impl FnMut(),
     ) -> Self {
-        let plan = Plan::<T>::new(relief.width, relief.height, reach(relief, frequency));
-        let mut planes: Vec<Vec<Complex<T>>> = Vec::with_capacity(expansion.terms);
-        if expansion.is_real() {
-            let row = |y: usize, put: &mut Put| {
-                let t = &relief.t[y * relief.width..][..relief.width];
-                expansion.real_terms(t, put);
-            };
-            plan.series(expansion.terms, &row, |n, mut plane| {
-                let factor = expansion.factor(n);
-                let factor = Complex::new(T::of(factor.re), T::of(factor.im));
-                plane.iter_mut().for_each(|c| *c = *c * factor);
-                planes.push(plane);
-                step();
-            });
-        } else {
-            for term in 0..expansion.terms {
-                let node = expansion.node(term);
-                let turned = |t: &f64| {
-                    let (sin, cos) = (node * t).sin_cos();
-                    Complex::new(T::of(cos), T::of(-sin))
-                };
-                planes.push(plan.complex(relief.t.par_iter().map(turned).collect()));
-                step();
-            }
-        }
-        let [mx, my] = plan.reach();
+        let (reach, planes) = planes(relief, &expansion, frequency, step);
+        Self::pack(expansion, (relief.size_um, relief.half_um), reach, &planes, dark)
+    }
+
+    /// Of transforms that are there, of a patch of this size and half this range of heights.
+    pub(super) fn pack(
+        expansion: Expansion,
+        (size_um, half_um): ([f64; 2], f64),
+        reach: [usize; 2],
+        planes: &[Vec<Complex<T>>],
+        dark: f64,
+    ) -> Self {
+        let [mx, my] = reach;
         let padded = expansion.terms.next_multiple_of(LANES);
         let count = (2 * mx + 1) * (2 * my + 1);
         // All that is left out together holds less than `dark` of the light.
@@ -126,7 +149,7 @@ impl<T: Real> Bank<T> {
             values.extend(planes.iter().map(|p| p[k].im).chain(padding()));
         }
         let reach = [mx as isize, my as isize];
-        Self { expansion, size_um: relief.size_um, half_um: relief.half_um, reach, slots, padded, values }
+        Self { expansion, size_um, half_um, reach, slots, padded, values }
     }
 
     /// Leaves out all frequencies, in cycles per patch, but these.

@@ -10,16 +10,61 @@ use crate::color::Illuminant;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
+use serde::Serialize;
 use std::f64::consts::TAU;
 
 /// Cosine of a direction that is taken for grazing: beyond, 1/cos θr makes a BRDF of anything.
 const GRAZING: f64 = 1e-3;
 
-/// A map of one direction of light.
-pub struct Map {
+/// Directions of view that a map shows: a square of `(x, y) = sin θ (cos φ, sin φ)`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Views {
     /// Pixels of a row and of a column.
     pub size: usize,
-    /// X, Y, Z row by row from the top, y up: pixel centres at `(x, y) = sin θ (cos φ, sin φ)`, from -1 to 1; NaN beyond 1.
+    /// Its middle.
+    pub center: [f64; 2],
+    /// Half its side: 1 for all directions.
+    pub half: f64,
+}
+
+impl Views {
+    /// All directions.
+    pub fn all(size: usize) -> Self {
+        Self { size, center: [0.0; 2], half: 1.0 }
+    }
+
+    /// Refuses what makes no sense.
+    ///
+    /// # Errors
+    /// `Input`.
+    pub fn check(&self) -> Result<()> {
+        if !SIZES.contains(&self.size) {
+            return Err(Error::input("size", format!("is {}", self.size), "give 8 to 4096"));
+        }
+        if !(1e-4..=1.0).contains(&self.half) {
+            return Err(Error::input("zoom", format!("is {}", 1.0 / self.half), "give 1 to 10000"));
+        }
+        if !self.center.iter().all(|c| c.abs() <= 1.0) {
+            let problem = format!("is at {}, {}", self.center[0], self.center[1]);
+            return Err(Error::input("center", problem, "give two sines of -1 to 1"));
+        }
+        Ok(())
+    }
+
+    /// The direction of a pixel's middle; none outside the hemisphere.
+    pub(super) fn direction(&self, x: usize, y: usize) -> Option<Direction> {
+        let at = |k: usize| ((2.0 * k as f64 + 1.0) / self.size as f64 - 1.0) * self.half;
+        Direction::of(self.center[0] + at(x), self.center[1] - at(y)).filter(|d| d.z >= GRAZING)
+    }
+}
+
+/// A map of one direction of light.
+pub struct Map {
+    /// Which directions it shows.
+    pub views: Views,
+    /// Pixels of a row and of a column.
+    pub size: usize,
+    /// X, Y, Z row by row from the top, y up; NaN outside the hemisphere.
     pub xyz: Vec<[f32; 3]>,
     /// How it was computed.
     pub choice: Choice,
@@ -76,12 +121,6 @@ impl<'a> Factors<'a> {
     }
 }
 
-/// The direction of a pixel of a map; none outside the hemisphere.
-pub(super) fn view(size: usize, x: usize, y: usize) -> Option<Direction> {
-    let at = |k: usize| (2.0 * k as f64 + 1.0) / size as f64 - 1.0;
-    Direction::of(at(x), -at(y)).filter(|d| d.z >= GRAZING)
-}
-
 /// Sum over wavelengths towards one direction.
 struct Summing<'a> {
     model: &'a Model<'a>,
@@ -129,7 +168,7 @@ impl Summing<'_> {
     }
 }
 
-/// Computes a map: reflected X, Y, Z over all directions of view, where a BRDF that is 1 (or a relative reflectance of 1) at every
+/// Computes a map: reflected X, Y, Z over directions of view, where a BRDF that is 1 (or a relative reflectance of 1) at every
 /// wavelength has Y = 1 in the illuminant's own colour.
 ///
 /// # Errors
@@ -138,13 +177,12 @@ pub fn map(
     field: &HeightField,
     quality: &Quality,
     settings: &Settings,
-    size: usize,
+    views: Views,
     progress: &dyn Progress,
 ) -> Result<Map> {
     let (light, window) = settings.check()?;
-    if !SIZES.contains(&size) {
-        return Err(Error::input("size", format!("is {size}"), "give 8 to 4096"));
-    }
+    views.check()?;
+    let size = views.size;
     settings.reflectance.check(RANGE_NM)?;
     let illuminant = Illuminant::of(&settings.illuminant)?;
     let step_error = STEP * settings.max_error;
@@ -161,7 +199,7 @@ pub fn map(
     const LOOK: usize = 48;
     let mut looked = 0.0;
     for k in 0..LOOK * LOOK {
-        if let Some(view) = view(LOOK, k % LOOK, k / LOOK) {
+        if let Some(view) = (Views { size: LOOK, ..views }).direction(k % LOOK, k / LOOK) {
             let tangent = Pair::new(light, view).tangent;
             looked += wavelengths.of(tangent[0].hypot(tangent[1]), window, step_error).numbers.len() as f64;
         }
@@ -177,7 +215,7 @@ pub fn map(
             return;
         }
         for (x, out) in row.iter_mut().enumerate() {
-            if let Some(view) = view(size, x, y) {
+            if let Some(view) = views.direction(x, y) {
                 *out = summing.xyz(view, memory).map(|v| v as f32);
             }
         }
@@ -188,7 +226,7 @@ pub fn map(
         + if settings.method == Method::Reference { 0.0 } else { WINDOW * settings.max_error }
         + step_error
         + wavelengths.color_error;
-    Ok(Map { size, xyz, choice, error_estimate, densities: request.densities })
+    Ok(Map { views, size, xyz, choice, error_estimate, densities: request.densities })
 }
 
 /// Computes spectra along a half circle of directions of view in the plane of an azimuth (degrees; that of the light by default).

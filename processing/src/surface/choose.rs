@@ -1,11 +1,12 @@
 //! The cheapest method that is as exact as asked for.
 
 use super::bank::{Bank, MOST_BYTES, Relief, bytes, reach};
-use super::engine::{Engine, Memory, Model, Request};
+use super::engine::{Engine, Model, Request};
 use super::expansion::{Expansion, Kind};
 use super::geometry::Window;
 use super::height::{HeightField, Quality};
 use super::lattice::Lattice;
+use super::measured::measured;
 use super::pq::{Pq, interpolation_error, repeats};
 use super::reference::Reference;
 use super::settings::{Method, Settings};
@@ -15,7 +16,7 @@ use crate::{Error, Result};
 use serde::Serialize;
 
 /// Lobes with this part of the light are to be as exact as asked for: an amplitude that is off by δ makes one of η off by 2δ/√η.
-const FAINTEST: f64 = 1e-3;
+pub(super) const FAINTEST: f64 = 1e-3;
 
 /// Parts of the wanted error: expansion, window, wavelengths.
 const EXPANSION: f64 = 0.25;
@@ -74,7 +75,7 @@ fn epsilon(bits: u32) -> f64 {
 }
 
 /// Relative error of the faintest lobe that counts.
-fn of_lobes(amplitude: f64) -> f64 {
+pub(super) fn of_lobes(amplitude: f64) -> f64 {
     2.0 * amplitude / FAINTEST.sqrt()
 }
 
@@ -83,6 +84,8 @@ struct Chooser<'a> {
     request: Request,
     radius: f64,
     wanted: f64,
+    /// The highest power that was asked for, whatever it is off by.
+    order: Option<usize>,
     workers: f64,
 }
 
@@ -91,9 +94,12 @@ impl Chooser<'_> {
     fn candidate(&self, method: Method, kind: Kind, bits: u32) -> Option<Candidate> {
         let amplitude = EXPANSION * self.wanted / 2.0 * FAINTEST.sqrt() / 2.0;
         let [low, high] = self.request.q.map(|q| q * self.relief.half_um);
-        let expansion = Expansion::new(kind, low, high, amplitude, epsilon(bits))?;
+        let expansion = match self.order {
+            Some(order) => Expansion::with_terms(kind, low, high, order + 1),
+            None => Expansion::new(kind, low, high, amplitude, epsilon(bits))?,
+        };
         let rounding = expansion.rounding(epsilon(bits));
-        if rounding > amplitude {
+        if rounding > amplitude && self.order.is_none() {
             return None;
         }
         let reach = reach(self.relief, self.request.wide(self.radius));
@@ -106,7 +112,7 @@ impl Chooser<'_> {
             return None;
         }
         let error = of_lobes(expansion.error() + rounding) + WINDOW * self.wanted;
-        let seconds = self.seconds(&expansion, bits, 1.0);
+        let seconds = self.seconds(&expansion, bits, 1.0, None);
         Some(Candidate { method, expansion, bits, error, seconds })
     }
 
@@ -115,8 +121,8 @@ impl Chooser<'_> {
         across(self.relief.size_um[0], self.relief.width) * across(self.relief.size_um[1], self.relief.height)
     }
 
-    /// CPU time in s, where this part of the frequencies holds light.
-    fn seconds(&self, expansion: &Expansion, bits: u32, lit: f64) -> f64 {
+    /// CPU time in s, where this part of the frequencies holds light, or that of one grating.
+    fn seconds(&self, expansion: &Expansion, bits: u32, lit: f64, grating: Option<Lattice>) -> f64 {
         let points = (self.relief.width * self.relief.height) as f64;
         let wide = if bits == 32 { 1.0 } else { 1.7 };
         let kind = if expansion.is_real() { 1.0 } else { 2.0 };
@@ -128,7 +134,8 @@ impl Chooser<'_> {
             + near * LOOK_NS
             + (lit * near).min(1.0) * COEFFICIENT_NS * expansion.terms as f64
             + lit * near * (NEAR_NS + GROUP_NS * groups);
-        1e-9 * (once + self.request.densities * each)
+        let part = grating.map_or(1.0, |g| (2.0 * self.radius / g.frequency[0].hypot(g.frequency[1])).min(1.0));
+        1e-9 * (once + part * self.request.densities * each)
     }
 
     fn direct_seconds(&self) -> f64 {
@@ -177,7 +184,8 @@ pub(super) fn prepare<'a>(
     let relief = Relief::new(field);
     let radius = window.radius(WINDOW * FAINTEST * settings.max_error);
     let workers = rayon::current_num_threads() as f64;
-    let chooser = Chooser { relief: &relief, request, radius, wanted: settings.max_error, workers };
+    let chooser =
+        Chooser { relief: &relief, request, radius, wanted: settings.max_error, order: settings.order, workers };
     let model = |engine, lattice| Model { engine, window, radius, lattice };
     if settings.method == Method::Reference {
         let choice = Choice {
@@ -232,13 +240,13 @@ pub(super) fn prepare<'a>(
         _ if candidate.bits == 32 => {
             let mut bank = Bank::<f32>::new(&relief, candidate.expansion.clone(), wide, dark, step);
             let lattice = settle(&mut bank, single, &relief, radius, &mut choice);
-            choice.predicted_s = chooser.seconds(&candidate.expansion, 32, bank.share());
+            choice.predicted_s = chooser.seconds(&candidate.expansion, 32, bank.share(), lattice);
             model(Engine::Single(bank), lattice)
         }
         _ => {
             let mut bank = Bank::<f64>::new(&relief, candidate.expansion.clone(), wide, dark, step);
             let lattice = settle(&mut bank, single, &relief, radius, &mut choice);
-            choice.predicted_s = chooser.seconds(&candidate.expansion, 64, bank.share());
+            choice.predicted_s = chooser.seconds(&candidate.expansion, 64, bank.share(), lattice);
             model(Engine::Double(bank), lattice)
         }
     };
@@ -275,7 +283,41 @@ fn settle<T: Real>(
     lattice
 }
 
+/// The expansion of a set of terms: real functions, in single precision.
+///
+/// # Errors
+/// `Input` for methods that are no such expansion, and depths that they cannot do.
+pub(super) fn expansion(relief: &Relief, request: Request, settings: &Settings) -> Result<Expansion> {
+    let method = match settings.method {
+        Method::Auto => Method::Chebyshev,
+        Method::Chebyshev | Method::Taylor => settings.method,
+        other => {
+            let problem = format!("{} has no real terms to be stored", name(other));
+            return Err(Error::input("method", problem, "give auto, chebyshev or taylor"));
+        }
+    };
+    let chooser =
+        Chooser { relief, request, radius: 0.0, wanted: settings.max_error, order: settings.order, workers: 1.0 };
+    let kind = if method == Method::Taylor { Kind::Taylor } else { Kind::Chebyshev };
+    let found = chooser.candidate(method, kind, 32);
+    found.map(|c| c.expansion).ok_or_else(|| chooser.too_hard(method))
+}
+
 impl Chooser<'_> {
+    /// Why no expansion of a method will do.
+    fn too_hard(&self, method: Method) -> Error {
+        let x = self.request.q[1] * self.relief.half_um;
+        let (problem, remedy) = if method == Method::Taylor {
+            (
+                format!("cannot be exact to {} here: its terms reach e^{x:.0} before they cancel", self.wanted),
+                "use auto, chebyshev or fft",
+            )
+        } else {
+            (format!("needs too many terms, or more than {} GiB", MOST_BYTES >> 30), "crop the patch, or ask for less")
+        };
+        Error::input(format!("method {}", name(method)), problem, remedy)
+    }
+
     /// The candidate of a method, or the cheapest, and why.
     fn choose(&self, method: Method) -> Result<(Candidate, String)> {
         let kinds: &[(Method, Kind)] = match method {
@@ -294,21 +336,7 @@ impl Chooser<'_> {
             .flat_map(|(method, kind)| precisions.iter().filter_map(|bits| self.candidate(*method, *kind, *bits)))
             .collect();
         all.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
-        let x = self.request.q[1] * self.relief.half_um;
-        let Some(best) = all.first().cloned() else {
-            let (problem, remedy) = if method == Method::Taylor {
-                (
-                    format!("cannot be exact to {} here: its terms reach e^{x:.0} before they cancel", self.wanted),
-                    "use auto, chebyshev or fft",
-                )
-            } else {
-                (
-                    format!("needs too many terms, or more than {} GiB", MOST_BYTES >> 30),
-                    "crop the patch, or ask for less",
-                )
-            };
-            return Err(Error::input(format!("method {}", name(method)), problem, remedy));
-        };
+        let Some(best) = all.first().cloned() else { return Err(self.too_hard(method)) };
         let why = if method == Method::Auto {
             let others: Vec<String> = all
                 .iter()
@@ -342,56 +370,4 @@ pub fn name(method: Method) -> &'static str {
         Method::Pq => "pq",
         Method::PqLinear => "pq-linear",
     }
-}
-
-/// Places that are compared at one q.
-const GROUP: usize = 8;
-
-/// Largest difference from direct sums at some places near to lobes, relative to what is there, or to a lobe of a thousandth of the light.
-fn measured(field: &HeightField, model: &Model, request: &Request, method: Method) -> Option<f64> {
-    // Windows of other shapes are not comparable.
-    if matches!(method, Method::Pq | Method::PqLinear) {
-        return None;
-    }
-    let points = field.um.len();
-    let count = (20_000_000 / points.max(1)).clamp(3, 48);
-    let reference = Reference::new(field);
-    let (mut memory, mut worst) = (Memory::default(), 0.0_f64);
-    let floor = FAINTEST * model.window.peak();
-    let ratio = |k: usize, by: f64| (k as f64 * by).fract();
-    let size = field.size_um();
-    for group in 0..count.div_ceil(GROUP) {
-        let q = request.q[0] + (request.q[1] - request.q[0]) * ratio(group + 1, 0.754_877_666_2);
-        let bright = brightest(model, request, size, q, &mut memory);
-        let place = |k: usize| {
-            // Three of four at the strongest frequencies, the others anywhere; a little off their middle.
-            let anywhere = [0, 1].map(|axis| {
-                let bins = (request.frequency[axis] * size[axis]).floor();
-                ((2.0 * ratio(k + 1, [0.569_840_291, 0.618_033_989][axis]) - 1.0) * bins).round() / size[axis]
-            });
-            let place = bright.get(k % GROUP).copied().filter(|_| k % 4 != 3).unwrap_or(anywhere);
-            let off = model.window.sigma * (ratio(k, 0.324_717_957) - 0.5);
-            [place[0] + off, place[1] - 0.5 * off]
-        };
-        let places: Vec<[f64; 2]> = (group * GROUP..count.min((group + 1) * GROUP)).map(place).collect();
-        for (place, truth) in places.iter().zip(reference.densities(&places, q, model.window)) {
-            let found = model.density(*place, q, &mut memory);
-            worst = worst.max((found - truth).abs() / truth.max(floor));
-        }
-    }
-    Some(worst)
-}
-
-/// The brightest places of a coarse look at the frequencies of a patch.
-fn brightest(model: &Model, request: &Request, size: [f64; 2], q: f64, memory: &mut Memory) -> Vec<[f64; 2]> {
-    let bins = [0, 1].map(|axis| ((request.frequency[axis] * size[axis]) as isize).min(24));
-    let mut all = vec![];
-    for iy in -bins[1]..=bins[1] {
-        for ix in -bins[0]..=bins[0] {
-            let place = [ix as f64 / size[0], iy as f64 / size[1]];
-            all.push((model.density(place, q, memory), place));
-        }
-    }
-    all.sort_by(|a, b| b.0.total_cmp(&a.0));
-    all.into_iter().take(GROUP).map(|p| p.1).collect()
 }

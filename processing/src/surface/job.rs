@@ -1,12 +1,12 @@
 //! The whole job: a height field to a map, its picture and a report in a new folder.
 
-use super::brdf::{Map, map};
+use super::brdf::{Map, Views, map};
 use super::geometry::Window;
-use super::height::{HeightField, Quality, Scale, read};
+use super::height::{EXTENSIONS, HeightField, Quality, Scale, read};
 use super::output::{albedo, needed_size, write_map, write_picture};
 use super::report::Report;
-use super::settings::{SIZES, Settings};
-use crate::image::{OutputFolder, photograph_in};
+use super::settings::Settings;
+use crate::image::OutputFolder;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use schemars::JsonSchema;
@@ -26,13 +26,25 @@ pub struct MapOptions {
     pub level: bool,
     /// Pixels of a row and of a column of the map.
     pub size: usize,
+    /// How much of all directions it shows: 1 for all.
+    pub zoom: f64,
+    /// Its middle, as the sines `sin θ (cos φ, sin φ)`.
+    pub center: [f64; 2],
     /// Light, material, accuracy.
     pub settings: Settings,
 }
 
 impl Default for MapOptions {
     fn default() -> Self {
-        Self { pixel_um: None, range_um: None, level: false, size: 512, settings: Settings::default() }
+        Self {
+            pixel_um: None,
+            range_um: None,
+            level: false,
+            size: 512,
+            zoom: 1.0,
+            center: [0.0; 2],
+            settings: Settings::default(),
+        }
     }
 }
 
@@ -41,7 +53,7 @@ impl Default for MapOptions {
 pub struct MapReport {
     /// Pixels of a row and of a column.
     pub width: usize,
-    /// Light in all directions, over what falls in, in X, Y, Z.
+    /// Light in the map's directions, over what falls in, in X, Y, Z.
     pub albedo: [f64; 3],
     /// Densities that were summed up.
     pub densities: f64,
@@ -54,11 +66,13 @@ impl MapOptions {
     /// `Input`.
     pub fn check(&self, input: &Path) -> Result<()> {
         self.settings.check()?;
-        if !SIZES.contains(&self.size) {
-            return Err(Error::input("size", format!("is {}", self.size), "give 8 to 4096"));
-        }
+        self.views().check()?;
         self.scale().check()?;
         file(input).map(drop)
+    }
+
+    fn views(&self) -> Views {
+        Views { size: self.size, center: self.center, half: 1.0 / self.zoom }
     }
 
     fn scale(&self) -> Scale {
@@ -84,7 +98,7 @@ pub fn render(input: &Path, out: &Path, options: &MapOptions, overwrite: bool, p
     let (_, window) = settings.check()?;
     let quality = Quality::of(&field, settings.coherence_um);
     progress.check()?;
-    let map = map(&field, &quality, settings, options.size, progress)?;
+    let map = map(&field, &quality, settings, options.views(), progress)?;
     write_map(&folder.path("brdf.exr"), &map, settings)?;
     write_picture(&folder.path("brdf.png"), &map)?;
     let (more, warnings) = about_map(&map, &quality, window);
@@ -105,19 +119,35 @@ pub fn render(input: &Path, out: &Path, options: &MapOptions, overwrite: bool, p
     Ok(())
 }
 
-/// The height field: the input, `height.exr` in it, or the only image in it.
+/// The height field: the input, `height.exr` in it, or the only file in it that can hold one.
 fn file(input: &Path) -> Result<PathBuf> {
     if !input.is_dir() {
         return Ok(input.to_owned());
     }
-    photograph_in(input, "height.exr")
-        .ok_or_else(|| Error::file(input, "holds no image, or several", "give one height field"))
+    let named = input.join("height.exr");
+    if named.is_file() {
+        return Ok(named);
+    }
+    let cannot = |e: std::io::Error| Error::file(input, format!("cannot be read: {e}"), "check the path");
+    let all = std::fs::read_dir(input).map_err(cannot)?.flatten().map(|entry| entry.path());
+    let known = |path: &PathBuf| {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        path.is_file() && ending.is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
+    };
+    match all.filter(known).take(2).collect::<Vec<_>>().as_slice() {
+        [only] => Ok(only.clone()),
+        found => {
+            let problem =
+                if found.is_empty() { "holds no height field" } else { "holds several files that may be one" };
+            Err(Error::file(input, problem, format!("give one {} file", EXTENSIONS.join(", "))))
+        }
+    }
 }
 
 /// What a map's report adds, and what the reader must know: what its pixels cannot show, and what scalar theory adds.
 pub fn about_map(map: &Map, quality: &Quality, window: Window) -> (MapReport, Vec<String>) {
     let about = MapReport { width: map.size, albedo: albedo(map), densities: map.densities };
-    let needed = needed_size(window.sigma);
+    let needed = needed_size(window.sigma, map.views);
     let mut warnings = quality.warnings.clone();
     if map.size < needed {
         warnings.push(format!(

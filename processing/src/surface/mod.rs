@@ -32,6 +32,7 @@ mod geometry;
 pub mod height;
 mod job;
 mod lattice;
+mod measured;
 mod orders;
 pub mod output;
 mod pq;
@@ -40,11 +41,14 @@ mod report;
 mod settings;
 mod slits;
 mod spectral;
+mod terms;
+#[cfg(test)]
+mod terms_tests;
 #[cfg(test)]
 mod tests;
 mod transform;
 
-pub use brdf::{Map, Slice, map, slice};
+pub use brdf::{Map, Slice, Views, map, slice};
 pub use check::{GratingCheck, Peak, check};
 pub use choose::{Choice, name};
 pub use expansion::{chebyshev_terms, taylor_terms};
@@ -57,3 +61,4 @@ pub use report::Report;
 pub use settings::{Method, Normalisation, SIZES, Settings};
 pub use slits::{Slits, stripes};
 pub use spectral::RANGE_NM;
+pub use terms::{TERMS_FILE, TermSet, Terms, TermsAbout, TermsRequest};

@@ -1,6 +1,6 @@
 //! Results as files: maps with their pictures, tables, reports. Each appears whole or not at all.
 
-use super::brdf::{Map, Slice, view};
+use super::brdf::{Map, Slice, Views};
 use super::check::GratingCheck;
 use super::height::HeightField;
 use super::settings::{Normalisation, Settings};
@@ -48,7 +48,10 @@ pub fn write_map(path: &Path, map: &Map, settings: &Settings) -> Result<()> {
     };
     let attributes = [
         ("units", Attribute::Text(units.into())),
-        ("mapping", Attribute::Text("(x, y) = sin θ (cos φ, sin φ), -1 to 1, y up; NaN below the surface".into())),
+        ("mapping", Attribute::Text("(x, y) = sin θ (cos φ, sin φ), y up; NaN below the surface".into())),
+        ("center_x", Attribute::Number(map.views.center[0])),
+        ("center_y", Attribute::Number(map.views.center[1])),
+        ("half_side", Attribute::Number(map.views.half)),
         ("light_theta_deg", Attribute::Number(settings.light_deg[0])),
         ("light_phi_deg", Attribute::Number(settings.light_deg[1])),
         ("illuminant", Attribute::Text(settings.illuminant.clone())),
@@ -88,17 +91,17 @@ pub fn write_picture(path: &Path, map: &Map) -> Result<()> {
 
 /// Part of the directions whose light is narrower than a pixel: a lobe of the coherence window has the standard deviation λσ, 380 nm the
 /// narrowest.
-pub fn needed_size(sigma: f64) -> usize {
+pub fn needed_size(sigma: f64, views: Views) -> usize {
     // Two pixels per standard deviation would be ample; one tells lobes apart and loses none.
-    (2.0 / (2.0 * 0.38 * sigma)).ceil() as usize
+    (views.half / (0.38 * sigma)).ceil() as usize
 }
 
-/// Light of a map in all directions, `∫ f cos θ dω` in X, Y, Z: the albedo in the illuminant's colours.
+/// Light of a map in its directions, `∫ f cos θ dω` in X, Y, Z: of all directions, the albedo in the illuminant's colours.
 pub fn albedo(map: &Map) -> [f64; 3] {
-    let area = (2.0 / map.size as f64).powi(2);
+    let area = (2.0 * map.views.half / map.size as f64).powi(2);
     let mut sum = [0.0; 3];
     for (k, xyz) in map.xyz.iter().enumerate() {
-        if view(map.size, k % map.size, k / map.size).is_some() {
+        if map.views.direction(k % map.size, k / map.size).is_some() {
             sum.iter_mut().zip(xyz).for_each(|(s, v)| *s += f64::from(*v) * area);
         }
     }

@@ -11,6 +11,9 @@ use std::str::FromStr;
 /// Limits of a map's side.
 pub const SIZES: std::ops::RangeInclusive<usize> = 8..=4096;
 
+/// Highest power that can be asked for.
+const MOST_ORDER: usize = 100;
+
 /// How the power density of a surface is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -83,6 +86,10 @@ pub struct Settings {
     pub light_deg: [f64; 2],
     /// How the power density is computed.
     pub method: Method,
+    /// Highest power of `taylor`, whatever it is off by: 1 is the first order of the 2017 paper (section 6.1), which its measured heights
+    /// are drawn by.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub order: Option<usize>,
     /// Width of the coherence window in µm: four standard deviations of its amplitude.
     pub coherence_um: f64,
     /// Error that is asked for: relative, of every lobe that holds at least a thousandth of the light.
@@ -104,6 +111,7 @@ impl Default for Settings {
         Self {
             light_deg: [0.0, 0.0],
             method: Method::Auto,
+            order: None,
             coherence_um: 65.0,
             max_error: 0.01,
             normalisation: Normalisation::Brdf,
@@ -124,6 +132,14 @@ impl Settings {
         if !(1e-6..=0.5).contains(&self.max_error) {
             let problem = format!("is {}", self.max_error);
             return Err(Error::input("max-error", problem, "give 0.000001 to 0.5"));
+        }
+        if let Some(order) = self.order {
+            if self.method != Method::Taylor {
+                return Err(Error::input("order", "is one of powers", "add --method taylor, or leave --order out"));
+            }
+            if !(1..=MOST_ORDER).contains(&order) {
+                return Err(Error::input("order", format!("is {order}"), format!("give 1 to {MOST_ORDER}")));
+            }
         }
         Ok((Direction::light(self.light_deg[0], self.light_deg[1])?, Window::new(self.coherence_um)?))
     }

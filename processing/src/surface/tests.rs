@@ -276,10 +276,13 @@ fn methods_refuse_what_they_cannot_do() {
     assert!(of(&deep, Method::Taylor).err().unwrap().to_string().contains("cancel"));
     let coarse = HeightField { pixel_um: 0.5, ..blazed() };
     let settings = Settings::default();
-    let problem = map(&coarse, &quality, &settings, 16, &Silent).err().unwrap().to_string();
+    let problem = map(&coarse, &quality, &settings, Views::all(16), &Silent).err().unwrap().to_string();
     assert!(problem.contains("pixels of at most 0.1900"), "{problem}");
-    assert!(map(&fingers, &quality, &settings, 1, &Silent).is_err());
-    assert!(map(&fingers, &quality, &Settings { max_error: f64::NAN, ..Settings::default() }, 16, &Silent).is_err());
+    assert!(map(&fingers, &quality, &settings, Views::all(1), &Silent).is_err());
+    assert!(
+        map(&fingers, &quality, &Settings { max_error: f64::NAN, ..Settings::default() }, Views::all(16), &Silent)
+            .is_err()
+    );
 }
 
 #[test]
@@ -289,14 +292,19 @@ fn a_mirror_reflects_all_light_into_its_lobe() {
     for light_deg in [[0.0, 0.0], [40.0, 70.0]] {
         // A coherence of 8 µm makes a lobe that a map resolves.
         let settings = Settings { light_deg, coherence_um: 8.0, ..Settings::default() };
-        let found = map(&field, &quality, &settings, 400, &Silent).unwrap();
+        let found = map(&field, &quality, &settings, Views::all(400), &Silent).unwrap();
         // ∫ f cos θ dω = ∫ f dx dy.
         let sum: f64 = found.xyz.iter().filter(|v| v[1].is_finite()).map(|v| f64::from(v[1])).sum();
         let flux = sum * (2.0 / 400.0_f64).powi(2);
         // The gain is 1 in the middle of the lobe only.
         assert!((flux - 1.0).abs() < 0.003, "{light_deg:?}: {flux}");
         let relative = Settings { normalisation: Normalisation::Relative, ..settings };
-        let peak = map(&field, &quality, &relative, 401, &Silent).unwrap().xyz.iter().map(|v| v[1]).fold(0.0, f32::max);
+        let peak = map(&field, &quality, &relative, Views::all(401), &Silent)
+            .unwrap()
+            .xyz
+            .iter()
+            .map(|v| v[1])
+            .fold(0.0, f32::max);
         // Half a cell of the map beside the middle of the lobe.
         assert!((peak - 1.0).abs() < 5e-4, "{peak}");
     }
@@ -315,7 +323,8 @@ fn nmm_finds_the_light_of_a_map_at_few_wavelengths() {
     .field()
     .unwrap();
     let quality = height::Quality::of(&field, 65.0);
-    let run = |method| map(&field, &quality, &Settings { method, ..Settings::default() }, 63, &Silent).unwrap();
+    let run =
+        |method| map(&field, &quality, &Settings { method, ..Settings::default() }, Views::all(63), &Silent).unwrap();
     let (all, few, truth) = (run(Method::Chebyshev), run(Method::Nmm), run(Method::Reference));
     let most = truth.xyz.iter().map(|v| v[1]).fold(0.0, f32::max);
     for found in [&all, &few] {

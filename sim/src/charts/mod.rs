@@ -18,7 +18,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     let mut all = vec![registration(effort), oblique(effort), compact_disc(effort), hdr::study(effort)];
     all.extend(lut::studies(effort));
     all.extend(bokeh::studies(effort));
-    all.push(surface::study(effort));
+    all.extend(surface::studies(effort));
     all
 }
 

@@ -33,6 +33,9 @@ pub struct Optics {
     /// How densities are computed; auto takes the cheapest that meets the error.
     #[arg(long, default_value = "auto", value_name = "auto|reference|taylor|chebyshev|fft|nmm|pq|pq-linear")]
     method: Method,
+    /// Highest power of --method taylor, whatever it is off by: 1 is the first order of measured heights (2017 paper).
+    #[arg(long, value_name = "N", requires = "method")]
+    order: Option<usize>,
     /// Width of the light's coherence (four standard deviations of a Gaussian).
     #[arg(long, default_value_t = 65.0, value_name = "UM", allow_negative_numbers = true)]
     coherence_um: f64,
@@ -82,6 +85,7 @@ impl Optics {
         Settings {
             light_deg,
             method: self.method,
+            order: self.order,
             coherence_um: self.coherence_um,
             max_error: self.max_error,
             ..Settings::default()
@@ -181,7 +185,7 @@ pub fn summary<T: Serialize>(report: &Report<T>, middle: &str) -> String {
     for warning in &report.warnings {
         let _ = write!(text, "\nwarning   {warning}");
     }
-    let _ = write!(text, "\ntime      {:.2} s (expected {:.2})", report.seconds, c.predicted_s);
+    let _ = write!(text, "\ntime      {:.2} s ({:.2} CPU-seconds expected)", report.seconds, c.predicted_s);
     for file in &report.files {
         let _ = write!(text, "\nwrote     {}", file.display());
     }

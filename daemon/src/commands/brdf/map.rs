@@ -2,9 +2,10 @@
 
 use super::common::{Material, Optics, Seen, Surface, direction, summary};
 use crate::Failure;
+use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_processing::surface::output::{vacant, write_map, write_picture};
-use nacre_processing::surface::{Report, Settings, about_map, map};
+use nacre_processing::surface::{Report, Settings, Views, about_map, map};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -15,6 +16,7 @@ Examples:
   nacre brdf surface blazed --period-um 2.5 --depth-um 0.3 --out blazed.exr
   nacre brdf map blazed.exr --out map.exr
   nacre brdf map snake.png --pixel-um 0.08 --range-um 0.43 --light 30,90 --illuminant D65 --out snake.exr
+  nacre brdf map blazed.exr --zoom 20 --center 0.22,0 --out order.exr          the first order alone
   nacre brdf map afm.txt --level --material silicon --max-error 0.001 --out silicon.exr
 
 Writes FILE.exr (X Y Z over directions of view (x, y) = sin θ (cos φ, sin φ), y up, NaN below the surface), FILE.png
@@ -28,6 +30,12 @@ pub struct Map {
     /// Pixels of a row and of a column.
     #[arg(long, default_value_t = 512)]
     size: usize,
+    /// Show this part of all directions only, to look at single orders: 4 for a square of a quarter of the sines.
+    #[arg(long, default_value_t = 1.0, value_name = "Z", allow_negative_numbers = true)]
+    zoom: f64,
+    /// Middle of the map as sines, sin θ (cos φ, sin φ).
+    #[arg(long, default_value = "0,0", value_name = "X,Y", value_parser = sines, allow_hyphen_values = true)]
+    center: [f64; 2],
     #[command(flatten)]
     optics: Optics,
     #[command(flatten)]
@@ -42,6 +50,10 @@ pub struct Map {
     force: bool,
 }
 
+fn sines(text: &str) -> Result<[f64; 2], String> {
+    numbers(text, "X,Y, two sines")
+}
+
 impl Map {
     /// Computes and writes it.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
@@ -54,8 +66,10 @@ impl Map {
             ..self.material.add(self.optics.settings(self.light))
         };
         let (_, window) = settings.check()?;
+        let views = Views { size: self.size, center: self.center, half: 1.0 / self.zoom };
+        views.check()?;
         let (field, quality) = self.surface.read(settings.coherence_um, console)?;
-        let map = map(&field, &quality, &settings, self.size, console)?;
+        let map = map(&field, &quality, &settings, views, console)?;
         write_map(&self.out, &map, &settings)?;
         write_picture(&picture, &map)?;
         let (more, warnings) = about_map(&map, &quality, window);

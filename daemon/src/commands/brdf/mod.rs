@@ -6,6 +6,7 @@ mod map;
 mod orders;
 mod slice;
 mod surface;
+mod terms;
 
 use crate::Failure;
 use crate::console::Console;
@@ -22,6 +23,8 @@ pub enum Brdf {
     Orders(orders::Orders),
     /// Peaks of the first order against the grating equation.
     Check(Box<check::Check>),
+    /// Transforms of a height field for all directions, for programs that draw in real time.
+    Terms(Box<terms::Terms>),
     /// Make a height field from a formula.
     Surface(surface::Surface),
 }
@@ -33,6 +36,7 @@ pub fn run(command: &Brdf, console: &Console) -> Result<(), Failure> {
         Brdf::Slice(args) => args.run(console),
         Brdf::Orders(args) => args.run(console),
         Brdf::Check(args) => args.run(console),
+        Brdf::Terms(args) => args.run(console),
         Brdf::Surface(args) => args.run(console),
     }
 }

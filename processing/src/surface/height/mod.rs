@@ -7,7 +7,7 @@ mod synthetic;
 mod tests;
 
 pub use quality::{Peak, Quality};
-pub use read::{Scale, read};
+pub use read::{EXTENSIONS, Scale, read};
 pub use synthetic::{Profile, Shape, Synthetic};
 
 use crate::{Error, Result};

@@ -6,6 +6,9 @@ use crate::{Error, Result};
 use std::io::Read;
 use std::path::Path;
 
+/// Endings of files that hold height fields.
+pub const EXTENSIONS: &[&str] = &["png", "tif", "tiff", "jpg", "jpeg", "exr", "bmp", "txt", "asc", "csv", "dat"];
+
 /// Largest text grid that is read, in bytes.
 const MAX_TEXT: u64 = 256 << 20;
 

@@ -1,0 +1,14 @@
+//! BRDFs of height fields: which expansion, how many wavelengths, and where scalar theory, approximations and methods fail.
+
+mod expansions;
+mod gems;
+mod stress;
+
+use nacre_processing::chart::{Effort, Study};
+
+/// All of them.
+pub(super) fn studies(effort: Effort) -> Vec<Study> {
+    let mut all = vec![expansions::study(effort)];
+    all.extend(stress::studies(effort));
+    all
+}

@@ -1,0 +1,438 @@
+//! Where methods for BRDFs of height fields fail.
+
+use super::gems;
+use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
+use nacre_processing::color::{Observer, linear_srgb};
+use nacre_processing::progress::Silent;
+use nacre_processing::rcwa;
+use nacre_processing::surface::height::{HeightField, Profile, Quality, Shape, Synthetic};
+use nacre_processing::surface::{
+    Direction, Map, Method, OrderMethod, Pair, Section, Settings, Views, Window, check, map, most_orders, slice,
+};
+use nacre_processing::{Error, Result};
+use num_complex::Complex64;
+use std::f64::consts::TAU;
+use std::time::Instant;
+
+/// What is asked, what is varied, and what is tried.
+struct Stress {
+    name: &'static str,
+    title: &'static str,
+    question: &'static str,
+    axis: Axis,
+    values: &'static [f64],
+    reference: usize,
+    error: &'static str,
+    predicted: &'static str,
+    /// The first is what the program does by itself.
+    settings: &'static [&'static str],
+    run: fn(setting: usize, value: f64, seed: u64) -> Result<Outcome>,
+}
+
+/// All of them.
+pub(super) fn studies(_: Effort) -> Vec<Study> {
+    [rigorous(), incidence(), periods(), mirror(), orders(), period_only(), steps(), neighbours()]
+        .map(Stress::study)
+        .into()
+}
+
+impl Stress {
+    fn study(self) -> Study {
+        let setting = |(k, name): (usize, &&str)| {
+            let setting = Setting::new(name, *name, k as f64);
+            if k == 0 { setting.as_default() } else { setting }
+        };
+        let values = self.values;
+        Study {
+            name: self.name,
+            group: "surface",
+            title: self.title.into(),
+            question: self.question.into(),
+            knob: Axis::names("method"),
+            stress: self.axis,
+            error: Axis::log(self.error, ""),
+            time: Axis::log("time", "s"),
+            predicted: self.predicted,
+            settings: self.settings.iter().enumerate().map(setting).collect(),
+            scenes: values.iter().copied().map(Scene::new).collect(),
+            reference: self.reference,
+            run: Box::new(move |setting, scene, seed| (self.run)(setting, values[scene], seed)),
+        }
+    }
+}
+
+/// An outcome of which nothing is predicted; what is the same number has no logarithm.
+fn plain(error: f64, begun: Instant) -> Outcome {
+    let wrong = f64::from(u8::from(error.is_nan()));
+    Outcome {
+        error: Some(error.max(1e-16)),
+        seconds: begun.elapsed().as_secs_f64(),
+        masked: 0.0,
+        wrong,
+        predicted: None,
+    }
+}
+
+/// An outcome that says how exact it is.
+fn said(error: f64, predicted: f64, begun: Instant) -> Outcome {
+    let wrong = f64::from(u8::from(error.is_nan() || error > 5.0 * predicted));
+    Outcome { wrong, predicted: Some(predicted), ..plain(error, begun) }
+}
+
+/// An outcome of what a method refuses.
+fn refused(begun: Instant) -> Outcome {
+    Outcome { error: None, seconds: begun.elapsed().as_secs_f64(), masked: 1.0, wrong: 0.0, predicted: None }
+}
+
+fn rigorous() -> Stress {
+    Stress {
+        name: "surface-rcwa",
+        title: "Where scalar theory fails",
+        question: "A sinusoid of aluminium, 0.1 µm deep, in light of 560 nm at normal incidence: the light of the first order, both polarizations \
+                   together, against rigorous coupled waves. Efficiencies take the phase of the mirror direction; Stam's flux has the phase \
+                   and the gain of the order's own; the paper's lobes are those of its second-order Taylor series. All times the reflectance \
+                   of a mirror, which is known.",
+        axis: Axis::log("period", "µm"),
+        values: &[0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0],
+        reference: 3,
+        error: "relative error of the first order",
+        predicted: "",
+        settings: &["efficiency", "Stam's flux", "second-order lobes (2018)"],
+        run: |setting, period_um, _| {
+            let (nm, depth_um) = (560.0, 0.1);
+            let below = Complex64::new(0.96, 6.69);
+            let grating = rcwa::Grating { period_um, depth_um, above: 1.0, below };
+            let light = rcwa::Light { wavelength_nm: nm, angle: 0.0 };
+            let mut truth = 0.0;
+            for polarization in [rcwa::Polarization::Te, rcwa::Polarization::Tm] {
+                truth += 0.5 * rcwa::solve(&grating, &light, polarization, 1e-4)?.reflected(1).efficiency;
+            }
+            let begun = Instant::now();
+            let reflectance = ((below - 1.0) / (below + 1.0)).norm_sqr();
+            let section = Section::Formula { profile: Profile::Sinusoid, depth_um };
+            let sine = nm / 1e3 / period_um;
+            let out =
+                Direction::of(sine, 0.0).ok_or_else(|| Error::input("period", "has no first order", "raise it"))?;
+            let pair = Pair::new(Direction::new(0.0, 0.0), out);
+            let number = TAU * 1e3 / nm;
+            let (q, gain, method) = match setting {
+                0 => (2.0 * number, 1.0, OrderMethod::Exact),
+                // The flux of a lobe: ∫ f cos θ dω = ∫ f dx dy, and f's density is over frequencies.
+                1 => (number * pair.w, pair.gain, OrderMethod::Exact),
+                _ => (2.0 * number, 1.0, OrderMethod::Taylor2),
+            };
+            let most = most_orders(q, depth_um);
+            let found = reflectance * gain * section.efficiencies(q, most, method)?[most + 1];
+            Ok(plain((found / truth - 1.0).abs(), begun))
+        },
+    }
+}
+
+const METHODS: [Method; 7] =
+    [Method::Auto, Method::Taylor, Method::Chebyshev, Method::Fft, Method::Nmm, Method::Pq, Method::PqLinear];
+const NAMES: [&str; 7] = ["auto", "Taylor (FLSS)", "Chebyshev", "transforms of exp", "nmm", "pq", "pq, linear"];
+
+fn blazed(pixels: usize, periods: f64) -> Result<HeightField> {
+    let pixel_um = 2.5 * periods / pixels as f64;
+    let shape = Shape::Grating(Profile::Blazed);
+    Synthetic { shape, pixels, pixel_um, period_um: 2.5, depth_um: 0.3, angle: 0.0 }.field()
+}
+
+/// The grating equation's period by a method, relative to 2.5 µm.
+fn equation(setting: usize, field: &HeightField, theta: f64) -> Result<Outcome> {
+    let quality = Quality::of(field, 65.0);
+    let all: Vec<f64> = (400..=700).step_by(20).map(f64::from).collect();
+    // pq is far from what it is asked for, and says so.
+    let settings =
+        Settings { light_deg: [theta, 0.0], method: METHODS[setting], max_error: 0.5, ..Settings::default() };
+    let begun = Instant::now();
+    match check(field, &quality, &settings, &all, [Some(2.5), Some(0.0)], &Silent) {
+        Ok(found) => Ok(plain((found.mean_nm / 2500.0 - 1.0).abs(), begun)),
+        Err(_) => Ok(refused(begun)),
+    }
+}
+
+fn incidence() -> Stress {
+    Stress {
+        name: "surface-incidence",
+        title: "Grazing light",
+        question: "Mean period by the peaks of the first order of a blazed grating (2.5 µm, 0.3 µm deep, three periods on the patch), 400 to 700 nm, against the \
+                   grating equation. Masked where a method refuses.",
+        axis: Axis::linear("angle of incidence", "°"),
+        values: &[0.0, 30.0, 60.0, 75.0, 85.0, 89.0],
+        reference: 3,
+        error: "relative error of the period",
+        predicted: "",
+        settings: &NAMES,
+        run: |setting, theta, _| equation(setting, &blazed(120, 3.0)?, theta),
+    }
+}
+
+fn periods() -> Stress {
+    Stress {
+        name: "surface-patch",
+        title: "Patches of few periods, and of no whole number of them",
+        question: "Mean period by the peaks of the first order of a blazed grating (2.5 µm, 0.3 µm deep) under light at 75°, against the grating equation, where \
+                   the patch holds this many periods. Masked where a method refuses.",
+        axis: Axis::linear("periods on the patch", ""),
+        values: &[1.0, 2.0, 2.5, 3.0, 4.5, 8.0, 12.3],
+        reference: 3,
+        error: "relative error of the period",
+        predicted: "",
+        settings: &NAMES,
+        run: |setting, count, _| equation(setting, &blazed((40.0 * count) as usize, count)?, 75.0),
+    }
+}
+
+/// A sinusoid, its spectra over these angles at normal incidence, and the largest error relative to direct sums of directions that hold a
+/// thousandth of the mirror's.
+fn near(depth_um: f64, theta: &[f64], order: Option<usize>, method: Method) -> Result<Outcome> {
+    let shape = Shape::Grating(Profile::Sinusoid);
+    let field = Synthetic { shape, pixels: 96, pixel_um: 0.08, period_um: 1.28, depth_um, angle: 0.0 }.field()?;
+    let quality = Quality::of(&field, 65.0);
+    let nm = [420.0, 550.0, 680.0];
+    let of = |method, order, max_error| {
+        let settings = Settings { method, order, max_error, ..Settings::default() };
+        slice(&field, &quality, &settings, [&nm, theta], Some(0.0), &Silent)
+    };
+    let truth = of(Method::Reference, None, 0.01)?;
+    let begun = Instant::now();
+    let wanted = if order.is_some() || matches!(method, Method::Pq | Method::PqLinear) { 0.5 } else { 0.01 };
+    let Ok(found) = of(method, order, wanted) else { return Ok(refused(begun)) };
+    let done = Instant::now();
+    let peak = Window::new(65.0)?.peak();
+    let mut error = 0.0_f64;
+    for (k, nm) in nm.iter().enumerate() {
+        for (j, degrees) in theta.iter().enumerate() {
+            let pair = Pair::new(Direction::new(0.0, 0.0), Direction::new(degrees.to_radians(), 0.0));
+            let floor = 1e-3 * peak * pair.gain * 1e6 / (nm * nm);
+            let (a, b) = (found.values[k * theta.len() + j], truth.values[k * theta.len() + j]);
+            error = error.max((a - b).abs() / b.max(floor));
+        }
+    }
+    Ok(Outcome { seconds: (done - begun).as_secs_f64(), ..said(error, found.error_estimate, begun) })
+}
+
+fn mirror() -> Stress {
+    Stress {
+        name: "surface-mirror",
+        title: "Near the mirror direction",
+        question: "Spectra of a sinusoid (1.28 µm, 0.1 µm deep) at normal incidence in 25 directions up to this distance from the mirror's, where the \
+                   grating equation has no wavelength: the largest error relative to direct sums. pq has an even window of its own shape, so its lobes \
+                   differ. Wrong where off by more than five times what it says.",
+        axis: Axis::log("sine of the largest angle", ""),
+        values: &[1e-5, 1e-4, 1e-3, 0.01, 0.1, 0.5],
+        reference: 2,
+        error: "largest relative error",
+        predicted: "the error that the slice says it has",
+        settings: &NAMES,
+        run: |setting, most, _| {
+            let theta: Vec<f64> = (0..25).map(|k| (most * f64::from(k) / 24.0).asin().to_degrees()).collect();
+            near(0.1, &theta, None, METHODS[setting])
+        },
+    }
+}
+
+fn orders() -> Stress {
+    Stress {
+        name: "surface-order",
+        title: "The first order alone",
+        question: "Highest power of the height that is kept: 1 as the 2017 paper draws measured heights with three tables, 2 and 5 as it compares. \
+                   Spectra of a sinusoid (1.28 µm) at normal incidence up to 60°: the largest error relative to direct sums. Wrong where off by more than \
+                   five times what it says.",
+        axis: Axis::log("depth", "µm"),
+        values: &[0.005, 0.01, 0.02, 0.05, 0.1, 0.2],
+        reference: 3,
+        error: "largest relative error",
+        predicted: "the error that the slice says it has",
+        settings: &["auto", "order 1", "order 2", "order 5"],
+        run: |setting, depth_um, _| {
+            let theta: Vec<f64> = (0..121).map(|k| f64::from(k) / 2.0).collect();
+            let order = [None, Some(1), Some(2), Some(5)][setting];
+            let method = if order.is_some() { Method::Taylor } else { Method::Auto };
+            near(depth_um, &theta, order, method)
+        },
+    }
+}
+
+/// Linear red, green and blue of directions that are not next to the mirror's, all together of root mean square 1.
+fn colors(map: &Map, of: impl Fn(usize, [f32; 3]) -> [f64; 3]) -> Vec<[f64; 3]> {
+    let place =
+        |k: usize| [(k % map.size) as f64, (k / map.size) as f64].map(|v| (2.0 * v + 1.0) / map.size as f64 - 1.0);
+    let far = |k: &usize| map.xyz[*k][1].is_finite() && place(*k)[0].hypot(place(*k)[1]) > 0.1;
+    let mut all: Vec<[f64; 3]> = (0..map.xyz.len()).filter(far).map(|k| of(k, map.xyz[k])).collect();
+    let scale = (all.iter().flatten().map(|v| v * v).sum::<f64>() / all.len() as f64).sqrt().max(1e-300);
+    all.iter_mut().flatten().for_each(|v| *v /= scale);
+    all
+}
+
+fn period_only() -> Stress {
+    Stress {
+        name: "surface-gems",
+        title: "Colours from a period alone",
+        question: "A map (97 × 97 directions, normal incidence, coherence 12 µm) of a sinusoid of 1.6 µm: root mean square difference of linear red, green and blue \
+                   from a map at 0.01 %, both scaled to the same light, without the mirror's surroundings. The shader of GPU Gems knows the period \
+                   only: all orders alike, no width, no depth.",
+        axis: Axis::log("depth", "µm"),
+        values: &[0.02, 0.05, 0.1, 0.2, 0.4],
+        reference: 2,
+        error: "relative difference of colours",
+        predicted: "",
+        settings: &["auto", "period only (GPU Gems)"],
+        run: |setting, depth_um, _| {
+            let shape = Shape::Grating(Profile::Sinusoid);
+            let field =
+                Synthetic { shape, pixels: 80, pixel_um: 0.08, period_um: 1.6, depth_um, angle: 0.0 }.field()?;
+            let quality = Quality::of(&field, 12.0);
+            let of = |max_error| {
+                let settings = Settings { coherence_um: 12.0, max_error, ..Settings::default() };
+                map(&field, &quality, &settings, Views::all(97), &Silent)
+            };
+            let truth = of(1e-4)?;
+            let begun = Instant::now();
+            let found = if setting == 0 {
+                let map = of(0.01)?;
+                colors(&map, |_, xyz| linear_srgb(xyz).map(f64::from))
+            } else {
+                let sine = |k: usize| (2.0 * (k % truth.size) as f64 + 1.0) / truth.size as f64 - 1.0;
+                colors(&truth, |k, _| gems::color(sine(k), 1.6))
+            };
+            let seconds = Instant::now();
+            let truth = colors(&truth, |_, xyz| linear_srgb(xyz).map(f64::from));
+            let square: f64 = found.iter().flatten().zip(truth.iter().flatten()).map(|(a, b)| (a - b).powi(2)).sum();
+            let outcome = plain((square / truth.len() as f64).sqrt(), begun);
+            Ok(Outcome { seconds: (seconds - begun).as_secs_f64(), ..outcome })
+        },
+    }
+}
+
+fn steps() -> Stress {
+    Stress {
+        name: "surface-step",
+        title: "Steps of wavelengths",
+        question: "Y along a slice of a sinusoid (1.28 µm, 0.1 µm deep, normal incidence, 401 directions to 60°) from wavelengths at even steps, against steps of 0.1 nm: root \
+                   mean square, relative. The longer the light is coherent, the narrower are lobes, and the finer must steps be. A map's own \
+                   sums choose steps by the coherence and the direction; here the finest of those at 1 %.",
+        axis: Axis::log("coherence", "µm"),
+        values: &[8.0, 16.0, 32.0, 65.0, 130.0],
+        reference: 3,
+        error: "relative error of Y",
+        predicted: "",
+        settings: &["by coherence (1 %)", "1 nm", "5 nm", "10 nm", "20 nm", "50 nm"],
+        run: |setting, coherence_um, _| {
+            let shape = Shape::Grating(Profile::Sinusoid);
+            let field =
+                Synthetic { shape, pixels: 96, pixel_um: 0.08, period_um: 1.28, depth_um: 0.1, angle: 0.0 }.field()?;
+            let quality = Quality::of(&field, coherence_um);
+            let theta: Vec<f64> = (0..401).map(|k| 3.0 + 57.0 * f64::from(k) / 400.0).collect();
+            let settings = Settings { coherence_um, ..Settings::default() };
+            let luminance = |wavelengths: &[f64]| -> Result<Vec<f64>> {
+                let found = slice(&field, &quality, &settings, [wavelengths, &theta], Some(0.0), &Silent)?;
+                let weights: Vec<f64> = wavelengths.iter().map(|nm| Observer::default().at(*nm)[1]).collect();
+                let white: f64 = weights.iter().sum();
+                let at = |j: usize| -> f64 {
+                    weights.iter().enumerate().map(|(k, w)| w * found.values[k * theta.len() + j]).sum()
+                };
+                Ok((0..theta.len()).map(|j| at(j) / white).collect())
+            };
+            let even =
+                |step: f64| -> Vec<f64> { (0..=(400.0 / step) as usize).map(|k| 380.0 + step * k as f64).collect() };
+            let truth = luminance(&even(0.1))?;
+            let begun = Instant::now();
+            let found = match setting {
+                0 => {
+                    // Wave numbers at the step that a lobe's width allows (Gaussian lobes added up at even steps).
+                    let step = Window::new(coherence_um)?.step(60_f64.to_radians().sin(), 0.0025);
+                    let count = ((1e3 / 380.0 - 1e3 / 780.0) / step).ceil() as usize;
+                    let number = |k: usize| 1e3 / 780.0 + (1e3 / 380.0 - 1e3 / 780.0) * k as f64 / count as f64;
+                    let numbers: Vec<f64> = (0..=count).map(|k| 1e3 / number(k)).collect();
+                    // dλ = λ² dν.
+                    let found = slice(&field, &quality, &settings, [&numbers, &theta], Some(0.0), &Silent)?;
+                    let weights: Vec<f64> = numbers.iter().map(|nm| Observer::default().at(*nm)[1] * nm * nm).collect();
+                    let white: f64 = weights.iter().sum();
+                    let at = |j: usize| -> f64 {
+                        weights.iter().enumerate().map(|(k, w)| w * found.values[k * theta.len() + j]).sum()
+                    };
+                    (0..theta.len()).map(|j| at(j) / white).collect()
+                }
+                k => luminance(&even([1.0, 5.0, 10.0, 20.0, 50.0][k - 1]))?,
+            };
+            let seconds = begun.elapsed().as_secs_f64();
+            let square = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>();
+            let error = square(&mut found.iter().zip(&truth).map(|(a, b)| a - b)) / square(&mut truth.iter().copied());
+            Ok(Outcome { seconds, ..plain(error.sqrt(), begun) })
+        },
+    }
+}
+
+fn neighbours() -> Stress {
+    Stress {
+        name: "surface-window",
+        title: "Neighbours under the coherence window",
+        question: "How much of the coherence window's light is kept when only the nearest frequencies of a patch are added up: the largest part that is missing, over all \
+                   places between frequencies. The thesis takes 3 × 3; here as many as the error needs.",
+        axis: Axis::log("patch over coherence", ""),
+        values: &[0.25, 0.5, 1.0, 2.0, 4.0],
+        reference: 2,
+        error: "part of the light that is missing",
+        predicted: "",
+        settings: &["by error (1 %)", "3 × 3 (thesis)", "5 × 5", "9 × 9"],
+        run: |setting, ratio, _| {
+            let window = Window::new(65.0)?;
+            let patch_um = 65.0 * ratio;
+            let half = match setting {
+                0 => (window.radius(0.0025) * patch_um).ceil() as i64,
+                k => [1, 2, 4][k - 1],
+            };
+            let begun = Instant::now();
+            let line = |off: f64, half: i64| -> f64 {
+                let weight = |k: i64| (-0.5 * ((k as f64 - off) / (patch_um * window.sigma)).powi(2)).exp();
+                (-half..=half).map(weight).sum()
+            };
+            let mut worst = 0.0_f64;
+            for k in 0..=20 {
+                for j in 0..=20 {
+                    let [x, y] = [k, j].map(|v| f64::from(v) / 40.0);
+                    let all = line(x, 400) * line(y, 400);
+                    worst = worst.max(1.0 - line(x, half) * line(y, half) / all);
+                }
+            }
+            Ok(plain(worst, begun))
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(stress: &Stress, setting: usize, value: f64) -> f64 {
+        (stress.run)(setting, value, 1).unwrap().error.unwrap()
+    }
+
+    #[test]
+    fn studies_show_what_the_docs_say() {
+        // Scalar theory: fine periods are off, coarse ones are not; the second-order lobes gain light everywhere.
+        let all = rigorous();
+        assert!(error(&all, 1, 5.0) < 0.05 && error(&all, 1, 0.6) > 2.0 * error(&all, 1, 5.0));
+        assert!(error(&all, 2, 5.0) > 0.2);
+        // Methods keep the grating equation, or refuse.
+        for setting in [0, 2, 3] {
+            assert!(error(&incidence(), setting, 85.0) < 1e-3, "{setting}");
+        }
+        assert_eq!((periods().run)(5, 2.5, 1).unwrap().masked, 1.0);
+        // Near the mirror nmm has its wavelengths.
+        assert!(error(&mirror(), 4, 1e-4) < 0.01);
+        // Orders by depth.
+        for setting in 1..=3 {
+            let found = (orders().run)(setting, 0.1, 1).unwrap();
+            assert_eq!(found.wrong, 0.0, "{found:?}");
+        }
+        assert!(error(&orders(), 1, 0.1) > error(&orders(), 3, 0.1));
+        // A period alone is no BRDF.
+        assert!(error(&period_only(), 1, 0.1) > 20.0 * error(&period_only(), 0, 0.1));
+        // Steps and neighbours.
+        assert!(error(&steps(), 0, 32.0) < 0.01 && error(&steps(), 4, 32.0) > error(&steps(), 1, 32.0));
+        assert!(error(&neighbours(), 0, 2.0) < 0.01 && error(&neighbours(), 1, 2.0) > 0.1);
+    }
+}
