@@ -184,6 +184,53 @@ fn the_thesis_own_patches_show_their_periods() {
 }
 
 #[test]
+fn terms_are_stored_in_the_precision_that_the_error_needs() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    brdf(dir, "surface fingers --period-um 1.2 --depth-um 0.3 --pixels 96 --pixel-um 0.09 --out a.exr").expect(0);
+    let exact = brdf(dir, "terms a.exr --coherence-um 12 --out exact").expect(0).json();
+    let loose = brdf(dir, "terms a.exr --coherence-um 12 --max-error 0.2 --out loose").expect(0).json();
+    assert_eq!([&exact["precision"], &loose["precision"]], ["float", "half"]);
+    for report in [&exact, &loose] {
+        assert!(number(&report["measured_error"]) <= number(&report["predicted_error"]), "{report}");
+    }
+    // One file per term, each as large as its numbers.
+    let size = |set: &str| std::fs::metadata(dir.join(set).join("term_000.exr")).unwrap().len();
+    assert!(size("loose") < size("exact"));
+    for report in [&exact, &loose] {
+        let files = std::fs::read_dir(report["out"].as_str().map(|o| dir.join(o)).unwrap()).unwrap().count();
+        assert_eq!(files as u64, report["terms"].as_u64().unwrap() + 1);
+    }
+    // Any EXR reader reads them: the mean of the zeroth term, which is 1 everywhere, is 1.
+    let map = read_exr(&dir.join("loose/term_000.exr")).unwrap();
+    let middle = map.height / 2 * map.width + map.width / 2;
+    assert_eq!([map.channels["re"][middle], map.channels["im"][middle]], [1.0, 0.0]);
+    // The first order alone is too few here, and says so; nothing is replaced unasked.
+    brdf(dir, "terms a.exr --coherence-um 12 --method taylor --order 1 --out first").expect(1);
+    assert!(brdf(dir, "terms a.exr --out exact").expect(2).stderr().contains("exact"));
+    assert!(brdf(dir, "terms a.exr --order 1 --out b").expect(2).stderr().contains("taylor"));
+}
+
+#[test]
+fn a_map_of_some_directions_is_a_part_of_that_of_all() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    brdf(dir, "surface sinusoid --period-um 1.6 --depth-um 0.1 --out a.exr").expect(0);
+    brdf(dir, "map a.exr --size 300 --out all.exr").expect(0);
+    brdf(dir, "map a.exr --size 100 --zoom 3 --center 0.3333333333333333,0 --out part.exr").expect(0);
+    let [all, part] = ["all.exr", "part.exr"].map(|f| read_exr(&dir.join(f)).unwrap());
+    // Columns 150 to 249 and rows 100 to 199.
+    for (k, value) in part.channels["Y"].iter().enumerate() {
+        let other = all.channels["Y"][(100 + k / 100) * 300 + 150 + k % 100];
+        assert!((value - other).abs() <= 1e-3 * other.abs() + 1e-6, "{k}: {value} {other}");
+    }
+    assert_eq!(part.attributes["half_side"], (1.0_f64 / 3.0).to_string());
+    for bad in ["--zoom 0", "--zoom nan", "--center 2,0", "--center x"] {
+        brdf(dir, &format!("map a.exr {bad} --out b.exr")).expect(2);
+    }
+}
+
+#[test]
 fn the_service_renders_uploaded_height_fields() {
     let place = Place::new("");
     let service = Service::start(&place, &[]);
@@ -223,6 +270,21 @@ fn the_service_renders_uploaded_height_fields() {
         let refused = ask(options.clone()).expect(400).text();
         assert!(refused.contains(word), "{options}: {refused}");
     }
+    // A grid of numbers, as AFM programs write them, by name only where a height field is expected.
+    let text = (0..64)
+        .map(|y| (0..64).map(|x| format!("{}", (x + y) % 16)).collect::<Vec<_>>().join(" ") + "\n")
+        .collect::<String>();
+    let part = |kind: &'static [u8]| -> [(&str, &str, &[u8]); 2] {
+        [("kind", "", kind), ("file", "afm.txt", text.as_bytes())]
+    };
+    assert!(service.upload(&part(b"photographs")).expect(400).text().contains("afm.txt"));
+    let grid = service.upload(&part(b"surface")).expect(201).json();
+    let body =
+        json!({ "upload": grid["id"], "method": "brdf", "options": { "pixel_um": 0.1, "range_um": 0.2, "size": 32 } });
+    let job = service.post("/api/v1/reconstructions", &body).expect(202).json();
+    let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+    let done = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
+    assert_eq!(done["state"], "done", "{done}");
     let job = ask(json!({})).expect(202).json();
     let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
     let failed = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");

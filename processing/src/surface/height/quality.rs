@@ -12,6 +12,9 @@ const WEAKEST: f64 = 0.02;
 /// Seams are steps this many times larger than the largest step inside.
 const SEAM: f64 = 1.25;
 
+/// Periods of a single grating that a patch may hold above or below a whole number: what interpolation between frequencies is good for.
+const CYCLES: f64 = 0.08;
+
 /// A tilt that moves orders by more than this is worth a word: a slope of 0.002 turns the mirror direction by 0.23°.
 const TILT: f64 = 0.002;
 
@@ -85,9 +88,18 @@ impl Quality {
         this
     }
 
-    /// Whether the patch goes on where it is repeated.
+    /// Whether the patch goes on where it is repeated: no steps at its edges and, of a single grating, whose own steps may hide them, a whole
+    /// number of periods.
     pub fn is_periodic(&self) -> bool {
-        self.seams.iter().all(|s| *s <= SEAM)
+        self.seams.iter().all(|s| *s <= SEAM) && self.cut().is_none()
+    }
+
+    /// Periods of a single grating to the right and up, where they are no whole numbers.
+    fn cut(&self) -> Option<[f64; 2]> {
+        let peak = self.single()?;
+        let (sin, cos) = peak.direction_deg.to_radians().sin_cos();
+        let cycles = [cos * self.size_um[0] / peak.period_um, sin * self.size_um[1] / peak.period_um];
+        cycles.iter().any(|c| (c - c.round()).abs() > CYCLES).then_some(cycles)
     }
 
     fn warn(&self, coherence_um: f64) -> Vec<String> {
@@ -102,7 +114,14 @@ impl Quality {
                 self.pixel_um
             ));
         }
-        if !self.is_periodic() {
+        if let Some([x, y]) = self.cut() {
+            all.push(format!(
+                "the patch holds {:.2} periods to the right and {:.2} up, no whole numbers, and is repeated: its orders are those of the \
+                 cut pattern, not of the grating; crop it to whole periods",
+                x.abs(),
+                y.abs()
+            ));
+        } else if !self.is_periodic() {
             let [x, y] = self.seams;
             all.push(format!(
                 "the patch does not go on where it is repeated (steps or bends at its edges are {x:.1} and {y:.1} times the largest inside), \
@@ -142,7 +161,8 @@ impl Quality {
         let harmonic = |p: &Peak| {
             let ratio = first.period_um / p.period_um;
             let turned = (p.direction_deg - first.direction_deg).abs();
-            (ratio - ratio.round()).abs() < 0.05 * ratio && turned.min(180.0 - turned) < 3.0
+            let known = (p.resolution_um / p.period_um).max(0.05);
+            (ratio - ratio.round()).abs() < known * ratio && turned.min(180.0 - turned) < 3.0
         };
         let together: f64 = self.periods.iter().map(|p| p.share).sum();
         (self.periods.iter().all(harmonic) && together > 0.85).then_some(first)

@@ -157,3 +157,30 @@ fn real_patches_are_read() {
         }
     }
 }
+
+#[test]
+fn a_patch_that_cuts_a_grating_is_told_from_one_that_does_not() {
+    let profiles = [Profile::Sinusoid, Profile::Blazed, Profile::Rectangular { duty: 0.4 }];
+    for profile in profiles {
+        for (periods, whole) in [
+            (1.0, true),
+            (2.0, true),
+            (3.0, true),
+            (5.0, true),
+            (8.0, true),
+            (12.0, true),
+            (2.5, false),
+            (3.3, false),
+            (4.5, false),
+            (7.85, false),
+            (12.15, false),
+        ] {
+            let pixels = (periods * 40.0_f64).round() as usize;
+            let shape = Shape::Grating(profile);
+            let field = Synthetic { shape, pixels, pixel_um: 0.0625, period_um: 2.5, depth_um: 0.3, angle: 0.0 };
+            let quality = Quality::of(&field.field().unwrap(), 65.0);
+            assert_eq!(quality.is_periodic(), whole, "{profile:?} {periods}: {:?}", quality.periods);
+            assert_eq!(quality.warnings.iter().any(|w| w.contains("repeated")), !whole);
+        }
+    }
+}
