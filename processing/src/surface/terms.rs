@@ -15,6 +15,7 @@ use crate::progress::Progress;
 use crate::text::read_text;
 use crate::{Error, Result};
 use num_complex::Complex32;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -139,9 +140,19 @@ impl TermSet {
         let (reach, planes) = planes::<f32>(&relief, &expansion, wide, || progress.step());
         progress.check()?;
         let exact = of_lobes(expansion.error() + expansion.rounding(f64::from(f32::EPSILON)));
-        let halved = exact + of_lobes(rounding_of_halves(&expansion, &planes));
-        let fewest = if halved <= settings.max_error { Precision::Half } else { Precision::Float };
-        let precision = wanted.precision.unwrap_or(fewest);
+        let halves = Halves::new(&expansion, &planes);
+        // The mean is nearly always the largest: where it is too much already, the others need no look.
+        let middle = planes.first().map_or(0, |p| p.len() / 2);
+        let hopeless = exact + of_lobes(halves.at(middle)) > settings.max_error;
+        let (precision, predicted_error) = match wanted.precision {
+            Some(Precision::Float) => (Precision::Float, exact),
+            None if hopeless => (Precision::Float, exact),
+            wanted => {
+                let halved = exact + of_lobes(halves.most());
+                let met = wanted.is_some() || halved <= settings.max_error;
+                if met { (Precision::Half, halved) } else { (Precision::Float, exact) }
+            }
+        };
         let about = TermsAbout {
             kind: if expansion.kind == Kind::Taylor { "taylor" } else { "chebyshev" }.into(),
             terms: expansion.terms,
@@ -151,7 +162,7 @@ impl TermSet {
             reach,
             x_most: expansion.high,
             extent: wanted.extent,
-            predicted_error: if precision == Precision::Half { halved } else { exact },
+            predicted_error,
             formula: formula(expansion.kind),
         };
         Ok(Self { about, planes })
@@ -183,20 +194,37 @@ impl TermSet {
     }
 }
 
-/// What half precision leaves of an amplitude, at most.
-fn rounding_of_halves(expansion: &Expansion, planes: &[Vec<Complex32>]) -> f64 {
-    const SAMPLES: usize = 64;
-    let mut most = vec![0.0_f64; expansion.terms];
-    let mut here = vec![0.0; expansion.terms];
-    for k in 0..=SAMPLES {
-        expansion.coefficients(expansion.high * k as f64 / SAMPLES as f64, &mut here);
-        most.iter_mut().zip(&here).for_each(|(m, c)| *m = m.max(c.abs()));
+/// What half precision leaves of amplitudes.
+struct Halves<'a> {
+    /// Largest function of X of each term.
+    most: Vec<f64>,
+    planes: &'a [Vec<Complex32>],
+}
+
+impl<'a> Halves<'a> {
+    fn new(expansion: &Expansion, planes: &'a [Vec<Complex32>]) -> Self {
+        const SAMPLES: usize = 64;
+        let mut most = vec![0.0_f64; expansion.terms];
+        let mut here = vec![0.0; expansion.terms];
+        for k in 0..=SAMPLES {
+            expansion.coefficients(expansion.high * k as f64 / SAMPLES as f64, &mut here);
+            most.iter_mut().zip(&here).for_each(|(m, c)| *m = m.max(c.abs()));
+        }
+        Self { most, planes }
     }
-    let count = planes.first().map_or(0, Vec::len);
-    let of = |k: usize| -> f64 {
-        most.iter().zip(planes).map(|(m, plane)| m * (HALF[0] * f64::from(plane[k].norm()) + 2.0 * HALF[1])).sum()
-    };
-    (0..count).map(of).fold(0.0, f64::max)
+
+    /// Of a frequency, at most.
+    fn at(&self, k: usize) -> f64 {
+        let of =
+            |(m, plane): (&f64, &Vec<Complex32>)| m * (HALF[0] * f64::from(plane[k].norm_sqr().sqrt()) + 2.0 * HALF[1]);
+        self.most.iter().zip(self.planes).map(of).sum()
+    }
+
+    /// Of all of them, at most; the opposite of a frequency has the same sizes.
+    fn most(&self) -> f64 {
+        let count = self.planes.first().map_or(0, Vec::len);
+        (0..count.div_ceil(2)).into_par_iter().map(|k| self.at(k)).reduce(|| 0.0, f64::max)
+    }
 }
 
 impl Terms {
