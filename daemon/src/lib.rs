@@ -82,6 +82,9 @@ enum Command {
     /// From the shape of a surface to the light that it diffracts.
     #[command(subcommand)]
     Brdf(commands::brdf::Brdf),
+    /// Measure where camera, sample, panel and light are.
+    #[command(subcommand)]
+    Calibrate(commands::calibrate::Calibrate),
     /// Chart speed against accuracy, and where each method breaks.
     Chart(commands::chart::Args),
     /// Describe photographs taken elsewhere in a frames.json.
@@ -121,6 +124,7 @@ pub fn main() -> ExitCode {
         Command::Catalogue(args) => commands::catalogue::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Brdf(args) => commands::brdf::run(&args, &console),
+        Command::Calibrate(args) => commands::calibrate::run(&args, &console),
         Command::Chart(args) => commands::chart::run(&args, &console),
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),

@@ -9,6 +9,7 @@
 //! - Lengths are µm, wavelengths nm, unless a name says otherwise.
 
 pub mod bokeh;
+pub mod calibration;
 pub mod chart;
 pub mod color;
 pub mod error;
