@@ -2,9 +2,10 @@
 
 use crate::calibration::{Board, Gray};
 use crate::geometry::{Camera, Pose};
+use rayon::prelude::*;
 
 /// Samples of a pixel along each side.
-const SUPER: usize = 4;
+const SUPER: usize = 3;
 
 /// A camera's photograph of what `shade` says (0 to 1) of a ray from `from` along a direction, both in sample coordinates, with noise.
 pub fn photograph(
@@ -17,25 +18,24 @@ pub fn photograph(
 ) -> Gray {
     let back = sample.inverse();
     let from = back.translation_mm;
-    let mut state = seed.wrapping_mul(2).wrapping_add(1);
-    let mut values = Vec::with_capacity(width * height);
-    for y in 0..height {
-        for x in 0..width {
-            let mut sum = 0.0;
-            for k in 0..SUPER * SUPER {
-                let sub = |k: usize| (k as f64 + 0.5) / SUPER as f64 - 0.5;
-                let pixel = [x as f64 + sub(k % SUPER), y as f64 + sub(k / SUPER)];
-                sum += shade(from, back.turn(straightened(camera, pixel)));
-            }
-            // Sum of four uniform numbers: near enough to a normal one.
-            let mut uniform = || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 40) as f32 / (1_u64 << 24) as f32 - 0.5
-            };
-            let normal: f32 = (0..4).map(|_| uniform()).sum::<f32>() * 3.0_f32.sqrt();
-            values.push(40.0 + 160.0 * (sum / (SUPER * SUPER) as f64) as f32 + noise * normal);
+    let value = |i: usize| {
+        let (x, y) = ((i % width) as f64, (i / width) as f64);
+        let mut sum = 0.0;
+        for k in 0..SUPER * SUPER {
+            let sub = |k: usize| (k as f64 + 0.5) / SUPER as f64 - 0.5;
+            let pixel = [x + sub(k % SUPER), y + sub(k / SUPER)];
+            sum += shade(from, back.turn(straightened(camera, pixel)));
         }
-    }
+        // Sum of four uniform numbers: near enough to a normal one.
+        let mut state = (seed << 32 | i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / (1_u64 << 24) as f32 - 0.5
+        };
+        let normal: f32 = (0..4).map(|_| uniform()).sum::<f32>() * 3.0_f32.sqrt();
+        40.0 + 160.0 * (sum / (SUPER * SUPER) as f64) as f32 + noise * normal
+    };
+    let values = (0..width * height).into_par_iter().map(value).collect();
     Gray { width, height, values }
 }
 
@@ -44,7 +44,7 @@ fn straightened(camera: &Camera, pixel: [f64; 2]) -> [f64; 3] {
     let [k1, k2, p1, p2, k3] = camera.distortion;
     let seen = [0, 1].map(|k| (pixel[k] - camera.center_px[k]) / camera.focal_px[k]);
     let [mut x, mut y] = seen;
-    for _ in 0..60 {
+    for _ in 0..25 {
         let s = x * x + y * y;
         let radial = 1.0 + k1 * s + k2 * s * s + k3 * s * s * s;
         let shift = [2.0 * p1 * x * y + p2 * (s + 2.0 * x * x), p1 * (s + 2.0 * y * y) + 2.0 * p2 * x * y];
