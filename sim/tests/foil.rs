@@ -105,7 +105,10 @@ fn known_distributions_are_found_and_made_anew() {
         assert!(angular <= 0.05 && radial <= 0.05, "{name} {angular} {radial}");
         if let Some(folder) = std::env::var_os("NACRE_PICTURES").map(std::path::PathBuf::from) {
             picture(&found, false).save_png(&folder.join(format!("foil-{name}-histogram.png"))).unwrap();
-            let top = 2.0 * light.values[light.values.len() / 4..].iter().copied().fold(0.0, f32::max).min(3e-6);
+            // What is brighter than 99 % is the zero order.
+            let mut sorted = light.values.clone();
+            sorted.sort_by(f32::total_cmp);
+            let top = sorted[sorted.len() * 99 / 100];
             for (word, values) in [("measured", &light.values), ("made", &new)] {
                 let value = |x: usize, y: usize| Some(values[y * scene.width + x]);
                 scalar_picture(scene.width, scene.height, &value, 0.0, top, "radiance", word)
