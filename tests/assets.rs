@@ -40,7 +40,8 @@ fn a_camera_is_calibrated_from_test_data() {
     let next = dir.path().join("next.json");
     let base = ["--json", "calibrate", "geometry", text(&out), "--out", text(&next)];
     let corners = ["--sample-corners", "200,150,420,152,421,330,198,328", "--sample-mm", "110,90"];
-    let panel = ["--panel-px", "1920,1080", "--panel-pixel-mm", "0.27", "--panel-at", "0,150,300", "--panel-turn=-30,0,0"];
+    let panel =
+        ["--panel-px", "1920,1080", "--panel-pixel-mm", "0.27", "--panel-at", "0,150,300", "--panel-turn=-30,0,0"];
     let light = ["--highlight", "330,250", "--highlight", "335,240,60"];
     let report = nacre([&base[..], &corners, &panel, &light].concat()).expect(0).json();
     let found = geometry::load(&next).unwrap();
@@ -74,7 +75,8 @@ fn the_papers_way_needs_no_board() {
     let dir = tempfile::tempdir().unwrap();
     let (photo, out) = (dir.path().join("photo.png"), dir.path().join("g.json"));
     image::GrayImage::from_pixel(640, 480, image::Luma([9])).save(&photo).unwrap();
-    let args = ["--json", "calibrate", "geometry", text(&photo), "--out", text(&out), "--relative", "--known-mm", "150"];
+    let args =
+        ["--json", "calibrate", "geometry", text(&photo), "--out", text(&out), "--relative", "--known-mm", "150"];
     let more = ["--known-px", "100,200,550,210", "--camera-mm", "500", "--light-mm", "200", "--highlight", "300,260"];
     let report = nacre([&args[..], &more].concat()).expect(0).json();
     assert!(report["warnings"].to_string().contains("relative"));
@@ -129,7 +131,12 @@ fn foil_is_measured_made_anew_edited_and_exchanged() {
     assert!(report["total_variation"][0].as_f64().unwrap() < 0.05, "{report}");
     also_refused(&args[1..], &["--out", text(&none)], &none, "--square-px");
     also_refused(&args[1..], &["--disc-px", "0", "--out", text(&none)], &none, "disc");
-    also_refused(&["synthesize", text(&new)], &["--size", "9,9", "--pixel-um", "1", "--disc-px", "2", "--out", text(&none)], &none, "histogram.exr");
+    also_refused(
+        &["synthesize", text(&new)],
+        &["--size", "9,9", "--pixel-um", "1", "--disc-px", "2", "--out", text(&none)],
+        &none,
+        "histogram.exr",
+    );
 
     let edited = path("edited");
     let args = ["--json", "map", "edit", text(&new), "--rotate", "30", "--tile", "2,1", "--scale", "1.1"];

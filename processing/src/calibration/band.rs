@@ -35,7 +35,7 @@ pub fn band(spectra: &[Spectrum], lamp_known: bool) -> Result<Band> {
         return Err(bad("are missing"));
     }
     let count = ((high - low) / STEP_NM).ceil();
-    if !(count >= 1.0) {
+    if count.is_nan() || count < 1.0 {
         return Err(bad("have no wavelength in common"));
     }
     if count > 1e6 {

@@ -73,7 +73,7 @@ pub fn overlay(photograph: &Photograph, camera: &Camera, board: &Board) -> Resul
 fn line(canvas: &mut Canvas, from: [f64; 2], to: [f64; 2], color: Rgb) {
     let length = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
     // Far outside of the picture nothing is to be seen.
-    if !(length < 1e5) {
+    if length.is_nan() || length >= 1e5 {
         return;
     }
     let steps = length.ceil().max(1.0) as usize;

@@ -38,7 +38,9 @@ pub(super) fn refine(image: &Gray, start: [f64; 2], spacing: f64) -> Option<[f64
         }
         let step = matrix.try_inverse()? * right;
         // Singular but for rounding: edges in one direction only.
-        if !(step.norm() < 2.0 * half) {
+        // False for NaN.
+        let near = step.norm() < 2.0 * half;
+        if !near {
             return None;
         }
         at = [at[0] + step[0], at[1] + step[1]];

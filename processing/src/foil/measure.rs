@@ -221,7 +221,7 @@ fn frame(samples: &[Sample], settings: &Settings, lambda: f64, glare: f64) -> Re
     let reach = samples.iter().map(|s| s.half[0].hypot(s.half[1])).fold(0.0, f64::max);
     let [low, high] = settings.period_um.map_or([glare / lambda, reach / lambda], |[a, b]| [1.0 / b, 1.0 / a]);
     let low = low.max(0.02);
-    if !(low < high) || samples.is_empty() {
+    if low >= high || samples.is_empty() {
         let problem = format!("shows {:.2} lines per µm at most", reach / lambda);
         return Err(Error::input("photograph", problem, "take it from nearer, or with the light nearer to the sample"));
     }

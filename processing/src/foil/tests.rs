@@ -66,9 +66,9 @@ fn maps_show_the_distribution_whatever_the_shape() {
         assert!(bits(&made) != bits(&synthesize(&from, &Dots { seed: 6, ..dots.clone() }).unwrap()));
         // Counted anew, from the maps alone.
         let (theta, um) = (&maps.maps[&Kind::Orientation], &maps.maps[&Kind::Period]);
-        let mut share = vec![0.0; 60];
+        let (mut share, known) = (vec![0.0; 60], theta.known() as f64);
         for i in (0..600 * 500).filter(|i| theta.mask[*i] > 0.0) {
-            share[(f64::from(theta.value[i]) / PI * 60.0) as usize] += 1.0 / theta.known() as f64;
+            share[(f64::from(theta.value[i]) / PI * 60.0) as usize] += 1.0 / known;
             // The spiral itself: periods follow orientations.
             assert!((f64::from(um.value[i]) - 0.9 - 0.7 * f64::from(theta.value[i]) / PI).abs() < 0.4);
         }

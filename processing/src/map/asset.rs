@@ -3,7 +3,7 @@
 use crate::image::{Attribute, ExrMap, OutputFolder, read_exr, write_exr};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Most pixels of a map that is edited.
 pub(super) const MOST_PIXELS: usize = 64 << 20;
@@ -68,14 +68,13 @@ impl Maps {
     /// `Input` for what is none, and for maps of different sizes or more than 64 Mpixel.
     pub fn read(input: &Path) -> Result<Self> {
         let remedy = "give a folder with orientation.exr or period.exr, or one of these files";
-        let files: Vec<_> = if input.is_dir() {
-            let there = |kind: &Kind| input.join(kind.file()).is_file();
-            Kind::ALL.into_iter().filter(there).map(|kind| (kind, input.join(kind.file()))).collect()
+        let files: Vec<PathBuf> = if input.is_dir() {
+            Kind::ALL.into_iter().map(|kind| input.join(kind.file())).filter(|path| path.is_file()).collect()
         } else {
-            vec![(Kind::Orientation, input.to_path_buf())]
+            vec![input.to_path_buf()]
         };
         let mut all: Option<Self> = None;
-        for (_, path) in &files {
+        for path in &files {
             let info = read_size(path)?;
             if info[0] * info[1] > MOST_PIXELS {
                 return Err(Error::file(

@@ -81,7 +81,9 @@ fn check(maps: &Maps, edits: &Edits) -> Result<()> {
         return bad("tile", format!("is {copies:?}"), "give 1 to 10000 copies along each side");
     }
     match edits.orientation_offset_deg {
-        Some(deg) if !(deg.abs() <= 1e6) => return bad("orientation offset", format!("is {deg}"), "give degrees"),
+        Some(deg) if deg.is_nan() || deg.abs() > 1e6 => {
+            return bad("orientation offset", format!("is {deg}"), "give degrees");
+        }
         _ => {}
     }
     match edits.scale {
@@ -89,7 +91,7 @@ fn check(maps: &Maps, edits: &Edits) -> Result<()> {
         _ => {}
     }
     match edits.offset_um {
-        Some(um) if !(um.abs() <= 1e4) => return bad("offset", format!("is {um}"), "give at most 10000 µm"),
+        Some(um) if um.is_nan() || um.abs() > 1e4 => return bad("offset", format!("is {um}"), "give at most 10000 µm"),
         _ => {}
     }
     match edits.clamp_um {
