@@ -82,7 +82,7 @@ pub fn calibrate(folder: &Path, board: &Board, progress: &dyn Progress) -> Resul
     let size = info(first).map(|i| [i.width, i.height])?;
     progress.stage("looking for the board", files.len() as u64);
     // Two at a time at most, since each takes a few bytes per pixel several times over.
-    let looked: Vec<(PathBuf, std::result::Result<Vec<[f64; 2]>, String>)> = files
+    let looked: Vec<(PathBuf, Looked)> = files
         .par_iter()
         .map(|path| {
             progress.check()?;
@@ -105,7 +105,10 @@ pub fn calibrate(folder: &Path, board: &Board, progress: &dyn Progress) -> Resul
     })
 }
 
-fn look(path: &Path, board: &Board, size: [usize; 2], first: &Path) -> std::result::Result<Vec<[f64; 2]>, String> {
+/// Corners, or why there are none.
+type Looked = std::result::Result<Vec<[f64; 2]>, String>;
+
+fn look(path: &Path, board: &Board, size: [usize; 2], first: &Path) -> Looked {
     let why = |e: Error| match e {
         Error::Input { problem, .. } => problem,
         other => other.to_string(),

@@ -4,7 +4,7 @@ use super::fit::nudged;
 use super::sample::Placed;
 use crate::geometry::{Camera, Pose};
 use crate::{Error, Result};
-use nalgebra::{Matrix3, Vector3, Vector6};
+use nalgebra::{Matrix2x3, Matrix3, Vector3, Vector6};
 
 /// Rounds at most, and when to stop, in mm.
 const ROUNDS: usize = 50;
@@ -188,15 +188,15 @@ fn misfit(camera: &Camera, sample: &Pose, all: &[Highlight], known: &Known, at: 
     let step = 1e-4 * at.norm().max(1.0);
     for h in all {
         let here = h.seen(camera, sample, at).ok_or_else(gone)?;
-        let mut slope = [Vector3::zeros(); 2];
+        let mut slope = Matrix2x3::zeros();
         for k in 0..3 {
             let by = Vector3::ith(k, step);
             let [more, less] = [at + by, at - by].map(|p| h.seen(camera, sample, p));
             let (more, less) = (more.ok_or_else(gone)?, less.ok_or_else(gone)?);
-            (0..2).for_each(|c| slope[c][k] = (more[c] - less[c]) / (2.0 * step));
+            (0..2).for_each(|c| slope[(c, k)] = (more[c] - less[c]) / (2.0 * step));
         }
-        for c in 0..2 {
-            add(slope[c] / known.sigma_px, (h.pixel[c] - here[c]) / known.sigma_px);
+        for (c, here) in here.iter().enumerate() {
+            add(slope.row(c).transpose() / known.sigma_px, (h.pixel[c] - here) / known.sigma_px);
         }
     }
     if let Some([height, sigma]) = known.height_mm {

@@ -116,7 +116,7 @@ pub fn from_photograph(
     let eigen = all.symmetric_eigen();
     for k in 0..6 {
         let own = eigen.eigenvectors.column(k) * eigen.eigenvalues[k].max(0.0).sqrt();
-        add(place(&sample.pose, &nudged(&seen, &own.into())));
+        add(place(&sample.pose, &nudged(&seen, &own)));
         let mut other = Vector6::zeros();
         other[k] = sample.sigma[k];
         add(place(&nudged(&sample.pose, &other), &seen));

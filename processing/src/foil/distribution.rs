@@ -116,7 +116,7 @@ impl Distribution {
         let mut plane = |name: &str| exr.take(name, path).map(|p| p.iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
         let (mut share, sigma, coverage) = (plane("share")?, plane("sigma")?, plane("coverage")?);
         let sum: f64 = share.iter().sum();
-        if !share.iter().all(|s| *s >= 0.0) || !(sum > 0.0 && sum.is_finite()) {
+        if !(share.iter().all(|s| *s >= 0.0) && sum > 0.0 && sum.is_finite()) {
             return Err(Error::file(path, "has shares that are none", remedy));
         }
         share.iter_mut().for_each(|s| *s /= sum);
