@@ -82,6 +82,14 @@ enum Command {
     /// From the shape of a surface to the light that it diffracts.
     #[command(subcommand)]
     Brdf(commands::brdf::Brdf),
+    /// Edit maps of orientation and period, and exchange them.
+    #[command(subcommand)]
+    Map(commands::map::MapCommand),
+    /// New maps of random dots, drawn from a measured foil.
+    Synthesize(commands::synthesize::Args),
+    /// Measure where camera, sample, panel and light are.
+    #[command(subcommand)]
+    Calibrate(commands::calibrate::Calibrate),
     /// Chart speed against accuracy, and where each method breaks.
     Chart(commands::chart::Args),
     /// Describe photographs taken elsewhere in a frames.json.
@@ -121,6 +129,9 @@ pub fn main() -> ExitCode {
         Command::Catalogue(args) => commands::catalogue::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Brdf(args) => commands::brdf::run(&args, &console),
+        Command::Map(args) => commands::map::run(&args, &console),
+        Command::Synthesize(args) => commands::synthesize::run(&args, &console),
+        Command::Calibrate(args) => commands::calibrate::run(&args, &console),
         Command::Chart(args) => commands::chart::run(&args, &console),
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),

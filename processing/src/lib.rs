@@ -9,12 +9,16 @@
 //! - Lengths are µm, wavelengths nm, unless a name says otherwise.
 
 pub mod bokeh;
+pub mod calibration;
 pub mod chart;
 pub mod color;
 pub mod error;
+pub mod foil;
 pub mod frames;
+pub mod geometry;
 pub mod hdr;
 pub mod image;
+pub mod map;
 pub mod pattern;
 pub mod polarimetry;
 pub mod progress;

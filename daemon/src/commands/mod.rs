@@ -3,6 +3,7 @@
 pub mod attach;
 pub mod bench;
 pub mod brdf;
+pub mod calibrate;
 pub mod capture;
 pub mod catalogue;
 pub mod chart;
@@ -13,12 +14,14 @@ pub mod doctor;
 pub mod import;
 pub mod init;
 pub mod manual;
+pub mod map;
 pub mod photograph;
 pub mod plan;
 pub mod reconstruct;
 pub mod schema;
 pub mod serve;
 pub mod sim;
+pub mod synthesize;
 mod values;
 
 use nacre_processing::Error;

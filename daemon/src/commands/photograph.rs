@@ -7,7 +7,7 @@ use clap::Subcommand;
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::progress::Progress;
-use nacre_sim::photographs::{BokehPhotograph, FlashPhotograph};
+use nacre_sim::photographs::{BokehPhotograph, FlashPhotograph, FoilPhotograph};
 use serde::de::DeserializeOwned;
 use std::path::PathBuf;
 
@@ -18,6 +18,8 @@ pub enum Photograph {
     Flash(Flash),
     /// An out-of-focus highlight on a grating, in which dark is deep.
     Bokeh(Bokeh),
+    /// Foil of random dots under a flash, in several exposures, with its geometry.json.
+    Foil(Foil),
 }
 
 /// Arguments of `nacre sim photograph flash`.
@@ -67,6 +69,24 @@ pub struct Bokeh {
     common: Common,
 }
 
+/// Arguments of `nacre sim photograph foil`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre sim photograph foil --out photo                     a spiral
+  nacre reconstruct foil photo --geometry photo/geometry.json --depth-um 0.08 --out result
+
+with a scene in TOML, in which everything can be left out:
+  pattern = { spiral = [1.0, 1.45] }      or { circle = 1.2 }: periods in µm
+  spread_um = 0.06
+  depth_um = 0.08
+
+Writes the exposures with their frames.json, geometry.json, truth.exr (radiance without noise) and scene.json.")]
+pub struct Foil {
+    #[command(flatten)]
+    common: Common,
+}
+
 /// What all photographs take.
 #[derive(clap::Args)]
 struct Common {
@@ -103,6 +123,7 @@ pub fn run(command: &Photograph, console: &Console) -> Result<(), Failure> {
     match command {
         Photograph::Flash(args) => flash(&args.common, console),
         Photograph::Bokeh(args) => bokeh(&args.common, console),
+        Photograph::Foil(args) => foil(&args.common, console),
     }
 }
 
@@ -131,6 +152,22 @@ fn bokeh(args: &Common, console: &Console) -> Result<(), Failure> {
         scene.width,
         scene.height,
         scene.period_um / scene.pixel_um,
+        args.out.display()
+    );
+    console.result(&text, &scene);
+    Ok(())
+}
+
+fn foil(args: &Common, console: &Console) -> Result<(), Failure> {
+    let scene: FoilPhotograph = args.scene("foil")?;
+    scene.check()?;
+    args.write(console, &|folder| scene.write(folder))?;
+    let text = format!(
+        "{} exposures of {} × {} pixels at {} nm\nwrote     {}",
+        scene.exposures.len(),
+        scene.width,
+        scene.height,
+        scene.wavelength_nm,
         args.out.display()
     );
     console.result(&text, &scene);

@@ -22,6 +22,8 @@ enum Name {
     Plan,
     /// bench.toml: the simulated bench.
     Bench,
+    /// geometry.json: where camera, sample, panel and light are.
+    Geometry,
     /// nacre.toml: the service.
     Config,
     /// The REST interface of the service, as an OpenAPI document.
@@ -34,6 +36,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         Name::Frames => schemars::schema_for!(FrameSet),
         Name::Plan => schemars::schema_for!(crate::plan::Plan),
         Name::Bench => schemars::schema_for!(BenchConfig),
+        Name::Geometry => schemars::schema_for!(nacre_processing::geometry::Geometry),
         Name::Config => schemars::schema_for!(crate::service::config::Config),
         Name::Openapi => {
             let document = crate::service::openapi();

@@ -21,7 +21,7 @@ const LEAST_SIGMA: f64 = 0.01;
 
 /// The zero order.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Lobe {
+pub(crate) struct Lobe {
     /// Place in pixels from the left and from the top.
     pub center: [f64; 2],
     /// Standard deviation of either coordinate, in pixels.
@@ -39,7 +39,7 @@ pub(super) struct Lobe {
 ///
 /// # Errors
 /// What is wrong, in words.
-pub(super) fn find(
+pub(crate) fn find(
     light: &[f32],
     width: usize,
     height: usize,
@@ -60,7 +60,7 @@ pub(super) fn find(
 }
 
 /// What to do about a zero order that is not found.
-pub(super) fn not_found(problem: &str) -> Error {
+pub(crate) fn not_found(problem: &str) -> Error {
     Error::input("zero order", problem, "say where it is with --center X,Y (pixels from the left and the top)")
 }
 
@@ -102,6 +102,11 @@ impl Lobe {
         let at = self.center.map(|c| c.round().max(0.0) as usize);
         let share = f64::from(sums[other]) / f64::from(*sums.get(at[1] * width + at[0])?);
         (share > RIVAL).then_some(([(other % width) as f64, (other / width) as f64], share))
+    }
+
+    /// Radius of what was looked at, in pixels.
+    pub(crate) fn radius(&self) -> usize {
+        self.radius
     }
 
     /// One that was given.

@@ -1,6 +1,6 @@
 //! From one photograph of a diffraction pattern in narrow-band light to a table for any light (2017 paper, section 4.3).
 
-mod center;
+pub(crate) mod center;
 mod choose;
 mod geometry;
 mod input;

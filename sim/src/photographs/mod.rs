@@ -2,8 +2,10 @@
 
 mod bokeh;
 mod flash;
+mod foil;
 mod orders;
 
 pub use bokeh::BokehPhotograph;
 pub use flash::FlashPhotograph;
+pub use foil::{FoilPattern, FoilPhotograph};
 pub use orders::{Profile, Surface};

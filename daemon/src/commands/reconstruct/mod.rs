@@ -1,6 +1,7 @@
 //! `nacre reconstruct`.
 
 mod bokeh;
+mod foil;
 mod hdr;
 mod lut;
 mod polarization;
@@ -22,6 +23,8 @@ pub enum Reconstruct {
     Lut(lut::Lut),
     /// Height and lines of a grating from a photograph of an out-of-focus highlight on it.
     Bokeh(Box<bokeh::Bokeh>),
+    /// How orientations and periods of a foil's random dots are distributed, from one photograph under a flash.
+    Foil(foil::Foil),
 }
 
 /// Runs a reconstruction.
@@ -31,5 +34,6 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
         Reconstruct::Hdr(args) => args.run(console),
         Reconstruct::Lut(args) => args.run(console),
         Reconstruct::Bokeh(args) => args.run(console),
+        Reconstruct::Foil(args) => args.run(console),
     }
 }

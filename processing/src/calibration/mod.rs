@@ -1,0 +1,36 @@
+//! Where camera, sample, panel and light are: from photographs of chessboards, highlights, and what was measured by hand.
+
+mod band;
+mod boards;
+mod candidates;
+mod corners;
+mod fit;
+mod gray;
+mod grid;
+mod homography;
+mod job;
+mod light;
+mod overlay;
+mod panel;
+mod picture;
+mod relative;
+mod report;
+mod sample;
+mod start;
+mod subpixel;
+#[cfg(test)]
+mod tests;
+
+pub use band::{Band, band};
+pub use boards::{Calibrated, Photograph, calibrate, of_corners};
+pub use corners::{Board, View, find};
+pub use gray::Gray;
+pub use homography::{homography, mapped};
+pub use job::{CameraFrom, Outcome, PanelFrom, Request, SampleFrom, calibrate_geometry};
+pub use light::{Highlight, Known, PlacedLight, from_highlights};
+pub use overlay::overlay;
+pub use panel::{Pixels, PlacedPanel, Shown, by_hand, from_photograph};
+pub use picture::board_picture;
+pub use relative::{Ruler, relative};
+pub use report::{PhotographReport, Report};
+pub use sample::{CameraCovariance, Placed, camera_covariance, from_board, from_corners};

@@ -1,0 +1,58 @@
+//! Foil of random dots: how their gratings' orientations and periods are distributed, from one photograph, and new maps drawn from that
+//! (2018 paper, section 4.5).
+//!
+//! A pixel of the photograph sees many dots. Those whose grating vector is `k = (cos θ, sin θ)/a` light up in their first order where the
+//! half vector is `h = ±λ k`, so that radiance over half vectors is the density of dots over k, once irradiance and the orders' share of
+//! the light are taken out: with `p(θ, a)` the distribution, `q(k) = p(θ, a) a³`.
+
+mod compare;
+mod distribution;
+mod input;
+mod measure;
+mod output;
+mod report;
+mod synthesize;
+#[cfg(test)]
+mod tests;
+
+pub use compare::{Marginals, total_variation};
+pub use distribution::Distribution;
+pub use measure::{Light, Settings, measure};
+pub use output::picture;
+pub use report::Report;
+pub use synthesize::{Dots, Shape, Synthesis, synthesize};
+
+use crate::Result;
+use crate::geometry::Geometry;
+use crate::image::OutputFolder;
+use crate::progress::Progress;
+use std::path::Path;
+
+/// Measures the distribution in a photograph (a file, results of merged exposures, or exposures, which are merged first) and writes it into
+/// the new folder `out`.
+///
+/// # Errors
+/// `Input` for anything about photograph, geometry or settings, before anything is written; `Output`; `Cancelled`.
+pub fn reconstruct(
+    input: &Path,
+    out: &Path,
+    geometry: &Geometry,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Report> {
+    let begun = std::time::Instant::now();
+    settings.check()?;
+    let folder = OutputFolder::begin(out, settings.overwrite)?;
+    let light = input::read(input, geometry, progress)?;
+    progress.check()?;
+    progress.stage("sorting light by orientation and period", 0);
+    let (distribution, mut report) = measure(&light, geometry, settings)?;
+    progress.check()?;
+    distribution.write(&folder.path("histogram.exr"))?;
+    let picture = picture(&distribution, geometry.relative);
+    picture.save_png(&folder.path("histogram.png"))?;
+    report.seconds = begun.elapsed().as_secs_f64();
+    folder.write("report.json", serde_json::to_string_pretty(&report).unwrap_or_default().as_bytes())?;
+    folder.commit()?;
+    Ok(report)
+}

@@ -1,0 +1,162 @@
+//! Geometry, maps and foil as a user makes them: from photographs to files, back again, and what is refused.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_processing::geometry;
+use nacre_processing::image::read_exr;
+use nacre_tests::{nacre, test_data};
+use std::path::{Path, PathBuf};
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Runs it and expects to be refused with these words, without anything at `out`.
+fn refused(args: &[&str], out: &Path, words: &str) {
+    let run = nacre(args);
+    let message = run.stderr();
+    assert_eq!(run.code(), 2, "{args:?}: {message}");
+    assert!(message.contains(words) && !message.contains("panicked"), "{words}: {message}");
+    assert!(!out.exists(), "{args:?}");
+}
+
+#[test]
+fn a_camera_is_calibrated_from_test_data() {
+    let Some(data) = test_data() else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (boards, out, check) = (data.join("calibration"), dir.path().join("g.json"), dir.path().join("check"));
+    let args = ["--json", "calibrate", "geometry", text(&boards), "--board", "9x6", "--square-mm", "25"];
+    let more = ["--check", text(&check), "--out", text(&out), "--wavelength", "532"];
+    let report = nacre([&args[..], &more].concat()).expect(0).json();
+    assert!(report["rms_px"].as_f64().unwrap() <= 0.42, "{report}");
+    assert_eq!(report["photographs"].as_array().unwrap().len(), 13);
+    assert!(report["warnings"].to_string().contains("left01.jpg"), "{report}");
+    let found = geometry::load(&out).unwrap();
+    assert!((found.camera.focal_px[0] - 533.0).abs() < 3.0);
+    assert_eq!(found.wavelength_nm, Some(532.0));
+    assert!(check.join("left14.png").is_file());
+    assert!(nacre([&args[..], &more].concat()).expect(2).stderr().contains("--force"));
+    // On from there: the sample by its corners, the panel by hand, the light by two highlights.
+    let next = dir.path().join("next.json");
+    let base = ["--json", "calibrate", "geometry", text(&out), "--out", text(&next)];
+    let corners = ["--sample-corners", "200,150,420,152,421,330,198,328", "--sample-mm", "110,90"];
+    let panel =
+        ["--panel-px", "1920,1080", "--panel-pixel-mm", "0.27", "--panel-at", "0,150,300", "--panel-turn=-30,0,0"];
+    let light = ["--highlight", "330,250", "--highlight", "335,240,60"];
+    let report = nacre([&base[..], &corners, &panel, &light].concat()).expect(0).json();
+    let found = geometry::load(&next).unwrap();
+    assert!(found.panel.is_some() && found.light_mm.is_some() && found.sigma.light_mm.is_some(), "{report}");
+    // The corners are where they were said to be, but for what four corners cannot all be.
+    let seen = found.pixel([-55.0, 45.0, 0.0]).unwrap();
+    assert!((seen[0] - 200.0).hypot(seen[1] - 150.0) < 3.0, "{seen:?}");
+    let wrong = dir.path().join("wrong.json");
+    let base = ["calibrate", "geometry", text(&out), "--out", text(&wrong)];
+    let refused = |more: &[&str], words: &str| refused(&[&base[..], more].concat(), &wrong, words);
+    refused(&["--sample-corners", "420,152,200,150,198,328,421,330", "--sample-mm", "110,90"], "clockwise");
+    refused(&["--sample-corners", "1,2,3", "--sample-mm", "110,90"], "four corners");
+    refused(&["--highlight", "330,250"], "fewer than two");
+    refused(&["--highlight", "330,250", "--highlight", "330,250"], "how far away");
+    refused(&["--panel-px", "1920,1080", "--panel-pixel-mm", "0.27"], "has no place");
+    refused(&["--sample-photo", text(&dir.path().join("none.jpg"))], "none.jpg");
+    refused(&["--lamp", "A"], "narrow band");
+    let args = ["calibrate", "geometry", text(&boards), "--out", text(&wrong)];
+    also_refused(&args, &["--board", "8x5"], &wrong, "left01.jpg");
+    also_refused(&args, &["--board", "nine"], &wrong, "9x6");
+    also_refused(&args, &["--square-mm", "-1"], &wrong, "square-mm");
+}
+
+/// The same with more arguments.
+fn also_refused(args: &[&str], more: &[&str], out: &Path, words: &str) {
+    refused(&[args, more].concat(), out, words);
+}
+
+#[test]
+fn the_papers_way_needs_no_board() {
+    let dir = tempfile::tempdir().unwrap();
+    let (photo, out) = (dir.path().join("photo.png"), dir.path().join("g.json"));
+    image::GrayImage::from_pixel(640, 480, image::Luma([9])).save(&photo).unwrap();
+    let args =
+        ["--json", "calibrate", "geometry", text(&photo), "--out", text(&out), "--relative", "--known-mm", "150"];
+    let more = ["--known-px", "100,200,550,210", "--camera-mm", "500", "--light-mm", "200", "--highlight", "300,260"];
+    let report = nacre([&args[..], &more].concat()).expect(0).json();
+    assert!(report["warnings"].to_string().contains("relative"));
+    assert!(geometry::load(&out).unwrap().relative);
+    let other = dir.path().join("other.json");
+    let args = ["calibrate", "geometry", text(&photo), "--out", text(&other), "--relative", "--known-mm", "150"];
+    also_refused(&args, &[], &other, "--known-px");
+    // Without --relative a photograph is no geometry.
+    refused(&["calibrate", "geometry", text(&photo), "--out", text(&other)], &other, "photo.png");
+    let board = dir.path().join("board.png");
+    let args = ["calibrate", "board", "--panel-px", "800,600", "--out", text(&board), "--square-px"];
+    also_refused(&args, &["200"], &board, "does not fit");
+    nacre([&args[..], &["60"]].concat()).expect(0);
+    assert!(board.is_file());
+}
+
+fn same(a: &Path, b: &Path) -> bool {
+    let bits = |path: &Path| {
+        let map = read_exr(path).unwrap();
+        let planes: Vec<(String, Vec<u32>)> =
+            map.channels.into_iter().map(|(n, p)| (n, p.iter().map(|v| v.to_bits()).collect())).collect();
+        (planes, map.attributes)
+    };
+    bits(a) == bits(b)
+}
+
+#[test]
+fn foil_is_measured_made_anew_edited_and_exchanged() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| -> PathBuf { dir.path().join(name) };
+    let scene = path("scene.toml");
+    std::fs::write(&scene, "width = 240\nheight = 240\npixel_um = 1120\npattern = { spiral = [1.0, 1.45] }\n").unwrap();
+    let photo = path("photo");
+    nacre(["sim", "photograph", "foil", "--scene", text(&scene), "--out", text(&photo)]).expect(0);
+    let geometry = photo.join("geometry.json");
+    let found = path("found");
+    let args = ["--json", "reconstruct", "foil", text(&photo), "--geometry", text(&geometry), "--depth-um", "0.08"];
+    let report = nacre([&args[..], &["--period-um", "0.75,1.75", "--out", text(&found)]].concat()).expect(0).json();
+    let mean = report["period_um"][0].as_f64().unwrap();
+    // All orientations alike: the mean of the two ends.
+    assert!((mean - 1.225).abs() < 0.02, "{report}");
+    for name in ["histogram.exr", "histogram.png", "report.json"] {
+        assert!(found.join(name).is_file(), "{name}");
+    }
+    let none = path("none");
+    also_refused(&args[1..], &["--out", text(&none), "--period-um", "2,1"], &none, "period-um");
+    also_refused(&args[1..], &["--out", text(&none), "--bins", "1,1"], &none, "bins");
+
+    let new = path("new");
+    let args = ["--json", "synthesize", text(&found), "--size", "300,200", "--pixel-um", "25"];
+    let report = nacre([&args[..], &["--disc-px", "5", "--out", text(&new)]].concat()).expect(0).json();
+    assert!(report["total_variation"][0].as_f64().unwrap() < 0.05, "{report}");
+    also_refused(&args[1..], &["--out", text(&none)], &none, "--square-px");
+    also_refused(&args[1..], &["--disc-px", "0", "--out", text(&none)], &none, "disc");
+    also_refused(
+        &["synthesize", text(&new)],
+        &["--size", "9,9", "--pixel-um", "1", "--disc-px", "2", "--out", text(&none)],
+        &none,
+        "histogram.exr",
+    );
+
+    let edited = path("edited");
+    let args = ["--json", "map", "edit", text(&new), "--rotate", "30", "--tile", "2,1", "--scale", "1.1"];
+    let report = nacre([&args[..], &["--out", text(&edited)]].concat()).expect(0).json();
+    // 300 × 200 turned by 30° needs 360 × 324.
+    assert_eq!((report["after"]["width"].as_u64(), report["after"]["height"].as_u64()), (Some(720), Some(324)));
+    assert!(edited.join("before-after.png").is_file());
+    let (pack, back) = (path("pack"), path("back"));
+    nacre(["map", "export", text(&edited), "--out", text(&pack)]).expect(0);
+    nacre(["map", "import", text(&pack), "--out", text(&back)]).expect(0);
+    for name in ["orientation.exr", "period.exr"] {
+        assert!(same(&edited.join(name), &back.join(name)), "{name}");
+    }
+    let args = ["map", "edit", text(&new), "--out", text(&none)];
+    also_refused(&args, &[], &none, "changes nothing");
+    also_refused(&args, &["--period", "cubic=1,2"], &none, "quadratic");
+    also_refused(&args, &["--tile", "100000,100000"], &none, "tile");
+    also_refused(&args, &["--clamp", "2,1"], &none, "clamp");
+    refused(&["map", "import", text(&new), "--out", text(&none)], &none, "maps.json");
+    refused(&["map", "edit", text(&photo), "--scale", "2", "--out", text(&none)], &none, "no map");
+    let full = nacre(["map", "import", text(&pack), "--out", text(&back)]);
+    assert!(full.expect(2).stderr().contains("--force"));
+}
