@@ -1,0 +1,17 @@
+//! Orientation and absolute period of gratings from fringes on a panel.
+//!
+//! The panel shows stripes that move; each pixel answers with the places of the panel that it sees: in the mirror direction and, a known angle
+//! to both sides of it, through the orders of its grating. A dozen frequencies tell these places apart, and with the exact geometry the
+//! grating's vector follows, in µm: no other light position is needed, and nothing is scanned. See [`solve`] for the model.
+
+mod carriers;
+mod optics;
+mod response;
+mod signals;
+mod solve;
+
+pub use carriers::{Search, frequencies};
+pub use optics::{Landing, Optics, Place, carrier};
+pub use response::Response;
+pub use signals::{Carrier, Signals, carriers};
+pub use solve::{Answer, Demands, Grating, MAX_CARRIERS, Solver, Verdict};
