@@ -13,6 +13,7 @@ pub mod chart;
 pub mod color;
 pub mod error;
 pub mod frames;
+pub mod geometry;
 pub mod hdr;
 pub mod image;
 pub mod pattern;
