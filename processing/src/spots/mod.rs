@@ -5,13 +5,25 @@
 //! grating's vector follows, in µm: no other light position is needed, and nothing is scanned. See [`solve`] for the model.
 
 mod carriers;
+mod input;
 mod optics;
+mod output;
+mod polarization;
+mod reconstruct;
+mod report;
 mod response;
+mod scan;
+mod settings;
 mod signals;
 mod solve;
 
 pub use carriers::{Search, frequencies};
 pub use optics::{Landing, Optics, Place, carrier};
+pub use polarization::{Helped, Orientations};
+pub use reconstruct::{check_input, reachable, reconstruct};
+pub use report::{Counts, Report, Seconds};
 pub use response::Response;
+pub use scan::{Found, Points, aperture, scan};
+pub use settings::Settings;
 pub use signals::{Carrier, Signals, carriers};
 pub use solve::{Answer, Demands, Grating, MAX_CARRIERS, Solver, Verdict};

@@ -93,6 +93,9 @@ pub struct Grating {
     pub first: f64,
 }
 
+/// What became of a pixel: a grating, and where two explain it, both.
+pub type Solution = (Verdict, Option<Grating>, Option<[Grating; 2]>);
+
 /// An answer of a pixel.
 pub struct Answer<'a> {
     /// Real and imaginary part for each fringe, of white light's code.
@@ -132,13 +135,13 @@ struct Normal {
 }
 
 impl Solver<'_> {
-    /// The grating of a pixel. `response` are its answers correlated with the places that are tried, without the mirrored light.
-    pub fn solve(&self, place: &Place, answer: &Answer, response: &[f32]) -> (Verdict, Option<Grating>) {
+    /// The grating of a pixel; one that does not explain it comes with the verdict that says so. `response` are its answers correlated with the places that are tried, without the mirrored light.
+    pub fn solve(&self, place: &Place, answer: &Answer, response: &[f32]) -> Solution {
         let sigma = answer.sigma.hypot(self.demands.model_error * answer.mean * 2.0);
         let power: f64 = answer.components.iter().map(|v| f64::from(*v).powi(2)).sum();
         let count = answer.components.len() as f64;
         if power / count < (4.0 * sigma).powi(2) {
-            return (Verdict::Dark, None);
+            return (Verdict::Dark, None, None);
         }
         let mut found: Vec<State> = Vec::with_capacity(CANDIDATES);
         for at in self.search.peaks::<CANDIDATES>(response) {
@@ -156,13 +159,31 @@ impl Solver<'_> {
         self.judged(place, answer, sigma, &found)
     }
 
-    fn judged(&self, place: &Place, answer: &Answer, sigma: f64, found: &[State]) -> (Verdict, Option<Grating>) {
+    /// Answers without what the mirror direction alone explains of them.
+    pub fn without_mirror(&self, place: &Place, components: &[f32]) -> Vec<f32> {
+        let Some(landing) = self.optics.land(place.point, place.mirror) else { return components.to_vec() };
+        let wave: Vec<f32> = self
+            .carriers
+            .iter()
+            .flat_map(|k| {
+                let (sin, cos) = (k[0] * landing.at[0] + k[1] * landing.at[1]).sin_cos();
+                let left = self.optics.modulation(*k, &landing, place.spread, 0.0, [0.0; 2]);
+                [(left * cos) as f32, (left * sin) as f32]
+            })
+            .collect();
+        let product: f32 = wave.iter().zip(components).map(|(w, d)| w * d).sum();
+        let power: f32 = wave.iter().map(|w| w * w).sum();
+        let weight = (product / power.max(1e-12)).max(0.0);
+        components.iter().zip(&wave).map(|(d, w)| d - weight * w).collect()
+    }
+
+    fn judged(&self, place: &Place, answer: &Answer, sigma: f64, found: &[State]) -> Solution {
         let demands = &self.demands;
         let freedom = |state: &State| {
             let terms = state.weights.iter().filter(|w| **w > 0.0).count() as f64;
             (answer.components.len() as f64 - 2.0 - terms).max(1.0)
         };
-        // Of several, the best two are worth the effort.
+        // Of several, the best few are worth the effort.
         let mut best: Vec<(State, f64)> = Vec::new();
         for state in found.iter().take(3) {
             if best.iter().any(|(b, _)| distance(b.q, state.q) < SAME) {
@@ -175,22 +196,33 @@ impl Solver<'_> {
             }
         }
         best.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let Some((state, residual)) = best.first().copied() else { return (Verdict::NoOrder, None) };
-        if residual > demands.most_residual {
-            return (Verdict::Unexplained, None);
-        }
-        let Some((covariance, weight_sigma)) = self.covariance(place, answer, sigma * residual.max(1.0).sqrt(), &state)
-        else {
-            return (Verdict::NoOrder, None);
+        let Some(least) = best.first().map(|b| b.1) else { return (Verdict::NoOrder, None, None) };
+        // Hypotheses without first orders are none; half of a true q, say, which takes the first orders for second ones.
+        let rate = |(state, residual): &(State, f64)| {
+            self.grating(place, answer, sigma, state, *residual).map(|g| (g, *residual))
         };
+        let rated: Vec<(Grating, f64)> = best.iter().filter_map(rate).collect();
+        match rated.as_slice() {
+            [] if least > demands.most_residual => (Verdict::Unexplained, None, None),
+            [] => (Verdict::NoOrder, None, None),
+            [(first, left), ..] if *left > demands.most_residual => (Verdict::Unexplained, Some(*first), None),
+            [(first, left), (rival, next), ..] if *next < demands.least_margin * left.max(1.0) => {
+                (Verdict::Ambiguous, None, Some([*first, *rival]))
+            }
+            [(first, _), ..] => (Verdict::Resolved, Some(*first), None),
+        }
+    }
+
+    /// A hypothesis as a grating, if its first orders are bright enough.
+    fn grating(&self, place: &Place, answer: &Answer, sigma: f64, state: &State, residual: f64) -> Option<Grating> {
+        let demands = &self.demands;
+        let scaled = sigma * residual.max(1.0).sqrt();
+        let (covariance, weight_sigma) = self.covariance(place, answer, scaled, state)?;
         let weight = |m: i32| state.weights[(m + ORDERS) as usize].max(0.0);
         let first = weight(1) + weight(-1);
         let higher = (2..=ORDERS).map(|m| weight(m) + weight(-m)).fold(0.0, f64::max);
         if first < demands.least_signal * weight_sigma || first < demands.least_first * higher {
-            return (Verdict::NoOrder, None);
-        }
-        if best.get(1).is_some_and(|next| next.1 < demands.least_margin * residual.max(1.0)) {
-            return (Verdict::Ambiguous, None);
+            return None;
         }
         let [u, v] = state.q;
         let length = u.hypot(v);
@@ -198,10 +230,11 @@ impl Solver<'_> {
         let turn = [-v / (length * length), u / (length * length)];
         let along = [u / length, v / length];
         let spread = |d: [f64; 2]| {
-            (d[0] * d[0] * covariance[0] + 2.0 * d[0] * d[1] * covariance[1] + d[1] * d[1] * covariance[2]).max(0.0).sqrt()
+            let [uu, uv, vv] = covariance;
+            (d[0] * d[0] * uu + 2.0 * d[0] * d[1] * uv + d[1] * d[1] * vv).max(0.0).sqrt()
         };
         let orientation = v.atan2(u).rem_euclid(std::f64::consts::PI);
-        let grating = Grating {
+        Some(Grating {
             orientation: if orientation >= std::f64::consts::PI { 0.0 } else { orientation },
             orientation_sigma: spread(turn),
             period_um: wavelength / length,
@@ -209,8 +242,7 @@ impl Solver<'_> {
             mirror_offset: state.offset,
             residual,
             first: first / state.weights.iter().sum::<f64>().max(1e-12),
-        };
-        (Verdict::Resolved, Some(grating))
+        })
     }
 
     fn is_possible(&self, q: [f64; 2]) -> bool {

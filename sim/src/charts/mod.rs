@@ -5,6 +5,7 @@ mod bokeh;
 mod hdr;
 mod lut;
 mod photographs;
+pub mod spots;
 mod surface;
 
 use crate::config::BenchConfig;

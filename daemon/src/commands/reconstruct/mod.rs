@@ -4,6 +4,7 @@ mod bokeh;
 mod hdr;
 mod lut;
 mod polarization;
+mod spots;
 
 pub use polarization::{Polarization, summary};
 
@@ -22,6 +23,8 @@ pub enum Reconstruct {
     Lut(lut::Lut),
     /// Height and lines of a grating from a photograph of an out-of-focus highlight on it.
     Bokeh(Box<bokeh::Bokeh>),
+    /// Orientation and absolute period of gratings from fringes on the panel.
+    Spots(spots::Spots),
 }
 
 /// Runs a reconstruction.
@@ -31,5 +34,6 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
         Reconstruct::Hdr(args) => args.run(console),
         Reconstruct::Lut(args) => args.run(console),
         Reconstruct::Bokeh(args) => args.run(console),
+        Reconstruct::Spots(args) => args.run(console),
     }
 }
