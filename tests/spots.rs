@@ -44,7 +44,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// The truth of a bench: what `sim render` writes beside its photographs.
 fn truth(bench: &Path, out: &Path) -> ExrMap {
-    let args = ["sim", "render", "--bench", bench.to_str().unwrap(), "--out", out.to_str().unwrap(), "--size", "96"];
+    let args = ["sim", "render", "--bench", bench.to_str().unwrap(), "--out", out.to_str().unwrap(), "--size", "384"];
     nacre(args.into_iter().chain(["--angles-deg", "0,60,120"])).expect(0);
     read_exr(&out.join("truth.exr")).unwrap()
 }
@@ -73,15 +73,16 @@ fn a_mosaic_of_periods_is_measured() {
     let (true_turn, true_period) = (channel(&truth, "orientation"), channel(&truth, "period"));
     let fold = |a: f64| (a + std::f64::consts::FRAC_PI_2).rem_euclid(std::f64::consts::PI) - std::f64::consts::FRAC_PI_2;
     let known: Vec<usize> = (0..found.len()).filter(|i| found[*i].is_finite()).collect();
+    // The truth in sixteenths of a pixel: what a pixel mixes is not like the mean of it.
+    let own = |i: usize| (4 * (i / 96) + 2) * 384 + 4 * (i % 96) + 2;
     let off = |i: usize, k: usize| [(found[i] / true_period[k] - 1.0).abs(), fold(turned[i] - true_turn[k]).abs()];
     assert!(known.len() * 10 > found.len() * 7, "seed {seed}: {} of {}", known.len(), found.len());
-    let errors = [0, 1].map(|part| median(known.iter().map(|i| off(*i, *i)[part]).collect()));
+    let errors = [0, 1].map(|part| median(known.iter().map(|i| off(*i, own(*i))[part]).collect()));
     assert!(errors[0] < 0.01 && errors[1].to_degrees() < 0.5, "seed {seed}: {errors:?}");
     // Nothing near to the pixel is like it: confidently wrong.
     let wrong = known.iter().filter(|i| {
-        let (x, y) = (*i % 96, *i / 96);
-        let near = |k: usize| (k % 96).abs_diff(x) <= 1 && (k / 96).abs_diff(y) <= 1;
-        (0..found.len()).filter(|k| near(*k)).all(|k| {
+        let span = |at: usize| (4 * at).saturating_sub(8)..(4 * at + 12).min(384);
+        span(*i / 96).flat_map(|y| span(*i % 96).map(move |x| y * 384 + x)).all(|k| {
             let [p, t] = off(**i, k);
             p > 0.05 || t > 2.5_f64.to_radians()
         })

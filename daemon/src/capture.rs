@@ -90,6 +90,7 @@ impl Capture<'_> {
     /// # Errors
     /// As [`Engine::run`]; `Input` when the plan asks too much or `out` is there already.
     pub fn begin<D: Disk + Send>(&mut self, plan: Plan, out: &Path, disk: D) -> Result<Taken, Failure> {
+        let plan = plan.with_fringes(&self.rig.setup, &self.rig.devices.limits());
         check_limits(&plan, out, &self.rig.devices.limits())?;
         if !is_vacant(out) {
             return Err(Error::file(out, "is already there", "choose another --out, or --resume it").into());

@@ -17,7 +17,7 @@ const MEANING = {
   "deconvolved.png": "The highlight with the lens's blur taken out; light as a share of white.",
   "height.png": "Dark taken for deep. Relative where nothing calibrates it.",
   "brdf.png": "Light towards each direction, seen from above: the rim is grazing, up is up. Orders are spread violet to red away from the mirror direction. Compressed for the eye.",
-  "period.png": "The gratings' periods. Black is masked: no order in reach, light of no single grating, or two that explain it.",
+  "period.png": "The gratings' periods. Grey is masked: no order in reach, light of no single grating, or two that explain it.",
   "orientation.png": "Direction of the grating vector, across the grooves.",
   "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
 };

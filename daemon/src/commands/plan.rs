@@ -40,6 +40,7 @@ pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
     let place = args.bench.described()?;
     let limits = place.limits()?;
     check_limits(&plan, &args.plan, &limits)?;
+    let plan = plan.with_fringes(&place.setup(), &limits);
     match command {
         PlanCommand::Check(_) => {
             let (least, frames) = (plan.steps().len(), plan.most_steps().len());
@@ -49,6 +50,7 @@ pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
             if let Some(reach) = plan.reach(&place.setup(), &limits) {
                 text += &reach.text();
                 value["shortest_um"] = serde_json::json!(reach.shortest_um);
+                value["predicted"] = serde_json::json!(reach.predicted);
             }
             console.result(&text, &value);
         }

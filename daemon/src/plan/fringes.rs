@@ -3,7 +3,10 @@
 use super::{Limits, Plan};
 use crate::session::Setup;
 use nacre_drivers::Pattern;
-use nacre_processing::spots::{MAX_CARRIERS, Optics, frequencies, reachable};
+use nacre_processing::polarimetry::NoiseModel;
+use nacre_processing::spots::{
+    MAX_CARRIERS, Optics, Prediction, Request, Setting, cheapest, frequencies, predict, reachable,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -12,22 +15,44 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FringesPlan {
-    /// How many different ones, 4 to 31: more tell more places apart.
-    pub count: u32,
+    /// How many different ones, 4 to 31: more tell more places apart. When it is not given, the fewest that the camera's noise lets meet
+    /// the σ wanted; the session then holds it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub count: Option<u32>,
     /// Phases of each, 3 to 16: from 4 on, the panel's exponent may be a few percent wrong.
     pub phases: u32,
     /// Period of the finest in mm; one that the camera's aperture blurs away tells nothing.
     pub finest_mm: f64,
     /// Exponent that the panel is taken to have where nothing better is known.
     pub gamma: f64,
+    /// Wanted σ of a period over the period, in a dim pixel.
+    pub period_sigma: f64,
+    /// Wanted σ of an orientation in degrees.
+    pub orientation_sigma_deg: f64,
+    /// Longest period that is expected, in µm, of which a place on the panel says least.
+    pub longest_um: f64,
 }
+
+/// Fringes where nothing is known of the camera's noise.
+const USUAL: u32 = 12;
+
+/// Most patterns of a series that is chosen.
+const MOST_PATTERNS: usize = 64;
 
 /// Phases of even light: white, half of it, and a quarter.
 const EVEN: [f64; 3] = [0.0, 0.25, 1.0 / 3.0];
 
 impl Default for FringesPlan {
     fn default() -> Self {
-        Self { count: 12, phases: 4, finest_mm: 28.0, gamma: 2.2 }
+        Self {
+            count: None,
+            phases: 4,
+            finest_mm: 28.0,
+            gamma: 2.2,
+            period_sigma: 0.005,
+            orientation_sigma_deg: 0.25,
+            longest_um: 3.0,
+        }
     }
 }
 
@@ -37,8 +62,17 @@ impl FringesPlan {
     /// # Errors
     /// A sentence that names the key, what was found and what is allowed.
     pub fn check(&self) -> Result<(), String> {
-        if !(4..=MAX_CARRIERS as u32).contains(&self.count) {
-            return Err(format!("spots.fringes.count is {}; give 4 to {MAX_CARRIERS}", self.count));
+        if let Some(count) = self.count.filter(|n| !(4..=MAX_CARRIERS as u32).contains(n)) {
+            return Err(format!("spots.fringes.count is {count}; give 4 to {MAX_CARRIERS}"));
+        }
+        for (key, value, low, high) in [
+            ("period_sigma", self.period_sigma, 1e-5, 0.5),
+            ("orientation_sigma_deg", self.orientation_sigma_deg, 1e-4, 45.0),
+            ("longest_um", self.longest_um, 0.2, 1000.0),
+        ] {
+            if !(low..=high).contains(&value) {
+                return Err(format!("spots.fringes.{key} is {value}; give {low} to {high}"));
+            }
         }
         if !(3..=16).contains(&self.phases) {
             return Err(format!("spots.fringes.phases is {}; give 3 to 16", self.phases));
@@ -54,7 +88,7 @@ impl FringesPlan {
 
     /// What the panel shows, in order.
     pub fn patterns(&self) -> Vec<Pattern> {
-        let (count, phases, gamma) = (self.count.min(MAX_CARRIERS as u32), self.phases.clamp(1, 16), self.gamma);
+        let (count, phases, gamma) = (self.count.unwrap_or(USUAL).min(MAX_CARRIERS as u32), self.phases.clamp(1, 16), self.gamma);
         let pattern = |cycles_per_mm, phase| Pattern::Fringes { cycles_per_mm, phase, gamma };
         let even = EVEN.map(|phase| pattern([0.0; 2], phase));
         let shown = frequencies(count as usize, self.finest_mm);
@@ -63,41 +97,100 @@ impl FringesPlan {
     }
 }
 
-/// Which periods a panel reaches.
+/// What fringes will tell, where the bench says where things stand.
 pub struct Reach {
     /// Shortest period in µm whose first order reaches the panel, for grating vectors at 0, 15, … 165 degrees, from the sample's middle;
     /// none where none does.
     pub shortest_um: Vec<Option<f64>>,
+    /// What the plan's setting will bring, where the camera's noise is known.
+    pub predicted: Option<Prediction>,
+    /// Whether that is what the plan wants.
+    pub meets: bool,
 }
 
 impl Reach {
     /// As a person reads it.
     pub fn text(&self) -> String {
+        let predicted = self.predicted.as_ref().map_or_else(String::new, |p| {
+            format!(
+                "\n{} fringes of {} phases, {} patterns in all: σ {:.2} % of the period and {:.2}° of the orientation in a dim pixel{}",
+                p.setting.count,
+                p.setting.phases,
+                p.patterns,
+                100.0 * p.period,
+                p.orientation_deg,
+                if self.meets { "" } else { ", which is more than the plan wants" }
+            )
+        });
         let each = self.shortest_um.iter().enumerate().map(|(k, um)| {
             let reached = um.map_or("none".to_owned(), |um| format!("{um:.2} µm"));
             format!("\n  {:3}°  {reached}", 15 * k)
         });
-        format!("\nshortest period whose first order reaches the panel, by the grating vector's direction:{}", each.collect::<String>())
+        let each: String = each.collect();
+        format!("{predicted}\nshortest period whose first order reaches the panel, by the grating vector's direction:{each}")
+    }
+}
+
+impl FringesPlan {
+    fn setting(&self) -> Setting {
+        let count = self.count.unwrap_or(USUAL) as usize;
+        Setting { count, phases: self.phases as usize, finest_mm: self.finest_mm }
+    }
+
+    fn request(&self) -> Request {
+        Request {
+            period: self.period_sigma,
+            orientation_deg: self.orientation_sigma_deg,
+            longest_um: self.longest_um,
+            at_most: MOST_PATTERNS,
+        }
     }
 }
 
 impl Plan {
-    /// Which periods the fringes of this plan can tell, where the bench says where things stand.
+    /// What the fringes of this plan will tell, where the bench says where things stand.
     pub fn reach(&self, setup: &Setup, limits: &Limits) -> Option<Reach> {
-        self.spots.as_ref()?.fringes.as_ref()?;
-        let geometry = setup.geometry?;
-        let (d, half) = (geometry.distance_mm, 0.5 * geometry.baseline_mm);
-        let optics = Optics {
-            viewer_mm: [-half, 0.0, d],
-            panel_axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            panel_mm: [half, 0.0, d],
-            panel_size_mm: limits.display.size_mm,
-            wavelength_um: setup.wavelength_nm? / 1000.0,
-            band: 0.0,
-            aperture_mm: 10.0,
-        };
-        Some(Reach { shortest_um: reachable(&optics) })
+        let plan = self.clone().with_fringes(setup, limits);
+        let fringes = plan.spots.as_ref()?.fringes.as_ref()?;
+        let optics = optics(setup, limits)?;
+        let predicted = noise(limits).and_then(|n| predict(&optics, &n, fringes.setting(), fringes.longest_um));
+        let meets = predicted
+            .as_ref()
+            .is_some_and(|p| p.period <= fringes.period_sigma && p.orientation_deg <= fringes.orientation_sigma_deg);
+        Some(Reach { shortest_um: reachable(&optics), predicted, meets })
     }
+
+    /// The plan with as many fringes as the camera's noise asks for, where it leaves that open. Where nothing meets what is wanted, or too
+    /// little is known, there are as many as usual.
+    pub fn with_fringes(mut self, setup: &Setup, limits: &Limits) -> Self {
+        let Some(fringes) = self.spots.as_mut().and_then(|s| s.fringes.as_mut()).filter(|f| f.count.is_none()) else {
+            return self;
+        };
+        let known = optics(setup, limits).zip(noise(limits));
+        let fewest = known.and_then(|(optics, noise)| cheapest(&optics, &noise, &fringes.setting(), &fringes.request()));
+        fringes.count = Some(fewest.map_or(USUAL, |p| p.setting.count as u32));
+        self
+    }
+}
+
+fn noise(limits: &Limits) -> Option<NoiseModel> {
+    let (full_scale_e, read_noise_e) = limits.camera.full_scale_e.zip(limits.camera.read_noise_e)?;
+    Some(NoiseModel { full_scale_e, read_noise_e })
+}
+
+/// Camera and panel side by side, as the bench says.
+fn optics(setup: &Setup, limits: &Limits) -> Option<Optics> {
+    let geometry = setup.geometry?;
+    let (d, half) = (geometry.distance_mm, 0.5 * geometry.baseline_mm);
+    Some(Optics {
+        viewer_mm: [-half, 0.0, d],
+        panel_axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        panel_mm: [half, 0.0, d],
+        panel_size_mm: limits.display.size_mm,
+        wavelength_um: setup.wavelength_nm? / 1000.0,
+        band: 0.0,
+        aperture_mm: 10.0,
+    })
 }
 
 #[cfg(test)]
@@ -110,7 +203,7 @@ mod tests {
         plan.check_values().unwrap();
         let steps = plan.steps();
         assert!(steps.len() <= 64 && steps.len() == 1 + 3 + 48, "{}", steps.len());
-        for (key, word) in [("count = 3", "count"), ("phases = 2", "phases"), ("finest_mm = 0", "finest"), ("gamma = 9", "gamma")] {
+        for (key, word) in [("count = 3", "count"), ("phases = 2", "phases"), ("finest_mm = 0", "finest"), ("gamma = 9", "gamma"), ("longest_um = nan", "longest_um")] {
             let text = format!("kind = \"spots\"\nspots = {{ fringes = {{ {key} }} }}");
             let problem = toml::from_str::<Plan>(&text).unwrap().check_values().unwrap_err();
             assert!(problem.contains(word), "{problem}");
@@ -138,5 +231,13 @@ mod tests {
         assert!((up - 0.56 / (155.0_f64 / 250.0).atan().sin()).abs() < 2e-3, "{up}");
         assert!((right - 0.56 / (255.0_f64 / 250.0).atan().sin()).abs() < 2e-3, "{right}");
         assert!(plan.reach(&Setup::default(), &limits).is_none());
+        let chosen = |full_scale_e: f64| {
+            let mut limits = limits.clone();
+            limits.camera.full_scale_e = Some(full_scale_e);
+            let plan = plan.clone().with_fringes(&setup, &limits);
+            plan.steps().len()
+        };
+        let (good, poor) = (chosen(40_000.0), chosen(1500.0));
+        assert!(good < poor && poor <= 64, "{good} {poor}");
     }
 }

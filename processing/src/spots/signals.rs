@@ -50,6 +50,11 @@ const PHASES: usize = 3;
 /// `Input` when there are too few phases of one, or too few or too many of them.
 pub fn carriers(frames: &LoadedFrames, most: usize) -> Result<Vec<Carrier>> {
     let mut groups: Vec<([f64; 2], Vec<(usize, f64)>)> = Vec::new();
+    let fringed = || frames.set.frames.iter().filter(|f| f.fringes.is_some());
+    if fringed().any(|f| Some(f.analyser_deg) != fringed().next().map(|f| f.analyser_deg)) {
+        let problem = "has fringes behind an analyser at several angles";
+        return Err(Error::file(&frames.path, problem, "take them at one angle, or without an analyser"));
+    }
     for (i, frame) in frames.set.frames.iter().enumerate() {
         let Some(fringes) = frame.fringes.filter(|f| f.cycles_per_mm != [0.0; 2]) else { continue };
         match groups.iter_mut().find(|g| g.0 == fringes.cycles_per_mm) {

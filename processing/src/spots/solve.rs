@@ -17,8 +17,11 @@ const UNKNOWNS: usize = 4 + TERMS;
 /// Most fringes.
 pub const MAX_CARRIERS: usize = 31;
 /// Steps of refinement of each candidate and of the best.
-const QUICK_STEPS: usize = 3;
-const STEPS: usize = 12;
+const QUICK_STEPS: usize = 2;
+const STEPS: usize = 10;
+/// Hypotheses that are refined at first, and in the end.
+const REFINED: usize = 4;
+const KEPT: usize = 2;
 /// Places of the panel that are tried.
 const CANDIDATES: usize = 8;
 /// Two candidates are one when their q differ by less than this.
@@ -49,7 +52,7 @@ impl Default for Demands {
             periods_um: [0.7, 4.0],
             mirror_sigma: 0.004,
             model_error: 0.006,
-            most_residual: 4.0,
+            most_residual: 2.0,
             least_signal: 8.0,
             least_first: 0.4,
             least_margin: 2.0,
@@ -118,6 +121,14 @@ pub struct Solver<'a> {
     pub demands: Demands,
 }
 
+/// What a hypothesis makes of fringes.
+struct Model {
+    /// Where each order lands; none where it misses the panel.
+    landings: [Option<Landing>; TERMS],
+    /// For each fringe, what an order of weight 1 answers.
+    waves: [[[f64; 2]; TERMS]; MAX_CARRIERS],
+}
+
 /// A hypothesis: mirror offset, q and weights.
 #[derive(Clone, Copy)]
 struct State {
@@ -131,7 +142,6 @@ struct State {
 struct Normal {
     matrix: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
     right: SVector<f64, UNKNOWNS>,
-    chi2: f64,
 }
 
 impl Solver<'_> {
@@ -143,18 +153,20 @@ impl Solver<'_> {
         if power / count < (4.0 * sigma).powi(2) {
             return (Verdict::Dark, None, None);
         }
-        let mut found: Vec<State> = Vec::with_capacity(CANDIDATES);
+        let mut tried: Vec<State> = Vec::with_capacity(CANDIDATES);
         for at in self.search.peaks::<CANDIDATES>(response) {
             let towards = self.optics.towards(place.point, at);
             let q = upper([towards[0] - place.mirror[0], towards[1] - place.mirror[1]]);
-            if !self.is_possible(q) {
-                continue;
-            }
-            let start = State { offset: [0.0; 2], q, weights: [0.0; TERMS], chi2: f64::INFINITY };
-            if let Some(state) = self.refined(place, answer, sigma, start, QUICK_STEPS) {
-                found.push(state);
+            let mut state = State { offset: [0.0; 2], q, weights: [0.0; TERMS], chi2: f64::INFINITY };
+            // Both first orders of one grating are one hypothesis.
+            let is_new = tried.iter().all(|other| distance(other.q, q) > SAME);
+            if is_new && self.is_possible(q) && self.weigh(&self.model(place, &state), answer, sigma, &mut state).is_some() {
+                tried.push(state);
             }
         }
+        tried.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+        let refined = |state: &State| self.refined(place, answer, sigma, *state, QUICK_STEPS);
+        let mut found: Vec<State> = tried.iter().take(REFINED).filter_map(refined).collect();
         found.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
         self.judged(place, answer, sigma, &found)
     }
@@ -185,7 +197,10 @@ impl Solver<'_> {
         };
         // Of several, the best few are worth the effort.
         let mut best: Vec<(State, f64)> = Vec::new();
-        for state in found.iter().take(3) {
+        for state in found {
+            if best.len() == KEPT {
+                break;
+            }
             if best.iter().any(|(b, _)| distance(b.q, state.q) < SAME) {
                 continue;
             }
@@ -252,14 +267,10 @@ impl Solver<'_> {
 
     /// Gauss-Newton with steps that shrink where they do not help (Levenberg and Marquardt), weights kept positive.
     fn refined(&self, place: &Place, answer: &Answer, sigma: f64, start: State, steps: usize) -> Option<State> {
-        let mut state = start;
-        if state.weights.iter().all(|w| *w == 0.0) {
-            self.weigh(place, answer, sigma, &mut state)?;
-        }
+        let (mut state, mut model) = (start, self.model(place, &start));
         let mut damping = 1e-3;
         for _ in 0..steps {
-            let normal = self.normal(place, answer, sigma, &state);
-            state.chi2 = normal.chi2;
+            let normal = self.normal(&model, answer, sigma, &state);
             let mut matrix = normal.matrix;
             for i in 0..UNKNOWNS {
                 matrix[(i, i)] *= 1.0 + damping;
@@ -273,12 +284,14 @@ impl Solver<'_> {
             if !self.is_possible(next.q) {
                 return None;
             }
-            self.weigh(place, answer, sigma, &mut next)?;
+            let next_model = self.model(place, &next);
+            self.weigh(&next_model, answer, sigma, &mut next)?;
             if next.chi2 <= state.chi2 {
                 let gained = state.chi2 - next.chi2;
-                state = next;
+                (state, model) = (next, next_model);
                 damping = (damping * 0.2).max(1e-9);
-                if gained < 1e-3 {
+                // A hundredth of what σ itself is worth.
+                if gained < 0.01 {
                     break;
                 }
             } else {
@@ -288,19 +301,29 @@ impl Solver<'_> {
         Some(state)
     }
 
-    /// Places of the orders of a hypothesis: none for those that miss the panel.
-    fn landings(&self, place: &Place, state: &State) -> [Option<Landing>; TERMS] {
-        std::array::from_fn(|i| {
+    /// Where the orders of a hypothesis land, and what they answer.
+    fn model(&self, place: &Place, state: &State) -> Model {
+        let landings: [Option<Landing>; TERMS] = std::array::from_fn(|i| {
             let m = i as f64 - f64::from(ORDERS);
             let sines = [0, 1].map(|a| place.mirror[a] + state.offset[a] + m * state.q[a]);
             self.optics.land(place.point, sines).filter(|l| self.optics.is_on(l.at, 0.0))
-        })
+        });
+        let mut waves = [[[0.0; 2]; TERMS]; MAX_CARRIERS];
+        for (i, landing) in landings.iter().enumerate() {
+            let Some(landing) = landing else { continue };
+            let m = i as f64 - f64::from(ORDERS);
+            for (row, k) in waves.iter_mut().zip(self.carriers) {
+                let (sin, cos) = (k[0] * landing.at[0] + k[1] * landing.at[1]).sin_cos();
+                let left = self.optics.modulation(*k, landing, place.spread, m, state.q);
+                row[i] = [left * cos, left * sin];
+            }
+        }
+        Model { landings, waves }
     }
 
     /// The best weights of a hypothesis, none negative, and what is left over.
-    fn weigh(&self, place: &Place, answer: &Answer, sigma: f64, state: &mut State) -> Option<()> {
-        let landings = self.landings(place, state);
-        let waves = self.waves(place, state, &landings);
+    fn weigh(&self, model: &Model, answer: &Answer, sigma: f64, state: &mut State) -> Option<()> {
+        let Model { landings, waves } = model;
         let (mut gram, mut right) = ([[0.0; TERMS]; TERMS], [0.0; TERMS]);
         let mut power = 0.0;
         for (j, row) in waves.iter().take(self.carriers.len()).enumerate() {
@@ -326,36 +349,14 @@ impl Solver<'_> {
         Some(())
     }
 
-    /// For each fringe, what an order of weight 1 answers.
-    fn waves(
-        &self,
-        place: &Place,
-        state: &State,
-        landings: &[Option<Landing>; TERMS],
-    ) -> [[[f64; 2]; TERMS]; MAX_CARRIERS] {
-        let mut waves = [[[0.0; 2]; TERMS]; MAX_CARRIERS];
-        for (i, landing) in landings.iter().enumerate() {
-            let Some(landing) = landing else { continue };
-            let m = i as f64 - f64::from(ORDERS);
-            for (row, k) in waves.iter_mut().zip(self.carriers) {
-                let (sin, cos) = (k[0] * landing.at[0] + k[1] * landing.at[1]).sin_cos();
-                let left = self.optics.modulation(*k, landing, place.spread, m, state.q);
-                row[i] = [left * cos, left * sin];
-            }
-        }
-        waves
-    }
-
     /// Normal equations of all unknowns; a weight of 0 stays.
-    fn normal(&self, place: &Place, answer: &Answer, sigma: f64, state: &State) -> Normal {
-        let landings = self.landings(place, state);
-        let waves = self.waves(place, state, &landings);
+    fn normal(&self, model: &Model, answer: &Answer, sigma: f64, state: &State) -> Normal {
+        let Model { landings, waves } = model;
         let mut matrix = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::zeros();
         let mut right = SVector::<f64, UNKNOWNS>::zeros();
-        let mut chi2 = 0.0;
         let inverse = 1.0 / (sigma * sigma);
         for (j, (row, k)) in waves.iter().zip(self.carriers).enumerate() {
-            let mut model = [0.0; 2];
+            let mut sum = [0.0; 2];
             let mut slopes = [[0.0; UNKNOWNS]; 2];
             for (i, landing) in landings.iter().enumerate() {
                 let (Some(landing), weight) = (landing, state.weights[i]) else { continue };
@@ -364,7 +365,7 @@ impl Solver<'_> {
                 }
                 let m = i as f64 - f64::from(ORDERS);
                 let [re, im] = row[i];
-                model = [model[0] + weight * re, model[1] + weight * im];
+                sum = [sum[0] + weight * re, sum[1] + weight * im];
                 let [[a, b], [c, d]] = landing.slope;
                 let phase = [k[0] * a + k[1] * c, k[0] * b + k[1] * d];
                 for axis in 0..2 {
@@ -377,8 +378,7 @@ impl Solver<'_> {
                 (slopes[0][4 + i], slopes[1][4 + i]) = (re, im);
             }
             for part in 0..2 {
-                let off = f64::from(answer.components[2 * j + part]) - model[part];
-                chi2 += off * off * inverse;
+                let off = f64::from(answer.components[2 * j + part]) - sum[part];
                 for a in 0..UNKNOWNS {
                     let scaled = slopes[part][a] * inverse;
                     right[a] += scaled * off;
@@ -390,7 +390,6 @@ impl Solver<'_> {
         }
         let prior = self.demands.mirror_sigma.powi(-2);
         for axis in 0..2 {
-            chi2 += state.offset[axis].powi(2) * prior;
             right[axis] -= state.offset[axis] * prior;
             matrix[(axis, axis)] += prior;
         }
@@ -403,12 +402,12 @@ impl Solver<'_> {
                 matrix[(a, a)] = 1.0;
             }
         }
-        Normal { matrix, right, chi2 }
+        Normal { matrix, right }
     }
 
     /// Covariance of q (uu, uv, vv) and σ of the first orders' weight.
     fn covariance(&self, place: &Place, answer: &Answer, sigma: f64, state: &State) -> Option<([f64; 3], f64)> {
-        let inverse = self.normal(place, answer, sigma, state).matrix.cholesky()?.inverse();
+        let inverse = self.normal(&self.model(place, state), answer, sigma, state).matrix.cholesky()?.inverse();
         let (plus, minus) = (4 + ORDERS as usize + 1, 4 + ORDERS as usize - 1);
         let both = |i: usize| if state.weights[i - 4] > 0.0 { 1.0 } else { 0.0 };
         let variance = both(plus) * inverse[(plus, plus)]

@@ -20,6 +20,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     all.extend(lut::studies(effort));
     all.extend(bokeh::studies(effort));
     all.push(surface::study(effort));
+    all.extend(spots::studies(effort));
     all
 }
 

@@ -2,6 +2,7 @@
 
 use crate::bench::{Bench, Shining};
 use crate::config::BenchConfig;
+use crate::scene::Truth;
 use crate::surface::SampleKind;
 use nacre_drivers::Pattern;
 use nacre_processing::frames::{Fringes, Frame, FrameSet, Geometry, Kind, save};
@@ -15,6 +16,9 @@ use std::time::{Duration, Instant};
 
 /// Brightest code over white.
 const EXPOSED: f64 = 0.85;
+/// Parts of a pixel's side that the truth is told in, and pixels around that it may be mixed with.
+const FINE: u32 = 4;
+const BLUR: usize = 2;
 
 /// Fringes that are shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,9 +72,23 @@ pub fn bench(seed: u64, pixels: u32) -> BenchConfig {
 }
 
 /// Photographs and reconstructs; `folder` must be empty.
+///
+/// # Errors
+/// As [`reconstruct`]; `Output` when the folder cannot be written to.
 pub fn judged(config: &BenchConfig, shown: &Shown, settings: &Settings, folder: &Path) -> Result<Judged> {
+    judged_as_told(config, config, shown, settings, folder)
+}
+
+/// The same where the photographs' `frames.json` says that they are of another bench.
+pub(super) fn judged_as_told(
+    config: &BenchConfig,
+    told: &BenchConfig,
+    shown: &Shown,
+    settings: &Settings,
+    folder: &Path,
+) -> Result<Judged> {
     let mut bench = Bench::new(config, &Silent)?;
-    photograph(&mut bench, shown, folder)?;
+    photograph(&mut bench, told, shown, folder)?;
     let begun = Instant::now();
     let out = folder.join("result");
     let report = reconstruct(folder, &out, settings, &Silent)?;
@@ -83,7 +101,13 @@ pub fn judged(config: &BenchConfig, shown: &Shown, settings: &Settings, folder: 
     let period = [take("period.exr", "period")?, take("period.exr", "sigma")?];
     let truth = bench.truth();
     let (width, count) = (config.camera.width as usize, truth.period_um.len());
-    let off = |i: usize, k: usize| {
+    // What a pixel mixes, not the mean of it.
+    let mut fine = config.clone();
+    (fine.camera.width, fine.camera.height) = (FINE * config.camera.width, FINE * config.camera.height);
+    fine.camera.subsamples = 1;
+    let fine = Bench::new(&fine, &Silent)?;
+    let parts = fine.truth();
+    let off = |truth: &Truth, i: usize, k: usize| {
         let turned = angle_difference(turn[0][i].into(), truth.orientation[k].into()).abs();
         let relative = (f64::from(period[0][i]) / f64::from(truth.period_um[k]) - 1.0).abs();
         [relative, turned]
@@ -93,14 +117,18 @@ pub fn judged(config: &BenchConfig, shown: &Shown, settings: &Settings, folder: 
     for i in (0..count).filter(known) {
         let sigmas = [f64::from(period[1][i] / period[0][i]), f64::from(turn[1][i])];
         let [x, y] = [i % width, i / width];
-        // What a pixel's lens blur may mix in counts as seen there.
-        let around = (y.saturating_sub(1)..=(y + 1).min(count / width - 1))
-            .flat_map(|y| (x.saturating_sub(1)..=(x + 1).min(width - 1)).map(move |x| y * width + x));
+        // What the lens's blur may mix in counts as seen there.
+        let reach = |at: usize, side: usize| {
+            let fine = FINE as usize;
+            (fine * at).saturating_sub(BLUR * fine)..(fine * (at + 1 + BLUR)).min(fine * side)
+        };
+        let fine_width = FINE as usize * width;
+        let around = reach(y, count / width).flat_map(|y| reach(x, width).map(move |x| y * fine_width + x));
         let is_off = |[p, t]: [f64; 2]| {
             p > (5.0 * sigmas[0]).max(0.02) || t > (5.0 * sigmas[1]).max(1f64.to_radians())
         };
-        wrong += usize::from(around.map(|k| off(i, k)).all(is_off));
-        let own = off(i, i);
+        wrong += usize::from(around.map(|k| off(parts, i, k)).all(is_off));
+        let own = off(truth, i, i);
         for part in 0..2 {
             errors[part].push(own[part]);
             calibration[part].push(own[part] / sigmas[part]);
@@ -126,9 +154,11 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Writes photographs of fringes and `frames.json` into `folder`.
-pub fn photograph(bench: &mut Bench, shown: &Shown, folder: &Path) -> Result<()> {
-    let config = bench.config().clone();
+/// Writes photographs of fringes and `frames.json`, which says that they are of the bench `config`, into `folder`.
+///
+/// # Errors
+/// `Output` when it cannot be written to.
+pub fn photograph(bench: &mut Bench, config: &BenchConfig, shown: &Shown, folder: &Path) -> Result<()> {
     let camera = &config.camera;
     let (black, white) = (f64::from(camera.black_level), f64::from((1u32 << camera.bits) - 1));
     let gamma = shown.gamma;
