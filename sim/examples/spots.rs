@@ -9,7 +9,12 @@ fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let number = |i: usize, usual: f64| args.get(i).and_then(|a| a.parse().ok()).unwrap_or(usual);
     let mut config: BenchConfig = bench(number(0, 1.0) as u64, number(1, 96.0) as u32);
-    let shown = Shown { count: number(2, 12.0) as usize, phases: number(3, 4.0) as usize, finest_mm: number(4, 28.0), ..Shown::default() };
+    let shown = Shown {
+        count: number(2, 12.0) as usize,
+        phases: number(3, 4.0) as usize,
+        finest_mm: number(4, 28.0),
+        ..Shown::default()
+    };
     let mut settings = Settings::default();
     for arg in args.iter().skip(5) {
         let (key, value) = arg.split_once('=').unwrap();
@@ -38,8 +43,20 @@ fn main() {
     let j = judged(&config, &shown, &settings, &folder).unwrap();
     println!(
         "period {:.3} % orientation {:.3}° masked {:.2} % wrong {:.4} % z {:.2} {:.2} promised {:.3} % {:.2} s (all {:.1} s)\n{:?}\naperture {} mirror {:?} residual {:?} response {:?} {:?}",
-        100.0 * j.period, j.orientation_deg, 100.0 * j.masked, 100.0 * j.wrong, j.calibration[0], j.calibration[1],
-        100.0 * j.promised, j.seconds, begun.elapsed().as_secs_f64(), j.report.pixels, j.report.aperture_mm,
-        j.report.mirror_offset_deg, j.report.residual, j.report.response, j.report.seconds
+        100.0 * j.period,
+        j.orientation_deg,
+        100.0 * j.masked,
+        100.0 * j.wrong,
+        j.calibration[0],
+        j.calibration[1],
+        100.0 * j.promised,
+        j.seconds,
+        begun.elapsed().as_secs_f64(),
+        j.report.pixels,
+        j.report.aperture_mm,
+        j.report.mirror_offset_deg,
+        j.report.residual,
+        j.report.response,
+        j.report.seconds
     );
 }

@@ -178,7 +178,8 @@ impl Bench {
             Pattern::Fringes { cycles_per_mm, phase, gamma } => Some(self.scene.fringes(cycles_per_mm, phase, gamma)),
         };
         let f = &self.config.flash;
-        let flash = Source { lamp: Lamp::Flash, center_mm: [f.x_mm, f.y_mm], diameter_mm: f.diameter_mm, fringes: None };
+        let flash =
+            Source { lamp: Lamp::Flash, center_mm: [f.x_mm, f.y_mm], diameter_mm: f.diameter_mm, fringes: None };
         [panel, shining.flash.then_some(flash)]
     }
 

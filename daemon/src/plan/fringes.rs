@@ -49,8 +49,8 @@ impl Default for FringesPlan {
             phases: 4,
             finest_mm: 28.0,
             gamma: 2.2,
-            period_sigma: 0.005,
-            orientation_sigma_deg: 0.25,
+            period_sigma: 0.01,
+            orientation_sigma_deg: 0.5,
             longest_um: 3.0,
         }
     }
@@ -88,7 +88,8 @@ impl FringesPlan {
 
     /// What the panel shows, in order.
     pub fn patterns(&self) -> Vec<Pattern> {
-        let (count, phases, gamma) = (self.count.unwrap_or(USUAL).min(MAX_CARRIERS as u32), self.phases.clamp(1, 16), self.gamma);
+        let (count, phases, gamma) =
+            (self.count.unwrap_or(USUAL).min(MAX_CARRIERS as u32), self.phases.clamp(1, 16), self.gamma);
         let pattern = |cycles_per_mm, phase| Pattern::Fringes { cycles_per_mm, phase, gamma };
         let even = EVEN.map(|phase| pattern([0.0; 2], phase));
         let shown = frequencies(count as usize, self.finest_mm);
@@ -127,7 +128,9 @@ impl Reach {
             format!("\n  {:3}°  {reached}", 15 * k)
         });
         let each: String = each.collect();
-        format!("{predicted}\nshortest period whose first order reaches the panel, by the grating vector's direction:{each}")
+        format!(
+            "{predicted}\nshortest period whose first order reaches the panel, by the grating vector's direction:{each}"
+        )
     }
 }
 
@@ -167,7 +170,8 @@ impl Plan {
             return self;
         };
         let known = optics(setup, limits).zip(noise(limits));
-        let fewest = known.and_then(|(optics, noise)| cheapest(&optics, &noise, &fringes.setting(), &fringes.request()));
+        let fewest =
+            known.and_then(|(optics, noise)| cheapest(&optics, &noise, &fringes.setting(), &fringes.request()));
         fringes.count = Some(fewest.map_or(USUAL, |p| p.setting.count as u32));
         self
     }
@@ -199,11 +203,18 @@ mod tests {
 
     #[test]
     fn fringes_are_counted_and_checked() {
-        let plan: Plan = toml::from_str("kind = \"spots\"\nspots = { fringes = {} }\nextras = [\"display_black\"]").unwrap();
+        let plan: Plan =
+            toml::from_str("kind = \"spots\"\nspots = { fringes = {} }\nextras = [\"display_black\"]").unwrap();
         plan.check_values().unwrap();
         let steps = plan.steps();
         assert!(steps.len() <= 64 && steps.len() == 1 + 3 + 48, "{}", steps.len());
-        for (key, word) in [("count = 3", "count"), ("phases = 2", "phases"), ("finest_mm = 0", "finest"), ("gamma = 9", "gamma"), ("longest_um = nan", "longest_um")] {
+        for (key, word) in [
+            ("count = 3", "count"),
+            ("phases = 2", "phases"),
+            ("finest_mm = 0", "finest"),
+            ("gamma = 9", "gamma"),
+            ("longest_um = nan", "longest_um"),
+        ] {
             let text = format!("kind = \"spots\"\nspots = {{ fringes = {{ {key} }} }}");
             let problem = toml::from_str::<Plan>(&text).unwrap().check_values().unwrap_err();
             assert!(problem.contains(word), "{problem}");
@@ -222,8 +233,12 @@ mod tests {
         let devices = nacre_sim::describe(&bench);
         let display = nacre_drivers::DisplayInfo { size_mm: [520.0, 320.0], ..devices.display.clone() };
         let limits = Limits { stage: devices.stage, camera: devices.camera, display, flash: None };
-        let geometry =
-            nacre_processing::frames::Geometry { distance_mm: 250.0, baseline_mm: 0.0, pixel_um: None, camera_px: None };
+        let geometry = nacre_processing::frames::Geometry {
+            distance_mm: 250.0,
+            baseline_mm: 0.0,
+            pixel_um: None,
+            camera_px: None,
+        };
         let setup = Setup { wavelength_nm: Some(560.0), geometry: Some(geometry), ..Setup::default() };
         let shortest = plan.reach(&setup, &limits).unwrap().shortest_um;
         let [right, up] = [0, 6].map(|k| shortest[k].unwrap());

@@ -200,8 +200,10 @@ impl PatternBody {
         let pattern = match self {
             Self::Black => return Ok(Pattern::Black),
             Self::Fringes { cycles_per_mm, phase, gamma } => {
-                let sane = cycles_per_mm.iter().all(|f| f.abs() <= 1.0) && phase.abs() <= 1e6 && (0.2..=5.0).contains(&gamma);
-                let problem = || Problem::bad("fringes have at most 1 cycle per mm, a finite phase and a gamma of 0.2 to 5");
+                let sane =
+                    cycles_per_mm.iter().all(|f| f.abs() <= 1.0) && phase.abs() <= 1e6 && (0.2..=5.0).contains(&gamma);
+                let problem =
+                    || Problem::bad("fringes have at most 1 cycle per mm, a finite phase and a gamma of 0.2 to 5");
                 return sane.then_some(Pattern::Fringes { cycles_per_mm, phase, gamma }).ok_or_else(problem);
             }
             Self::Disc { center_mm, diameter_mm } => Pattern::Disc { center_mm, diameter_mm },

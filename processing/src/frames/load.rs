@@ -191,7 +191,11 @@ fn check_light(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) 
         }
         match frame.spot {
             Some(_) if frame.fringes.is_some() => {
-                return bad(&key("spot"), "is given beside fringes".into(), "a panel shows one of them; remove the other");
+                return bad(
+                    &key("spot"),
+                    "is given beside fringes".into(),
+                    "a panel shows one of them; remove the other",
+                );
             }
             None if frame.fringes.is_some() => {}
             None if set.kind == Kind::Spots => return bad(&key("spot"), "is missing".into(), "say where the spot was"),

@@ -103,7 +103,7 @@ pub fn predict(optics: &Optics, noise: &NoiseModel, setting: Setting, period_um:
 pub fn cheapest(optics: &Optics, noise: &NoiseModel, like: &Setting, request: &Request) -> Option<Prediction> {
     let counts = LEAST_FRINGES..=MAX_CARRIERS;
     let all = counts.filter_map(|count| predict(optics, noise, Setting { count, ..*like }, request.longest_um));
-    let meets = |p: &&Prediction| {
+    let meets = |p: &Prediction| {
         p.period <= request.period && p.orientation_deg <= request.orientation_deg && p.patterns <= request.at_most
     };
     all.filter(meets).min_by_key(|p| p.patterns)
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn a_better_camera_needs_no_more_patterns() {
-        let request = Request { period: 0.004, orientation_deg: 0.25, ..Request::default() };
+        let request = Request { period: 0.008, ..Request::default() };
         let patterns = |full_scale_e: f64| {
             let noise = NoiseModel { full_scale_e, read_noise_e: 8.0 };
             let like = Setting { count: 0, phases: 4, finest_mm: 28.0 };

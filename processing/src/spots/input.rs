@@ -39,7 +39,8 @@ impl Bench {
             None => frames.path.display().to_string(),
         };
         let missing = |what: &str, remedy: &str| Error::input(&place, format!("does not say {what}"), remedy);
-        let panel = geometry.panel.ok_or_else(|| missing("where the panel is", "calibrate it: `nacre calibrate geometry`"))?;
+        let panel =
+            geometry.panel.ok_or_else(|| missing("where the panel is", "calibrate it: `nacre calibrate geometry`"))?;
         if geometry.relative {
             let problem = "knows lengths only up to a common factor, so that periods would be relative";
             return Err(Error::input(&place, problem, "calibrate it with a target of known size"));
@@ -51,9 +52,14 @@ impl Bench {
             return Err(Error::input(&place, problem, "give the geometry of this camera and region of interest"));
         }
         let wavelength = settings.wavelength_nm.or(geometry.wavelength_nm).or(set.wavelength_nm);
-        let nm = wavelength.ok_or_else(|| missing("the wavelength", "give --wavelength NM, that of light, filter and camera together"))?;
+        let nm = wavelength.ok_or_else(|| {
+            missing("the wavelength", "give --wavelength NM, that of light, filter and camera together")
+        })?;
         if settings.wavelength_sigma_nm.or(geometry.sigma.wavelength_nm).is_none() {
-            assumptions.push(format!("the effective wavelength is {nm} nm; 1 nm more makes all periods {:.2} % longer", 100.0 / nm));
+            assumptions.push(format!(
+                "the effective wavelength is {nm} nm; 1 nm more makes all periods {:.2} % longer",
+                100.0 / nm
+            ));
         }
         let axis = |i: usize| [0, 1, 2].map(|row: usize| panel.pose.rotation[row][i]);
         let from_file = [0, 1].map(|i| panel.pixel_mm[i] * f64::from(panel.size_px[i]));

@@ -47,11 +47,7 @@ impl Optics {
     pub fn place(&self, point: [f64; 3]) -> Place {
         let to: [f64; 3] = std::array::from_fn(|i| self.viewer_mm[i] - point[i]);
         let distance = norm(to);
-        Place {
-            point,
-            mirror: [-to[0] / distance, -to[1] / distance],
-            spread: 0.25 * self.aperture_mm / distance,
-        }
+        Place { point, mirror: [-to[0] / distance, -to[1] / distance], spread: 0.25 * self.aperture_mm / distance }
     }
 
     /// Where the direction with these sines, away from the surface, meets the panel's plane; none where there is no such direction or it

@@ -30,9 +30,13 @@ impl Output<'_> {
     /// Writes `orientation.exr`, `period.exr` and their pictures.
     pub(super) fn write(&self, folder: &OutputFolder) -> Result<()> {
         let size = [self.width, self.height];
-        self.exr(folder, "orientation.exr", "orientation, sigma: rad; mask: 1 measured, 0 masked", "orientation", |i| {
-            self.at(i).map(|g| [g.orientation as f32, g.orientation_sigma as f32])
-        })?;
+        self.exr(
+            folder,
+            "orientation.exr",
+            "orientation, sigma: rad; mask: 1 measured, 0 masked",
+            "orientation",
+            |i| self.at(i).map(|g| [g.orientation as f32, g.orientation_sigma as f32]),
+        )?;
         self.exr(folder, "period.exr", "period, sigma: um; mask: 1 found, 0 masked", "period", |i| {
             self.period(i).map(|p| p.map(|v| v as f32))
         })?;
@@ -54,10 +58,8 @@ impl Output<'_> {
         channel: &str,
         value: impl Fn(usize) -> Option<[f32; 2]> + Sync,
     ) -> Result<()> {
-        let mut attributes = vec![
-            ("units", Attribute::Text(units.into())),
-            ("wavelength_nm", Attribute::Number(self.wavelength_nm)),
-        ];
+        let mut attributes =
+            vec![("units", Attribute::Text(units.into())), ("wavelength_nm", Attribute::Number(self.wavelength_nm))];
         attributes.extend(self.pixel_um.map(|um| ("pixel_um", Attribute::Number(um))));
         let fill = |c: usize, y: usize, row: &mut [f32]| {
             for (x, out) in row.iter_mut().enumerate() {

@@ -42,7 +42,8 @@ impl Orientations {
         let path = folder.join("orientation.exr");
         let mut map = read_exr(&path)?;
         if [map.width, map.height] != [width, height] {
-            let problem = format!("is {} × {} pixels, but the photographs are {width} × {height}", map.width, map.height);
+            let problem =
+                format!("is {} × {} pixels, but the photographs are {width} × {height}", map.width, map.height);
             return Err(Error::file(&path, problem, "give results of the same camera and region of interest"));
         }
         let [turn, sigma] = [map.take("orientation", &path)?, map.take("sigma", &path)?];
@@ -105,4 +106,49 @@ impl Orientations {
 /// A difference of lines, from -π/2 to π/2.
 fn fold(angle: f64) -> f64 {
     (angle + 0.5 * PI).rem_euclid(PI) - 0.5 * PI
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::solve::Grating;
+    use super::*;
+
+    fn grating(degrees: f64) -> Grating {
+        Grating {
+            orientation: degrees.to_radians().rem_euclid(PI),
+            orientation_sigma: 0.002,
+            period_um: 2.0,
+            period_sigma_um: 0.01,
+            mirror_offset: [0.0; 2],
+            residual: 1.0,
+            first: 0.6,
+        }
+    }
+
+    /// The offset is found across the seam at 180°, the rival that fits is taken, and what contradicts is masked.
+    #[test]
+    fn a_second_opinion_decides_and_contradicts() {
+        let (offset, count) = (170.0, 50);
+        let truth = |i: usize| 3.6 * i as f64;
+        let orientations = Orientations {
+            turn: (0..count).map(|i| (truth(i) - offset).to_radians().rem_euclid(PI) as f32).collect(),
+            sigma: vec![0.005; count],
+        };
+        let mut found = Found {
+            verdicts: vec![Verdict::Resolved; count],
+            gratings: (0..count).map(|i| Some(grating(truth(i)))).collect(),
+            rivals: vec![None; count],
+        };
+        found.gratings[7] = Some(grating(truth(7) + 40.0));
+        (found.verdicts[8], found.gratings[8]) = (Verdict::Ambiguous, None);
+        found.rivals[8] = Some([grating(truth(8) + 70.0), grating(truth(8) + 0.1)]);
+        (found.verdicts[9], found.gratings[9]) = (Verdict::Ambiguous, None);
+        found.rivals[9] = Some([grating(truth(9) + 70.0), grating(truth(9) - 50.0)]);
+        let helped = orientations.help(&mut found).unwrap();
+        assert!(fold((helped.offset_deg - offset).to_radians()).abs() < 1e-3, "{helped:?}");
+        assert_eq!((helped.contradicted, helped.decided), (1, 1));
+        assert_eq!(found.verdicts[7..10], [Verdict::Ambiguous, Verdict::Resolved, Verdict::Ambiguous]);
+        let chosen = found.gratings[8].unwrap().orientation.to_degrees();
+        assert!((chosen - truth(8) - 0.1).abs() < 1e-6, "{chosen}");
+    }
 }

@@ -75,7 +75,8 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     let pixel_um = frames.set.geometry.and_then(|g| g.pixel_um);
     let output = Output { found: &found, width, height, wavelength_nm, pixel_um, scale_sigma };
     output.write(&folder)?;
-    let resolved = || (0..width * height).filter(|i| found.verdicts[*i] == Verdict::Resolved).filter_map(|i| found.gratings[i]);
+    let resolved =
+        || (0..width * height).filter(|i| found.verdicts[*i] == Verdict::Resolved).filter_map(|i| found.gratings[i]);
     let offset = [0, 1].map(|axis| median(resolved().map(|g| g.mirror_offset[axis].to_degrees()).collect()));
     let mut report = Report {
         method: "spots",
@@ -174,7 +175,10 @@ fn warnings(report: &Report, settings: &Settings, alias: f64) -> Vec<String> {
         ));
     }
     if !report.response.measured {
-        all.push("no frames of even light tell how the panel answers; it is taken to be as linear as it was asked to be".into());
+        all.push(
+            "no frames of even light tell how the panel answers; it is taken to be as linear as it was asked to be"
+                .into(),
+        );
     } else if alias > 0.02 {
         let (power, part) = (report.response.power, 100.0 * alias);
         all.push(format!(

@@ -60,12 +60,7 @@ pub fn scan(
 }
 
 /// Solves some pixels.
-fn solved(
-    solver: &Solver<'_>,
-    signals: &Signals,
-    points: Points<'_>,
-    pixels: &[(usize, usize)],
-) -> Vec<Solution> {
+fn solved(solver: &Solver<'_>, signals: &Signals, points: Points<'_>, pixels: &[(usize, usize)]) -> Vec<Solution> {
     let parts = 2 * signals.carriers.len();
     let mut all = Vec::with_capacity(pixels.len());
     let (mut responses, mut own) = (Vec::new(), vec![0.0_f32; solver.search.len()]);
@@ -101,7 +96,8 @@ pub fn aperture(signals: &Signals, optics: &Optics, points: Points<'_>, demands:
     let count = signals.width * signals.height;
     let step = (count / SAMPLED).max(1);
     // Not in columns of their own.
-    let pixels: Vec<(usize, usize)> = (step / 2..count).step_by(step).map(|i| (i % signals.width, i / signals.width)).collect();
+    let pixels: Vec<(usize, usize)> =
+        (step / 2..count).step_by(step).map(|i| (i % signals.width, i / signals.width)).collect();
     let search = Search::new(optics, &signals.carriers);
     let left = |aperture_mm: f64| {
         let optics = Optics { aperture_mm, ..optics.clone() };
@@ -123,7 +119,11 @@ pub fn aperture(signals: &Signals, optics: &Optics, points: Points<'_>, demands:
         for tried in [0.5 * (low + here.0), 0.5 * (here.0 + high)] {
             let sum = left(tried);
             if sum < here.1 {
-                if tried < here.0 { high = here.0 } else { low = here.0 }
+                if tried < here.0 {
+                    high = here.0
+                } else {
+                    low = here.0
+                }
                 here = (tried, sum);
             } else if tried < here.0 {
                 low = tried;

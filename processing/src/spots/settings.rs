@@ -82,7 +82,11 @@ impl Settings {
         within("periods_um", Some(short), 0.2, 1000.0)?;
         within("periods_um", Some(long), 0.2, 1000.0)?;
         if short >= long {
-            return Err(Error::input("periods_um", format!("runs from {short} to {long}"), "give the shorter one first"));
+            return Err(Error::input(
+                "periods_um",
+                format!("runs from {short} to {long}"),
+                "give the shorter one first",
+            ));
         }
         Ok(())
     }

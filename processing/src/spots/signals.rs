@@ -81,7 +81,10 @@ pub fn carriers(frames: &LoadedFrames, most: usize) -> Result<Vec<Carrier>> {
         let values = normal.symmetric_eigenvalues();
         let condition = values.max() / values.min().max(1e-12);
         if shots.len() < PHASES || condition > 20.0 {
-            let problem = format!("fringes of ({fx}, {fy}) cycles per mm have {} frames whose phases do not tell one", shots.len());
+            let problem = format!(
+                "fringes of ({fx}, {fy}) cycles per mm have {} frames whose phases do not tell one",
+                shots.len()
+            );
             return bad(problem, "give at least three phases, evenly spread over a cycle");
         }
         let Some(inverse) = normal.try_inverse() else {

@@ -160,7 +160,10 @@ impl Solver<'_> {
             let mut state = State { offset: [0.0; 2], q, weights: [0.0; TERMS], chi2: f64::INFINITY };
             // Both first orders of one grating are one hypothesis.
             let is_new = tried.iter().all(|other| distance(other.q, q) > SAME);
-            if is_new && self.is_possible(q) && self.weigh(&self.model(place, &state), answer, sigma, &mut state).is_some() {
+            if is_new
+                && self.is_possible(q)
+                && self.weigh(&self.model(place, &state), answer, sigma, &mut state).is_some()
+            {
                 tried.push(state);
             }
         }

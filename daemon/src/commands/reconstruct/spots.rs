@@ -117,7 +117,11 @@ fn summary(report: &Report) -> String {
         said(report.residual, 1.0)
     );
     if let Some([x, y]) = report.mirror_offset_deg {
-        let _ = writeln!(text, "mirror    {x:.3}°, {y:.3}° from where the geometry puts it; aperture {:.1} mm", report.aperture_mm);
+        let _ = writeln!(
+            text,
+            "mirror    {x:.3}°, {y:.3}° from where the geometry puts it; aperture {:.1} mm",
+            report.aperture_mm
+        );
     }
     let _ = writeln!(text, "panel     exponent {:.3} of the assumed one", report.response.power);
     if let Some(h) = &report.polarization {

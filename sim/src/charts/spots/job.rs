@@ -5,7 +5,7 @@ use crate::config::BenchConfig;
 use crate::scene::Truth;
 use crate::surface::SampleKind;
 use nacre_drivers::Pattern;
-use nacre_processing::frames::{Fringes, Frame, FrameSet, Geometry, Kind, save};
+use nacre_processing::frames::{Frame, FrameSet, Fringes, Geometry, Kind, save};
 use nacre_processing::image::{read_exr, write_png16_gray};
 use nacre_processing::polarimetry::{NoiseModel, angle_difference};
 use nacre_processing::progress::Silent;
@@ -124,9 +124,7 @@ pub(super) fn judged_as_told(
         };
         let fine_width = FINE as usize * width;
         let around = reach(y, count / width).flat_map(|y| reach(x, width).map(move |x| y * fine_width + x));
-        let is_off = |[p, t]: [f64; 2]| {
-            p > (5.0 * sigmas[0]).max(0.02) || t > (5.0 * sigmas[1]).max(1f64.to_radians())
-        };
+        let is_off = |[p, t]: [f64; 2]| p > (5.0 * sigmas[0]).max(0.02) || t > (5.0 * sigmas[1]).max(1f64.to_radians());
         wrong += usize::from(around.map(|k| off(parts, i, k)).all(is_off));
         let own = off(truth, i, i);
         for part in 0..2 {
