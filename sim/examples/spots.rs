@@ -4,7 +4,7 @@ use nacre_processing::spots::Settings;
 use nacre_sim::BenchConfig;
 use nacre_sim::charts::spots::{Shown, bench, judged};
 
-#[allow(clippy::unwrap_used, clippy::print_stdout, reason = "an example")]
+#[allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "an example")]
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let number = |i: usize, usual: f64| args.get(i).and_then(|a| a.parse().ok()).unwrap_or(usual);

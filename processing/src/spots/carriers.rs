@@ -63,7 +63,7 @@ impl Search {
     }
 
     /// Number of places.
-    pub fn len(&self) -> usize {
+    pub fn places(&self) -> usize {
         self.columns * self.rows
     }
 

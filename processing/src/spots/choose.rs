@@ -82,7 +82,7 @@ pub fn predict(optics: &Optics, noise: &NoiseModel, setting: Setting, period_um:
             let (mut radial, mut across) = (0.0, 0.0);
             for f in frequencies(setting.count, setting.finest_mm) {
                 let k = carrier(f);
-                let left = FIRST * optics.modulation(k, &landing, place.spread, sign, q);
+                let left = FIRST * optics.modulation(k, &landing, &place, sign, q);
                 let [[a, b], [c, d]] = landing.slope;
                 let phase = [k[0] * a + k[1] * c, k[0] * b + k[1] * d];
                 radial += (left * (phase[0] * along[0] + phase[1] * along[1])).powi(2);

@@ -93,13 +93,17 @@ impl Optics {
     }
 
     /// Part of a fringe's modulation that is left of order `m`: the aperture and the band spread it over the panel.
-    pub fn modulation(&self, carrier: [f64; 2], landing: &Landing, spread: f64, order: f64, q: [f64; 2]) -> f64 {
+    pub fn modulation(&self, carrier: [f64; 2], landing: &Landing, place: &Place, order: f64, q: [f64; 2]) -> f64 {
         let [[a, b], [c, d]] = landing.slope;
         // The phase per sine.
         let phase = [carrier[0] * a + carrier[1] * c, carrier[0] * b + carrier[1] * d];
         let band = self.band * order * (phase[0] * q[0] + phase[1] * q[1]);
+        // Across the line of sight sines move as the aperture does, along it by its cosine squared.
+        let [u, v] = place.mirror;
+        let along = u * phase[0] + v * phase[1];
+        let seen = [phase[0] - u * along, phase[1] - v * along];
         // A disc of radius 2·spread: 2 J1(x)/x, to fourth order in the exponent.
-        let x2 = 4.0 * spread * spread * (phase[0] * phase[0] + phase[1] * phase[1]);
+        let x2 = 4.0 * place.spread * place.spread * (seen[0] * seen[0] + seen[1] * seen[1]);
         (-x2 / 8.0 - x2 * x2 / 384.0 - 0.5 * band * band).exp()
     }
 }
@@ -187,7 +191,7 @@ mod tests {
             }
         }
         let exact = sum[0].hypot(sum[1]) / count;
-        let got = optics.modulation(k, &landing, place.spread, 1.0, q);
+        let got = optics.modulation(k, &landing, &place, 1.0, q);
         assert!((got - exact).abs() < 0.01, "{got} {exact}");
     }
 }

@@ -63,7 +63,7 @@ pub fn scan(
 fn solved(solver: &Solver<'_>, signals: &Signals, points: Points<'_>, pixels: &[(usize, usize)]) -> Vec<Solution> {
     let parts = 2 * signals.carriers.len();
     let mut all = Vec::with_capacity(pixels.len());
-    let (mut responses, mut own) = (Vec::new(), vec![0.0_f32; solver.search.len()]);
+    let (mut responses, mut own) = (Vec::new(), vec![0.0_f32; solver.search.places()]);
     for block in pixels.chunks(BLOCK) {
         let mut answers = vec![[0.0_f32; BLOCK]; parts];
         let places: Vec<Option<Place>> =

@@ -41,6 +41,9 @@ pub struct Signals {
     pub response: Response,
 }
 
+/// Frames of one frequency, with their phases.
+type Group = ([f64; 2], Vec<(usize, f64)>);
+
 /// Least phases of one fringe.
 const PHASES: usize = 3;
 
@@ -49,7 +52,7 @@ const PHASES: usize = 3;
 /// # Errors
 /// `Input` when there are too few phases of one, or too few or too many of them.
 pub fn carriers(frames: &LoadedFrames, most: usize) -> Result<Vec<Carrier>> {
-    let mut groups: Vec<([f64; 2], Vec<(usize, f64)>)> = Vec::new();
+    let mut groups: Vec<Group> = Vec::new();
     let fringed = || frames.set.frames.iter().filter(|f| f.fringes.is_some());
     if fringed().any(|f| Some(f.analyser_deg) != fringed().next().map(|f| f.analyser_deg)) {
         let problem = "has fringes behind an analyser at several angles";

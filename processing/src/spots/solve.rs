@@ -182,7 +182,7 @@ impl Solver<'_> {
             .iter()
             .flat_map(|k| {
                 let (sin, cos) = (k[0] * landing.at[0] + k[1] * landing.at[1]).sin_cos();
-                let left = self.optics.modulation(*k, &landing, place.spread, 0.0, [0.0; 2]);
+                let left = self.optics.modulation(*k, &landing, place, 0.0, [0.0; 2]);
                 [(left * cos) as f32, (left * sin) as f32]
             })
             .collect();
@@ -317,7 +317,7 @@ impl Solver<'_> {
             let m = i as f64 - f64::from(ORDERS);
             for (row, k) in waves.iter_mut().zip(self.carriers) {
                 let (sin, cos) = (k[0] * landing.at[0] + k[1] * landing.at[1]).sin_cos();
-                let left = self.optics.modulation(*k, landing, place.spread, m, state.q);
+                let left = self.optics.modulation(*k, landing, place, m, state.q);
                 row[i] = [left * cos, left * sin];
             }
         }
