@@ -72,7 +72,9 @@ fn a_wanted_error_is_held_or_the_exit_code_says_so() {
 #[test]
 fn every_sample_renders_and_sessions_repeat_to_the_byte() {
     let folder = tempfile::tempdir().unwrap();
-    for kind in ["kinematic", "stars", "polygons", "circles", "fireworks", "logo", "emblem", "cd", "stochastic"] {
+    for kind in
+        ["kinematic", "stars", "polygons", "circles", "fireworks", "logo", "emblem", "cd", "stochastic", "mosaic"]
+    {
         let render = |name: &str, seed: &str| {
             let out = folder.path().join(format!("{kind}-{name}"));
             let fixed = [

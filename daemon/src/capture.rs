@@ -10,7 +10,7 @@ use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::polarimetry::{self, Align, Options, Report, Running};
 use nacre_processing::progress::Progress;
-use nacre_processing::{bokeh, hdr, pattern};
+use nacre_processing::{bokeh, hdr, pattern, spots};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -55,6 +55,8 @@ pub enum Findings {
     Lut(Box<pattern::Report>),
     /// Of an out-of-focus highlight.
     Bokeh(Box<bokeh::Report>),
+    /// Of fringes.
+    Spots(Box<spots::Report>),
 }
 
 impl Findings {
@@ -65,6 +67,7 @@ impl Findings {
             Self::Hdr(report) => &report.warnings,
             Self::Lut(report) => &report.warnings,
             Self::Bokeh(report) => &report.warnings,
+            Self::Spots(report) => &report.warnings,
         }
     }
 }
@@ -87,6 +90,7 @@ impl Capture<'_> {
     /// # Errors
     /// As [`Engine::run`]; `Input` when the plan asks too much or `out` is there already.
     pub fn begin<D: Disk + Send>(&mut self, plan: Plan, out: &Path, disk: D) -> Result<Taken, Failure> {
+        let plan = plan.with_fringes(&self.rig.setup, &self.rig.devices.limits());
         check_limits(&plan, out, &self.rig.devices.limits())?;
         if !is_vacant(out) {
             return Err(Error::file(out, "is already there", "choose another --out, or --resume it").into());
@@ -234,6 +238,11 @@ fn results(
                 planned.bokeh.as_deref().ok_or_else(|| Error::input("plan", "has no options of bokeh", remedy))?;
             let options = bokeh::Options { overwrite: true, ..asked.clone() };
             Findings::Bokeh(Box::new(bokeh::reconstruct(folder, &results, &options, progress)?))
+        }
+        Method::Spots => {
+            let asked = planned.spots.as_deref().cloned().unwrap_or_default();
+            let settings = spots::Settings { overwrite: true, ..asked };
+            Findings::Spots(Box::new(spots::reconstruct(folder, &results, &settings, progress)?))
         }
         Method::Brdf => return Err(Error::input("plan", "makes a BRDF of photographs", "upload a height field").into()),
     };

@@ -87,6 +87,16 @@ pub enum Pattern {
         /// Its diameter in mm.
         diameter_mm: f64,
     },
+    /// Stripes over the whole panel: luminance (1 + cos 2π(f · x + phase)) / 2 of white. Without any frequency f it is even: white at
+    /// phase 0, half of that at a quarter.
+    Fringes {
+        /// Spatial frequency to the right and up, in cycles per mm.
+        cycles_per_mm: [f64; 2],
+        /// Phase at the panel's middle in cycles.
+        phase: f64,
+        /// Exponent that the panel is taken to have where nothing better is known: it is sent luminance^(1/gamma).
+        gamma: f64,
+    },
 }
 
 /// The stage stands still.
@@ -240,8 +250,14 @@ impl Pattern {
     /// Half the width and height that it needs around the panel's middle, in mm.
     pub fn reach_mm(&self) -> [f64; 2] {
         match self {
-            Self::Black => [0.0, 0.0],
+            // Whatever its size, the panel is full of fringes.
+            Self::Black | Self::Fringes { .. } => [0.0, 0.0],
             Self::Disc { center_mm, diameter_mm } => center_mm.map(|c| c.abs() + 0.5 * diameter_mm),
         }
+    }
+
+    /// Luminance of fringes at a place, from the panel's middle to the right and up in mm: 0 to 1.
+    pub fn fringe([fx, fy]: [f64; 2], phase: f64, [x, y]: [f64; 2]) -> f64 {
+        0.5 + 0.5 * (std::f64::consts::TAU * (fx * x + fy * y + phase)).cos()
     }
 }

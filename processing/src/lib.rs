@@ -23,6 +23,7 @@ pub mod pattern;
 pub mod polarimetry;
 pub mod progress;
 pub mod rcwa;
+pub mod spots;
 pub mod surface;
 pub mod text;
 

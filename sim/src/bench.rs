@@ -3,7 +3,7 @@
 use crate::camera::{Camera, Exposed, Settings};
 use crate::config::{BenchConfig, CameraConfig};
 use crate::random::{electrons, key};
-use crate::scene::{Lamp, Scene, Source, StokesImage, Truth};
+use crate::scene::{Fringes, Lamp, Scene, Source, StokesImage, Truth};
 use crate::stage::Stage;
 use nacre_drivers::Pattern;
 use nacre_processing::Result;
@@ -173,11 +173,13 @@ impl Bench {
             Pattern::Disc { center_mm, diameter_mm } => {
                 let middle = self.scene.panel_middle_mm();
                 let center_mm = [middle[0] + center_mm[0], middle[1] + center_mm[1]];
-                Some(Source { lamp: Lamp::Panel, center_mm, diameter_mm })
+                Some(Source { lamp: Lamp::Panel, center_mm, diameter_mm, fringes: None })
             }
+            Pattern::Fringes { cycles_per_mm, phase, gamma } => Some(self.scene.fringes(cycles_per_mm, phase, gamma)),
         };
         let f = &self.config.flash;
-        let flash = Source { lamp: Lamp::Flash, center_mm: [f.x_mm, f.y_mm], diameter_mm: f.diameter_mm };
+        let flash =
+            Source { lamp: Lamp::Flash, center_mm: [f.x_mm, f.y_mm], diameter_mm: f.diameter_mm, fringes: None };
         [panel, shining.flash.then_some(flash)]
     }
 
@@ -281,6 +283,9 @@ impl Bench {
         for Lit { share, source, .. } in lit {
             let lamp = if source.lamp == Lamp::Flash { 1.0 } else { 0.0 };
             state.extend([*share, lamp, source.center_mm[0], source.center_mm[1], source.diameter_mm]);
+            if let Some(Fringes { cycles_per_mm: [x, y], phase, gamma }) = source.fringes {
+                state.extend([x, y, phase, gamma]);
+            }
         }
         let state: Vec<u64> = state.into_iter().map(f64::to_bits).collect();
         key(&[self.config.seed, key(&state), since as u64])

@@ -31,5 +31,5 @@ pub use config::{
 pub use devices::{Port, SimDevice};
 pub use messages::{Devices, Reply, Request, describe};
 pub use port::SharedBench;
-pub use scene::{Lamp, Scene, Source, StokesImage, Truth};
+pub use scene::{Fringes, Lamp, Scene, Source, StokesImage, Truth};
 pub use truth::write_truth;

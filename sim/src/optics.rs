@@ -300,7 +300,8 @@ mod tests {
         bench.geometry.distance_mm = 2000.0;
         bench.grating.rigorous = Some(RigorousConfig::default());
         let scene = Scene::new(&bench).unwrap();
-        let source = Source { lamp: Lamp::Panel, center_mm: scene.panel_middle_mm(), diameter_mm: bench.disc_mm() };
+        let (center_mm, diameter_mm) = (scene.panel_middle_mm(), bench.disc_mm());
+        let source = Source { lamp: Lamp::Panel, center_mm, diameter_mm, fringes: None };
         let (light, (truth, _)) =
             (scene.render(&source, [0.0; 2], &Silent).unwrap(), scene.survey([0.0; 2], &Silent).unwrap());
         for period in [1.0, 1.4, 2.0] {

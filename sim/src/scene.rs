@@ -3,6 +3,7 @@
 use crate::config::BenchConfig;
 use crate::optics::{Wavelength, band, efficiency};
 use crate::surface::{Point, Sample, Surface};
+use nacre_drivers::Pattern;
 use nacre_processing::Result;
 use nacre_processing::polarimetry::Stokes;
 use nacre_processing::progress::Progress;
@@ -21,16 +22,45 @@ pub struct StokesImage {
     pub planes: [Vec<f32>; 3],
 }
 
-/// A luminous disc in the plane of panel and camera lens, parallel to the sample.
+/// A luminous disc, or the whole panel, in the plane of panel and camera lens, parallel to the sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Source {
     /// What shines.
     pub lamp: Lamp,
     /// Its middle, from the point between camera and panel, in mm.
     pub center_mm: [f64; 2],
-    /// Its diameter in mm.
+    /// Its diameter in mm; of a panel, that of the circle around it.
     pub diameter_mm: f64,
+    /// Stripes over the whole panel in place of the disc.
+    pub fringes: Option<Fringes>,
 }
+
+/// Stripes on the panel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fringes {
+    /// Spatial frequency to the right and up in cycles per mm.
+    pub cycles_per_mm: [f64; 2],
+    /// Phase at the panel's middle in cycles.
+    pub phase: f64,
+    /// Exponent that whoever drives the panel takes it to have.
+    pub gamma: f64,
+}
+
+/// Points of the aperture and their weights: the cubature of degree 5 on a disc of radius 1 (Hammer and Stroud 1958).
+const APERTURE: [([f64; 2], f64); 7] = {
+    const R: f64 = 0.816_496_580_927_726;
+    const H: f64 = 0.5 * R;
+    const V: f64 = 0.707_106_781_186_547_5;
+    [
+        ([0.0, 0.0], 0.25),
+        ([R, 0.0], 0.125),
+        ([-R, 0.0], 0.125),
+        ([H, V], 0.125),
+        ([-H, V], 0.125),
+        ([H, -V], 0.125),
+        ([-H, -V], 0.125),
+    ]
+};
 
 /// What shines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,6 +116,13 @@ impl Scene {
     /// Where the panel's middle is, from the point between camera and panel, in mm.
     pub fn panel_middle_mm(&self) -> [f64; 2] {
         [0.5 * self.bench.geometry.baseline_mm, 0.0]
+    }
+
+    /// Stripes over the whole panel as a source.
+    pub fn fringes(&self, cycles_per_mm: [f64; 2], phase: f64, gamma: f64) -> Source {
+        let [w, h] = self.bench.panel.size_mm;
+        let fringes = Some(Fringes { cycles_per_mm, phase, gamma });
+        Source { lamp: Lamp::Panel, center_mm: self.panel_middle_mm(), diameter_mm: w.hypot(h), fringes }
     }
 
     /// Light from one source, row-major; the image is shifted by `shift` pixels, right and down.
@@ -167,7 +204,16 @@ impl Scene {
         let seen = match point.surface {
             Surface::Nothing => return Stokes::default(),
             // A diffuser sees the whole disc: its solid angle over π.
-            Surface::Diffuse => Stokes::unpolarized((0.5 * source.diameter_mm / distance).powi(2) * self.power(source)),
+            Surface::Diffuse => match source.fringes {
+                None => Stokes::unpolarized((0.5 * source.diameter_mm / distance).powi(2) * self.power(source)),
+                // It sees many stripes at once.
+                Some(fringes) => {
+                    let even = fringes.cycles_per_mm == [0.0; 2];
+                    let [w, h] = self.bench.panel.size_mm;
+                    let mean = if even { self.shown(&fringes, [0.0; 2]) } else { 0.5 };
+                    Stokes::unpolarized(mean * w * h / (std::f64::consts::PI * distance * distance))
+                }
+            },
             Surface::Mirror => self.order(&ray, point, 0),
             Surface::Grating { period_um, .. } => {
                 // Orders whose sine leaves the disc's reach are not even traced.
@@ -200,7 +246,10 @@ impl Scene {
             };
             let (sin, cos) = orientation.sin_cos();
             let Some(source) = lifted(mirror[0] + shift * cos, mirror[1] + shift * sin) else { continue };
-            let seen = self.luminance(ray, source);
+            let seen = match &ray.source.fringes {
+                None => self.luminance(ray, source),
+                Some(fringes) => self.stripes(ray, point.slope, [shift * cos, shift * sin], fringes),
+            };
             if seen == 0.0 {
                 continue;
             }
@@ -239,6 +288,33 @@ impl Scene {
             Lamp::Flash => 1.0,
         };
         inside * inside * (3.0 - 2.0 * inside) * falloff * self.power(ray.source)
+    }
+}
+
+impl Scene {
+    /// Luminance of the panel's stripes as the whole aperture sees it through one order, whose sines are the mirrored ones plus `shift`.
+    fn stripes(&self, ray: &Ray, slope: [f32; 2], shift: [f64; 2], fringes: &Fringes) -> f64 {
+        let (distance, [half, _]) = (self.bench.geometry.distance_mm, self.panel_middle_mm());
+        let radius = 0.5 * self.bench.camera.aperture_mm;
+        let [w, h] = self.bench.panel.size_mm;
+        let through = |([a, b], weight): ([f64; 2], f64)| {
+            let view = unit([radius * a - half - ray.x, radius * b - ray.y, distance]);
+            let mirror = mirrored(view, slope);
+            let Some(to) = lifted(mirror[0] + shift[0], mirror[1] + shift[1]) else { return 0.0 };
+            let place = [ray.x + to[0] * distance / to[2] - half, ray.y + to[1] * distance / to[2]];
+            if place[0].abs() > 0.5 * w || place[1].abs() > 0.5 * h {
+                return 0.0;
+            }
+            weight * to[2].powf(self.bench.panel.falloff) * self.shown(fringes, place)
+        };
+        APERTURE.into_iter().map(through).sum()
+    }
+
+    /// Luminance of the panel at a place, from its middle in mm: what is asked for, through the codes of the panel and its own exponent.
+    fn shown(&self, fringes: &Fringes, at: [f64; 2]) -> f64 {
+        let asked = Pattern::fringe(fringes.cycles_per_mm, fringes.phase, at);
+        let code = (255.0 * asked.powf(1.0 / fringes.gamma)).round();
+        (code / 255.0).powf(self.bench.panel.gamma)
     }
 }
 

@@ -1,6 +1,6 @@
 // Patterns in millimetres onto a canvas in pixels. The panel's middle is the origin, x to the right, y up.
 //
-// Values are the panel's own: 255 · value, without any gamma, since only a calibration knows the panel's.
+// Values are the panel's own: 255 · value, without any gamma but where a pattern gives one, since only a calibration knows the panel's.
 
 const radians = (deg) => (deg * Math.PI) / 180;
 
@@ -72,6 +72,10 @@ const DRAW = {
   axial(context, panel, { period_mm, angle_deg, phase_deg }) {
     const [c, s] = [Math.cos(radians(angle_deg)), Math.sin(radians(angle_deg))];
     shade(context, panel, (x, y) => wave(x * c + y * s, period_mm, phase_deg));
+  },
+  // Luminances, so that the panel's exponent is taken out: a quarter cycle away from white is half as bright.
+  fringes(context, panel, { cycles_per_mm: [fx, fy], phase, gamma }) {
+    shade(context, panel, (x, y) => (0.5 + 0.5 * Math.cos(2 * Math.PI * (fx * x + fy * y + phase))) ** (1 / gamma));
   },
   // The middle of the panel is the corner of four squares; the one to the upper right is white.
   checkerboard(context, panel, { square_mm }) {

@@ -6,16 +6,19 @@ import { complain, problemMessage } from "./feedback.js";
 import { bytes, duration, fixed, percent, plain, significant, words } from "./format.js";
 import { bokehFields } from "./bokehform.js";
 import { brdfFields } from "./brdfform.js";
+import { spotsFields } from "./spotsform.js";
 import { tableFields } from "./tableform.js";
 
-const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light" };
-const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf };
+const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light", spots: "Periods by fringes" };
+const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, spots: reportOfSpots };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
   "lut.png": "The table under its light, tone-mapped for the eye, over half vectors: the zero order is in the middle. Grey is not measured.",
   "deconvolved.png": "The highlight with the lens's blur taken out; light as a share of white.",
   "height.png": "Dark taken for deep. Relative where nothing calibrates it.",
   "brdf.png": "Light towards each direction, seen from above: the rim is grazing, up is up. Orders are spread violet to red away from the mirror direction. Compressed for the eye.",
+  "period.png": "The gratings' periods. Grey is masked: no order in reach, light of no single grating, or two that explain it.",
+  "orientation.png": "Direction of the grating vector, across the grooves.",
   "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
 };
 
@@ -68,6 +71,7 @@ export async function showPictures(main, job, signal) {
 /** Another reconstruction of the same photographs, by the service. */
 function nextPanel(job) {
   if (job.method === "brdf") return anew(job, "In other light", brdfFields({ ...job.options }));
+  if (job.method === "spots") return anew(job, "Again", spotsFields({ ...job.options }));
   const kept = (method) => (job.method === method ? { ...job.options } : {});
   const forms = { lut: tableFields(kept("lut")), bokeh: bokehFields(kept("bokeh")) };
   const method = select([["lut", "A diffraction table"], ["bokeh", "Lines in an out-of-focus highlight"]], job.method === "bokeh" ? "bokeh" : "lut", { id: "next-method", onchange: paint });
@@ -173,6 +177,32 @@ function reportOfTable(report) {
       ["Per pixel", plain(report.scale)],
       ["Exponent", plain(report.exponent)],
       ["Method", `${words(choice.method)}${choice.spacing_px === null ? "" : `, ${plain(choice.spacing_px)} pixels apart`}: ${choice.why}`],
+      ["Took", seconds.total && duration(seconds.total)],
+    ]),
+    h("details", {}, h("summary", {}, "Taken for granted"), h("ul", {}, (report.assumptions ?? []).map((a) => h("li", { class: "soft" }, a)))));
+}
+
+/** A spot scan's report. */
+function reportOfSpots(report) {
+  const { pixels, seconds = {}, warnings = [], mirror_offset_deg: mirror } = report;
+  const all = report.width * report.height;
+  const percents = (value) => (value === null ? "unknown" : percent(value, 2));
+  return h("div", { class: "stack" }, warned(warnings),
+    figures([
+      ["of the pixels resolved", percent(pixels.resolved / all, 1)],
+      ["σ of the period", percents(report.period_sigma)],
+      ["σ of the orientation", report.orientation_sigma_deg === null ? "unknown" : `${fixed(report.orientation_sigma_deg, 2)}°`],
+    ]),
+    facts([
+      ["Patterns", `${report.patterns}, of which ${report.fringes} different fringes`],
+      ["Wavelength", `${plain(report.wavelength_nm)} nm`],
+      ["Shared by all periods", percents(report.period_scale_sigma)],
+      ["No order in reach", percent(pixels.no_order / all, 1)],
+      ["No single grating", percent(pixels.unexplained / all, 1)],
+      ["Two gratings", percent(pixels.ambiguous / all, 1)],
+      ["Dark or saturated", percent((pixels.dark + pixels.unusable) / all, 1)],
+      ["Mirror direction", mirror && `${fixed(mirror[0], 3)}°, ${fixed(mirror[1], 3)}° from the geometry`],
+      ["Aperture", `${fixed(report.aperture_mm, 1)} mm`],
       ["Took", seconds.total && duration(seconds.total)],
     ]),
     h("details", {}, h("summary", {}, "Taken for granted"), h("ul", {}, (report.assumptions ?? []).map((a) => h("li", { class: "soft" }, a)))));

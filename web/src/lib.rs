@@ -59,6 +59,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("patterns.js", SCRIPT),
     row!("pictures.js", SCRIPT),
     row!("bokehform.js", SCRIPT),
+    row!("spotsform.js", SCRIPT),
     row!("brdfform.js", SCRIPT),
     row!("tableform.js", SCRIPT),
     row!("pixelchart.js", SCRIPT),

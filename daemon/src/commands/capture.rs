@@ -147,6 +147,10 @@ fn line(step: &Step) -> String {
             let with = if flash { " and flash" } else { "" };
             format!("disc of {diameter_mm} mm at {x}, {y}{with}")
         }
+        (Pattern::Fringes { cycles_per_mm: [fx, fy], phase, .. }, ..) => match fx.hypot(fy) {
+            0.0 => format!("even light, {:.0} %", 50.0 + 50.0 * (std::f64::consts::TAU * phase).cos()),
+            f => format!("fringes of {:.1} mm, phase {phase:.3}", 1.0 / f),
+        },
     };
     let exposure = state.exposure_ms.map_or_else(String::new, |ms| format!("{ms} ms"));
     let what = if step.role == Role::Series { "" } else { "  (besides)" };

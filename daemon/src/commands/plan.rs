@@ -37,14 +37,22 @@ pub struct PlanArgs {
 pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
     let (PlanCommand::Check(args) | PlanCommand::Estimate(args)) = command;
     let plan = Plan::read(&args.plan)?;
-    let limits = args.bench.described()?.limits()?;
+    let place = args.bench.described()?;
+    let limits = place.limits()?;
     check_limits(&plan, &args.plan, &limits)?;
+    let plan = plan.with_fringes(&place.setup(), &limits);
     match command {
         PlanCommand::Check(_) => {
             let (least, frames) = (plan.steps().len(), plan.most_steps().len());
             let range = if least < frames { format!("{least} to {frames} frames") } else { format!("{frames} frames") };
-            let value = serde_json::json!({ "frames": frames, "least_frames": least });
-            console.result(&format!("the plan is sound: {range}"), &value);
+            let mut value = serde_json::json!({ "frames": frames, "least_frames": least });
+            let mut text = format!("the plan is sound: {range}");
+            if let Some(reach) = plan.reach(&place.setup(), &limits) {
+                text += &reach.text();
+                value["shortest_um"] = serde_json::json!(reach.shortest_um);
+                value["predicted"] = serde_json::json!(reach.predicted);
+            }
+            console.result(&text, &value);
         }
         PlanCommand::Estimate(_) => {
             let estimate = estimate(&plan, limits, &args.bench, console)?;

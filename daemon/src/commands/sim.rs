@@ -64,7 +64,7 @@ Examples:
   nacre sim render --bench bench.toml --angles-deg 0,45,90,135 --out session
   nacre sim render --sample logo --retardance-deg 10 --out filmed
 
-Samples: kinematic, stars, polygons, circles, fireworks, logo, emblem, cd, stochastic.
+Samples: kinematic, stars, polygons, circles, fireworks, logo, emblem, cd, stochastic, mosaic.
 Writes frames/, frames.json, truth.exr (orientation, period, purity) and bench.toml;
 `nacre schema bench` lists all knobs.")]
 pub struct Render {

@@ -6,7 +6,7 @@ use crate::session::{Commit, Disk, Entry, Journal, Session, SessionFile, Timing}
 use crate::{Failure, session};
 use nacre_drivers::CameraInfo;
 use nacre_processing::Error;
-use nacre_processing::frames::{self, FrameSet, Geometry, Kind, Spot};
+use nacre_processing::frames::{self, FrameSet, Fringes, Geometry, Kind, Spot};
 use nacre_processing::image::encode_png16_gray;
 use nacre_processing::polarimetry::NoiseModel;
 use std::path::PathBuf;
@@ -169,6 +169,10 @@ fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f
         }
         _ => None,
     };
+    let fringes = match step.state.pattern {
+        nacre_drivers::Pattern::Fringes { cycles_per_mm, phase, .. } => Some(Fringes { cycles_per_mm, phase }),
+        _ => None,
+    };
     let dark = plan.subtracted(steps, step.state.exposure_ms).filter(|_| !has_one_exposure(plan));
     frames::Frame {
         file: PathBuf::from(&step.file),
@@ -176,6 +180,7 @@ fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f
         exposure_s: Some(exposure),
         gain: Some(gain),
         spot,
+        fringes,
         flash: free.then_some(step.state.flash),
         dark: dark.map(PathBuf::from),
     }
@@ -202,6 +207,7 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<fra
         wavelength_nm: setup.wavelength_nm,
         band_nm: setup.band_nm,
         geometry: setup.geometry.map(|geometry| over(geometry, plan, camera)),
+        panel_mm: setup.panel_mm,
         ..FrameSet::new(session::frames_kind(plan.kind), frames)
     }
 }

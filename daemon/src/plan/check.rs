@@ -52,7 +52,12 @@ impl Plan {
         self.exposures_ms.iter().try_for_each(|ms| positive("exposures_ms", *ms))?;
         check_disc("display", &self.display)?;
         if let Some(spots) = &self.spots {
-            count("spots.centers_mm", "spots", spots.centers_mm.len())?;
+            if let Some(fringes) = &spots.fringes {
+                fringes.check()?;
+            }
+            if spots.fringes.is_none() || !spots.centers_mm.is_empty() {
+                count("spots.centers_mm", "spots", spots.centers_mm.len())?;
+            }
             spots.centers_mm.iter().flatten().try_for_each(|c| finite("spots.centers_mm", *c, 1e5))?;
             positive("spots.diameter_mm", spots.diameter_mm)?;
         }
@@ -109,8 +114,9 @@ impl Plan {
         }
         self.check_reconstruct()?;
         let bracket = self.bracket.map_or(0, |b| b.at_most as usize);
-        let per_angle =
-            self.exposures_ms.len().max(bracket).max(self.spots.as_ref().map_or(1, |s| s.centers_mm.len())).max(1);
+        let fringes = |s: &super::SpotsPlan| s.fringes.as_ref().map_or(0, |f| f.patterns().len());
+        let spots = self.spots.as_ref().map_or(1, |s| s.centers_mm.len() + fringes(s));
+        let per_angle = self.exposures_ms.len().max(bracket).max(spots).max(1);
         let angles = self.analyser.as_ref().map_or(1, AnalyserPlan::most);
         match per_angle.saturating_mul(angles).max(self.steps.len()) {
             0..=MAX_STEPS => Ok(()),
@@ -126,12 +132,20 @@ impl Plan {
             Method::Polarization => self.kind == PlanKind::Polarization,
             // Nothing that is captured.
             Method::Brdf => false,
+            Method::Spots => self.spots.as_ref().is_some_and(|s| s.fringes.is_some()),
             Method::Hdr | Method::Lut | Method::Bokeh => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
         };
         if !fits {
             return Err(format!("reconstruct.method is {method}, but the plan's kind is {kind}; remove it"));
         }
         let merges = planned.method != Method::Polarization;
+        match (&planned.spots, planned.method) {
+            (Some(settings), Method::Spots) => settings.check().map_err(|e| format!("reconstruct.spots: {e}"))?,
+            (Some(_), _) => {
+                return Err(format!("reconstruct.spots belongs to the method spots, not to {method}; remove it"));
+            }
+            (None, _) => {}
+        }
         if merges && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
             return Err(format!(
                 "reconstruct.method {method} merges one view, but analyser names several angles; name one"

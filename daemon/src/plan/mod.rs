@@ -3,15 +3,17 @@
 mod analyser;
 mod check;
 mod estimate;
+mod fringes;
 mod steps;
 
 pub use analyser::{AnalyserPlan, UntilSigma};
 pub use estimate::{Estimate, Least, Limits, approach, light_on_s};
+pub use fringes::{FringesPlan, Reach};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
 use nacre_processing::polarimetry::{Model, Oblique};
-use nacre_processing::{bokeh, pattern};
+use nacre_processing::{bokeh, pattern, spots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -98,6 +100,9 @@ pub struct ReconstructPlan {
     /// Of the method bokeh: blur, scale, lens and so on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bokeh: Option<Box<bokeh::Options>>,
+    /// Of the method spots: geometry, wavelength and so on. What the bench says of them is known without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spots: Option<Box<spots::Settings>>,
 }
 
 /// Which reconstruction.
@@ -113,6 +118,8 @@ pub enum Method {
     Lut,
     /// Lines and heights of a grating in an out-of-focus highlight, for kinds exposures and flash.
     Bokeh,
+    /// Orientation and period from fringes on the panel, for kind spots.
+    Spots,
     /// The light that an uploaded height field diffracts; not for plans.
     Brdf,
 }
@@ -181,14 +188,23 @@ pub enum PatternKind {
     Black,
 }
 
-/// A series of white discs on the panel.
+/// A series of white discs on the panel, of fringes, or of both.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpotsPlan {
-    /// Their middles, from the panel's middle to the right and up, in mm, in the order they are taken.
+    /// Middles of discs, from the panel's middle to the right and up, in mm, in the order they are taken.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub centers_mm: Vec<[f64; 2]>,
     /// Their diameter in mm.
+    #[serde(default = "disc_mm")]
     pub diameter_mm: f64,
+    /// Stripes that move over the panel, for `reconstruct spots`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fringes: Option<FringesPlan>,
+}
+
+fn disc_mm() -> f64 {
+    10.0
 }
 
 /// One frame of a free plan.

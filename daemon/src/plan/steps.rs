@@ -1,6 +1,6 @@
 //! A plan as the list of frames it asks for.
 
-use super::{AnalyserPlan, Extra, FreeStep, Plan, PlanKind, UntilSigma};
+use super::{AnalyserPlan, Extra, FreeStep, FringesPlan, Plan, PlanKind, UntilSigma};
 use nacre_drivers::Pattern;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -160,8 +160,9 @@ impl Plan {
             }
             PlanKind::Spots => {
                 let spots = self.spots.iter().flat_map(|s| s.centers_mm.iter().map(|c| (*c, s.diameter_mm)));
-                let discs: Vec<_> =
+                let mut discs: Vec<_> =
                     spots.map(|(center_mm, diameter_mm)| Pattern::Disc { center_mm, diameter_mm }).collect();
+                discs.extend(self.spots.iter().filter_map(|s| s.fringes.as_ref()).flat_map(FringesPlan::patterns));
                 let at = |a: &Option<f64>| discs.iter().map(|d| State { pattern: *d, ..state(*a) }).collect::<Vec<_>>();
                 angles.iter().flat_map(at).collect()
             }

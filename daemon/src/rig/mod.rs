@@ -96,6 +96,26 @@ impl Place {
     }
 }
 
+impl Place {
+    /// Optics and distances, as far as they are known without opening anything.
+    pub fn setup(&self) -> Setup {
+        match &self.simulated {
+            Some(SimulatedBench::Here { config, .. }) if !self.section.has_real_device() => Setup {
+                wavelength_nm: Some(config.filter.wavelength_nm),
+                band_nm: Some(config.filter.band_nm).filter(|b| *b > 0.0),
+                geometry: Some(Geometry {
+                    distance_mm: config.geometry.distance_mm,
+                    baseline_mm: config.geometry.baseline_mm,
+                    pixel_um: None,
+                    camera_px: None,
+                }),
+                panel_mm: Some(config.panel.size_mm),
+            },
+            _ => self.section.optics.setup(),
+        }
+    }
+}
+
 impl From<SimulatedBench> for Place {
     fn from(simulated: SimulatedBench) -> Self {
         Self { simulated: Some(simulated), section: BenchSection::default(), page: None }
@@ -131,6 +151,7 @@ async fn open(sources: Sources, locks: Vec<DeviceLock>) -> DeviceResult<Rig> {
     let stage = StageHandle::start(sources.stage()?, sources.patience(sources.section.stage.is_some())).await?;
     let camera = CameraHandle::start(sources.camera()?, sources.patience(sources.section.camera.is_some())).await?;
     let display = DisplayHandle::start(sources.display()?, sources.patience(sources.section.display.is_some())).await?;
+    let panel_mm = display.describe().size_mm;
     let flash = match sources.flash()? {
         Some(flash) => Some(FlashHandle::start(flash, sources.patience(sources.section.flash.is_some())).await?),
         None => None,
@@ -152,7 +173,7 @@ async fn open(sources: Sources, locks: Vec<DeviceLock>) -> DeviceResult<Rig> {
         devices,
         watch,
         ids,
-        setup: simulated.map_or_else(|| sources.section.optics.setup(), setup),
+        setup: Setup { panel_mm: Some(panel_mm), ..simulated.map_or_else(|| sources.section.optics.setup(), setup) },
         config: simulated.map(|s| s.bench.clone()),
         section: sources.section.has_real_device().then(|| sources.section.clone()),
         bench: sources.bench,
@@ -172,5 +193,6 @@ fn setup(simulated: &Simulated) -> Setup {
             pixel_um: Some(simulated.pixel_um),
             camera_px: None,
         }),
+        panel_mm: None,
     }
 }

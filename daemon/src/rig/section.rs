@@ -91,7 +91,12 @@ impl Optics {
             }
             _ => None,
         };
-        Setup { wavelength_nm: self.wavelength_nm, band_nm: self.band_nm.filter(|b| *b > 0.0), geometry }
+        Setup {
+            wavelength_nm: self.wavelength_nm,
+            band_nm: self.band_nm.filter(|b| *b > 0.0),
+            geometry,
+            panel_mm: None,
+        }
     }
 }
 

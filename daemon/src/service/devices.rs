@@ -85,7 +85,7 @@ struct InterlockState {
     holds: Option<bool>,
 }
 
-/// What the panel shows: `"black"`, or a white disc.
+/// What the panel shows: `"black"`, a white disc, or fringes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum PatternBody {
@@ -99,6 +99,17 @@ pub enum PatternBody {
         /// Its diameter in mm.
         #[schema(exclusive_minimum = 0.0)]
         diameter_mm: f64,
+    },
+    /// Stripes over the whole panel, luminance (1 + cos 2π(f · x + phase)) / 2; even light without a frequency.
+    Fringes {
+        /// Frequency to the right and up, in cycles per mm.
+        #[schema(min_items = 2, max_items = 2)]
+        cycles_per_mm: [f64; 2],
+        /// Phase at the panel's middle, in cycles.
+        phase: f64,
+        /// Exponent that the panel is taken to have where nothing better is known.
+        #[schema(minimum = 0.2, maximum = 5)]
+        gamma: f64,
     },
 }
 
@@ -178,6 +189,7 @@ impl From<Pattern> for PatternBody {
         match pattern {
             Pattern::Black => Self::Black,
             Pattern::Disc { center_mm, diameter_mm } => Self::Disc { center_mm, diameter_mm },
+            Pattern::Fringes { cycles_per_mm, phase, gamma } => Self::Fringes { cycles_per_mm, phase, gamma },
         }
     }
 }
@@ -187,6 +199,13 @@ impl PatternBody {
     fn checked(self, size_mm: [f64; 2]) -> Answer<Pattern> {
         let pattern = match self {
             Self::Black => return Ok(Pattern::Black),
+            Self::Fringes { cycles_per_mm, phase, gamma } => {
+                let sane =
+                    cycles_per_mm.iter().all(|f| f.abs() <= 1.0) && phase.abs() <= 1e6 && (0.2..=5.0).contains(&gamma);
+                let problem =
+                    || Problem::bad("fringes have at most 1 cycle per mm, a finite phase and a gamma of 0.2 to 5");
+                return sane.then_some(Pattern::Fringes { cycles_per_mm, phase, gamma }).ok_or_else(problem);
+            }
             Self::Disc { center_mm, diameter_mm } => Pattern::Disc { center_mm, diameter_mm },
         };
         let reach = pattern.reach_mm();

@@ -44,6 +44,8 @@ pub enum PagePattern {
     Radial { period_mm: f64, phase_deg: f64 },
     /// Stripes across a direction: (1 + cos(2π u / period + phase)) / 2.
     Axial { period_mm: f64, angle_deg: f64, phase_deg: f64 },
+    /// Stripes over the whole panel whose luminance is (1 + cos 2π(f · x + phase)) / 2 on a panel of this exponent.
+    Fringes { cycles_per_mm: [f64; 2], phase: f64, gamma: f64 },
     /// White discs.
     Spots { centers_mm: Vec<[f64; 2]>, diameter_mm: f64 },
     /// Black and white squares.
@@ -168,6 +170,9 @@ impl PagePattern {
             Self::Radial { period_mm, phase_deg } => finite(&[*period_mm, *phase_deg]) && *period_mm > 0.0,
             Self::Axial { period_mm, angle_deg, phase_deg } => {
                 finite(&[*period_mm, *angle_deg, *phase_deg]) && *period_mm > 0.0
+            }
+            Self::Fringes { cycles_per_mm, phase, gamma } => {
+                finite(cycles_per_mm) && finite(&[*phase]) && (0.2..=5.0).contains(gamma)
             }
             Self::Spots { centers_mm, diameter_mm } => {
                 centers_mm.len() <= 10_000

@@ -42,7 +42,7 @@ use metrics::Metrics;
 use nacre_processing::Error;
 use nacre_processing::polarimetry::{self, Model};
 use nacre_processing::progress::Progress;
-use nacre_processing::{bokeh, hdr, pattern, surface};
+use nacre_processing::{bokeh, hdr, pattern, spots, surface};
 use problem::{Answer, Kind, Problem};
 use runs::Run;
 use serde::de::DeserializeOwned;
@@ -290,6 +290,10 @@ fn work(data: PathBuf) -> Work {
                 pattern::reconstruct(&input, &out, &settings, progress)?;
             }
             Method::Brdf => surface::render(&input, &out, &spec.options_of()?, true, progress)?,
+            Method::Spots => {
+                let settings = spots::Settings { overwrite: true, ..spec.options_of()? };
+                spots::reconstruct(&input, &out, &settings, progress)?;
+            }
             Method::Bokeh => {
                 let options = bokeh::Options { overwrite: true, ..spec.options_of()? };
                 bokeh::reconstruct(&input, &out, &options, progress)?;

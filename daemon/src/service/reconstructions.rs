@@ -11,7 +11,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
 use nacre_processing::polarimetry::{Model, Oblique, PeriodMethod, Smoothing};
-use nacre_processing::{bokeh, color, hdr, pattern, surface};
+use nacre_processing::{bokeh, color, hdr, pattern, spots, surface};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,7 +25,7 @@ pub struct Request {
     session: Option<String>,
     /// Or uploaded photographs.
     upload: Option<String>,
-    /// `polarization` (the default), `hdr`, `lut`, `bokeh` or `brdf`.
+    /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots` or `brdf`.
     method: Option<Method>,
     /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
     /// "recover", "align": "auto" | "off"}`. Of `lut`, of which wavelength and scale or geometry are needed unless the photographs say
@@ -35,7 +35,8 @@ pub struct Request {
     /// of which `psf` is needed: `{"psf": {"sigma": 2.5}, "light": "blue", "crop": [x, y, w, h], "rotate_deg": 90, "iterations": {"auto":
     /// 500} | {"count": 30}, "scale": {"pixel": 2.5} | {"lines": {"per_mm": 50}}, "lens": {"focal_mm", "f_number", "distance_m"},
     /// "wavelength_nm": 450, "known": {"shape": "blazed", "depth_um": 0.4}, "calibration": {"gain_um", "offset"}, "slice": [x0, y0, x1,
-    /// y1], "slice_width": 15}`. Of `brdf`, for uploaded height fields: `{"pixel_um": 0.08, "range_um": 0.4, "level": false, "size": 512,
+    /// y1], "slice_width": 15}`. Of `spots`: `{"geometry": {…as in geometry.json}, "wavelength_nm":
+    /// 560, "wavelength_sigma_nm": 1, "panel_mm": [520, 320], "aperture_mm": 10, "periods_um": [0.7, 4], "mirror_deg": 0.2}`. Of `brdf`, for uploaded height fields: `{"pixel_um": 0.08, "range_um": 0.4, "level": false, "size": 512,
     /// "settings": {"light_deg": [30, 0], "method": "auto", "coherence_um": 65, "max_error": 0.01, "normalisation": "brdf" | "relative",
     /// "reflectance": "perfect" | "schlick=0.04" | "gold", "shadowing": false, "illuminant": "D65", "observer": "1931"}}`.
     #[schema(value_type = Option<Object>)]
@@ -280,6 +281,11 @@ fn check(spec: &Spec, input: &std::path::Path) -> Answer<()> {
                 return Err(Problem::bad("method brdf takes a height field; give an upload, not a session"));
             }
             Ok(options.check(input)?)
+        }
+        Method::Spots => {
+            whole()?;
+            let settings: spots::Settings = spec.options_of()?;
+            Ok(spots::check_input(input, &settings)?)
         }
         Method::Bokeh => {
             if spec.session.is_some() {

@@ -58,6 +58,9 @@ pub struct Setup {
     /// Where sample, light and camera stand.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<Geometry>,
+    /// Width and height of the panel in mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub panel_mm: Option<[f64; 2]>,
 }
 
 impl SessionFile {

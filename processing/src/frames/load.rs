@@ -1,6 +1,6 @@
 //! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
 
-use super::{FILE_NAME, FrameSet, GAMMAS, Geometry, Kind, Spot, Transfer};
+use super::{FILE_NAME, FrameSet, Fringes, GAMMAS, Geometry, Kind, Spot, Transfer};
 use crate::image::{Info, info};
 use crate::text::read_text;
 use crate::{Error, Result};
@@ -157,6 +157,9 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
             return bad("geometry", format!("{baseline_mm} mm, {camera_px:?} is no place"), "correct the numbers");
         }
     }
+    if let Some([w, h]) = set.panel_mm.filter(|s| !s.iter().all(|mm| (1.0..=1e5).contains(mm))) {
+        return bad("panel_mm", format!("{w} × {h} mm is no panel"), "give its width and height in mm");
+    }
     if let Some(problem) = set.material.and_then(|m| m.problem()) {
         return bad("material", problem.into(), "correct the numbers");
     }
@@ -176,11 +179,25 @@ fn check_light(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) 
     let by_frame = matches!(set.kind, Kind::Exposures | Kind::Flash | Kind::Spots | Kind::Free);
     for (i, frame) in set.frames.iter().enumerate() {
         let key = |name: &str| format!("frames[{i}].{name}");
-        let present = [("spot", frame.spot.is_some()), ("flash", frame.flash.is_some())];
+        let fringes = ("fringes", frame.fringes.is_some());
+        let present = [("spot", frame.spot.is_some()), fringes, ("flash", frame.flash.is_some())];
         if let Some((name, _)) = present.iter().find(|p| p.1 && !by_frame) {
             return bad(&key(name), "does not belong to this kind".into(), "remove it or change kind");
         }
+        if let Some(Fringes { cycles_per_mm, phase }) = frame.fringes
+            && !(cycles_per_mm.iter().all(|f| f.abs() <= 100.0) && phase.abs() <= 1e6)
+        {
+            return bad(&key("fringes"), format!("{cycles_per_mm:?} at phase {phase} are no fringes"), "correct it");
+        }
         match frame.spot {
+            Some(_) if frame.fringes.is_some() => {
+                return bad(
+                    &key("spot"),
+                    "is given beside fringes".into(),
+                    "a panel shows one of them; remove the other",
+                );
+            }
+            None if frame.fringes.is_some() => {}
             None if set.kind == Kind::Spots => return bad(&key("spot"), "is missing".into(), "say where the spot was"),
             Some(Spot { center_mm, diameter_mm })
                 if !(center_mm.iter().all(|c| c.abs() <= 1e5) && diameter_mm > 0.0 && diameter_mm <= 1e5) =>

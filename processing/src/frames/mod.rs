@@ -64,6 +64,9 @@ pub struct FrameSet {
     /// Where sample, light and camera stood.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub geometry: Option<Geometry>,
+    /// Width and height of the panel in mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub panel_mm: Option<[f64; 2]>,
     /// What the sample is made of (default: a film of index 1.5 on aluminium).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<Material>,
@@ -105,6 +108,9 @@ pub struct Frame {
     /// What the panel showed; nothing is a black panel, where the set's kind does not say otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spot: Option<Spot>,
+    /// Stripes that the panel showed in place of a disc.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fringes: Option<Fringes>,
     /// Whether the flash was on (default: in sets of kind flash).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flash: Option<bool>,
@@ -122,6 +128,16 @@ pub struct Spot {
     pub center_mm: [f64; 2],
     /// Its diameter in mm.
     pub diameter_mm: f64,
+}
+
+/// Stripes over the whole panel: luminance (1 + cos 2π(f · x + phase)) / 2; even light without a frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fringes {
+    /// Spatial frequency to the right and up in cycles per mm.
+    pub cycles_per_mm: [f64; 2],
+    /// Phase at the panel's middle in cycles.
+    pub phase: f64,
 }
 
 /// How file values relate to light.
@@ -188,6 +204,7 @@ impl FrameSet {
             wavelength_nm: None,
             band_nm: None,
             geometry: None,
+            panel_mm: None,
             material: None,
         }
     }
@@ -202,6 +219,7 @@ impl Frame {
             exposure_s: None,
             gain: None,
             spot: None,
+            fringes: None,
             flash: None,
             dark: None,
         }

@@ -26,7 +26,9 @@ pub(super) fn bracket(input: &Path) -> Result<LoadedFrames> {
         return refuse("holds frames of a polarization sensor", "give a set of kind exposures");
     }
     let first = &set.frames[0];
-    if set.frames.iter().any(|f| (f.analyser_deg, f.spot, f.flash) != (first.analyser_deg, first.spot, first.flash)) {
+    if set.frames.iter().any(|f| {
+        (f.analyser_deg, f.spot, f.fringes, f.flash) != (first.analyser_deg, first.spot, first.fringes, first.flash)
+    }) {
         let problem = "holds several views: analyser, spot or flash differ between its frames";
         return refuse(problem, "merge one view at a time, or reconstruct polarization, which merges exposures itself");
     }

@@ -5,6 +5,7 @@ mod bokeh;
 mod hdr;
 mod lut;
 mod photographs;
+pub mod spots;
 mod surface;
 
 use crate::config::BenchConfig;
@@ -19,6 +20,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     all.extend(lut::studies(effort));
     all.extend(bokeh::studies(effort));
     all.extend(surface::studies(effort));
+    all.extend(spots::studies(effort));
     all
 }
 

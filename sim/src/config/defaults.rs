@@ -35,6 +35,7 @@ impl Default for PanelConfig {
             retardance_deg: 90.0,
             falloff: 2.0,
             ambient: 0.002,
+            gamma: 2.2,
         }
     }
 }

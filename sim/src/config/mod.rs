@@ -183,6 +183,8 @@ pub struct PanelConfig {
     pub falloff: f64,
     /// Unpolarized light from elsewhere, relative to the panel as seen in a mirror.
     pub ambient: f64,
+    /// What its luminance grows with: the code, of 8 bits, to this power.
+    pub gamma: f64,
 }
 
 /// Colour filter in front of the camera, a Gaussian band.

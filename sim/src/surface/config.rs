@@ -13,7 +13,7 @@ pub struct SampleConfig {
     pub size_mm: Option<f64>,
     /// Depth of the grating, peak to peak, in µm.
     pub depth_um: f64,
-    /// Period in µm; by default 1.6 for a CD and 1 for the rest. Samples of several periods scale with it.
+    /// Period in µm; by default 1.6 for a CD, 1.2 for a mosaic and 1 for the rest. Samples of several periods scale with it.
     pub period_um: Option<f64>,
     /// Smooth variation of the reflectance over the sample: 0.4 is ±40 %.
     pub reflectance_variation: f64,
@@ -52,11 +52,13 @@ pub enum SampleKind {
     Cd,
     /// Foil of random squares whose periods follow their orientations, so that a flash makes a spiral.
     Stochastic,
+    /// Random polygons, each with its own orientation and a period from the sample's to 2.5 times that.
+    Mosaic,
 }
 
 impl SampleKind {
     /// All samples.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Kinematic,
         Self::Stars,
         Self::Polygons,
@@ -66,6 +68,7 @@ impl SampleKind {
         Self::Emblem,
         Self::Cd,
         Self::Stochastic,
+        Self::Mosaic,
     ];
 
     /// Name in files and options.
@@ -80,6 +83,7 @@ impl SampleKind {
             Self::Emblem => "emblem",
             Self::Cd => "cd",
             Self::Stochastic => "stochastic",
+            Self::Mosaic => "mosaic",
         }
     }
 }
@@ -107,7 +111,7 @@ impl SampleConfig {
         self.size_mm.unwrap_or(match self.kind {
             SampleKind::Kinematic => 25.0,
             SampleKind::Logo => 15.0,
-            SampleKind::Emblem => 20.0,
+            SampleKind::Emblem | SampleKind::Mosaic => 20.0,
             SampleKind::Cd => 100.0,
             _ => 40.0,
         })
@@ -127,6 +131,7 @@ impl SampleConfig {
         let relative = match self.kind {
             SampleKind::Emblem => [1.0, 2.0],
             SampleKind::Stochastic => [0.78, 1.64],
+            SampleKind::Mosaic => [1.0, 2.5],
             _ => [1.0, 1.0],
         };
         relative.map(|p| p * self.period_um())
@@ -134,7 +139,11 @@ impl SampleConfig {
 
     /// Period in µm.
     pub fn period_um(&self) -> f64 {
-        self.period_um.unwrap_or(if self.kind == SampleKind::Cd { 1.6 } else { 1.0 })
+        self.period_um.unwrap_or(match self.kind {
+            SampleKind::Cd => 1.6,
+            SampleKind::Mosaic => 1.2,
+            _ => 1.0,
+        })
     }
 
     /// Pitch of dots and of defects in mm.

@@ -78,6 +78,7 @@ impl Sample {
             SampleKind::Logo => Box::new(polygons::Logo::new(half, seed)),
             SampleKind::Emblem => Box::new(patterns::Emblem { half }),
             SampleKind::Cd => Box::new(discs::Cd { half }),
+            SampleKind::Mosaic => Box::new(polygons::Mosaic::new(half, seed)),
             SampleKind::Stochastic => Box::new(patterns::Stochastic { square: config.cell_mm(), seed }),
         };
         Self { pattern, defects: Defects::new(config, seed), config: config.clone() }
@@ -138,7 +139,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_sample_is_sound_everywhere(x in -0.6..0.6f64, y in -0.6..0.6f64, kind in 0..9usize, seed in 0..50u64) {
+        fn every_sample_is_sound_everywhere(x in -0.6..0.6f64, y in -0.6..0.6f64, kind in 0..10usize, seed in 0..50u64) {
             let config = SampleConfig { kind: SampleKind::ALL[kind], mixed_dots: 0.1, dead_dots: 0.1, bumps_deg: 0.2, scratches: 3, ..SampleConfig::default() };
             let (a, b) = (Sample::new(&config, seed), Sample::new(&config, seed));
             let (x, y) = (x * a.field_mm(), y * a.field_mm());

@@ -58,6 +58,22 @@ impl Pattern for Paper {
     }
 }
 
+/// Polygons that have nothing in common: random orientations, and periods that are spread evenly from 1 to 2.5.
+pub(super) struct Mosaic(Cells);
+
+impl Mosaic {
+    pub(super) fn new(half: f64, seed: u64) -> Self {
+        Self(Cells { per_side: 8, side: half / 4.0, seed: key(&[seed, 0x305]) })
+    }
+}
+
+impl Pattern for Mosaic {
+    fn at(&self, x: f64, y: f64) -> Ideal {
+        let (id, _) = self.0.find(x, y);
+        Ideal::Grating(PI * uniform(key(&[id, 10])), 1.0 + 1.5 * uniform(key(&[id, 11])))
+    }
+}
+
 /// A round logo of polygons, each with a smooth gradient of orientations, on paper that does not diffract.
 pub(super) struct Logo {
     cells: Cells,

@@ -5,6 +5,7 @@ mod foil;
 mod hdr;
 mod lut;
 mod polarization;
+mod spots;
 
 pub use polarization::{Polarization, summary};
 
@@ -25,6 +26,8 @@ pub enum Reconstruct {
     Bokeh(Box<bokeh::Bokeh>),
     /// How orientations and periods of a foil's random dots are distributed, from one photograph under a flash.
     Foil(foil::Foil),
+    /// Orientation and absolute period of gratings from fringes on the panel.
+    Spots(spots::Spots),
 }
 
 /// Runs a reconstruction.
@@ -35,5 +38,6 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
         Reconstruct::Lut(args) => args.run(console),
         Reconstruct::Bokeh(args) => args.run(console),
         Reconstruct::Foil(args) => args.run(console),
+        Reconstruct::Spots(args) => args.run(console),
     }
 }

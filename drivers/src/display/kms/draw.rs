@@ -39,7 +39,15 @@ pub fn draw(pattern: &Pattern, panel: &Geometry, tone: &Tone) -> Result<Vec<u32>
     panel.check()?;
     let [width, height] = panel.pixels;
     let mut pixels = vec![0; width * height];
-    let Pattern::Disc { center_mm, diameter_mm } = *pattern else { return Ok(pixels) };
+    let (center_mm, diameter_mm) = match *pattern {
+        Pattern::Black => return Ok(pixels),
+        // The panel's own tone curve is known here, so the assumed exponent is not needed.
+        Pattern::Fringes { cycles_per_mm, phase, .. } => {
+            fringes(&mut pixels, cycles_per_mm, phase, panel, tone)?;
+            return Ok(pixels);
+        }
+        Pattern::Disc { center_mm, diameter_mm } => (center_mm, diameter_mm),
+    };
     let reach = pattern.reach_mm();
     let fits = (0..2).all(|axis| reach[axis] <= 0.5 * panel.size_mm[axis]);
     if !(fits && diameter_mm > 0.0) {
@@ -60,6 +68,30 @@ pub fn draw(pattern: &Pattern, panel: &Geometry, tone: &Tone) -> Result<Vec<u32>
         }
     }
     Ok(pixels)
+}
+
+/// Fills the panel with stripes.
+fn fringes(pixels: &mut [u32], f: [f64; 2], phase: f64, panel: &Geometry, tone: &Tone) -> Result<(), String> {
+    const LEVELS: usize = 4096;
+    let [width, height] = panel.pixels;
+    let pitch = [panel.size_mm[0] / width as f64, panel.size_mm[1] / height as f64];
+    // Two pixels of a period are no stripe any more.
+    let coarse = !phase.is_finite() || (0..2).any(|axis| !(f[axis].abs() * pitch[axis] <= 0.25));
+    if coarse {
+        let [x, y] = f;
+        return Err(format!("fringes of ({x}, {y}) cycles per mm at phase {phase} on pixels of {:.3} mm", pitch[0]));
+    }
+    let codes = tone.codes(LEVELS);
+    for (row, line) in pixels.chunks_mut(width).enumerate() {
+        let y = (0.5 * (height as f64 - 1.0) - row as f64) * pitch[1];
+        for (column, pixel) in line.iter_mut().enumerate() {
+            let x = (column as f64 - 0.5 * (width as f64 - 1.0)) * pitch[0];
+            let level = (Pattern::fringe(f, phase, [x, y]) * LEVELS as f64).round() as usize;
+            let code = u32::from(codes[level.min(LEVELS)]);
+            *pixel = code << 16 | code << 8 | code;
+        }
+    }
+    Ok(())
 }
 
 /// A disc in mm, on pixels of this pitch.
@@ -140,6 +172,35 @@ mod tests {
         assert!(draw(&Pattern::Black, &PANEL, &tone).unwrap().iter().all(|p| *p == 0));
         let pixels = draw(&disc(0.0, 0.0, 50.0), &PANEL, &tone).unwrap();
         assert_eq!(pixels[200 * 640 + 320], 0xFF_FFFF);
+    }
+
+    /// Demodulated as a camera would, stripes have their frequency, direction and phase.
+    #[test]
+    fn fringes_have_their_phase_everywhere() {
+        let tone = Tone::Gamma(2.2);
+        let (f, phase) = ([0.02, -0.013], 0.3);
+        let shots: Vec<Vec<u32>> = (0..4)
+            .map(|k| {
+                let phase = phase + f64::from(k) / 4.0;
+                let pattern = Pattern::Fringes { cycles_per_mm: f, phase, gamma: 2.2 };
+                draw(&pattern, &PANEL, &tone).unwrap()
+            })
+            .collect();
+        let light = |k: usize, i: usize| tone.luminance((shots[k][i] & 255) as u8);
+        for i in (0..640 * 400).step_by(977) {
+            let (column, row) = ((i % 640) as f64, (i / 640) as f64);
+            let [x, y] = [(column - 319.5) * 0.5, (199.5 - row) * 0.6];
+            let seen = (light(3, i) - light(1, i)).atan2(light(0, i) - light(2, i));
+            let wanted = std::f64::consts::TAU * (f[0] * x + f[1] * y + phase);
+            let off = (seen - wanted).sin().atan2((seen - wanted).cos());
+            assert!(off.abs() < 0.03, "{column} {row}: {off}");
+        }
+        let even = draw(&Pattern::Fringes { cycles_per_mm: [0.0; 2], phase: 0.25, gamma: 2.2 }, &PANEL, &tone).unwrap();
+        assert!((tone.luminance((even[7] & 255) as u8) - 0.5).abs() < 0.005);
+        for bad in [[0.6, 0.0], [f64::NAN, 0.0]] {
+            let pattern = Pattern::Fringes { cycles_per_mm: bad, phase: 0.0, gamma: 2.2 };
+            assert!(draw(&pattern, &PANEL, &tone).is_err());
+        }
     }
 
     #[test]

@@ -1,0 +1,197 @@
+//! Where the orders of a grating land on the panel: exact geometry of camera, sample and panel.
+
+use std::f64::consts::TAU;
+
+/// Where things stand, in sample coordinates: mm, origin in the middle of the sample, x right and y up as the camera sees it, z out of
+/// the surface.
+#[derive(Clone, Debug)]
+pub struct Optics {
+    /// Middle of the camera's entrance pupil.
+    pub viewer_mm: [f64; 3],
+    /// Columns: the panel's x, y and normal (towards the sample's side) in sample coordinates.
+    pub panel_axes: [[f64; 3]; 3],
+    /// Middle of the panel.
+    pub panel_mm: [f64; 3],
+    /// Width and height of the panel in mm.
+    pub panel_size_mm: [f64; 2],
+    /// Effective wavelength in µm.
+    pub wavelength_um: f64,
+    /// Standard deviation of the band over its middle.
+    pub band: f64,
+    /// Diameter of the camera's aperture in mm.
+    pub aperture_mm: f64,
+}
+
+/// A pixel's place on the sample and the mirror direction there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Point on the sample in mm.
+    pub point: [f64; 3],
+    /// Sines of the mirror direction: minus the tangent part of the direction to the camera.
+    pub mirror: [f64; 2],
+    /// Standard deviation of sines over the aperture: half its radius over the distance.
+    pub spread: f64,
+}
+
+/// Where a direction meets the panel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Landing {
+    /// From the panel's middle, right and up, in mm.
+    pub at: [f64; 2],
+    /// mm per sine: `[[dx/du, dx/dv], [dy/du, dy/dv]]`.
+    pub slope: [[f64; 2]; 2],
+}
+
+impl Optics {
+    /// A pixel that sees this point of the sample.
+    pub fn place(&self, point: [f64; 3]) -> Place {
+        let to: [f64; 3] = std::array::from_fn(|i| self.viewer_mm[i] - point[i]);
+        let distance = norm(to);
+        Place { point, mirror: [-to[0] / distance, -to[1] / distance], spread: 0.25 * self.aperture_mm / distance }
+    }
+
+    /// Where the direction with these sines, away from the surface, meets the panel's plane; none where there is no such direction or it
+    /// does not come near to the panel's front.
+    pub fn land(&self, point: [f64; 3], [u, v]: [f64; 2]) -> Option<Landing> {
+        let rest = 1.0 - u * u - v * v;
+        if rest < 0.01 {
+            return None;
+        }
+        let w = rest.sqrt();
+        let [ex, ey, ez] = self.panel_axes;
+        let from: [f64; 3] = std::array::from_fn(|i| point[i] - self.panel_mm[i]);
+        let along = [u, v, w];
+        let speed = dot(ez, along);
+        if speed.abs() < 0.05 {
+            return None;
+        }
+        let reach = -dot(ez, from) / speed;
+        if reach <= 0.0 {
+            return None;
+        }
+        let at = [dot(ex, from) + reach * dot(ex, along), dot(ey, from) + reach * dot(ey, along)];
+        // The direction moves with its sines, and with it the distance to the plane.
+        let moved = |change: [f64; 3]| {
+            let dreach = -reach * dot(ez, change) / speed;
+            [reach * dot(ex, change) + dreach * dot(ex, along), reach * dot(ey, change) + dreach * dot(ey, along)]
+        };
+        let (du, dv) = (moved([1.0, 0.0, -u / w]), moved([0.0, 1.0, -v / w]));
+        Some(Landing { at, slope: [[du[0], dv[0]], [du[1], dv[1]]] })
+    }
+
+    /// Whether a place is on the panel, at least `margin` mm from its edge.
+    pub fn is_on(&self, at: [f64; 2], margin: f64) -> bool {
+        (0..2).all(|i| at[i].abs() <= 0.5 * self.panel_size_mm[i] - margin)
+    }
+
+    /// Sines of the direction from a point of the sample to a place on the panel.
+    pub fn towards(&self, point: [f64; 3], at: [f64; 2]) -> [f64; 2] {
+        let [ex, ey, _] = self.panel_axes;
+        let to: [f64; 3] = std::array::from_fn(|i| self.panel_mm[i] + at[0] * ex[i] + at[1] * ey[i] - point[i]);
+        let distance = norm(to);
+        [to[0] / distance, to[1] / distance]
+    }
+
+    /// Part of a fringe's modulation that is left of order `m`: the aperture and the band spread it over the panel.
+    pub fn modulation(&self, carrier: [f64; 2], landing: &Landing, place: &Place, order: f64, q: [f64; 2]) -> f64 {
+        let [[a, b], [c, d]] = landing.slope;
+        // The phase per sine.
+        let phase = [carrier[0] * a + carrier[1] * c, carrier[0] * b + carrier[1] * d];
+        let band = self.band * order * (phase[0] * q[0] + phase[1] * q[1]);
+        // Across the line of sight sines move as the aperture does, along it by its cosine squared.
+        let [u, v] = place.mirror;
+        let along = u * phase[0] + v * phase[1];
+        let seen = [phase[0] - u * along, phase[1] - v * along];
+        // A disc of radius 2·spread: 2 J1(x)/x, to fourth order in the exponent.
+        let x2 = 4.0 * place.spread * place.spread * (seen[0] * seen[0] + seen[1] * seen[1]);
+        (-x2 / 8.0 - x2 * x2 / 384.0 - 0.5 * band * band).exp()
+    }
+}
+
+/// Angular frequency in rad/mm of a frequency in cycles per mm.
+pub fn carrier(cycles_per_mm: [f64; 2]) -> [f64; 2] {
+    cycles_per_mm.map(|f| TAU * f)
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn norm(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    pub(crate) fn facing() -> Optics {
+        Optics {
+            viewer_mm: [-50.0, 0.0, 250.0],
+            panel_axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            panel_mm: [50.0, 0.0, 250.0],
+            panel_size_mm: [520.0, 320.0],
+            wavelength_um: 0.56,
+            band: 0.0,
+            aperture_mm: 12.0,
+        }
+    }
+
+    /// The mirror point of the sample's middle is the panel's middle; 1.66 µm at 530 nm sits 18.6° off a mirror direction along the normal.
+    #[test]
+    fn orders_land_where_the_grating_equation_says() {
+        let optics = facing();
+        let place = optics.place([0.0; 3]);
+        let landing = optics.land(place.point, place.mirror).unwrap();
+        assert!(landing.at.iter().all(|c| c.abs() < 1e-9), "{landing:?}");
+        let overhead = Optics { viewer_mm: [0.0, 0.0, 250.0], panel_mm: [0.0, 0.0, 250.0], ..facing() };
+        let sine = 0.530 / 1.66;
+        let off = overhead.land([0.0; 3], [sine, 0.0]).unwrap().at;
+        assert!((off[0] - 250.0 * sine.asin().tan()).abs() < 1e-9 && (sine.asin().to_degrees() - 18.6).abs() < 0.05);
+    }
+
+    #[test]
+    fn slopes_and_directions_agree_with_differences() {
+        let (c, s) = (0.3_f64.cos(), 0.3_f64.sin());
+        let optics = Optics { panel_axes: [[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]], ..facing() };
+        let (point, sines) = ([3.0, -7.0, 0.0], [0.31, -0.2]);
+        let landing = optics.land(point, sines).unwrap();
+        let back = optics.towards(point, landing.at);
+        assert!((back[0] - sines[0]).abs() < 1e-12 && (back[1] - sines[1]).abs() < 1e-12);
+        for axis in 0..2 {
+            let mut near = sines;
+            near[axis] += 1e-6;
+            let moved = optics.land(point, near).unwrap().at;
+            for i in 0..2 {
+                assert!(((moved[i] - landing.at[i]) / 1e-6 - landing.slope[i][axis]).abs() < 1e-2);
+            }
+        }
+    }
+
+    /// The blur of the aperture against a sum over it.
+    #[test]
+    fn the_aperture_takes_modulation_away() {
+        let optics = facing();
+        let place = optics.place([2.0, 3.0, 0.0]);
+        let (q, k) = ([0.2, 0.1], carrier([0.03, 0.01]));
+        let landing = optics.land(place.point, [place.mirror[0] + q[0], place.mirror[1] + q[1]]).unwrap();
+        let (mut sum, mut count) = ([0.0; 2], 0.0);
+        for i in 0..60 {
+            for j in 0..60 {
+                let [a, b] = [i, j].map(|n| (f64::from(n) + 0.5) / 30.0 - 1.0);
+                if a * a + b * b > 1.0 {
+                    continue;
+                }
+                let moved = Optics { viewer_mm: [-50.0 + 6.0 * a, 6.0 * b, 250.0], ..facing() };
+                let mirror = moved.place(place.point).mirror;
+                let at = optics.land(place.point, [mirror[0] + q[0], mirror[1] + q[1]]).unwrap().at;
+                let phase = k[0] * at[0] + k[1] * at[1];
+                sum = [sum[0] + phase.cos(), sum[1] + phase.sin()];
+                count += 1.0;
+            }
+        }
+        let exact = sum[0].hypot(sum[1]) / count;
+        let got = optics.modulation(k, &landing, &place, 1.0, q);
+        assert!((got - exact).abs() < 0.01, "{got} {exact}");
+    }
+}

@@ -1,0 +1,92 @@
+//! `report.json` of a spot scan.
+
+use super::response::Response;
+use serde::Serialize;
+
+/// Result of a spot scan, in words and numbers.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Always `spots`.
+    pub method: &'static str,
+    /// What the reader must know before trusting the result. Empty when there is nothing.
+    pub warnings: Vec<String>,
+    /// What is taken for granted.
+    pub assumptions: Vec<String>,
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Different fringes.
+    pub fringes: usize,
+    /// Frames of fringes and of even light that were used.
+    pub patterns: usize,
+    /// Effective wavelength in nm.
+    pub wavelength_nm: f64,
+    /// Periods that were looked for, in µm.
+    pub periods_um: [f64; 2],
+    /// Period below which no first order reaches the panel from the sample's middle, for grating vectors at 0, 15, … 165 degrees, in µm;
+    /// none where none ever does.
+    pub shortest_um: Vec<Option<f64>>,
+    /// What became of the pixels.
+    pub pixels: Counts,
+    /// Median σ of the orientation in degrees.
+    pub orientation_sigma_deg: Option<f64>,
+    /// Median σ of the period over the period, common errors left out.
+    pub period_sigma: Option<f64>,
+    /// σ that all periods have in common, over the period: wavelength.
+    pub period_scale_sigma: f64,
+    /// Median over the pixels of how far the mirror direction is from where the geometry puts it, in degrees right and up: a wrong
+    /// geometry, or a tilted sample.
+    pub mirror_offset_deg: Option<[f64; 2]>,
+    /// Median mean square residual in σ.
+    pub residual: Option<f64>,
+    /// Diameter of the aperture that was found or given, in mm.
+    pub aperture_mm: f64,
+    /// How the panel answers.
+    pub response: Response,
+    /// What the map of polarization did, where one was given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub polarization: Option<super::polarization::Helped>,
+    /// Seconds spent.
+    pub seconds: Seconds,
+}
+
+/// Pixels by what became of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counts {
+    /// Period and orientation are known.
+    pub resolved: usize,
+    /// Saturated, or no number.
+    pub unusable: usize,
+    /// No light that follows the fringes.
+    pub dark: usize,
+    /// Mirrored light only: first orders too weak, or out of reach.
+    pub no_order: usize,
+    /// Light that no single grating explains.
+    pub unexplained: usize,
+    /// Two gratings explain it.
+    pub ambiguous: usize,
+}
+
+/// What took how long.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Seconds {
+    /// Reading and demodulating.
+    pub read: f64,
+    /// Finding the aperture.
+    pub calibrate: f64,
+    /// Finding orders.
+    pub solve: f64,
+    /// Writing.
+    pub write: f64,
+    /// Everything.
+    pub total: f64,
+}
+
+impl Report {
+    /// As JSON.
+    pub fn json(&self) -> String {
+        // Plain data with string keys always serialises.
+        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
+    }
+}

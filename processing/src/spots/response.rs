@@ -1,0 +1,79 @@
+//! How the panel's light follows what it is asked for.
+
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// Light that the panel gives is what it is asked for to this power; its exponent was taken out wrongly where that is not 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Response {
+    /// The power.
+    pub power: f64,
+    /// Whether frames of even light told it, or it is assumed.
+    pub measured: bool,
+    /// Largest part of white that the fitted power misses the even frames by.
+    pub misfit: f64,
+}
+
+impl Default for Response {
+    fn default() -> Self {
+        Self { power: 1.0, measured: false, misfit: 0.0 }
+    }
+}
+
+impl Response {
+    /// From frames of even light: (phase in cycles, mean light). Light is (1 + cos 2π phase) / 2 of white.
+    pub fn from_even(frames: &[(f64, f64)]) -> Self {
+        let asked = |phase: f64| 0.5 + 0.5 * (TAU * phase).cos();
+        let Some(white) = frames.iter().filter(|f| asked(f.0) > 0.999).map(|f| f.1).reduce(f64::max) else {
+            return Self::default();
+        };
+        let levels: Vec<(f64, f64)> = frames
+            .iter()
+            .map(|(phase, light)| (asked(*phase), light / white))
+            .filter(|(asked, light)| (0.02..0.98).contains(asked) && *light > 1e-3 && *light < 1.2)
+            .collect();
+        if levels.is_empty() {
+            return Self::default();
+        }
+        // Least squares of ln light = power · ln asked; brighter levels are surer.
+        let (mut above, mut below) = (0.0, 0.0);
+        for (asked, light) in &levels {
+            above += asked.ln() * light.ln() * light;
+            below += asked.ln().powi(2) * light;
+        }
+        let power = above / below;
+        let misfit = levels.iter().map(|(a, l)| (a.powf(power) - l).abs()).fold(0.0, f64::max);
+        Self { power, measured: true, misfit }
+    }
+
+    /// Amplitude of harmonic `n` of fringes, where a perfect panel has 1 for the first: `4 <light cos nφ>`.
+    pub fn harmonic(&self, n: u32) -> f64 {
+        const STEPS: u32 = 4096;
+        let term = |i: u32| {
+            let angle = TAU * (f64::from(i) + 0.5) / f64::from(STEPS);
+            (0.5 + 0.5 * angle.cos()).powf(self.power) * (f64::from(n) * angle).cos()
+        };
+        4.0 * (0..STEPS).map(term).sum::<f64>() / f64::from(STEPS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_power_is_read_off_even_frames() {
+        let frame = |phase: f64, power: f64| (phase, 0.7 * (0.5 + 0.5 * (TAU * phase).cos()).powf(power));
+        for power in [0.8, 1.0, 1.15] {
+            let frames: Vec<_> = [0.0, 0.25, 1.0 / 3.0].into_iter().map(|p| frame(p, power)).collect();
+            let found = Response::from_even(&frames);
+            assert!(found.measured && (found.power - power).abs() < 1e-9 && found.misfit < 1e-9, "{found:?}");
+        }
+        assert!(!Response::from_even(&[(0.25, 0.3)]).measured);
+        let perfect = Response::default();
+        assert!((perfect.harmonic(1) - 1.0).abs() < 1e-9 && perfect.harmonic(2).abs() < 1e-9);
+        // (1 + cos φ)² / 4 = (1.5 + 2 cos φ + 0.5 cos 2φ) / 4.
+        let square = Response { power: 2.0, ..perfect };
+        assert!((square.harmonic(1) - 1.0).abs() < 1e-9 && (square.harmonic(2) - 0.25).abs() < 1e-9);
+    }
+}

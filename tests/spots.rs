@@ -1,0 +1,142 @@
+//! Orientation and absolute period by fringes, as a user measures them: a plan, the simulated bench, `nacre reconstruct spots`.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_processing::image::{ExrMap, read_exr};
+use nacre_tests::nacre;
+use serde_json::Value;
+use std::path::Path;
+
+const PLAN: &str = r#"
+kind = "spots"
+name = "mosaic of periods"
+spots = { fringes = { count = 12, phases = 4 } }
+extras = ["display_black"]
+reconstruct = { method = "spots" }
+"#;
+
+fn bench(seed: u64) -> String {
+    format!(
+        r#"
+seed = {seed}
+sample = {{ kind = "mosaic" }}
+panel = {{ size_mm = [520, 320] }}
+filter = {{ wavelength_nm = 560 }}
+geometry = {{ distance_mm = 250, baseline_mm = 100 }}
+camera = {{ width = 96, height = 96 }}
+"#
+    )
+}
+
+/// A seed that no run has seen before.
+fn fresh() -> u64 {
+    std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_secs() % 1_000_000_007
+}
+
+fn channel(map: &ExrMap, name: &str) -> Vec<f64> {
+    map.channels[name].iter().map(|v| f64::from(*v)).collect()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// The truth of a bench: what `sim render` writes beside its photographs.
+fn truth(bench: &Path, out: &Path) -> ExrMap {
+    let args = ["sim", "render", "--bench", bench.to_str().unwrap(), "--out", out.to_str().unwrap(), "--size", "384"];
+    nacre(args.into_iter().chain(["--angles-deg", "0,60,120"])).expect(0);
+    read_exr(&out.join("truth.exr")).unwrap()
+}
+
+#[test]
+fn a_mosaic_of_periods_is_measured() {
+    let seed = fresh();
+    println!("seed {seed}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let [bench_file, plan, session] = [path("bench.toml"), path("plan.toml"), path("session")];
+    std::fs::write(&bench_file, bench(seed)).unwrap();
+    std::fs::write(&plan, PLAN).unwrap();
+    let text = |p: &Path| p.to_str().unwrap().to_owned();
+    let checked =
+        nacre(["--json", "plan", "check", &text(&plan), "--sim", "--bench", &text(&bench_file)]).expect(0).json();
+    let shortest: Vec<f64> = checked["shortest_um"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    assert_eq!(shortest.len(), 12);
+    let taken =
+        nacre(["--json", "capture", &text(&plan), "--sim", "--bench", &text(&bench_file), "--out", &text(&session)]);
+    let taken: Value = taken.expect(0).json();
+    let report = &taken["report"];
+    assert!(report["patterns"].as_u64().unwrap() < 64 && taken["frames"].as_u64().unwrap() <= 64, "{taken}");
+    let truth = truth(&bench_file, &path("truth"));
+    let results = session.join("results");
+    let [turn, period] = ["orientation.exr", "period.exr"].map(|name| read_exr(&results.join(name)).unwrap());
+    let (turned, found) = (channel(&turn, "orientation"), channel(&period, "period"));
+    let (true_turn, true_period) = (channel(&truth, "orientation"), channel(&truth, "period"));
+    let fold =
+        |a: f64| (a + std::f64::consts::FRAC_PI_2).rem_euclid(std::f64::consts::PI) - std::f64::consts::FRAC_PI_2;
+    let known: Vec<usize> = (0..found.len()).filter(|i| found[*i].is_finite()).collect();
+    // The truth in sixteenths of a pixel: what a pixel mixes is not like the mean of it.
+    let own = |i: usize| (4 * (i / 96) + 2) * 384 + 4 * (i % 96) + 2;
+    let off = |i: usize, k: usize| [(found[i] / true_period[k] - 1.0).abs(), fold(turned[i] - true_turn[k]).abs()];
+    assert!(known.len() * 10 > found.len() * 6, "seed {seed}: {} of {}", known.len(), found.len());
+    let errors = [0, 1].map(|part| median(known.iter().map(|i| off(*i, own(*i))[part]).collect()));
+    assert!(errors[0] < 0.01 && errors[1].to_degrees() < 0.5, "seed {seed}: {errors:?}");
+    // Nothing near to the pixel is like it: confidently wrong.
+    let wrong = known.iter().filter(|i| {
+        let span = |at: usize| (4 * at).saturating_sub(8)..(4 * at + 12).min(384);
+        span(*i / 96).flat_map(|y| span(*i % 96).map(move |x| y * 384 + x)).all(|k| {
+            let [p, t] = off(**i, k);
+            p > 0.05 || t > 2.5_f64.to_radians()
+        })
+    });
+    let wrong = wrong.count();
+    assert!(wrong * 1000 <= found.len(), "seed {seed}: {wrong} confidently wrong");
+    for name in ["orientation.png", "period.png", "report.json"] {
+        assert!(results.join(name).is_file(), "{name}");
+    }
+    // The same by hand; nothing is overwritten unasked; a wrong wavelength scales all periods and says what it took for granted.
+    let again = path("again");
+    let run = |more: &[&str]| {
+        let args = ["--json", "reconstruct", "spots", session.to_str().unwrap(), "--out", again.to_str().unwrap()];
+        nacre(args.into_iter().chain(more.iter().copied()))
+    };
+    run(&["--wavelength", "571.2", "--wavelength-sigma", "5.6"]).expect(0);
+    run(&[]).expect(2);
+    let scaled = read_exr(&again.join("period.exr")).unwrap();
+    let (longer, sigma) = (channel(&scaled, "period"), channel(&scaled, "sigma"));
+    let both: Vec<usize> = known.into_iter().filter(|i| longer[*i].is_finite()).collect();
+    let ratio = median(both.iter().map(|i| longer[*i] / found[*i]).collect());
+    assert!((ratio - 1.02).abs() < 2e-3, "{ratio}");
+    assert!(both.iter().all(|i| sigma[*i] / longer[*i] > 0.0098), "the wavelength's σ is in that of the periods");
+}
+
+#[test]
+fn what_is_no_spot_scan_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let set = |frames: &str| {
+        std::fs::write(
+            path("frames.json"),
+            format!(r#"{{"kind": "spots", "transfer": "linear", "frames": [{frames}]}}"#),
+        )
+        .unwrap();
+        let args = ["reconstruct", "spots", folder.path().to_str().unwrap(), "--out", path("out").to_str().unwrap()]
+            .map(str::to_owned);
+        nacre(args).expect(2).stderr()
+    };
+    nacre_processing::image::write_png16_gray(&path("a.png"), 4, 4, &[100; 16]).unwrap();
+    let fringes =
+        |f: &str, phase: &str| format!(r#"{{"file": "a.png", "fringes": {{"cycles_per_mm": {f}, "phase": {phase}}}}}"#);
+    let one = fringes("[0.01, 0]", "0");
+    assert!(set(&one).contains("1 different fringes"), "{}", set(&one));
+    assert!(set(&fringes("[1e9, 0]", "0")).contains("are no fringes"));
+    let few: Vec<String> =
+        (0..6).flat_map(|k| ["0", "0.01", "0.02"].map(|p| fringes(&format!("[0.0{k}1, 0.01]"), p))).collect();
+    assert!(set(&few.join(",")).contains("do not tell"));
+    let sound: Vec<String> =
+        (0..6).flat_map(|k| ["0", "0.3", "0.6"].map(|p| fringes(&format!("[0.0{k}1, 0.01]"), p))).collect();
+    assert!(set(&sound.join(",")).contains("where camera and panel stand"));
+    let both = r#"{"file": "a.png", "fringes": {"cycles_per_mm": [0.01, 0], "phase": 0}, "spot": {"center_mm": [0, 0], "diameter_mm": 5}}"#;
+    assert!(set(both).contains("beside fringes"));
+}
