@@ -12,6 +12,7 @@ pub mod bokeh;
 pub mod chart;
 pub mod color;
 pub mod error;
+pub mod flash;
 pub mod frames;
 pub mod hdr;
 pub mod image;

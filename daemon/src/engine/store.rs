@@ -177,6 +177,7 @@ fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f
         gain: Some(gain),
         spot,
         flash: free.then_some(step.state.flash),
+        light_mm: None,
         dark: dark.map(PathBuf::from),
     }
 }

@@ -326,7 +326,7 @@ fn disc(radius: f64) -> Vec<[f64; 2]> {
 }
 
 /// Convolved with a Gaussian.
-fn blurred(image: &[f64], width: usize, sigma: f64) -> Vec<f64> {
+pub(super) fn blurred(image: &[f64], width: usize, sigma: f64) -> Vec<f64> {
     if sigma == 0.0 {
         return image.to_vec();
     }

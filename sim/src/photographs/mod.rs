@@ -3,7 +3,9 @@
 mod bokeh;
 mod flash;
 mod orders;
+mod tiles;
 
 pub use bokeh::BokehPhotograph;
 pub use flash::FlashPhotograph;
 pub use orders::{Profile, Surface};
+pub use tiles::{Grooves, Pattern, Periods, Score, TilesPhotograph};
