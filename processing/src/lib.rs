@@ -14,6 +14,7 @@ pub mod color;
 pub mod error;
 pub mod flash;
 pub mod frames;
+pub mod geometry;
 pub mod hdr;
 pub mod image;
 pub mod pattern;
