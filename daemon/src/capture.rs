@@ -10,7 +10,7 @@ use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::polarimetry::{self, Align, Options, Report, Running};
 use nacre_processing::progress::Progress;
-use nacre_processing::{bokeh, hdr, pattern};
+use nacre_processing::{bokeh, flash, hdr, pattern};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -55,6 +55,8 @@ pub enum Findings {
     Lut(Box<pattern::Report>),
     /// Of an out-of-focus highlight.
     Bokeh(Box<bokeh::Report>),
+    /// Of gratings under a flash.
+    Flash(Box<flash::Report>),
 }
 
 impl Findings {
@@ -65,6 +67,7 @@ impl Findings {
             Self::Hdr(report) => &report.warnings,
             Self::Lut(report) => &report.warnings,
             Self::Bokeh(report) => &report.warnings,
+            Self::Flash(report) => &report.warnings,
         }
     }
 }
@@ -234,6 +237,11 @@ fn results(
                 planned.bokeh.as_deref().ok_or_else(|| Error::input("plan", "has no options of bokeh", remedy))?;
             let options = bokeh::Options { overwrite: true, ..asked.clone() };
             Findings::Bokeh(Box::new(bokeh::reconstruct(folder, &results, &options, progress)?))
+        }
+        Method::Flash => {
+            let asked = planned.flash.as_deref().cloned().unwrap_or_default();
+            let settings = flash::Settings { overwrite: true, ..asked };
+            Findings::Flash(Box::new(flash::reconstruct(folder, &results, &settings, progress)?))
         }
         Method::Brdf => return Err(Error::input("plan", "makes a BRDF of photographs", "upload a height field").into()),
     };

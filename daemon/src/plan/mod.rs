@@ -11,7 +11,7 @@ pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
 use nacre_processing::polarimetry::{Model, Oblique};
-use nacre_processing::{bokeh, pattern};
+use nacre_processing::{bokeh, flash, pattern};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -98,6 +98,9 @@ pub struct ReconstructPlan {
     /// Of the method bokeh: blur, scale, lens and so on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bokeh: Option<Box<bokeh::Options>>,
+    /// Of the method flash: tiles, size of the sheet and so on. What the bench says of wavelength and geometry is known without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flash: Option<Box<flash::Settings>>,
 }
 
 /// Which reconstruction.
@@ -115,6 +118,8 @@ pub enum Method {
     Bokeh,
     /// The light that an uploaded height field diffracts; not for plans.
     Brdf,
+    /// Orientations and periods of gratings under a flash, for the kind flash.
+    Flash,
 }
 
 /// What a plan varies.

@@ -97,7 +97,7 @@ pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice) -> Dec
         (PeriodChoice::Auto, false) => "periods differ from pixel to pixel by more than they are uncertain".into(),
         _ => "as asked for".into(),
     };
-    // Parts that agree no better than this are not averaged further.
+    // What polygons do alike is not averaged beyond the parts of the tile.
     let common = sigma.max(COMMON * length / (PARTS as f64)) * (squares(&all, length) / n as f64).max(1.0).sqrt();
     let chosen = if sample { PeriodChoice::Sample } else { PeriodChoice::Pixel };
     let report = PeriodReport {

@@ -17,8 +17,17 @@ const LIT: f64 = 6.0;
 const STARTS: usize = 6;
 const BRIGHT: f64 = 0.12;
 
-/// Starts that are followed.
-const FOLLOWED: usize = 4;
+/// Starts that are followed, and where few copies are near a lobe.
+const FOLLOWED: [usize; 2] = [4, 10];
+
+/// Copies near a lobe from which a few starts find all gratings; with fewer, starts lie all around the bright copies.
+const MANY: usize = 9;
+
+/// Copies near a lobe below which nothing checks the fit: the unknowns are a vector (with a shared length, its direction) and its light.
+const FEWEST: [usize; 2] = [4, 3];
+
+/// Part of a lobe's peak from which a copy is near it.
+const NEAR: f64 = 0.02;
 
 /// Another grating is ruled out when it is so much worse, in units of what the best one leaves over.
 const RULED_OUT: f64 = 16.0;
@@ -88,9 +97,10 @@ pub(super) fn copies(observed: &[Observed], lobe: &Lobe) -> Result<Vec<Copy>, Wh
     let outside = usable.filter_map(|o| {
         let shape = lobe.at(&o.seen);
         let gain = o.seen.gain;
-        let far = shape.square(o.seen.half) > SPECULAR * SPECULAR && gain > 0.0;
+        let half = lobe.middle(&o.seen);
+        let far = shape.square(half) > SPECULAR * SPECULAR && gain > 0.0;
         let variance = f64::from(o.light[1]) / (gain * gain);
-        far.then(|| (o.seen.half, shape, f64::from(o.light[0]) / gain, variance))
+        far.then(|| (half, shape, f64::from(o.light[0]) / gain, variance))
     });
     let all: Vec<_> = outside.collect();
     let brightest = all.iter().max_by(|a, b| a.2.total_cmp(&b.2)).ok_or(Why::Unseen)?;
@@ -112,7 +122,11 @@ pub(super) fn copies(observed: &[Observed], lobe: &Lobe) -> Result<Vec<Copy>, Wh
 
 /// The grating that explains the copies.
 pub(super) fn fit(copies: &[Copy], prior: &Prior) -> Found {
-    let mut solutions = solutions(copies, prior);
+    let near = |s: &Solution| copies.iter().filter(|c| s.inside(c) > NEAR).count();
+    let mut solutions = solutions(copies, prior, false);
+    if solutions.iter().any(|s| near(s) < MANY) {
+        solutions.extend(self::solutions(copies, prior, true));
+    }
     // A grating with bright higher orders and a dark first one is none (unless it is deeper than a quarter of a wavelength).
     solutions.retain(|s| s.orders[0] > 5.0 * s.first_sigma && s.orders[1..].iter().all(|o| *o < HIGHER * s.orders[0]));
     solutions.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -130,6 +144,13 @@ pub(super) fn fit(copies: &[Copy], prior: &Prior) -> Found {
     }
     if per_copy > POOR {
         return masked(Why::Unexplained);
+    }
+    // At the end of the range, a better one may lie beyond.
+    if prior.shared.is_none() && !(prior.range[0] * 1.01..prior.range[1] * 0.99).contains(&length) {
+        return masked(Why::Ambiguous);
+    }
+    if near(best) < FEWEST[usize::from(prior.shared.is_some())] {
+        return masked(Why::Uncertain);
     }
     if !(orientation_sigma < UNCERTAIN[0] && length_sigma < UNCERTAIN[1] * length) {
         return masked(Why::Uncertain);
@@ -152,8 +173,8 @@ fn nearer(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     if minus[0].hypot(minus[1]) < plus[0].hypot(plus[1]) { minus } else { plus }
 }
 
-/// Least squares near to the brightest copies, taken as first and as second orders.
-fn solutions(copies: &[Copy], prior: &Prior) -> Vec<Solution> {
+/// Least squares near to the brightest copies, or all around them, taken as first and as second orders.
+fn solutions(copies: &[Copy], prior: &Prior, around: bool) -> Vec<Solution> {
     let mut bright: Vec<&Copy> = copies.iter().filter(|c| c.light > BRIGHT).collect();
     bright.sort_by(|a, b| b.light.total_cmp(&a.light));
     let mut chosen: Vec<&Copy> = vec![];
@@ -166,25 +187,44 @@ fn solutions(copies: &[Copy], prior: &Prior) -> Vec<Solution> {
     let mut starts: Vec<([f64; 2], f64)> = vec![];
     for copy in &chosen {
         for order in [1.0, 2.0] {
-            let length = copy.half[0].hypot(copy.half[1]) / order;
-            // A little outside of the range, since a copy need not be at the peak.
-            let beyond = 2.5 * copy.shape.width() / order;
-            if length < prior.range[0] - beyond || length > prior.range[1] + beyond || length == 0.0 {
-                continue;
-            }
-            let wanted = prior.shared.map_or(length.clamp(prior.range[0], prior.range[1]), |[shared, _]| shared);
-            let start = copy.half.map(|v| v / order * wanted / length);
-            // With the period known, a bright copy beside the ring may belong to either side of it.
-            let off = (wanted - length).abs().min(2.0 * copy.shape.width()) / wanted;
-            for turn in if prior.shared.is_some() && off > 0.02 { vec![-off, 0.0, off] } else { vec![0.0] } {
-                let (sin, cos) = f64::sin_cos(turn);
-                let start = [start[0] * cos - start[1] * sin, start[0] * sin + start[1] * cos];
+            for [dx, dy] in places(around) {
+                let width = copy.shape.width();
+                let at = [(copy.half[0] + dx * width) / order, (copy.half[1] + dy * width) / order];
+                let length = at[0].hypot(at[1]);
+                // A little outside of the range, since a copy need not be at the peak.
+                let beyond = 2.5 * width / order;
+                if length < prior.range[0] - beyond || length > prior.range[1] + beyond || length == 0.0 {
+                    continue;
+                }
+                let wanted = prior.shared.map_or(length.clamp(prior.range[0], prior.range[1]), |[shared, _]| shared);
+                let start = at.map(|v| v * wanted / length);
                 starts.push((start, cost_at(copies, start, prior)));
             }
         }
     }
     starts.sort_by(|a, b| a.1.total_cmp(&b.1));
-    starts.iter().take(FOLLOWED).filter_map(|(start, _)| solve(copies, *start, prior)).collect()
+    // Those that lie close together lead to the same.
+    let mut followed: Vec<[f64; 2]> = vec![];
+    for (start, _) in &starts {
+        let apart = |f: &[f64; 2]| copies.first().is_some_and(|c| c.shape.square(nearer(*start, *f)) > 0.8);
+        if followed.len() < FOLLOWED[usize::from(around)] && followed.iter().all(apart) {
+            followed.push(*start);
+        }
+    }
+    followed.iter().filter_map(|start| solve(copies, *start, prior)).collect()
+}
+
+/// Places around a copy that starts are taken from, in widths of its lobe.
+fn places(around: bool) -> Vec<[f64; 2]> {
+    let mut all = vec![[0.0; 2]];
+    for ring in if around { 1..3 } else { 1..2 } {
+        for k in 0..6 {
+            let (sin, cos) = f64::sin_cos(std::f64::consts::FRAC_PI_3 * (f64::from(k) + 0.5 * f64::from(ring)));
+            let far = if around { f64::from(ring) } else { 1.2 };
+            all.push([far * cos, far * sin]);
+        }
+    }
+    all
 }
 
 /// Squares left over per copy in a lobe and degree of freedom.

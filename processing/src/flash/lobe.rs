@@ -27,6 +27,12 @@ pub(super) struct Shape {
 }
 
 impl Lobe {
+    /// Mean half vector over the light: orders lie where it is n λ/a.
+    pub fn middle(&self, seen: &Half) -> [f64; 2] {
+        let variance = self.light_mm * self.light_mm;
+        [0, 1].map(|k| seen.half[k] + variance * seen.bend[k])
+    }
+
     /// Lobes at a half vector. The light spreads them as the half vector changes over it, the band along themselves.
     pub fn at(&self, seen: &Half) -> Shape {
         let [a, b, c] = seen.slope;

@@ -9,22 +9,26 @@
 //! What a fit cannot tell is masked: places without light, with several gratings, with too few copies near a lobe, and those whose light
 //! could as well be of another order.
 
+mod agree;
 mod corners;
 mod decide;
 mod fit;
 mod highlight;
+mod input;
 mod lobe;
 mod output;
 mod paper;
 mod photographs;
 mod reconstruct;
 mod report;
+mod said;
 mod settings;
 mod solve;
 mod spool;
 mod tiling;
 mod view;
 
-pub use reconstruct::{check_input, reconstruct};
+pub use input::check_input;
+pub use reconstruct::reconstruct;
 pub use report::{Masked, PeriodReport, Registration, Report};
 pub use settings::{Orientation, PeriodChoice, Settings};

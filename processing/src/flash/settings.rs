@@ -24,7 +24,7 @@ pub struct Settings {
     pub size_mm: Option<[f64; 2]>,
     /// Camera above the sheet, in mm; without a calibrated geometry.
     pub camera_mm: Option<f64>,
-    /// Light above the sheet, in mm, for photographs that do not say where it was: its highlight tells the rest.
+    /// Light above the sheet, in mm, in place of what the photographs say: its highlight tells the rest.
     pub light_height_mm: Option<f64>,
     /// Tiles to the right and down, which fill the sheet (default: one, or those found with `reference_px`).
     pub tiles: Option<[usize; 2]>,

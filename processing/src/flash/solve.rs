@@ -16,7 +16,7 @@ const FAR: f64 = 28.0;
 const STEPS: usize = 30;
 
 /// Light that is said of an order or of stray light without evidence, over the brightest copy: standard deviation.
-const VAGUE: f64 = 3.0;
+const VAGUE: f64 = 6.0;
 
 type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 type Vector = SVector<f64, UNKNOWNS>;

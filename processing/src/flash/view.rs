@@ -31,6 +31,8 @@ pub(super) struct Half {
     pub gain: f64,
     /// How the half vector changes with the light's place in its plane, xx, xy and yy in 1/mm.
     pub slope: [f64; 3],
+    /// By how much the mean half vector over a light of some size is off that of its middle, per mm² of the light's variance.
+    pub bend: [f64; 2],
 }
 
 impl View {
@@ -119,11 +121,15 @@ pub(super) fn half(viewer: [f64; 3], [x, y]: [f64; 2], light: [f64; 3]) -> Half 
         (d.map(|v| v / length), length)
     };
     let ((o, _), (i, distance)) = (towards(viewer), towards(light));
+    // Half of the half vector's second derivatives, and nearer points of the light being brighter: cos θi/d² changes by -3/d times
+    // the tangent part per mm.
+    let bend = -(0.5 + 4.5 * i[2] * i[2]) / (distance * distance);
     Half {
         place: [x, y],
         half: [o[0] + i[0], o[1] + i[1]],
         gain: i[2] / (distance * distance),
         slope: [(1.0 - i[0] * i[0]) / distance, -i[0] * i[1] / distance, (1.0 - i[1] * i[1]) / distance],
+        bend: [bend * i[0], bend * i[1]],
     }
 }
 

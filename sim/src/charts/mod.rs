@@ -2,6 +2,7 @@
 //! taking that out brings.
 
 mod bokeh;
+mod flash;
 mod hdr;
 mod lut;
 mod photographs;
@@ -19,6 +20,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     all.extend(lut::studies(effort));
     all.extend(bokeh::studies(effort));
     all.push(surface::study(effort));
+    all.extend(flash::studies(effort));
     all
 }
 

@@ -1,6 +1,7 @@
 //! `nacre reconstruct`.
 
 mod bokeh;
+mod flash;
 mod hdr;
 mod lut;
 mod polarization;
@@ -22,6 +23,8 @@ pub enum Reconstruct {
     Lut(lut::Lut),
     /// Height and lines of a grating from a photograph of an out-of-focus highlight on it.
     Bokeh(Box<bokeh::Bokeh>),
+    /// Orientation and absolute period of gratings on a sheet of repeated tiles, from photographs under a flash.
+    Flash(Box<flash::Flash>),
 }
 
 /// Runs a reconstruction.
@@ -31,5 +34,6 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
         Reconstruct::Hdr(args) => args.run(console),
         Reconstruct::Lut(args) => args.run(console),
         Reconstruct::Bokeh(args) => args.run(console),
+        Reconstruct::Flash(args) => args.run(console),
     }
 }

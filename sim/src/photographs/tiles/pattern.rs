@@ -80,11 +80,7 @@ impl Pattern {
         if !(1..=400).contains(&self.polygons) || !(1..=360).contains(&self.directions) {
             return bad("pattern.polygons, pattern.directions", "give 1 to 400 polygons and 1 to 360 directions");
         }
-        let periods: &[f64] = match &self.periods {
-            Periods::Uniform(one) => std::slice::from_ref(one),
-            Periods::Mixed(all) => all,
-            Periods::Graded(two) => two,
-        };
+        let periods = self.periods.all();
         if !(1..=100).contains(&periods.len()) || periods.iter().any(|p| !(0.2..=100.0).contains(p)) {
             return bad("pattern.periods", "give 0.2 to 100 µm, at most 100 of them");
         }
@@ -97,12 +93,23 @@ impl Pattern {
         Ok(())
     }
 
-    /// All periods that occur, for the orders' energies.
+    /// The longest period, whose orders are the most.
     pub(super) fn longest_um(&self) -> f64 {
-        match &self.periods {
-            Periods::Uniform(one) => *one,
-            Periods::Mixed(all) => all.iter().copied().fold(0.0, f64::max),
-            Periods::Graded([a, b]) => a.max(*b),
+        self.periods.all().iter().copied().fold(0.0, f64::max)
+    }
+
+    /// The shortest period, whose orders the band spreads most.
+    pub(super) fn shortest_um(&self) -> f64 {
+        self.periods.all().iter().copied().fold(f64::MAX, f64::min)
+    }
+}
+
+impl Periods {
+    fn all(&self) -> &[f64] {
+        match self {
+            Self::Uniform(one) => std::slice::from_ref(one),
+            Self::Mixed(all) => all,
+            Self::Graded(two) => two,
         }
     }
 }

@@ -7,8 +7,8 @@ use crate::random::{key, uniform};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Wavelengths in the filter's band.
-const WAVELENGTHS: i32 = 7;
+/// Most wavelengths to each side in the filter's band.
+const WAVELENGTHS: i32 = 4;
 
 /// Orders are looked for within so many of their standard deviations.
 const REACH: f64 = 5.0;
@@ -95,12 +95,16 @@ impl TilesPhotograph {
 impl<'a> Bench<'a> {
     fn new(scene: &'a TilesPhotograph, light: V) -> Self {
         let (lambda, half) = (scene.wavelength_nm / 1000.0, 0.5 * scene.band_nm / 1000.0);
-        // A Gaussian band, looked at within three of its half widths at half maximum.
+        // The amplitude's Gaussian of this σ on the surface is one of λ/(2π σ) in direction cosines, its square 1/√2 of that.
+        let sigma = 1.0 / (TAU * scene.coherence_um * 2.0_f64.sqrt());
+        // A Gaussian band, looked at within three of its half widths at half maximum, in steps that move second orders by a lobe.
+        let shortest = scene.pattern.shortest_um();
+        let steps = ((3.0 * half * 2.0 / shortest / (APART * sigma * lambda)).ceil() as i32).clamp(1, WAVELENGTHS);
         let at = |k: i32| {
-            let off = 3.0 * f64::from(k) / f64::from(WAVELENGTHS / 2);
+            let off = 3.0 * f64::from(k) / f64::from(steps);
             [lambda + off * half, 0.5_f64.powf(off * off)]
         };
-        let all: Vec<[f64; 2]> = (-WAVELENGTHS / 2..=WAVELENGTHS / 2).map(at).collect();
+        let all: Vec<[f64; 2]> = (-steps..=steps).map(at).collect();
         let sum: f64 = all.iter().map(|b| b[1]).sum();
         let band =
             if half > 0.0 { all.into_iter().map(|[l, w]| [l, w / sum]).collect() } else { vec![[lambda, 1.0]] };
@@ -110,8 +114,6 @@ impl<'a> Bench<'a> {
             Surface::Grating { profile: Profile::Sinusoid, period_um, depth_um: scene.pattern.depth_um, angle_deg: 0.0 };
         // As many orders as are looked at, whatever the period.
         let orders = grooves.orders([0.2 / most, 2.0 / least], 1.01 * f64::from(HIGHEST) * least / period_um, least);
-        // The amplitude's Gaussian of this σ on the surface is one of λ/(2π σ) in direction cosines, its square 1/√2 of that.
-        let sigma = 1.0 / (TAU * scene.coherence_um * 2.0_f64.sqrt());
         let points = points(scene, APART * sigma * least * light[2]);
         let reach_mm = points.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
         let geometry = scene.geometry();
@@ -140,7 +142,11 @@ impl<'a> Bench<'a> {
         let meets = |z: f64| [0, 1].map(|k| c[k] + (z - c[2]) / ray[2] * ray[k]);
         let (mut z, mut at) = (0.0, meets(0.0));
         for _ in 0..30 {
-            (z, at) = (self.height(at), meets(z));
+            let higher = self.height(at);
+            if (higher - z).abs() < 1e-9 {
+                break;
+            }
+            (z, at) = (higher, meets(higher));
         }
         let sheet = s.sheet_mm();
         let from_corner = [at[0] + 0.5 * sheet[0], 0.5 * sheet[1] - at[1]];
