@@ -12,10 +12,12 @@ use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
-    let scene: TilesPhotograph =
-        args.next().map_or(Ok(TilesPhotograph::default()), |p| toml::from_str(&std::fs::read_to_string(p)?).map_err(Into::<Box<dyn std::error::Error>>::into))?;
-    let settings: Settings =
-        args.next().map_or(Ok(Settings::default()), |p| toml::from_str(&std::fs::read_to_string(p)?).map_err(Into::<Box<dyn std::error::Error>>::into))?;
+    let scene: TilesPhotograph = args.next().map_or(Ok(TilesPhotograph::default()), |p| {
+        toml::from_str(&std::fs::read_to_string(p)?).map_err(Into::<Box<dyn std::error::Error>>::into)
+    })?;
+    let settings: Settings = args.next().map_or(Ok(Settings::default()), |p| {
+        toml::from_str(&std::fs::read_to_string(p)?).map_err(Into::<Box<dyn std::error::Error>>::into)
+    })?;
     let home = tempfile::tempdir()?;
     let out = args.next().map_or(home.path().join("out"), PathBuf::from);
     let begun = Instant::now();

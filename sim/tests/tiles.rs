@@ -41,7 +41,11 @@ fn the_papers_own_test_is_met_with_tiles_misaligned_by_three_pixels() {
     let scene = TilesPhotograph { misaligned_px: 3.0, ..paper() };
     let [one, each, image] = mapped(
         &scene,
-        [|s| s, |s| Settings { period: PeriodChoice::Pixel, ..s }, |s| Settings { orientation: Orientation::Image, ..s }],
+        [
+            |s| s,
+            |s| Settings { period: PeriodChoice::Pixel, ..s },
+            |s| Settings { orientation: Orientation::Image, ..s },
+        ],
     )
     .map(Result::unwrap);
     // The paper: 16.8 % bias. Here at most 2 %, and 5 % of spread with five lights per pixel, 1 % where one period is shared.
@@ -82,11 +86,7 @@ fn what_a_single_light_does_not_tell_is_masked() {
 #[test]
 fn without_a_calibration_periods_are_relative_and_close() {
     let scene = TilesPhotograph { lights_mm: TilesPhotograph::spread(5), ..paper() };
-    let uncalibrated = |s: Settings| Settings {
-        camera_mm: Some(500.0),
-        light_height_mm: Some(200.0),
-        ..s
-    };
+    let uncalibrated = |s: Settings| Settings { camera_mm: Some(500.0), light_height_mm: Some(200.0), ..s };
     let reference = |s: Settings| Settings {
         // A tile of the fifth column and the fourth row: 42.68 pixels wide, the sheet 426.8.
         reference_px: Some([177.0, 121.0, 42.68, 37.73]),
@@ -98,5 +98,10 @@ fn without_a_calibration_periods_are_relative_and_close() {
     assert!(relative.0.relative && relative.0.warnings.iter().any(|w| w.contains("relative")), "{:?}", relative.0);
     assert!(relative.1.bias.abs() < 0.05 && relative.1.inside_deg < 1.0, "{:?}", relative.1);
     // From one tile, all whole ones are found.
-    assert!(found.0.tiles >= 56 && found.1.inside_deg < 1.0 && found.1.bias.abs() < 0.02, "{} {:?}", found.0.tiles, found.1);
+    assert!(
+        found.0.tiles >= 56 && found.1.inside_deg < 1.0 && found.1.bias.abs() < 0.02,
+        "{} {:?}",
+        found.0.tiles,
+        found.1
+    );
 }

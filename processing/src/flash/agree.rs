@@ -14,6 +14,13 @@ const AGREE: f64 = 4.0;
 /// Neighbours that must be known before one can be called alone.
 const KNOWN: usize = 3;
 
+/// At an edge each copy sees a part of its own of the polygon beside, so that its light scatters more than the fit knows: σ is so
+/// many times as large. Measured on simulated sheets.
+const AT_EDGE: f64 = 3.0;
+
+/// How far that reaches, in pixels.
+const REACH: usize = 2;
+
 /// Share of the places with light that must have one grating for any of them to be believed.
 const BELIEVED: f64 = 0.2;
 
@@ -45,9 +52,22 @@ pub(super) fn agreed(found: &[Found], width: usize) -> Vec<Found> {
         if known.len() >= KNOWN && alike.is_empty() {
             return Found::Masked(Why::Ambiguous);
         }
-        Found::Grating(mean(own, &alike))
+        let mean = mean(own, &alike);
+        if !at_edge(found, width, i, own) {
+            return Found::Grating(mean);
+        }
+        let [orientation_sigma, length_sigma] = [mean.orientation_sigma, mean.length_sigma].map(|s| AT_EDGE * s);
+        Found::Grating(Grating { orientation_sigma, length_sigma, ..mean })
     };
     (0..found.len()).map(at).collect()
+}
+
+/// Whether something else, or the tile's end, is near.
+fn at_edge(found: &[Found], width: usize, i: usize, own: &Grating) -> bool {
+    let (x, y, height) = (i % width, i / width, found.len() / width);
+    let ends = x < REACH || y < REACH || x + REACH >= width || y + REACH >= height;
+    let same = |k: usize| matches!(&found[k], Found::Grating(g) if agree(own, g));
+    ends || !(y - REACH..=y + REACH).all(|v| (x - REACH..=x + REACH).all(|u| same(v * width + u)))
 }
 
 /// `to - from`, the short way around.

@@ -6,6 +6,9 @@ use crate::{Error, Result};
 /// Least part of the picture that a sheet takes up.
 const LEAST: f64 = 0.05;
 
+/// Part of the way from the ground to what is bright, from which there is a sheet.
+const RISE: f32 = 0.12;
+
 /// Rounds in which points far from a line are left out.
 const ROUNDS: usize = 6;
 
@@ -19,10 +22,18 @@ pub(super) fn find(room: &Photograph) -> Result<[[f64; 2]; 4]> {
         Error::input("corners_px", problem, "give them: top left, top right, bottom right, bottom left as x,y")
     };
     let (width, height) = (room.width, room.height);
-    let threshold = otsu(&room.light).ok_or_else(lost)?;
-    let bright = |x: usize, y: usize| room.light[y * width + x] > threshold;
+    let parted = otsu(&room.light).ok_or_else(lost)?;
+    let at = |x: usize, y: usize| room.light[y * width + x];
+    // What is printed may be dark: the sheet begins where it is brighter than the picture's border.
+    let border = (0..width)
+        .flat_map(|x| [at(x, 0), at(x, height - 1)])
+        .chain((0..height).flat_map(|y| [at(0, y), at(width - 1, y)]));
+    let ground = median(border.filter(|v| v.is_finite()).collect()).ok_or_else(lost)?;
+    let bright_level = median(room.light.iter().copied().filter(|v| *v > parted).collect()).ok_or_else(lost)?;
+    let threshold = ground + RISE * (bright_level - ground);
+    let bright = |x: usize, y: usize| at(x, y) > threshold;
     let count = room.light.iter().filter(|v| **v > threshold).count();
-    if (count as f64) < LEAST * (width * height) as f64 {
+    if bright_level <= ground || (count as f64) < LEAST * (width * height) as f64 {
         return Err(lost());
     }
     // Between which rows and columns most of it lies, so that a speck elsewhere does not matter.
@@ -35,17 +46,14 @@ pub(super) fn find(room: &Photograph) -> Result<[[f64; 2]; 4]> {
     };
     let ([top, bottom], [left, right]) = inner(&rows).zip(inner(&columns)).ok_or_else(lost)?;
     let trim = |from: usize, to: usize| (from + (to - from) / 8)..(to - (to - from) / 8).max(from + 1);
-    // An edge lies half a pixel before the first bright one.
-    let side_x = |y: usize, back: bool| {
-        let found = if back { (0..width).rev().find(|x| bright(*x, y)) } else { (0..width).find(|x| bright(*x, y)) };
-        found.map(|x| x as f64 + if back { 0.5 } else { -0.5 })
+    let from = |length: usize, back: bool, profile: &dyn Fn(usize) -> f32| {
+        let found = edge(length, [ground, threshold], &|k| profile(if back { length - 1 - k } else { k }))?;
+        Some(if back { (length - 1) as f64 - found } else { found })
     };
-    let side_y = |x: usize, back: bool| {
-        let found = if back { (0..height).rev().find(|y| bright(x, *y)) } else { (0..height).find(|y| bright(x, *y)) };
-        found.map(|y| y as f64 + if back { 0.5 } else { -0.5 })
-    };
-    let upright = |back| line(trim(top, bottom).filter_map(|y| Some([y as f64, side_x(y, back)?])).collect());
-    let level = |back| line(trim(left, right).filter_map(|x| Some([x as f64, side_y(x, back)?])).collect());
+    let upright =
+        |back| line(trim(top, bottom).filter_map(|y| Some([y as f64, from(width, back, &|x| at(x, y))?])).collect());
+    let level =
+        |back| line(trim(left, right).filter_map(|x| Some([x as f64, from(height, back, &|y| at(x, y))?])).collect());
     let sides = [level(false), upright(true), level(true), upright(false)];
     let [Some(above), Some(right), Some(below), Some(left)] = sides else { return Err(lost()) };
     // x = a + b y and y = c + d x.
@@ -54,10 +62,23 @@ pub(super) fn find(room: &Photograph) -> Result<[[f64; 2]; 4]> {
         [a + b * y, y]
     };
     let corners = [meet(left, above), meet(right, above), meet(right, below), meet(left, below)];
-    let within = |p: &[f64; 2]| {
-        p[0] > 0.5 && p[1] > 0.5 && p[0] < width as f64 - 1.5 && p[1] < height as f64 - 1.5
-    };
+    let within = |p: &[f64; 2]| p[0] > 0.5 && p[1] > 0.5 && p[0] < width as f64 - 1.5 && p[1] < height as f64 - 1.5;
     if corners.iter().all(within) { Ok(corners) } else { Err(lost()) }
+}
+
+/// Where a profile comes half-way from the ground to what it reaches just inside.
+fn edge(length: usize, [ground, threshold]: [f32; 2], profile: &dyn Fn(usize) -> f32) -> Option<f64> {
+    let first = (0..length).find(|k| profile(*k) > threshold)?;
+    let top = (first..(first + 5).min(length)).map(profile).fold(threshold, f32::max);
+    let half = 0.5 * (ground + top);
+    let inside = (first..length).find(|k| profile(*k) >= half)?;
+    let (outer, inner) = (profile(inside.checked_sub(1)?), profile(inside));
+    Some(inside as f64 - f64::from((inner - half) / (inner - outer).max(f32::MIN_POSITIVE)))
+}
+
+fn median(mut values: Vec<f32>) -> Option<f32> {
+    values.sort_by(f32::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 /// The level that parts dark from bright best (Otsu 1979).
@@ -94,9 +115,9 @@ fn line(points: Vec<[f64; 2]>) -> Option<[f64; 2]> {
             return None;
         }
         let mean = [0, 1].map(|k| used.iter().map(|p| p[k]).sum::<f64>() / n);
-        let (uu, uv) = used.iter().fold((0.0, 0.0), |(uu, uv), p| {
-            (uu + (p[0] - mean[0]).powi(2), uv + (p[0] - mean[0]) * (p[1] - mean[1]))
-        });
+        let (uu, uv) = used
+            .iter()
+            .fold((0.0, 0.0), |(uu, uv), p| (uu + (p[0] - mean[0]).powi(2), uv + (p[0] - mean[0]) * (p[1] - mean[1])));
         let b = if uu > 0.0 { uv / uu } else { 0.0 };
         let a = mean[1] - b * mean[0];
         found = Some([a, b]);
@@ -124,7 +145,13 @@ mod tests {
             let (x, y) = ((i % width) as f64, (i / width) as f64);
             // Dark spots, also at the border, and a bright speck beside.
             let print = if (i * 7919) % 23 == 0 { 0.1 } else { 0.6 };
-            if inside(x, y) { print } else if i == 3 * width + 5 { 0.9 } else { 0.03 }
+            if inside(x, y) {
+                print
+            } else if i == 3 * width + 5 {
+                0.9
+            } else {
+                0.03
+            }
         };
         let light: Vec<f32> = (0..width * height).map(pixel).collect();
         let room = Photograph { width, height, variance: vec![0.0; light.len()], light };

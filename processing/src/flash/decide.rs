@@ -68,7 +68,10 @@ pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice) -> Dec
     let n = all.len();
     let Some([length, sigma]) = mean(&all).filter(|_| n > 0) else {
         let why = "no pixel has a period".to_owned();
-        return Decision { shared: None, report: PeriodReport { choice: PeriodChoice::Pixel, why, ..PeriodReport::default() } };
+        return Decision {
+            shared: None,
+            report: PeriodReport { choice: PeriodChoice::Pixel, why, ..PeriodReport::default() },
+        };
     };
     let cost = (n as f64).ln();
     let one = squares(&all, length) + cost;
@@ -120,7 +123,10 @@ mod tests {
     /// Lengths of 40 × 40 pixels with deviates that have no pattern.
     fn field(length: impl Fn(usize, usize) -> f64, sigma: f64) -> Vec<Found> {
         let at = |i: usize| {
-            let deviate: f64 = (0..12).map(|k| f64::from(((i * 12 + k) as u32).wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24)).sum::<f64>() - 6.0;
+            let deviate: f64 = (0..12)
+                .map(|k| f64::from(((i * 12 + k) as u32).wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24))
+                .sum::<f64>()
+                - 6.0;
             let length = length(i % 40, i / 40) * (1.0 + sigma * deviate);
             Found::Grating(Grating { orientation: 0.3, length, orientation_sigma: 0.01, length_sigma: sigma * length })
         };

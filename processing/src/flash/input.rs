@@ -64,7 +64,11 @@ pub(super) fn wavelength(settings: &Settings, frames: &LoadedFrames) -> Result<f
 }
 
 /// Places of lights where they are said; refuses those that cannot be found.
-pub(super) fn known_lights(groups: &Groups, settings: &Settings, frames: &LoadedFrames) -> Result<Vec<Option<[f64; 3]>>> {
+pub(super) fn known_lights(
+    groups: &Groups,
+    settings: &Settings,
+    frames: &LoadedFrames,
+) -> Result<Vec<Option<[f64; 3]>>> {
     let one = settings.geometry.as_ref().and_then(|g| g.light_mm).filter(|_| groups.lights.len() == 1);
     let lights: Vec<Option<[f64; 3]>> = groups.lights.iter().map(|g| g.light_mm.or(one)).collect();
     if settings.light_height_mm.is_some() {
@@ -72,7 +76,11 @@ pub(super) fn known_lights(groups: &Groups, settings: &Settings, frames: &Loaded
     }
     if lights.contains(&None) {
         let problem = "does not say where the flash was (light_mm of its frames)";
-        return Err(Error::file(&frames.path, problem, "add it, or give light_height_mm: the highlight tells the rest"));
+        return Err(Error::file(
+            &frames.path,
+            problem,
+            "add it, or give light_height_mm: the highlight tells the rest",
+        ));
     }
     Ok(lights)
 }

@@ -8,9 +8,7 @@ use super::lobe::Lobe;
 pub(super) fn brightest(observed: &[Observed], towards: &[[f64; 2]], lobe: &Lobe) -> Option<Grating> {
     let lit = observed.iter().zip(towards).filter(|(o, _)| {
         let [light, variance] = o.light;
-        light.is_finite()
-            && light > 6.0 * variance.sqrt()
-            && lobe.at(&o.seen).square(o.seen.half) > SPECULAR * SPECULAR
+        light.is_finite() && light > 6.0 * variance.sqrt() && lobe.at(&o.seen).square(o.seen.half) > SPECULAR * SPECULAR
     });
     let (best, [x, y]) = lit.max_by(|a, b| a.0.light[0].total_cmp(&b.0.light[0]))?;
     let orientation = y.atan2(*x).rem_euclid(std::f64::consts::PI);

@@ -107,7 +107,8 @@ impl Photograph {
     /// Light between pixels (Catmull and Rom) and its variance; NaN outside and beside what is saturated.
     pub fn at(&self, [x, y]: [f64; 2]) -> [f32; 2] {
         let (column, row) = (x.floor(), y.floor());
-        let inside = column >= 1.0 && row >= 1.0 && column + 3.0 <= self.width as f64 && row + 3.0 <= self.height as f64;
+        let inside =
+            column >= 1.0 && row >= 1.0 && column + 3.0 <= self.width as f64 && row + 3.0 <= self.height as f64;
         if !inside {
             return [f32::NAN; 2];
         }

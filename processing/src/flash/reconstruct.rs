@@ -173,17 +173,17 @@ impl Job {
     }
 
     /// Gratings of all pixels.
-    fn fitted(
-        &self,
-        settings: &Settings,
-        progress: &dyn Progress,
-    ) -> Result<(Vec<Found>, PeriodReport, Lobe, Prior)> {
+    fn fitted(&self, settings: &Settings, progress: &dyn Progress) -> Result<(Vec<Found>, PeriodReport, Lobe, Prior)> {
         let highlight = Lobe { light_mm: self.light_mm, band: self.band };
         let prior = self.prior(settings, &highlight);
         if settings.orientation == Orientation::Image {
             progress.stage("looking for the brightest", self.tiling.height as u64);
             let found = self.rows(progress, &|_, observed| self.by_brightness(observed, &highlight))?;
-            let report = PeriodReport { choice: PeriodChoice::Pixel, why: "as the paper has it".into(), ..PeriodReport::default() };
+            let report = PeriodReport {
+                choice: PeriodChoice::Pixel,
+                why: "as the paper has it".into(),
+                ..PeriodReport::default()
+            };
             return Ok((found, report, highlight, prior));
         }
         let lobe = if settings.light_sigma_mm.is_some() { highlight } else { self.refined(&highlight, &prior)? };
@@ -205,11 +205,7 @@ impl Job {
         Ok((believed(agreed(&found, self.tiling.width)), decision.report, lobe, prior))
     }
 
-    fn rows(
-        &self,
-        progress: &dyn Progress,
-        of: &(dyn Fn(usize, &[Observed]) -> Found + Sync),
-    ) -> Result<Vec<Found>> {
+    fn rows(&self, progress: &dyn Progress, of: &(dyn Fn(usize, &[Observed]) -> Found + Sync)) -> Result<Vec<Found>> {
         let row = |y: usize| {
             progress.check()?;
             let found = self.row(y, &mut |x, observed| of(x, observed))?;
@@ -245,7 +241,8 @@ impl Job {
         let (mut largest, mut width) = (0.0_f64, 0.0_f64);
         for light in &self.lights {
             for tile in 0..self.tiling.origins.len() {
-                let seen = self.view.half(self.tiling.place(tile, self.tiling.width / 2, self.tiling.height / 2), *light);
+                let seen =
+                    self.view.half(self.tiling.place(tile, self.tiling.width / 2, self.tiling.height / 2), *light);
                 largest = largest.max(seen.half[0].hypot(seen.half[1]));
                 width = width.max(lobe.at(&seen).width());
             }

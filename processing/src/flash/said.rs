@@ -164,7 +164,9 @@ impl Job {
         }
         let missing = report.highlights.iter().filter(|h| h.is_none()).count();
         if missing > 0 {
-            all.push(format!("{missing} of the highlights are not in the picture, so nothing checks where those lights were"));
+            all.push(format!(
+                "{missing} of the highlights are not in the picture, so nothing checks where those lights were"
+            ));
         }
         if settings.orientation == Orientation::Half && report.spacing > 2.2 * report.lobe {
             let lights = (self.lights.len() as f64 * (report.spacing / (2.0 * report.lobe)).powi(2)).ceil();
@@ -175,7 +177,9 @@ impl Job {
             ));
         }
         if settings.orientation == Orientation::Image {
-            all.push("orientations and periods are those of the brightest copies, which are biased; half does better".into());
+            all.push(
+                "orientations and periods are those of the brightest copies, which are biased; half does better".into(),
+            );
         }
         if report.sigma_deg.is_none() {
             all.push(

@@ -137,7 +137,11 @@ impl Settings {
             }
             if !([x, y].iter().all(|v| (0.0..=1e5).contains(v)) && [w, h].iter().all(|v| (8.0..=1e5).contains(v))) {
                 let problem = format!("is {:?}", [x, y, w, h]);
-                return Err(Error::input("reference_px", problem, "give left, top, width and height, 8 pixels and more"));
+                return Err(Error::input(
+                    "reference_px",
+                    problem,
+                    "give left, top, width and height, 8 pixels and more",
+                ));
             }
         }
         if let Some([columns, rows]) = self.tiles

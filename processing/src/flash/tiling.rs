@@ -59,7 +59,8 @@ impl Tiling {
     /// Smallest and largest place that any tile takes up.
     pub fn extent(&self) -> [[f64; 2]; 2] {
         let size = [self.width as f64 * self.pitch_mm, self.height as f64 * self.pitch_mm];
-        let fold = |k: usize, pick: fn(f64, f64) -> f64, start: f64| self.origins.iter().map(|o| o[k]).fold(start, pick);
+        let fold =
+            |k: usize, pick: fn(f64, f64) -> f64, start: f64| self.origins.iter().map(|o| o[k]).fold(start, pick);
         let low = [fold(0, f64::min, f64::MAX), fold(1, f64::min, f64::MAX) - size[1]];
         [low, [fold(0, f64::max, f64::MIN) + size[0], fold(1, f64::max, f64::MIN)]]
     }
@@ -177,7 +178,14 @@ fn correlation(tile: &[f32], size: [usize; 2], patch: &[f32], border: usize, [dx
 }
 
 /// Where a patch looks most like the tile, within a border: pixels right and down, correlation.
-fn nearest(tile: &[f32], tiling: &Tiling, origin: [f64; 2], border: usize, view: &View, room: &Photograph) -> ([f64; 2], f64) {
+fn nearest(
+    tile: &[f32],
+    tiling: &Tiling,
+    origin: [f64; 2],
+    border: usize,
+    view: &View,
+    room: &Photograph,
+) -> ([f64; 2], f64) {
     let size = [tiling.width, tiling.height];
     let patch = patch(tiling, origin, border, view, room);
     let reach = border as i64;
@@ -208,7 +216,9 @@ fn spread(tiling: &mut Tiling, view: &View, room: &Photograph) {
             // Only whole tiles.
             let corners = [[0.0, 0.0], [size[0], 0.0], [0.0, -size[1]], size.map(|s| s)].map(|c| {
                 let p = view.pixel([expected[0] + c[0], expected[1] - c[1].abs()]);
-                p.is_some_and(|p| p[0] >= 1.0 && p[1] >= 1.0 && p[0] < room.width as f64 - 2.0 && p[1] < room.height as f64 - 2.0)
+                p.is_some_and(|p| {
+                    p[0] >= 1.0 && p[1] >= 1.0 && p[0] < room.width as f64 - 2.0 && p[1] < room.height as f64 - 2.0
+                })
             });
             if corners.contains(&false) {
                 continue;
@@ -298,7 +308,12 @@ fn refined(tiling: &Tiling, model: &[f32], mut origin: [f64; 2], view: &View, ro
             for x in 0..width {
                 let i = (y + 1) * across + x + 1;
                 let slope = [0.5 * (patch[i + 1] - patch[i - 1]), 0.5 * (patch[i + across] - patch[i - across])];
-                let row = SVector::<f64, 4>::new(-f64::from(slope[0]), -f64::from(slope[1]), f64::from(model[y * width + x]), 1.0);
+                let row = SVector::<f64, 4>::new(
+                    -f64::from(slope[0]),
+                    -f64::from(slope[1]),
+                    f64::from(model[y * width + x]),
+                    1.0,
+                );
                 let v = f64::from(patch[i]);
                 if v.is_finite() && row.iter().all(|r| r.is_finite()) {
                     a += row * row.transpose();

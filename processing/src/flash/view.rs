@@ -184,7 +184,8 @@ mod tests {
     fn four_corners_are_met_and_the_way_back_is_the_same() {
         let corners = [[100.0, 80.0], [900.0, 60.0], [960.0, 700.0], [60.0, 640.0]];
         let view = View::flat(corners, [297.0, 210.0], 500.0, [1000, 760]).unwrap();
-        for (corner, place) in corners.iter().zip([[-148.5, 105.0], [148.5, 105.0], [148.5, -105.0], [-148.5, -105.0]]) {
+        for (corner, place) in corners.iter().zip([[-148.5, 105.0], [148.5, 105.0], [148.5, -105.0], [-148.5, -105.0]])
+        {
             let found = view.pixel(place).unwrap();
             assert!((found[0] - corner[0]).abs() + (found[1] - corner[1]).abs() < 1e-6, "{found:?}");
             let back = view.point(*corner).unwrap();

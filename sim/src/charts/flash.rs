@@ -1,12 +1,12 @@
 //! Gratings from flash photographs of repeated tiles: lights, lobes, and photographs that are not what the method takes them for.
 
 use crate::photographs::{Pattern, Periods, Score, TilesPhotograph};
+use nacre_processing::Error;
 use nacre_processing::Result;
 use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
 use nacre_processing::flash::{Orientation, PeriodChoice, Settings, reconstruct};
 use nacre_processing::image::OutputFolder;
 use nacre_processing::progress::Silent;
-use nacre_processing::Error;
 use std::time::Instant;
 
 /// What is compared with the truth.
@@ -66,7 +66,15 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
 /// Six by five tiles of the paper's test, on a small picture.
 fn sheet(effort: Effort, seed: u64) -> TilesPhotograph {
     let [width, height] = effort.pick([480, 370], [280, 220]);
-    TilesPhotograph { seed, tiles: [6, 5], width, height, coherence_um: 8.0, band_nm: 4.0, ..TilesPhotograph::default() }
+    TilesPhotograph {
+        seed,
+        tiles: [6, 5],
+        width,
+        height,
+        coherence_um: 8.0,
+        band_nm: 4.0,
+        ..TilesPhotograph::default()
+    }
 }
 
 impl Sheet {
@@ -106,7 +114,8 @@ impl Sheet {
             reference,
             run: Box::new(move |setting, at, seed| {
                 let scene = (self.scene)(values[at], sheet(effort, seed));
-                let plain = Settings { tiles: Some(scene.tiles), size_mm: Some(scene.sheet_mm()), ..Settings::default() };
+                let plain =
+                    Settings { tiles: Some(scene.tiles), size_mm: Some(scene.sheet_mm()), ..Settings::default() };
                 let settings = (self.settings[setting].1)((self.misled)(values[at], &scene, plain));
                 outcome(&scene, &settings, self.compared)
             }),
@@ -268,6 +277,9 @@ mod tests {
         let study = lights(Compared::Orientation, "flash", "").study(Effort::Quick);
         let of = |setting| (study.run)(setting, 2, 3).unwrap();
         let (fitted, paper) = (of(0), of(2));
-        assert!(fitted.error.unwrap() < 0.3 && paper.error.unwrap() > 5.0 * fitted.error.unwrap(), "{fitted:?} {paper:?}");
+        assert!(
+            fitted.error.unwrap() < 0.3 && paper.error.unwrap() > 5.0 * fitted.error.unwrap(),
+            "{fitted:?} {paper:?}"
+        );
     }
 }

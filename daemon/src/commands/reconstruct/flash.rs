@@ -172,11 +172,8 @@ fn summary(report: &Report) -> String {
     let _ = writeln!(text, "period    {um}: {}", period.why);
     let percent = |v: Option<f64>| v.map_or("unknown".into(), |v| format!("{:.2} %", 100.0 * v));
     let degrees = report.sigma_deg.map_or("unknown".into(), |v| format!("{v:.3}°"));
-    let _ = writeln!(
-        text,
-        "quality   σ of a typical orientation {degrees}, of a period {}",
-        percent(report.period_sigma)
-    );
+    let _ =
+        writeln!(text, "quality   σ of a typical orientation {degrees}, of a period {}", percent(report.period_sigma));
     let m = &report.masked;
     let share = |v: f64| 100.0 * v;
     let _ = writeln!(
@@ -197,6 +194,7 @@ fn summary(report: &Report) -> String {
         let _ = writeln!(text, "warning   {warning}");
     }
     let s = &report.seconds;
-    let _ = write!(text, "time      {:.2} s: reading {:.2}, fitting {:.2}, writing {:.2}", s.total, s.read, s.fit, s.write);
+    let _ =
+        write!(text, "time      {:.2} s: reading {:.2}, fitting {:.2}, writing {:.2}", s.total, s.read, s.fit, s.write);
     text
 }

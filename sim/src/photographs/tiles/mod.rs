@@ -151,7 +151,9 @@ impl TilesPhotograph {
             ("full_scale_e", self.full_scale_e, 1.0, 1e9),
             ("read_noise_e", self.read_noise_e, 0.0, 1e6),
         ];
-        if let Some((name, value, least, most)) = ranges.iter().find(|(_, v, least, most)| !(*least..=*most).contains(v)) {
+        if let Some((name, value, least, most)) =
+            ranges.iter().find(|(_, v, least, most)| !(*least..=*most).contains(v))
+        {
             return bad(name, format!("is {value}; expected {least} to {most}"));
         }
         let count = self.tiles[0].saturating_mul(self.tiles[1]);
@@ -260,7 +262,13 @@ impl TilesPhotograph {
     }
 
     /// A 16-bit file of levels (of white) with the camera's noise.
-    fn save(&self, folder: &OutputFolder, name: &str, id: [u64; 2], level: &(dyn Fn(usize) -> f64 + Sync)) -> Result<()> {
+    fn save(
+        &self,
+        folder: &OutputFolder,
+        name: &str,
+        id: [u64; 2],
+        level: &(dyn Fn(usize) -> f64 + Sync),
+    ) -> Result<()> {
         let code = |i: usize| {
             let mean = level(i) * self.full_scale_e;
             let seen = electrons(key(&[self.seed, id[0], id[1], i as u64]), mean, self.read_noise_e);

@@ -122,10 +122,7 @@ impl Tile {
         let middle = |k: usize| {
             let jitter = |axis: u64| 0.7 * (uniform(key(&[seed, 77, k as u64, axis])) - 0.5);
             let cell = [k % across, k / across].map(|c| c as f64 + 0.5);
-            [
-                (cell[0] + jitter(0)) * size_mm[0] / across as f64,
-                (cell[1] + jitter(1)) * size_mm[1] / down as f64,
-            ]
+            [(cell[0] + jitter(0)) * size_mm[0] / across as f64, (cell[1] + jitter(1)) * size_mm[1] / down as f64]
         };
         Self { middles: (0..pattern.polygons).map(middle).collect(), size_mm, pattern: pattern.clone() }
     }

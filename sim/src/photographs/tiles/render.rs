@@ -106,12 +106,15 @@ impl<'a> Bench<'a> {
         };
         let all: Vec<[f64; 2]> = (-steps..=steps).map(at).collect();
         let sum: f64 = all.iter().map(|b| b[1]).sum();
-        let band =
-            if half > 0.0 { all.into_iter().map(|[l, w]| [l, w / sum]).collect() } else { vec![[lambda, 1.0]] };
+        let band = if half > 0.0 { all.into_iter().map(|[l, w]| [l, w / sum]).collect() } else { vec![[lambda, 1.0]] };
         let (least, most) = (lambda - 3.0 * half, lambda + 3.0 * half);
         let period_um = scene.pattern.longest_um();
-        let grooves =
-            Surface::Grating { profile: Profile::Sinusoid, period_um, depth_um: scene.pattern.depth_um, angle_deg: 0.0 };
+        let grooves = Surface::Grating {
+            profile: Profile::Sinusoid,
+            period_um,
+            depth_um: scene.pattern.depth_um,
+            angle_deg: 0.0,
+        };
         // As many orders as are looked at, whatever the period.
         let orders = grooves.orders([0.2 / most, 2.0 / least], 1.01 * f64::from(HIGHEST) * least / period_um, least);
         let points = points(scene, APART * sigma * least * light[2]);
@@ -224,7 +227,10 @@ impl<'a> Bench<'a> {
         if orders.is_empty() {
             return 0.0;
         }
-        self.points.iter().map(|point| point[2] * self.under_point(place, seen, *point, direction, period, &orders)).sum()
+        self.points
+            .iter()
+            .map(|point| point[2] * self.under_point(place, seen, *point, direction, period, &orders))
+            .sum()
     }
 
     /// Tangent part of ωi + ωo, and `[its normal part, cosine of the incident light over the square of its distance]`.
@@ -251,7 +257,8 @@ impl<'a> Bench<'a> {
             let sigma = self.sigma * lambda;
             for n in orders {
                 let at = f64::from(*n) * lambda / period;
-                let square = ((h[0] - at * direction[0]).powi(2) + (h[1] - at * direction[1]).powi(2)) / (sigma * sigma);
+                let square =
+                    ((h[0] - at * direction[0]).powi(2) + (h[1] - at * direction[1]).powi(2)) / (sigma * sigma);
                 if square < REACH * REACH {
                     let energy = if period.is_finite() { self.orders.at([*n, 0], w / lambda) } else { 1.0 };
                     brdf += weight * energy * (-0.5 * square).exp() / (TAU * sigma * sigma);
@@ -280,8 +287,7 @@ fn points(scene: &TilesPhotograph, apart: f64) -> Vec<[f64; 3]> {
         let inside = ((reach - r) / step + 0.5).clamp(0.0, 1.0);
         [x, y, inside * (-0.5 * (r / sigma).powi(2)).exp()]
     };
-    let all: Vec<[f64; 3]> =
-        (-n..=n).flat_map(|j| (-n..=n).map(move |k| point(k, j))).filter(|p| p[2] > 0.0).collect();
+    let all: Vec<[f64; 3]> = (-n..=n).flat_map(|j| (-n..=n).map(move |k| point(k, j))).filter(|p| p[2] > 0.0).collect();
     let sum: f64 = all.iter().map(|p| p[2]).sum();
     all.into_iter().map(|[x, y, w]| [x, y, w / sum]).collect()
 }
