@@ -5,6 +5,9 @@ use super::report::Report;
 use crate::Result;
 use crate::image::{Attribute, Canvas, OutputFolder, orientation_picture, scalar_picture, write_exr};
 
+/// Small maps are shown with up to so many pixels a side.
+const SHOWN: usize = 640;
+
 /// What is written.
 pub(super) struct Output<'a> {
     pub found: &'a [Found],
@@ -65,13 +68,21 @@ impl Output<'_> {
 
     fn pictures<'a>(&'a self, folder: &OutputFolder, at: &(dyn Fn(usize) -> Option<&'a Grating> + Sync)) -> Result<()> {
         let r = self.report;
-        let (width, height) = (r.width, r.height);
+        // Tiles are small: each of their pixels is a square, so that there is something to see.
+        let zoom = (SHOWN / r.width.max(r.height).max(1)).clamp(1, 16);
+        let (width, height) = (zoom * r.width, zoom * r.height);
+        let shown = |x: usize, y: usize| at(y / zoom * r.width + x / zoom);
         let save = |picture: Canvas, name: &str| picture.save_png(&folder.path(name));
-        let orientation = |x: usize, y: usize| at(y * width + x).map(|g| g.orientation as f32);
+        let orientation = |x: usize, y: usize| shown(x, y).map(|g| g.orientation as f32);
         save(orientation_picture(width, height, &orientation, "Orientation\nflash photographs"), "orientation.png")?;
-        let lines = |x: usize, y: usize| at(y * width + x).map(|g| (1000.0 / self.period(g)) as f32);
-        let mut all: Vec<f32> = (0..width * height).filter_map(|i| lines(i % width, i / width)).collect();
-        all.sort_by(f32::total_cmp);
+        let of = |g: &Grating| (1000.0 / self.period(g)) as f32;
+        let lines = |x: usize, y: usize| shown(x, y).map(of);
+        let values = |of: &dyn Fn(&Grating) -> f32| {
+            let mut all: Vec<f32> = (0..self.found.len()).filter_map(|i| at(i).map(of)).collect();
+            all.sort_by(f32::total_cmp);
+            all
+        };
+        let all = values(&of);
         let at_share = |share: usize| all.get(all.len().saturating_sub(1) * share / 100).copied().unwrap_or(600.0);
         let [low, high] = [at_share(1), at_share(99)];
         // One period is one colour, in the middle of a scale of some width.
@@ -79,9 +90,9 @@ impl Output<'_> {
         let [low, high] = if high - low > least { [low, high] } else { [low - least, high + least] };
         let label = if r.relative { "lines per mm (relative)" } else { "lines per mm" };
         save(scalar_picture(width, height, &lines, low, high, label, "Period"), "period.png")?;
-        let sigma = |x: usize, y: usize| at(y * width + x).map(|g| g.orientation_sigma.to_degrees() as f32);
-        let mut all: Vec<f32> = (0..width * height).filter_map(|i| sigma(i % width, i / width)).collect();
-        all.sort_by(f32::total_cmp);
+        let degrees = |g: &Grating| g.orientation_sigma.to_degrees() as f32;
+        let sigma = |x: usize, y: usize| shown(x, y).map(degrees);
+        let all = values(&degrees);
         let top = all.get(all.len() * 98 / 100).copied().unwrap_or(1.0);
         save(scalar_picture(width, height, &sigma, 0.0, top, "σ of the orientation (°)", "Uncertainty"), "sigma.png")
     }

@@ -20,6 +20,9 @@ enum Compared {
     Period,
 }
 
+/// A name, and what it asks of the reconstruction.
+type Way = (&'static str, fn(Settings) -> Settings);
+
 /// What is asked, what is varied, and what is tried.
 struct Sheet {
     name: &'static str,
@@ -30,17 +33,15 @@ struct Sheet {
     reference: usize,
     compared: Compared,
     /// The first is what the program does by itself.
-    settings: &'static [(&'static str, fn(Settings) -> Settings)],
+    settings: &'static [Way],
     scene: fn(f64, TilesPhotograph) -> TilesPhotograph,
     /// What the settings get wrong.
     misled: fn(f64, &TilesPhotograph, Settings) -> Settings,
 }
 
-const PLAIN: (&str, fn(Settings) -> Settings) = ("lobes fitted", |s| s);
-const PIXELS: (&str, fn(Settings) -> Settings) =
-    ("lobes fitted, a period per pixel", |s| Settings { period: PeriodChoice::Pixel, ..s });
-const PAPER: (&str, fn(Settings) -> Settings) =
-    ("brightest copy (paper)", |s| Settings { orientation: Orientation::Image, ..s });
+const PLAIN: Way = ("lobes fitted", |s| s);
+const PIXELS: Way = ("lobes fitted, a period per pixel", |s| Settings { period: PeriodChoice::Pixel, ..s });
+const PAPER: Way = ("brightest copy (paper)", |s| Settings { orientation: Orientation::Image, ..s });
 
 fn same(_: f64, _: &TilesPhotograph, settings: Settings) -> Settings {
     settings
@@ -84,7 +85,7 @@ impl Sheet {
             Effort::Quick => self.values.iter().copied().step_by(2).collect(),
         };
         let reference = if effort == Effort::Quick { self.reference / 2 } else { self.reference };
-        let setting = |(k, (name, _)): (usize, &(&str, fn(Settings) -> Settings))| {
+        let setting = |(k, (name, _)): (usize, &Way)| {
             let setting = Setting::new(name, *name, k as f64);
             if k == 0 { setting.as_default() } else { setting }
         };
