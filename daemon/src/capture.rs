@@ -10,7 +10,7 @@ use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::polarimetry::{self, Align, Options, Report, Running};
 use nacre_processing::progress::Progress;
-use nacre_processing::{bokeh, hdr, pattern, spots};
+use nacre_processing::{bokeh, flash, hdr, pattern, spots};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -57,6 +57,8 @@ pub enum Findings {
     Bokeh(Box<bokeh::Report>),
     /// Of fringes.
     Spots(Box<spots::Report>),
+    /// Of gratings under a flash.
+    Flash(Box<flash::Report>),
 }
 
 impl Findings {
@@ -68,6 +70,7 @@ impl Findings {
             Self::Lut(report) => &report.warnings,
             Self::Bokeh(report) => &report.warnings,
             Self::Spots(report) => &report.warnings,
+            Self::Flash(report) => &report.warnings,
         }
     }
 }
@@ -243,6 +246,11 @@ fn results(
             let asked = planned.spots.as_deref().cloned().unwrap_or_default();
             let settings = spots::Settings { overwrite: true, ..asked };
             Findings::Spots(Box::new(spots::reconstruct(folder, &results, &settings, progress)?))
+        }
+        Method::Flash => {
+            let asked = planned.flash.as_deref().cloned().unwrap_or_default();
+            let settings = flash::Settings { overwrite: true, ..asked };
+            Findings::Flash(Box::new(flash::reconstruct(folder, &results, &settings, progress)?))
         }
         Method::Brdf => return Err(Error::input("plan", "makes a BRDF of photographs", "upload a height field").into()),
     };

@@ -13,6 +13,7 @@ pub mod calibration;
 pub mod chart;
 pub mod color;
 pub mod error;
+pub mod flash;
 pub mod foil;
 pub mod frames;
 pub mod geometry;

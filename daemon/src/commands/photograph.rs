@@ -7,7 +7,7 @@ use clap::Subcommand;
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::progress::Progress;
-use nacre_sim::photographs::{BokehPhotograph, FlashPhotograph, FoilPhotograph};
+use nacre_sim::photographs::{BokehPhotograph, FlashPhotograph, FoilPhotograph, TilesPhotograph};
 use serde::de::DeserializeOwned;
 use std::path::PathBuf;
 
@@ -20,6 +20,8 @@ pub enum Photograph {
     Bokeh(Bokeh),
     /// Foil of random dots under a flash, in several exposures, with its geometry.json.
     Foil(Foil),
+    /// A sheet of repeated tiles under a flash at several places, in narrow-band light.
+    Tiles(Tiles),
 }
 
 /// Arguments of `nacre sim photograph flash`.
@@ -87,6 +89,34 @@ pub struct Foil {
     common: Common,
 }
 
+/// Arguments of `nacre sim photograph tiles`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre sim photograph tiles --out photos                    10 × 8 tiles of polygons, 600 lines per mm, five lights
+  nacre sim photograph tiles --scene sheet.toml --out photos
+  nacre reconstruct flash photos --tiles 10x8 --size-mm 297x210 --out maps
+
+with sheet.toml, in which everything can be left out:
+  tiles = [10, 8]
+  tile_mm = [29.7, 26.25]
+  misaligned_px = 3
+  wavelength_nm = 560
+  lights_mm = [[0, 0, 200], [20, -10, 200]]
+  light_sigma_mm = 6
+  camera_mm = [0, 0, 500]
+  [pattern]
+  polygons = 24
+  directions = 8
+  periods = { mixed = [1.4, 1.66] }       # or { uniform = 1.66 }, { graded = [1.4, 1.8] }
+
+Writes the photographs with their frames.json, one by room light, geometry.json, truth.exr (one tile) and
+scene.json (all that was assumed).")]
+pub struct Tiles {
+    #[command(flatten)]
+    common: Common,
+}
+
 /// What all photographs take.
 #[derive(clap::Args)]
 struct Common {
@@ -124,6 +154,7 @@ pub fn run(command: &Photograph, console: &Console) -> Result<(), Failure> {
         Photograph::Flash(args) => flash(&args.common, console),
         Photograph::Bokeh(args) => bokeh(&args.common, console),
         Photograph::Foil(args) => foil(&args.common, console),
+        Photograph::Tiles(args) => tiles(&args.common, console),
     }
 }
 
@@ -168,6 +199,25 @@ fn foil(args: &Common, console: &Console) -> Result<(), Failure> {
         scene.width,
         scene.height,
         scene.wavelength_nm,
+        args.out.display()
+    );
+    console.result(&text, &scene);
+    Ok(())
+}
+
+fn tiles(args: &Common, console: &Console) -> Result<(), Failure> {
+    let scene: TilesPhotograph = args.scene("tiles")?;
+    scene.check()?;
+    args.write(console, &|folder| scene.write(folder))?;
+    let [width, height] = scene.sheet_mm();
+    let text = format!(
+        "{} lights, {} × {} pixels at {} nm, {} × {} tiles on {width} × {height} mm\nwrote     {}",
+        scene.lights_mm.len(),
+        scene.width,
+        scene.height,
+        scene.wavelength_nm,
+        scene.tiles[0],
+        scene.tiles[1],
         args.out.display()
     );
     console.result(&text, &scene);

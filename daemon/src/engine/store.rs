@@ -182,6 +182,7 @@ fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f
         spot,
         fringes,
         flash: free.then_some(step.state.flash),
+        light_mm: None,
         dark: dark.map(PathBuf::from),
     }
 }

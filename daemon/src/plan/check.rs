@@ -133,6 +133,7 @@ impl Plan {
             // Nothing that is captured.
             Method::Brdf => false,
             Method::Spots => self.spots.as_ref().is_some_and(|s| s.fringes.is_some()),
+            Method::Flash => self.kind == PlanKind::Flash,
             Method::Hdr | Method::Lut | Method::Bokeh => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
         };
         if !fits {
@@ -153,6 +154,12 @@ impl Plan {
         }
         if planned.lut.is_some() && planned.method != Method::Lut {
             return Err(format!("reconstruct.lut belongs to the method lut, not to {method}; remove it"));
+        }
+        if planned.flash.is_some() && planned.method != Method::Flash {
+            return Err(format!("reconstruct.flash belongs to the method flash, not to {method}; remove it"));
+        }
+        if let Some(settings) = &planned.flash {
+            settings.check().map_err(|e| format!("reconstruct.flash: {e}"))?;
         }
         match (&planned.bokeh, planned.method) {
             (Some(options), Method::Bokeh) => {

@@ -13,7 +13,7 @@ pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
 use nacre_processing::polarimetry::{Model, Oblique};
-use nacre_processing::{bokeh, pattern, spots};
+use nacre_processing::{bokeh, flash, pattern, spots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -103,6 +103,9 @@ pub struct ReconstructPlan {
     /// Of the method spots: geometry, wavelength and so on. What the bench says of them is known without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spots: Option<Box<spots::Settings>>,
+    /// Of the method flash: tiles, size of the sheet and so on. What the bench says of wavelength and geometry is known without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flash: Option<Box<flash::Settings>>,
 }
 
 /// Which reconstruction.
@@ -122,6 +125,8 @@ pub enum Method {
     Spots,
     /// The light that an uploaded height field diffracts; not for plans.
     Brdf,
+    /// Orientations and periods of gratings under a flash, for the kind flash.
+    Flash,
 }
 
 /// What a plan varies.

@@ -42,7 +42,7 @@ use metrics::Metrics;
 use nacre_processing::Error;
 use nacre_processing::polarimetry::{self, Model};
 use nacre_processing::progress::Progress;
-use nacre_processing::{bokeh, hdr, pattern, spots, surface};
+use nacre_processing::{bokeh, flash, hdr, pattern, spots, surface};
 use problem::{Answer, Kind, Problem};
 use runs::Run;
 use serde::de::DeserializeOwned;
@@ -288,6 +288,10 @@ fn work(data: PathBuf) -> Work {
             Method::Lut => {
                 let settings = pattern::Settings { overwrite: true, ..spec.options_of()? };
                 pattern::reconstruct(&input, &out, &settings, progress)?;
+            }
+            Method::Flash => {
+                let settings = flash::Settings { overwrite: true, ..spec.options_of()? };
+                flash::reconstruct(&input, &out, &settings, progress)?;
             }
             Method::Brdf => surface::render(&input, &out, &spec.options_of()?, true, progress)?,
             Method::Spots => {

@@ -11,7 +11,7 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
 use nacre_processing::polarimetry::{Model, Oblique, PeriodMethod, Smoothing};
-use nacre_processing::{bokeh, color, hdr, pattern, spots, surface};
+use nacre_processing::{bokeh, color, flash, hdr, pattern, spots, surface};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,7 +25,7 @@ pub struct Request {
     session: Option<String>,
     /// Or uploaded photographs.
     upload: Option<String>,
-    /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots` or `brdf`.
+    /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots`, `brdf` or `flash`.
     method: Option<Method>,
     /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
     /// "recover", "align": "auto" | "off"}`. Of `lut`, of which wavelength and scale or geometry are needed unless the photographs say
@@ -38,7 +38,10 @@ pub struct Request {
     /// y1], "slice_width": 15}`. Of `spots`: `{"geometry": {…as in geometry.json}, "wavelength_nm":
     /// 560, "wavelength_sigma_nm": 1, "panel_mm": [520, 320], "aperture_mm": 10, "periods_um": [0.7, 4], "mirror_deg": 0.2}`. Of `brdf`, for uploaded height fields: `{"pixel_um": 0.08, "range_um": 0.4, "level": false, "size": 512,
     /// "settings": {"light_deg": [30, 0], "method": "auto", "coherence_um": 65, "max_error": 0.01, "normalisation": "brdf" | "relative",
-    /// "reflectance": "perfect" | "schlick=0.04" | "gold", "shadowing": false, "illuminant": "D65", "observer": "1931"}}`.
+    /// "reflectance": "perfect" | "schlick=0.04" | "gold", "shadowing": false, "illuminant": "D65", "observer": "1931"}}`. Of
+    /// `flash`, of which `tiles` and `size_mm`, or `reference_px`, are needed: `{"tiles": [10, 8], "size_mm": [297, 210], "reference_px": [x,
+    /// y, w, h], "geometry": {…}, "corners_px": [[x, y], …], "camera_mm": 500, "light_height_mm": 200, "wavelength_nm": 560, "period_um":
+    /// [1.2, 2.4], "orientation": "half" | "image", "period": "auto" | "sample" | "pixel"}`.
     #[schema(value_type = Option<Object>)]
     options: Option<serde_json::Value>,
     /// `auto`, `sinusoid`, `prenormalized`, `circle` or `curve`.
@@ -270,6 +273,10 @@ fn check(spec: &Spec, input: &std::path::Path) -> Answer<()> {
                 return Err(Problem::bad(format!("illuminant is none of {}", color::NAMES.join(", "))));
             }
             Ok(pattern::check_input(input, &settings)?)
+        }
+        Method::Flash => {
+            whole()?;
+            Ok(flash::check_input(input, &spec.options_of()?)?)
         }
         Method::Brdf => {
             let options: surface::MapOptions = spec.options_of()?;

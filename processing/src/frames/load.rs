@@ -179,8 +179,12 @@ fn check_light(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) 
     let by_frame = matches!(set.kind, Kind::Exposures | Kind::Flash | Kind::Spots | Kind::Free);
     for (i, frame) in set.frames.iter().enumerate() {
         let key = |name: &str| format!("frames[{i}].{name}");
-        let fringes = ("fringes", frame.fringes.is_some());
-        let present = [("spot", frame.spot.is_some()), fringes, ("flash", frame.flash.is_some())];
+        let present = [
+            ("spot", frame.spot.is_some()),
+            ("fringes", frame.fringes.is_some()),
+            ("flash", frame.flash.is_some()),
+            ("light_mm", frame.light_mm.is_some()),
+        ];
         if let Some((name, _)) = present.iter().find(|p| p.1 && !by_frame) {
             return bad(&key(name), "does not belong to this kind".into(), "remove it or change kind");
         }
@@ -188,6 +192,10 @@ fn check_light(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) 
             && !(cycles_per_mm.iter().all(|f| f.abs() <= 100.0) && phase.abs() <= 1e6)
         {
             return bad(&key("fringes"), format!("{cycles_per_mm:?} at phase {phase} are no fringes"), "correct it");
+        }
+        if let Some(at) = frame.light_mm.filter(|at| !(at[2] > 0.0 && at.iter().all(|v| v.abs() <= 1e6))) {
+            let remedy = "give mm right and up of the sample's middle, and above it";
+            return bad(&key("light_mm"), format!("{at:?} is no place above the sample"), remedy);
         }
         match frame.spot {
             Some(_) if frame.fringes.is_some() => {

@@ -114,6 +114,9 @@ pub struct Frame {
     /// Whether the flash was on (default: in sets of kind flash).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flash: Option<bool>,
+    /// Where the flash was, in mm from the middle of the sample: right, up and out of it, as the camera sees it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_mm: Option<[f64; 3]>,
     /// Photograph with the light off at this frame's exposure, where the set has several exposures; subtracted from this
     /// frame in place of the set's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -221,6 +224,7 @@ impl Frame {
             spot: None,
             fringes: None,
             flash: None,
+            light_mm: None,
             dark: None,
         }
     }

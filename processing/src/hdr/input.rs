@@ -26,9 +26,8 @@ pub(super) fn bracket(input: &Path) -> Result<LoadedFrames> {
         return refuse("holds frames of a polarization sensor", "give a set of kind exposures");
     }
     let first = &set.frames[0];
-    if set.frames.iter().any(|f| {
-        (f.analyser_deg, f.spot, f.fringes, f.flash) != (first.analyser_deg, first.spot, first.fringes, first.flash)
-    }) {
+    let view = |f: &Frame| (f.analyser_deg, f.spot, f.fringes, f.flash, f.light_mm);
+    if set.frames.iter().any(|f| view(f) != view(first)) {
         let problem = "holds several views: analyser, spot or flash differ between its frames";
         return refuse(problem, "merge one view at a time, or reconstruct polarization, which merges exposures itself");
     }

@@ -2,6 +2,7 @@
 //! taking that out brings.
 
 mod bokeh;
+mod flash;
 mod hdr;
 mod lut;
 mod photographs;
@@ -21,6 +22,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     all.extend(bokeh::studies(effort));
     all.extend(surface::studies(effort));
     all.extend(spots::studies(effort));
+    all.extend(flash::studies(effort));
     all
 }
 

@@ -4,8 +4,10 @@ mod bokeh;
 mod flash;
 mod foil;
 mod orders;
+mod tiles;
 
 pub use bokeh::BokehPhotograph;
 pub use flash::FlashPhotograph;
 pub use foil::{FoilPattern, FoilPhotograph};
 pub use orders::{Profile, Surface};
+pub use tiles::{Grooves, Pattern, Periods, Score, TilesPhotograph};

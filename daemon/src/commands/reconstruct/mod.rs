@@ -1,6 +1,7 @@
 //! `nacre reconstruct`.
 
 mod bokeh;
+mod flash;
 mod foil;
 mod hdr;
 mod lut;
@@ -28,6 +29,8 @@ pub enum Reconstruct {
     Foil(foil::Foil),
     /// Orientation and absolute period of gratings from fringes on the panel.
     Spots(spots::Spots),
+    /// Orientation and absolute period of gratings on a sheet of repeated tiles, from photographs under a flash.
+    Flash(Box<flash::Flash>),
 }
 
 /// Runs a reconstruction.
@@ -39,5 +42,6 @@ pub fn run(command: &Reconstruct, console: &Console) -> Result<(), Failure> {
         Reconstruct::Bokeh(args) => args.run(console),
         Reconstruct::Foil(args) => args.run(console),
         Reconstruct::Spots(args) => args.run(console),
+        Reconstruct::Flash(args) => args.run(console),
     }
 }

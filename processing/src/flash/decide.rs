@@ -1,0 +1,148 @@
+//! One period for the sheet, or one per pixel: whichever has more evidence.
+
+use super::fit::{Found, Grating};
+use super::report::PeriodReport;
+use super::settings::PeriodChoice;
+
+/// What lobes that are not quite Gaussian may do to a period, over itself, alike for a whole polygon.
+const COMMON: f64 = 0.004;
+
+/// Parts of a tile along each axis that are compared.
+const PARTS: usize = 6;
+
+/// Gratings further from the common one than so many of their own σ do not count for it.
+const OUTSIDE: f64 = 4.0;
+
+/// Fewest gratings that a decision rests on.
+const FEWEST: usize = 12;
+
+/// Length of grating vectors that all share, and what speaks for it.
+pub(super) struct Decision {
+    /// λ/a and its σ; none for one per pixel.
+    pub shared: Option<[f64; 2]>,
+    pub report: PeriodReport,
+}
+
+/// Weighted mean of lengths and its σ, without what lies outside.
+fn mean(all: &[(&Grating, usize)]) -> Option<[f64; 2]> {
+    let mut lengths: Vec<f64> = all.iter().map(|(g, _)| g.length).collect();
+    lengths.sort_by(f64::total_cmp);
+    let mut middle = *lengths.get(lengths.len() / 2)?;
+    let mut sigma = f64::NAN;
+    for _ in 0..6 {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (g, _) in all {
+            let variance = g.length_sigma.powi(2) + (COMMON * g.length).powi(2);
+            if (g.length - middle).powi(2) < OUTSIDE * OUTSIDE * variance {
+                sum += g.length / variance;
+                weights += 1.0 / variance;
+            }
+        }
+        if weights == 0.0 {
+            return None;
+        }
+        (middle, sigma) = (sum / weights, weights.powf(-0.5));
+    }
+    Some([middle, sigma])
+}
+
+/// Squares that one length leaves over, each over its variance.
+fn squares(all: &[(&Grating, usize)], length: f64) -> f64 {
+    let one = |g: &Grating| {
+        let variance = g.length_sigma.powi(2) + (COMMON * g.length).powi(2);
+        (g.length - length).powi(2) / variance
+    };
+    all.iter().map(|(g, _)| one(g)).sum()
+}
+
+/// Decides by the Bayesian information criterion: one period, one for each of 6 × 6 parts of the tile (all that a gradual change needs
+/// to be seen), or one per pixel.
+pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice) -> Decision {
+    let height = found.len() / width.max(1);
+    let part = |i: usize| i / width * PARTS / height.max(1) * PARTS + i % width * PARTS / width;
+    let all: Vec<(&Grating, usize)> = found
+        .iter()
+        .enumerate()
+        .filter_map(|(i, f)| if let Found::Grating(g) = f { Some((g, part(i))) } else { None })
+        .collect();
+    let n = all.len();
+    let Some([length, sigma]) = mean(&all).filter(|_| n > 0) else {
+        let why = "no pixel has a period".to_owned();
+        return Decision {
+            shared: None,
+            report: PeriodReport { choice: PeriodChoice::Pixel, why, ..PeriodReport::default() },
+        };
+    };
+    let cost = (n as f64).ln();
+    let one = squares(&all, length) + cost;
+    let mut parts = 0.0;
+    let mut spread: f64 = 0.0;
+    for k in 0..PARTS * PARTS {
+        let of: Vec<(&Grating, usize)> = all.iter().copied().filter(|(_, p)| *p == k).collect();
+        if let Some([own, own_sigma]) = mean(&of) {
+            parts += squares(&of, own) + cost;
+            let variance = own_sigma.powi(2) + (COMMON * own).powi(2);
+            spread = spread.max((own - length).powi(2) / variance);
+        }
+    }
+    let pixels = n as f64 * cost;
+    let least = parts.min(pixels);
+    let by_evidence = one <= least || n < FEWEST;
+    let sample = match choice {
+        PeriodChoice::Auto => by_evidence,
+        PeriodChoice::Sample => true,
+        PeriodChoice::Pixel => false,
+    };
+    let why = match (choice, sample) {
+        (PeriodChoice::Auto, true) if n < FEWEST => format!("only {n} pixels have a period of their own"),
+        (PeriodChoice::Auto, true) => "one period explains all pixels; more would not be worth their number".into(),
+        (PeriodChoice::Auto, false) if parts < pixels => "periods differ between parts of the tile".into(),
+        (PeriodChoice::Auto, false) => "periods differ from pixel to pixel by more than they are uncertain".into(),
+        _ => "as asked for".into(),
+    };
+    // What polygons do alike is not averaged beyond the parts of the tile.
+    let common = sigma.max(COMMON * length / (PARTS as f64)) * (squares(&all, length) / n as f64).max(1.0).sqrt();
+    let chosen = if sample { PeriodChoice::Sample } else { PeriodChoice::Pixel };
+    let report = PeriodReport {
+        choice: chosen,
+        why,
+        bic_one: one,
+        bic_parts: parts,
+        bic_pixels: pixels,
+        pixels: n,
+        largest_part_sigmas: spread.sqrt(),
+        ..PeriodReport::default()
+    };
+    Decision { shared: sample.then_some([length, common]), report }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lengths of 40 × 40 pixels with deviates that have no pattern.
+    fn field(length: impl Fn(usize, usize) -> f64, sigma: f64) -> Vec<Found> {
+        let at = |i: usize| {
+            let deviate: f64 = (0..12)
+                .map(|k| f64::from(((i * 12 + k) as u32).wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24))
+                .sum::<f64>()
+                - 6.0;
+            let length = length(i % 40, i / 40) * (1.0 + sigma * deviate);
+            Found::Grating(Grating { orientation: 0.3, length, orientation_sigma: 0.01, length_sigma: sigma * length })
+        };
+        (0..1600).map(at).collect()
+    }
+
+    #[test]
+    fn one_period_is_told_from_several_and_from_a_gradual_change() {
+        let decided = |found: &[Found]| decide(found, 40, PeriodChoice::Auto);
+        let one = decided(&field(|_, _| 0.34, 0.03));
+        let [length, sigma] = one.shared.unwrap();
+        assert!((length / 0.34 - 1.0).abs() < 0.003 && sigma / length < 0.003, "{length} {sigma}");
+        // 8 % from left to right, where each pixel is known to 3 %.
+        assert!(decided(&field(|x, _| 0.34 * (1.0 + 0.002 * x as f64), 0.03)).shared.is_none());
+        // Two periods, pixel by pixel.
+        assert!(decided(&field(|x, y| if (x * 7 + y * 3) % 5 == 0 { 0.4 } else { 0.34 }, 0.01)).shared.is_none());
+        assert!(decide(&[Found::Masked(super::super::fit::Why::Dark)], 1, PeriodChoice::Auto).shared.is_none());
+    }
+}

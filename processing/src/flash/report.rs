@@ -1,0 +1,135 @@
+//! What is said of the maps.
+
+use super::settings::{Orientation, PeriodChoice};
+use serde::Serialize;
+
+/// Report of a reconstruction.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Always `flash`.
+    pub method: &'static str,
+    /// What the reader must know before trusting the results.
+    pub warnings: Vec<String>,
+    /// What was taken for granted.
+    pub assumptions: Vec<String>,
+    /// Pixels of the maps.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Size of a pixel on the sheet, in µm.
+    pub pixel_um: f64,
+    /// Tiles whose copies were used.
+    pub tiles: usize,
+    /// Left top corner of the tile that the maps show, in mm right and up of the sheet's middle.
+    pub reference_mm: [f64; 2],
+    /// How tiles were laid over each other.
+    pub registration: Option<Registration>,
+    /// Places of the flash that were used, in mm.
+    pub lights_mm: Vec<[f64; 3]>,
+    /// Half vector at each highlight, which is zero where the geometry is right; none where it is not in the picture.
+    pub highlights: Vec<Option<[f64; 2]>>,
+    /// Standard deviation of the light in mm.
+    pub light_sigma_mm: f64,
+    /// Standard deviation of a lobe over half vectors, and how far apart a place's copies typically lie, both signs folded.
+    pub lobe: f64,
+    /// As said.
+    pub spacing: f64,
+    /// Wavelength in nm.
+    pub wavelength_nm: f64,
+    /// Range in µm that periods were looked for in.
+    pub searched_um: [f64; 2],
+    /// Whether periods are known up to a common factor only.
+    pub relative: bool,
+    /// How orientations were told.
+    pub orientation: Orientation,
+    /// One period or many.
+    pub period: PeriodReport,
+    /// Median σ of an orientation in degrees; none when all is masked.
+    pub sigma_deg: Option<f64>,
+    /// Median σ of a period over itself.
+    pub period_sigma: Option<f64>,
+    /// Part of σ that all periods share: wavelength and geometry.
+    pub common_sigma: f64,
+    /// Shares of pixels that are masked, by why.
+    pub masked: Masked,
+    /// Where the time went.
+    pub seconds: Seconds,
+}
+
+/// How tiles were laid over each other.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Registration {
+    /// Largest move of a tile, in pixels of the map.
+    pub most_px: f64,
+    /// Typical σ of a tile's place, in pixels.
+    pub sigma_px: f64,
+    /// Tiles left out, since they look like no other.
+    pub left_out: usize,
+}
+
+/// One period or many.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct PeriodReport {
+    /// `sample` or `pixel`.
+    pub choice: PeriodChoice,
+    /// Why.
+    pub why: String,
+    /// The period in µm, where all share one.
+    pub um: Option<f64>,
+    /// Its σ.
+    pub sigma_um: Option<f64>,
+    /// Median period, and those that a twentieth lie below and above of, in µm.
+    pub median_um: Option<f64>,
+    /// As said.
+    pub range_um: Option<[f64; 2]>,
+    /// Bayesian information criterion of one period for all (less is better).
+    pub bic_one: f64,
+    /// Of one for each of 6 × 6 parts of the tile.
+    pub bic_parts: f64,
+    /// Of one per pixel.
+    pub bic_pixels: f64,
+    /// Pixels that had a say.
+    pub pixels: usize,
+    /// How far the part that differs most lies from all, in its σ.
+    pub largest_part_sigmas: f64,
+}
+
+/// Shares of pixels, 0 to 1.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Masked {
+    /// All.
+    pub all: f64,
+    /// Not in any photograph.
+    pub unseen: f64,
+    /// No order's light.
+    pub dark: f64,
+    /// Several gratings explain them, or the order is not known.
+    pub ambiguous: f64,
+    /// More than one grating.
+    pub several: f64,
+    /// Too few copies near a lobe.
+    pub uncertain: f64,
+    /// No grating explains them.
+    pub unexplained: f64,
+}
+
+/// Seconds.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Seconds {
+    /// Photographs decoded, tiles registered and copied.
+    pub read: f64,
+    /// Gratings fitted.
+    pub fit: f64,
+    /// Maps and pictures written.
+    pub write: f64,
+    /// All.
+    pub total: f64,
+}
+
+impl Report {
+    /// As JSON.
+    pub fn json(&self) -> String {
+        // Plain data always serialises.
+        serde_json::to_string_pretty(self).unwrap_or_default()
+    }
+}

@@ -1,0 +1,299 @@
+//! Flash photographs of a sheet of repeated tiles, as of holographic gift paper (2018 paper, sections 4 and 7.1).
+//!
+//! Every pixel is a ray that meets the sheet at a place with its own directions to the camera and to each point of the light. Radiance is
+//! summed over the light's area and the filter's band; each order is a Gaussian in direction cosines as wide as the coherence
+//! allows, and holds its exact share of the light. Nothing of the reconstruction's formulas is used.
+
+mod pattern;
+mod render;
+mod score;
+#[cfg(test)]
+mod tests;
+
+pub use pattern::{Grooves, Pattern, Periods};
+pub use score::Score;
+
+use crate::random::{electrons, key, uniform};
+use nacre_processing::frames::{FILE_NAME, Frame, FrameSet, Kind, save};
+use nacre_processing::geometry::{Camera, Geometry, Pose};
+use nacre_processing::image::{Attribute, OutputFolder, write_exr, write_png16_gray};
+use nacre_processing::polarimetry::NoiseModel;
+use nacre_processing::{Error, Result, geometry};
+use pattern::Tile;
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TilesPhotograph {
+    /// Seed of polygons, misalignments and noise.
+    pub seed: u64,
+    /// Tiles to the right and down.
+    pub tiles: [usize; 2],
+    /// Width and height of a tile in mm.
+    pub tile_mm: [f64; 2],
+    /// What is printed in a tile.
+    pub pattern: Pattern,
+    /// How far tiles lie from where they should, at most, along each axis, in pixels of the photograph.
+    pub misaligned_px: f64,
+    /// The sheet's turn about the axes to the right and up, of which the geometry does not say anything.
+    pub tilt_deg: [f64; 2],
+    /// How much higher the middle of the sheet lies than the middle of its right and left edge, in mm: a cylinder.
+    pub bow_mm: f64,
+    /// Standard deviation of the field's coherence on the surface, in µm.
+    pub coherence_um: f64,
+    /// Middle of the filter's band in nm.
+    pub wavelength_nm: f64,
+    /// Full width at half maximum of the filter's band in nm.
+    pub band_nm: f64,
+    /// Places of the light, in mm from the sheet's middle: right, up and above; one photograph each.
+    pub lights_mm: Vec<[f64; 3]>,
+    /// Standard deviation of a Gaussian light in mm (2018 paper, section 7.1), in the plane of the sheet.
+    pub light_sigma_mm: f64,
+    /// Diameter of an even disc of light in its place, in mm.
+    pub light_disc_mm: Option<f64>,
+    /// The camera, in mm from the sheet's middle; it looks there.
+    pub camera_mm: [f64; 3],
+    /// Pixels.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Blur of the lens, standard deviation in pixels.
+    pub blur_px: f64,
+    /// Stray light on the sheet, over the brightest pixel's.
+    pub stray: f64,
+    /// Exposures, each so many times the first.
+    pub exposures: Vec<f64>,
+    /// Level of the brightest pixel in the first exposure, of white.
+    pub level: f64,
+    /// Electrons at white.
+    pub full_scale_e: f64,
+    /// Read noise in electrons.
+    pub read_noise_e: f64,
+    /// Whether there is a photograph by room light too, in which every polygon has its own grey.
+    pub room: bool,
+}
+
+impl Default for TilesPhotograph {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            tiles: [10, 8],
+            tile_mm: [29.7, 26.25],
+            pattern: Pattern::default(),
+            misaligned_px: 0.0,
+            tilt_deg: [0.0; 2],
+            bow_mm: 0.0,
+            coherence_um: 16.25,
+            wavelength_nm: 560.0,
+            band_nm: 10.0,
+            lights_mm: Self::spread(5),
+            light_sigma_mm: 6.0,
+            light_disc_mm: None,
+            camera_mm: [0.0, 0.0, 500.0],
+            width: 1200,
+            height: 860,
+            blur_px: 0.6,
+            stray: 0.002,
+            exposures: vec![1.0, 8.0],
+            level: 0.9,
+            full_scale_e: 40_000.0,
+            read_noise_e: 8.0,
+            room: true,
+        }
+    }
+}
+
+/// Black and white of the 16-bit files.
+const BLACK: f64 = 1000.0;
+const WHITE: f64 = 65_000.0;
+
+/// Share of the picture's width that the sheet takes up.
+const FILLED: f64 = 0.97;
+
+impl TilesPhotograph {
+    /// Places of up to five lights 200 mm above the default sheet, such that the half vectors which a place of the tile is seen
+    /// under lie evenly: they differ by fifths of what a tile's width and height are worth.
+    pub fn spread(lights: usize) -> Vec<[f64; 3]> {
+        let at = |k: usize| {
+            let fifth = |n: usize| (n % 5) as f64 / 5.0 - 0.4;
+            // 1/200 + 1/500 per mm of the sheet, 1/200 per mm of the light.
+            [29.7 * 1.4 * fifth(2 + k), 26.25 * 1.4 * fifth(2 + 2 * k), 200.0]
+        };
+        (0..lights.clamp(1, 5)).map(at).collect()
+    }
+
+    /// Refuses numbers that make no sense.
+    ///
+    /// # Errors
+    /// `Input`, naming the number.
+    pub fn check(&self) -> Result<()> {
+        let bad = |name: &str, problem: String| Err(Error::input(name, problem, "correct the scene"));
+        self.pattern.check()?;
+        let ranges = [
+            ("tile_mm", self.tile_mm[0], 1.0, 1e4),
+            ("tile_mm", self.tile_mm[1], 1.0, 1e4),
+            ("misaligned_px", self.misaligned_px, 0.0, 100.0),
+            ("tilt_deg", self.tilt_deg[0].abs(), 0.0, 30.0),
+            ("tilt_deg", self.tilt_deg[1].abs(), 0.0, 30.0),
+            ("bow_mm", self.bow_mm.abs(), 0.0, 100.0),
+            ("coherence_um", self.coherence_um, 1.0, 1e3),
+            ("wavelength_nm", self.wavelength_nm, 200.0, 2000.0),
+            ("band_nm", self.band_nm, 0.0, 100.0),
+            ("light_sigma_mm", self.light_sigma_mm, 0.0, 100.0),
+            ("light_disc_mm", self.light_disc_mm.unwrap_or(0.0), 0.0, 500.0),
+            ("camera_mm", self.camera_mm[2], 1.0, 1e6),
+            ("blur_px", self.blur_px, 0.0, 20.0),
+            ("stray", self.stray, 0.0, 1.0),
+            ("level", self.level, 1e-6, 1e3),
+            ("full_scale_e", self.full_scale_e, 1.0, 1e9),
+            ("read_noise_e", self.read_noise_e, 0.0, 1e6),
+        ];
+        if let Some((name, value, least, most)) =
+            ranges.iter().find(|(_, v, least, most)| !(*least..=*most).contains(v))
+        {
+            return bad(name, format!("is {value}; expected {least} to {most}"));
+        }
+        let count = self.tiles[0].saturating_mul(self.tiles[1]);
+        if !(1..=10_000).contains(&count) {
+            return bad("tiles", format!("are {:?}; expected 1 to 10000 in all", self.tiles));
+        }
+        if self.width.min(self.height) < 32 || self.width.max(self.height) > 8192 {
+            return bad("width, height", format!("are {} × {}; expected 32 to 8192", self.width, self.height));
+        }
+        let place = |l: &[f64; 3]| l[2] >= 1.0 && l.iter().all(|v| v.abs() <= 1e5);
+        if !(1..=100).contains(&self.lights_mm.len()) || !self.lights_mm.iter().all(place) {
+            return bad("lights_mm", "are not 1 to 100 places 1 mm and more above the sheet".into());
+        }
+        if !self.camera_mm[..2].iter().all(|v| v.abs() <= self.camera_mm[2]) {
+            return bad("camera_mm", "sees the sheet at more than 45°".into());
+        }
+        let exposures = 1..=16;
+        if !exposures.contains(&self.exposures.len()) || self.exposures.iter().any(|e| !(1e-6..=1e6).contains(e)) {
+            return bad("exposures", "are not 1 to 16 numbers from 1e-6 to 1e6".into());
+        }
+        Ok(())
+    }
+
+    /// Width and height of the sheet in mm.
+    pub fn sheet_mm(&self) -> [f64; 2] {
+        [0, 1].map(|k| self.tiles[k] as f64 * self.tile_mm[k])
+    }
+
+    /// Where camera and sheet are, as a perfect calibration has it: the sheet flat and at z = 0.
+    pub fn geometry(&self) -> Geometry {
+        let c = self.camera_mm;
+        let distance = c.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let z = c.map(|v| -v / distance);
+        // z × up, and z × x, which is down.
+        let level = (z[0] * z[0] + z[2] * z[2]).sqrt();
+        let x = [-z[2] / level, 0.0, z[0] / level];
+        let y = [z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]];
+        let focal = FILLED * self.width as f64 * distance / self.sheet_mm()[0];
+        let camera = Camera {
+            focal_px: [focal; 2],
+            center_px: [0.5 * (self.width - 1) as f64, 0.5 * (self.height - 1) as f64],
+            distortion: [0.0; 5],
+        };
+        let sample = Pose { rotation: [x, y, z], translation_mm: [0.0, 0.0, distance] };
+        let image_px = Some([self.width as u32, self.height as u32]);
+        Geometry { wavelength_nm: Some(self.wavelength_nm), image_px, ..Geometry::new(camera, sample) }
+    }
+
+    /// Size of a pixel on the sheet's middle, in mm.
+    pub fn pixel_mm(&self) -> f64 {
+        self.sheet_mm()[0] / (FILLED * self.width as f64)
+    }
+
+    /// How far a tile (column, row from the top) lies from where it should, right and down, in mm.
+    pub fn offset_mm(&self, tile: [usize; 2]) -> [f64; 2] {
+        let part = |axis: u64| 2.0 * uniform(key(&[self.seed, 5, tile[0] as u64, tile[1] as u64, axis])) - 1.0;
+        [0, 1].map(|axis| part(axis) * self.misaligned_px * self.pixel_mm())
+    }
+
+    /// Grooves at a place in mm from the left and the top of a tile.
+    pub fn grooves(&self) -> impl Fn([f64; 2]) -> Option<Grooves> + Sync {
+        let tile = Tile::new(&self.pattern, self.tile_mm, self.seed);
+        move |place| tile.at(place)
+    }
+
+    /// Writes the photographs with their `frames.json`, `geometry.json`, `truth.exr` (one tile at the pitch of the photographs) and
+    /// `scene.json` (all that was assumed).
+    ///
+    /// # Errors
+    /// As [`Self::check`]; `Output`.
+    pub fn write(&self, folder: &OutputFolder) -> Result<()> {
+        self.check()?;
+        let mut photographs = vec![];
+        for light in &self.lights_mm {
+            photographs.push(self.radiance(*light));
+        }
+        let top = photographs.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let mut frames = vec![];
+        for (k, (light, radiance)) in self.lights_mm.iter().zip(&photographs).enumerate() {
+            for (j, exposure) in self.exposures.iter().enumerate() {
+                let name = format!("{k:02}-{j}.png");
+                let level = |v: f64| (v / top + self.stray) * self.level * exposure;
+                self.save(folder, &name, [k as u64, j as u64], &|i| level(radiance[i]))?;
+                let taken = Frame { exposure_s: Some(*exposure), flash: Some(true), ..Frame::new(name) };
+                frames.push(Frame { light_mm: Some(*light), ..taken });
+            }
+        }
+        if self.room {
+            let grey = self.room_light();
+            self.save(folder, "room.png", [1000, 0], &|i| grey[i])?;
+            frames.push(Frame { exposure_s: Some(1.0), flash: Some(false), ..Frame::new("room.png") });
+        }
+        let set = FrameSet {
+            black: Some(BLACK),
+            white: Some(WHITE),
+            wavelength_nm: Some(self.wavelength_nm),
+            band_nm: (self.band_nm > 0.0).then_some(self.band_nm),
+            noise: Some(NoiseModel { full_scale_e: self.full_scale_e, read_noise_e: self.read_noise_e }),
+            ..FrameSet::new(Kind::Flash, frames)
+        };
+        folder.write(FILE_NAME, save(&set).as_bytes())?;
+        folder.write("geometry.json", geometry::text(&self.geometry()).as_bytes())?;
+        self.write_truth(folder)?;
+        // Plain data always serialises.
+        folder.write("scene.json", serde_json::to_string_pretty(self).unwrap_or_default().as_bytes())
+    }
+
+    /// A 16-bit file of levels (of white) with the camera's noise.
+    fn save(
+        &self,
+        folder: &OutputFolder,
+        name: &str,
+        id: [u64; 2],
+        level: &(dyn Fn(usize) -> f64 + Sync),
+    ) -> Result<()> {
+        let code = |i: usize| {
+            let mean = level(i) * self.full_scale_e;
+            let seen = electrons(key(&[self.seed, id[0], id[1], i as u64]), mean, self.read_noise_e);
+            (BLACK + (WHITE - BLACK) * seen / self.full_scale_e).clamp(0.0, WHITE).round() as u16
+        };
+        let codes: Vec<u16> = (0..self.width * self.height).into_par_iter().map(code).collect();
+        write_png16_gray(&folder.path(name), self.width, self.height, &codes)
+    }
+
+    /// Orientation and period of one tile.
+    fn write_truth(&self, folder: &OutputFolder) -> Result<()> {
+        let pitch = self.pixel_mm();
+        let [width, height] = self.tile_mm.map(|mm| ((mm / pitch).round() as usize).max(1));
+        let (grooves, step) = (self.grooves(), [self.tile_mm[0] / width as f64, self.tile_mm[1] / height as f64]);
+        let units = [
+            ("units", Attribute::Text("orientation: rad; period: um; edge: mm to the polygon's edge".into())),
+            ("pixel_um", Attribute::Number(step[0] * 1000.0)),
+        ];
+        let channels = ["orientation", "period", "edge"];
+        write_exr(&folder.path("truth.exr"), width, height, &channels, &units, &|c, y, row| {
+            for (x, out) in row.iter_mut().enumerate() {
+                let found = grooves([(x as f64 + 0.5) * step[0], (y as f64 + 0.5) * step[1]]);
+                let of = |g: Grooves| [g.orientation, g.period_um, g.edge_mm][c] as f32;
+                *out = found.map_or(f32::NAN, of);
+            }
+        })
+    }
+}

@@ -1,0 +1,161 @@
+//! What is printed in one tile: polygons, each with one direction of grooves.
+
+use crate::random::{key, uniform};
+use nacre_processing::{Error, Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// Polygons around scattered points, with a gap without grooves between them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Pattern {
+    /// Number of polygons in a tile.
+    pub polygons: usize,
+    /// Number of directions, evenly over the half turn; polygons have them in turn.
+    pub directions: u32,
+    /// The first of them, anticlockwise from the right.
+    pub first_deg: f64,
+    /// Width of the gaps in mm.
+    pub gap_mm: f64,
+    /// Periods of the grooves.
+    pub periods: Periods,
+    /// Depth of the grooves, sinusoids, peak to peak, in µm.
+    pub depth_um: f64,
+    /// Share of every polygon's area that has grooves across the first ones, between them, smaller than can be seen.
+    pub crossed: f64,
+}
+
+/// Periods of the polygons, in µm.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Periods {
+    /// One for all.
+    Uniform(f64),
+    /// Polygons have them in turn.
+    Mixed(Vec<f64>),
+    /// From the left to the right of a tile, linearly.
+    Graded([f64; 2]),
+}
+
+impl Default for Pattern {
+    /// That of the 2018 paper's simulated test (section 7.1): 600 lines per millimetre.
+    fn default() -> Self {
+        Self {
+            polygons: 24,
+            directions: 8,
+            first_deg: 7.0,
+            gap_mm: 0.3,
+            periods: Periods::Uniform(1.66),
+            depth_um: 0.1,
+            crossed: 0.0,
+        }
+    }
+}
+
+/// Grooves at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grooves {
+    /// Which polygon.
+    pub polygon: usize,
+    /// Direction of the grating vector in rad, `[0, π)`, anticlockwise from the right.
+    pub orientation: f64,
+    /// In µm.
+    pub period_um: f64,
+    /// Distance to the polygon's edge, in mm.
+    pub edge_mm: f64,
+}
+
+/// The polygons of a tile.
+pub(super) struct Tile {
+    middles: Vec<[f64; 2]>,
+    size_mm: [f64; 2],
+    pattern: Pattern,
+}
+
+impl Pattern {
+    /// Refuses what is none.
+    pub(super) fn check(&self) -> Result<()> {
+        let bad = |name: &str, expected: &str| Err(Error::input(name, "is out of range", expected));
+        if !(1..=400).contains(&self.polygons) || !(1..=360).contains(&self.directions) {
+            return bad("pattern.polygons, pattern.directions", "give 1 to 400 polygons and 1 to 360 directions");
+        }
+        let periods = self.periods.all();
+        if !(1..=100).contains(&periods.len()) || periods.iter().any(|p| !(0.2..=100.0).contains(p)) {
+            return bad("pattern.periods", "give 0.2 to 100 µm, at most 100 of them");
+        }
+        if !(0.0..=10.0).contains(&self.depth_um) || !(0.0..=1.0).contains(&self.crossed) {
+            return bad("pattern.depth_um, pattern.crossed", "give a depth of 0 to 10 µm and a share of 0 to 1");
+        }
+        if !(0.0..=100.0).contains(&self.gap_mm) || !(-360.0..=360.0).contains(&self.first_deg) {
+            return bad("pattern.gap_mm, pattern.first_deg", "give 0 to 100 mm and -360 to 360°");
+        }
+        Ok(())
+    }
+
+    /// The longest period, whose orders are the most.
+    pub(super) fn longest_um(&self) -> f64 {
+        self.periods.all().iter().copied().fold(0.0, f64::max)
+    }
+
+    /// The shortest period, whose orders the band spreads most.
+    pub(super) fn shortest_um(&self) -> f64 {
+        self.periods.all().iter().copied().fold(f64::MAX, f64::min)
+    }
+}
+
+impl Periods {
+    fn all(&self) -> &[f64] {
+        match self {
+            Self::Uniform(one) => std::slice::from_ref(one),
+            Self::Mixed(all) => all,
+            Self::Graded(two) => two,
+        }
+    }
+}
+
+impl Tile {
+    /// Polygons around points that lie on a jittered grid, so that none is tiny.
+    pub(super) fn new(pattern: &Pattern, size_mm: [f64; 2], seed: u64) -> Self {
+        let across = ((pattern.polygons as f64 * size_mm[0] / size_mm[1]).sqrt().round() as usize).max(1);
+        let down = pattern.polygons.div_ceil(across);
+        let middle = |k: usize| {
+            let jitter = |axis: u64| 0.7 * (uniform(key(&[seed, 77, k as u64, axis])) - 0.5);
+            let cell = [k % across, k / across].map(|c| c as f64 + 0.5);
+            [(cell[0] + jitter(0)) * size_mm[0] / across as f64, (cell[1] + jitter(1)) * size_mm[1] / down as f64]
+        };
+        Self { middles: (0..pattern.polygons).map(middle).collect(), size_mm, pattern: pattern.clone() }
+    }
+
+    /// Grooves at a place in mm from the tile's left and top edge; none in gaps and outside.
+    pub(super) fn at(&self, place: [f64; 2]) -> Option<Grooves> {
+        if (0..2).any(|k| !(0.0..self.size_mm[k]).contains(&place[k])) {
+            return None;
+        }
+        let square = |m: &[f64; 2]| (m[0] - place[0]).powi(2) + (m[1] - place[1]).powi(2);
+        let nearest = |not: Option<usize>| {
+            let all = self.middles.iter().enumerate().filter(|(k, _)| Some(*k) != not);
+            all.map(|(k, m)| (k, square(m))).min_by(|a, b| a.1.total_cmp(&b.1))
+        };
+        let (polygon, own) = nearest(None)?;
+        let border = (0..2).map(|k| place[k].min(self.size_mm[k] - place[k])).fold(f64::MAX, f64::min);
+        // The edge lies half-way to the next middle.
+        let between = |k: usize, m: &[f64; 2]| {
+            let [dx, dy] = [0, 1].map(|axis| m[axis] - self.middles[polygon][axis]);
+            let apart = dx.hypot(dy);
+            if k == polygon || apart == 0.0 { f64::MAX } else { 0.5 * (square(m) - own) / apart }
+        };
+        let inner = self.middles.iter().enumerate().map(|(k, m)| between(k, m)).fold(border, f64::min);
+        let edge_mm = inner - 0.5 * self.pattern.gap_mm;
+        let step = PI / f64::from(self.pattern.directions);
+        // In turn, but not so that neighbours in a row differ by one step.
+        let turn = (polygon * 5 + polygon / 8) as f64;
+        let period_um = match &self.pattern.periods {
+            Periods::Uniform(one) => *one,
+            Periods::Mixed(all) => all[polygon % all.len()],
+            Periods::Graded([from, to]) => from + (to - from) * place[0] / self.size_mm[0],
+        };
+        let orientation = (self.pattern.first_deg.to_radians() + turn * step).rem_euclid(PI);
+        (edge_mm > 0.0).then_some(Grooves { polygon, orientation, period_um, edge_mm })
+    }
+}

@@ -1,0 +1,107 @@
+//! Maps of simulated sheets under a flash against what was printed: the 2018 paper's own test (section 7.1 and 7.2).
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_processing::flash::{Orientation, PeriodChoice, Report, Settings, reconstruct};
+use nacre_processing::image::OutputFolder;
+use nacre_processing::progress::Silent;
+use nacre_sim::photographs::{Pattern, Periods, Score, TilesPhotograph};
+
+/// The paper's 10 × 8 tiles, 1.66 µm, 560 nm and a Gaussian light, on a small picture.
+fn paper() -> TilesPhotograph {
+    TilesPhotograph { width: 440, height: 320, coherence_um: 8.0, band_nm: 4.0, ..TilesPhotograph::default() }
+}
+
+/// Maps under several settings of one set of photographs.
+fn mapped<const N: usize>(
+    scene: &TilesPhotograph,
+    settings: [fn(Settings) -> Settings; N],
+) -> [Result<(Report, Score), String>; N] {
+    let home = tempfile::tempdir().unwrap();
+    let folder = OutputFolder::begin(&home.path().join("in"), false).unwrap();
+    scene.write(&folder).unwrap();
+    folder.commit().unwrap();
+    let out = home.path().join("out");
+    settings.map(|of| {
+        let plain = Settings {
+            tiles: Some(scene.tiles),
+            size_mm: Some(scene.sheet_mm()),
+            overwrite: true,
+            ..Settings::default()
+        };
+        let report = reconstruct(&home.path().join("in"), &out, &of(plain), &Silent).map_err(|e| e.to_string())?;
+        let score = scene.score(&out, &report).unwrap();
+        println!("{score:?}");
+        Ok((report, score))
+    })
+}
+
+#[test]
+fn the_papers_own_test_is_met_with_tiles_misaligned_by_three_pixels() {
+    let scene = TilesPhotograph { misaligned_px: 3.0, ..paper() };
+    let [one, each, image] = mapped(
+        &scene,
+        [
+            |s| s,
+            |s| Settings { period: PeriodChoice::Pixel, ..s },
+            |s| Settings { orientation: Orientation::Image, ..s },
+        ],
+    )
+    .map(Result::unwrap);
+    // The paper: 16.8 % bias. Here at most 2 %, and 5 % of spread with five lights per pixel, 1 % where one period is shared.
+    assert!(one.1.bias.abs() < 0.02 && one.1.spread < 0.01, "{:?}", one.1);
+    assert!(each.1.bias.abs() < 0.02 && each.1.spread < 0.05, "{:?}", each.1);
+    assert_eq!(one.0.period.choice, PeriodChoice::Sample);
+    let (um, sigma) = (one.0.period.um.unwrap(), one.0.period.sigma_um.unwrap());
+    assert!((um - 1.66).abs() < 3.0 * sigma && sigma < 0.02, "{um} {sigma}");
+    for (report, score) in [&one, &each] {
+        assert!(score.inside_deg < 1.0 && score.edge_deg < 2.0 * score.inside_deg, "{score:?}");
+        assert!(score.masked_inside < 0.15 && score.wrong < 0.002, "{score:?}");
+        assert!(report.registration.unwrap().sigma_px < 0.1, "{report:?}");
+    }
+    // The paper's way is an order of magnitude further off.
+    assert!(image.1.inside_deg > 10.0 * one.1.inside_deg, "{:?}", image.1);
+}
+
+#[test]
+fn several_periods_are_told_apart_and_second_orders_are_not_taken_for_first() {
+    let with = |periods| TilesPhotograph { pattern: Pattern { periods, ..Pattern::default() }, ..paper() };
+    let [mixed] = mapped(&with(Periods::Mixed(vec![1.4, 1.66, 1.9])), [|s| s]).map(Result::unwrap);
+    assert_eq!(mixed.0.period.choice, PeriodChoice::Pixel, "{:?}", mixed.0.period);
+    assert!(mixed.1.bias.abs() < 0.02 && mixed.1.spread < 0.02 && mixed.1.wrong < 0.002, "{:?}", mixed.1);
+    // 3 µm has its first orders half as far out, and its second where 1.5 µm has its first.
+    let far = TilesPhotograph { light_sigma_mm: 4.0, ..with(Periods::Uniform(3.0)) };
+    let [long] = mapped(&far, [|s| Settings { period_um: Some([1.0, 6.0]), ..s }]).map(Result::unwrap);
+    assert!(long.1.bias.abs() < 0.02 && long.1.wrong < 0.002 && long.1.masked < 0.5, "{:?}", long.1);
+}
+
+#[test]
+fn what_a_single_light_does_not_tell_is_masked() {
+    let scene = TilesPhotograph { lights_mm: vec![[0.0, 0.0, 200.0]], ..paper() };
+    let [one] = mapped(&scene, [|s| s]).map(Result::unwrap);
+    assert!(one.1.masked > 0.3 && one.1.wrong < 0.01, "{:?}", one.1);
+    assert!(one.0.warnings.iter().any(|w| w.contains("lights would do")), "{:?}", one.0.warnings);
+}
+
+#[test]
+fn without_a_calibration_periods_are_relative_and_close() {
+    let scene = TilesPhotograph { lights_mm: TilesPhotograph::spread(5), ..paper() };
+    let uncalibrated = |s: Settings| Settings { camera_mm: Some(500.0), light_height_mm: Some(200.0), ..s };
+    let reference = |s: Settings| Settings {
+        // A tile of the fifth column and the fourth row: 42.68 pixels wide, the sheet 426.8.
+        reference_px: Some([177.0, 121.0, 42.68, 37.73]),
+        tiles: None,
+        size_mm: None,
+        ..s
+    };
+    let [relative, found] = mapped(&scene, [uncalibrated, reference]).map(Result::unwrap);
+    assert!(relative.0.relative && relative.0.warnings.iter().any(|w| w.contains("relative")), "{:?}", relative.0);
+    assert!(relative.1.bias.abs() < 0.05 && relative.1.inside_deg < 1.0, "{:?}", relative.1);
+    // From one tile, all whole ones are found.
+    assert!(
+        found.0.tiles >= 56 && found.1.inside_deg < 1.0 && found.1.bias.abs() < 0.02,
+        "{} {:?}",
+        found.0.tiles,
+        found.1
+    );
+}
