@@ -76,8 +76,8 @@ fn fringes(pixels: &mut [u32], f: [f64; 2], phase: f64, panel: &Geometry, tone: 
     let [width, height] = panel.pixels;
     let pitch = [panel.size_mm[0] / width as f64, panel.size_mm[1] / height as f64];
     // Two pixels of a period are no stripe any more.
-    let coarse = !phase.is_finite() || (0..2).any(|axis| !(f[axis].abs() * pitch[axis] <= 0.25));
-    if coarse {
+    let fine = phase.is_finite() && (0..2).all(|axis| f[axis].abs() * pitch[axis] <= 0.25);
+    if !fine {
         let [x, y] = f;
         return Err(format!("fringes of ({x}, {y}) cycles per mm at phase {phase} on pixels of {:.3} mm", pitch[0]));
     }
