@@ -33,13 +33,13 @@ const NEAR: f64 = 0.02;
 const RULED_OUT: f64 = 16.0;
 
 /// Light of a second grating, over the first one's, from which a place has several.
-const SECOND: f64 = 0.2;
+const SECOND: f64 = 0.12;
 
 /// Higher orders that are so many times as bright as the first make it no grating.
 const HIGHER: f64 = 2.0;
 
 /// Squares left over per copy in a lobe, from which the fit explains nothing.
-const POOR: f64 = 16.0;
+const POOR: f64 = 6.0;
 
 /// Largest σ of an orientation in rad, as in maps from polarization, and of a period over itself.
 const UNCERTAIN: [f64; 2] = [0.125, 0.125];
