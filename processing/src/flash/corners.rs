@@ -144,7 +144,7 @@ mod tests {
         let pixel = |i: usize| {
             let (x, y) = ((i % width) as f64, (i / width) as f64);
             // Dark spots, also at the border, and a bright speck beside.
-            let print = if (i * 7919) % 23 == 0 { 0.1 } else { 0.6 };
+            let print = if (i * 7919_usize).is_multiple_of(23) { 0.1 } else { 0.6 };
             if inside(x, y) {
                 print
             } else if i == 3 * width + 5 {

@@ -72,7 +72,7 @@ fn a_tilted_sheet_moves_orders_and_a_flat_one_does_not() {
 #[test]
 fn tiles_repeat_and_misaligned_ones_are_off_by_what_is_said() {
     let scene = TilesPhotograph { misaligned_px: 3.0, ..TilesPhotograph::default() };
-    let worst = (0..80).map(|k| scene.offset_mm([k % 10, k / 10])).flatten().map(f64::abs).fold(0.0, f64::max);
+    let worst = (0..80).flat_map(|k| scene.offset_mm([k % 10, k / 10])).map(f64::abs).fold(0.0, f64::max);
     assert!(worst <= 3.0 * scene.pixel_mm() && worst > 2.5 * scene.pixel_mm(), "{worst}");
     let grooves = scene.grooves();
     let all: Vec<Grooves> =
