@@ -36,13 +36,13 @@ fn a_camera_is_calibrated_from_test_data() {
     assert_eq!(found.wavelength_nm, Some(532.0));
     assert!(check.join("left14.png").is_file());
     assert!(nacre([&args[..], &more].concat()).expect(2).stderr().contains("--force"));
-    // On from there: the sample by its corners, the panel by hand, the light by two highlights.
+    // On from there: the sample by its corners, the panel by hand, the light by its highlight and height.
     let next = dir.path().join("next.json");
     let base = ["--json", "calibrate", "geometry", text(&out), "--out", text(&next)];
     let corners = ["--sample-corners", "200,150,420,152,421,330,198,328", "--sample-mm", "110,90"];
     let panel =
         ["--panel-px", "1920,1080", "--panel-pixel-mm", "0.27", "--panel-at", "0,150,300", "--panel-turn=-30,0,0"];
-    let light = ["--highlight", "330,250", "--highlight", "335,240,60"];
+    let light = ["--highlight", "330,250", "--light-height-mm", "300,5"];
     let report = nacre([&base[..], &corners, &panel, &light].concat()).expect(0).json();
     let found = geometry::load(&next).unwrap();
     assert!(found.panel.is_some() && found.light_mm.is_some() && found.sigma.light_mm.is_some(), "{report}");
@@ -126,7 +126,7 @@ fn foil_is_measured_made_anew_edited_and_exchanged() {
     also_refused(&args[1..], &["--out", text(&none), "--bins", "1,1"], &none, "bins");
 
     let new = path("new");
-    let args = ["--json", "synthesize", text(&found), "--size", "300,200", "--pixel-um", "25"];
+    let args = ["--json", "synthesize", text(&found), "--size", "600,400", "--pixel-um", "25"];
     let report = nacre([&args[..], &["--disc-px", "5", "--out", text(&new)]].concat()).expect(0).json();
     assert!(report["total_variation"][0].as_f64().unwrap() < 0.05, "{report}");
     also_refused(&args[1..], &["--out", text(&none)], &none, "--square-px");
@@ -141,8 +141,8 @@ fn foil_is_measured_made_anew_edited_and_exchanged() {
     let edited = path("edited");
     let args = ["--json", "map", "edit", text(&new), "--rotate", "30", "--tile", "2,1", "--scale", "1.1"];
     let report = nacre([&args[..], &["--out", text(&edited)]].concat()).expect(0).json();
-    // 300 × 200 turned by 30° needs 360 × 324.
-    assert_eq!((report["after"]["width"].as_u64(), report["after"]["height"].as_u64()), (Some(720), Some(324)));
+    // 600 × 400 turned by 30° needs 720 × 647.
+    assert_eq!((report["after"]["width"].as_u64(), report["after"]["height"].as_u64()), (Some(1440), Some(647)));
     assert!(edited.join("before-after.png").is_file());
     let (pack, back) = (path("pack"), path("back"));
     nacre(["map", "export", text(&edited), "--out", text(&pack)]).expect(0);
