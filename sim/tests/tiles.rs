@@ -31,7 +31,6 @@ fn mapped<const N: usize>(
         };
         let report = reconstruct(&home.path().join("in"), &out, &of(plain), &Silent).map_err(|e| e.to_string())?;
         let score = scene.score(&out, &report).unwrap();
-        println!("{score:?}");
         Ok((report, score))
     })
 }

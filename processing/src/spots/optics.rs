@@ -162,8 +162,8 @@ mod tests {
             let mut near = sines;
             near[axis] += 1e-6;
             let moved = optics.land(point, near).unwrap().at;
-            for i in 0..2 {
-                assert!(((moved[i] - landing.at[i]) / 1e-6 - landing.slope[i][axis]).abs() < 1e-2);
+            for (moved, (at, slope)) in moved.iter().zip(landing.at.iter().zip(&landing.slope)) {
+                assert!(((moved - at) / 1e-6 - slope[axis]).abs() < 1e-2);
             }
         }
     }
