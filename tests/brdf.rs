@@ -188,27 +188,27 @@ fn terms_are_stored_in_the_precision_that_the_error_needs() {
     let dir = tempfile::tempdir().unwrap();
     let dir = dir.path();
     brdf(dir, "surface fingers --period-um 1.2 --depth-um 0.3 --pixels 96 --pixel-um 0.09 --out a.exr").expect(0);
-    let exact = brdf(dir, "terms a.exr --coherence-um 12 --out exact").expect(0).json();
-    let loose = brdf(dir, "terms a.exr --coherence-um 12 --max-error 0.2 --out loose").expect(0).json();
+    let exact = brdf(dir, "terms a.exr --coherence-um 12 --out exact.set").expect(0).json();
+    let loose = brdf(dir, "terms a.exr --coherence-um 12 --max-error 0.2 --out loose.set").expect(0).json();
     assert_eq!([&exact["precision"], &loose["precision"]], ["float", "half"]);
     for report in [&exact, &loose] {
         assert!(number(&report["measured_error"]) <= number(&report["predicted_error"]), "{report}");
     }
     // One file per term, each as large as its numbers.
     let size = |set: &str| std::fs::metadata(dir.join(set).join("term_000.exr")).unwrap().len();
-    assert!(size("loose") < size("exact"));
+    assert!(size("loose.set") < size("exact.set"));
     for report in [&exact, &loose] {
         let files = std::fs::read_dir(report["out"].as_str().map(|o| dir.join(o)).unwrap()).unwrap().count();
         assert_eq!(files as u64, report["terms"].as_u64().unwrap() + 1);
     }
     // Any EXR reader reads them: the mean of the zeroth term, which is 1 everywhere, is 1.
-    let map = read_exr(&dir.join("loose/term_000.exr")).unwrap();
+    let map = read_exr(&dir.join("loose.set/term_000.exr")).unwrap();
     let middle = map.height / 2 * map.width + map.width / 2;
     assert_eq!([map.channels["re"][middle], map.channels["im"][middle]], [1.0, 0.0]);
     // The first order alone is too few here, and says so; nothing is replaced unasked.
-    brdf(dir, "terms a.exr --coherence-um 12 --method taylor --order 1 --out first").expect(1);
-    assert!(brdf(dir, "terms a.exr --out exact").expect(2).stderr().contains("exact"));
-    assert!(brdf(dir, "terms a.exr --order 1 --out b").expect(2).stderr().contains("taylor"));
+    brdf(dir, "terms a.exr --coherence-um 12 --method taylor --order 1 --out first.set").expect(1);
+    assert!(brdf(dir, "terms a.exr --out exact.set").expect(2).stderr().contains("exact"));
+    assert!(brdf(dir, "terms a.exr --order 1 --out b.set").expect(2).stderr().contains("taylor"));
 }
 
 #[test]
