@@ -36,11 +36,9 @@ fn main() {
             _ => panic!("{key}"),
         }
     }
-    let folder = std::path::PathBuf::from(std::env::var("OUT").unwrap_or_else(|_| "/tmp/h/spots-out".into()));
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).unwrap();
+    let folder = tempfile::tempdir().unwrap();
     let begun = std::time::Instant::now();
-    let j = judged(&config, &shown, &settings, &folder).unwrap();
+    let j = judged(&config, &shown, &settings, folder.path()).unwrap();
     println!(
         "period {:.3} % orientation {:.3}° masked {:.2} % wrong {:.4} % z {:.2} {:.2} promised {:.3} % {:.2} s (all {:.1} s)\n{:?}\naperture {} mirror {:?} residual {:?} response {:?} {:?}",
         100.0 * j.period,

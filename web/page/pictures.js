@@ -6,11 +6,12 @@ import { complain, problemMessage } from "./feedback.js";
 import { bytes, duration, fixed, percent, plain, significant, words } from "./format.js";
 import { bokehFields } from "./bokehform.js";
 import { brdfFields } from "./brdfform.js";
+import { flashFields } from "./flashform.js";
 import { spotsFields } from "./spotsform.js";
 import { tableFields } from "./tableform.js";
 
-const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light", spots: "Periods by fringes" };
-const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, spots: reportOfSpots };
+const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light", spots: "Periods by fringes", flash: "Tiles under a flash" };
+const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, spots: reportOfSpots, flash: reportOfFlash };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
   "lut.png": "The table under its light, tone-mapped for the eye, over half vectors: the zero order is in the middle. Grey is not measured.",
@@ -18,6 +19,7 @@ const MEANING = {
   "height.png": "Dark taken for deep. Relative where nothing calibrates it.",
   "brdf.png": "Light towards each direction, seen from above: the rim is grazing, up is up. Orders are spread violet to red away from the mirror direction. Compressed for the eye.",
   "period.png": "The gratings' periods. Grey is masked: no order in reach, light of no single grating, or two that explain it.",
+  "sigma.png": "One standard deviation of the orientation. Grey is masked.",
   "orientation.png": "Direction of the grating vector, across the grooves.",
   "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
 };
@@ -71,6 +73,7 @@ export async function showPictures(main, job, signal) {
 /** Another reconstruction of the same photographs, by the service. */
 function nextPanel(job) {
   if (job.method === "brdf") return anew(job, "In other light", brdfFields({ ...job.options }));
+  if (job.method === "flash") return anew(job, "Again", flashFields({ ...job.options }));
   if (job.method === "spots") return anew(job, "Again", spotsFields({ ...job.options }));
   const kept = (method) => (job.method === method ? { ...job.options } : {});
   const forms = { lut: tableFields(kept("lut")), bokeh: bokehFields(kept("bokeh")) };
@@ -203,6 +206,32 @@ function reportOfSpots(report) {
       ["Dark or saturated", percent((pixels.dark + pixels.unusable) / all, 1)],
       ["Mirror direction", mirror && `${fixed(mirror[0], 3)}°, ${fixed(mirror[1], 3)}° from the geometry`],
       ["Aperture", `${fixed(report.aperture_mm, 1)} mm`],
+      ["Took", seconds.total && duration(seconds.total)],
+    ]),
+    h("details", {}, h("summary", {}, "Taken for granted"), h("ul", {}, (report.assumptions ?? []).map((a) => h("li", { class: "soft" }, a)))));
+}
+
+/** The report of tiles under a flash. */
+function reportOfFlash(report) {
+  const { period, masked, seconds = {}, warnings = [] } = report;
+  return h("div", { class: "stack" }, warned(warnings),
+    figures([
+      period.um === null ? ["median of the periods", period.median_um === null ? "unknown" : `${fixed(period.median_um, 3)} µm`]
+        : ["period", `${fixed(period.um, 3)} ± ${fixed(period.sigma_um ?? 0, 3)} µm`],
+      ["σ of an orientation", report.sigma_deg === null ? "unknown" : `${fixed(report.sigma_deg, 2)}°`],
+      ["masked", percent(masked.all, 1)],
+    ]),
+    facts([
+      ["Tiles", `${report.tiles}, moved by up to ${fixed(report.registration?.most_px ?? 0, 2)} pixels`],
+      ["Lights", `${report.lights_mm.length}`],
+      ["Wavelength", `${plain(report.wavelength_nm)} nm`],
+      ["Periods", period.why],
+      ["σ of a period", report.period_sigma === null ? "unknown" : percent(report.period_sigma, 2)],
+      ["Several gratings", percent(masked.several, 1)],
+      ["No single grating", percent(masked.unexplained, 1)],
+      ["Dark or never lit", percent(masked.dark + masked.unseen, 1)],
+      ["Periods searched", report.searched_um && `${report.searched_um.map((v) => fixed(v, 2)).join(" to ")} µm`],
+      ["Periods are", report.relative ? "relative" : "absolute"],
       ["Took", seconds.total && duration(seconds.total)],
     ]),
     h("details", {}, h("summary", {}, "Taken for granted"), h("ul", {}, (report.assumptions ?? []).map((a) => h("li", { class: "soft" }, a)))));

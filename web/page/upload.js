@@ -7,6 +7,7 @@ import { bytes } from "./format.js";
 import { optionFields } from "./options.js";
 import { bokehFields } from "./bokehform.js";
 import { brdfFields } from "./brdfform.js";
+import { flashFields } from "./flashform.js";
 import { tableFields } from "./tableform.js";
 
 const LIKELY = /\.(png|tiff?|jpe?g|exr|bmp|txt|asc|csv|dat)$/i;
@@ -21,15 +22,16 @@ function guess(name) {
 /** Shows the form until the signal fires. */
 export async function uploadPage(main, { signal }) {
   let photographs = [];
+  let picked = null;
   const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr,.bmp,.txt,.asc,.csv,.dat", onchange: () => add(input.files) });
   const body = h("tbody");
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
   const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
   const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
   let chosen = false;
-  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"], ["bokeh", "Lines and heights of a grating, from an out-of-focus highlight"], ["brdf", "The light that a surface diffracts, from an image of its heights"]], "polarization", { id: "method", onchange: paint });
+  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"], ["bokeh", "Lines and heights of a grating, from an out-of-focus highlight"], ["flash", "Orientations and periods of tiles, under a flash"], ["brdf", "The light that a surface diffracts, from an image of its heights"]], "polarization", { id: "method", onchange: paint });
   const options = optionFields();
-  const forms = { lut: tableFields({ wavelength_nm: 680, scale: 0.002 }), bokeh: bokehFields(), brdf: brdfFields() };
+  const forms = { lut: tableFields({ wavelength_nm: 680, scale: 0.002 }), bokeh: bokehFields(), flash: flashFields(), brdf: brdfFields() };
   const values = field("Values", transfer);
   const angled = h("div", { class: "stack" }, field("Channel", channel, { hint: "Colour files need one" }), options.element);
   const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
@@ -60,7 +62,8 @@ export async function uploadPage(main, { signal }) {
     angled.hidden = !polarized;
     values.hidden = !polarized && !alone();
     for (const [name, form] of Object.entries(forms)) form.element.hidden = name !== method.value;
-    about.hidden = polarized || photographs.length < 2;
+    about.hidden = polarized || method.value === "flash" || photographs.length < 2;
+    if (method.value === "flash") pickable();
     listing.hidden = photographs.length === 0;
     listing.querySelectorAll("th")[2].hidden = !polarized;
     body.replaceChildren(...photographs.map((photograph) => h("tr", {},
@@ -76,9 +79,17 @@ export async function uploadPage(main, { signal }) {
     judge();
   }
 
+  /** Shows the photograph to pick in: that by room light if its name says so, else the first. */
+  function pickable() {
+    const file = (photographs.find((p) => /room/i.test(p.file.name)) ?? photographs[0])?.file ?? null;
+    if (file === picked) return;
+    picked = file;
+    forms.flash.show(file);
+  }
+
   /** Whether the values of one photograph are taken as they are, without others to merge it with. */
   function alone() {
-    return method.value in forms && method.value !== "brdf" && photographs.length === 1 && !/\.exr$/i.test(photographs[0].file.name);
+    return ["lut", "bokeh"].includes(method.value) && photographs.length === 1 && !/\.exr$/i.test(photographs[0].file.name);
   }
 
   function judge() {
@@ -107,6 +118,8 @@ export async function uploadPage(main, { signal }) {
     const polarized = method.value === "polarization";
     form.append("kind", polarized ? "polarization" : method.value === "brdf" ? "surface" : "photographs");
     if (polarized) form.append("frames", new Blob([JSON.stringify(description)], { type: "application/json" }), "frames.json");
+    const described = method.value === "flash" && forms.flash.frames();
+    if (described) form.append("frames", described, "frames.json");
     for (const { file } of photographs) form.append("file", file, file.name);
     try {
       const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();

@@ -60,6 +60,8 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("pictures.js", SCRIPT),
     row!("bokehform.js", SCRIPT),
     row!("spotsform.js", SCRIPT),
+    row!("flashform.js", SCRIPT),
+    row!("picker.js", SCRIPT),
     row!("brdfform.js", SCRIPT),
     row!("tableform.js", SCRIPT),
     row!("pixelchart.js", SCRIPT),

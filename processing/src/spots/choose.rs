@@ -1,8 +1,9 @@
 //! What a setting of the fringes will bring, before anything is photographed, and the cheapest that brings what is asked.
 
+use super::answer::Demands;
 use super::carriers::frequencies;
 use super::optics::{Optics, carrier};
-use super::solve::{Demands, MAX_CARRIERS};
+use super::solve::MAX_CARRIERS;
 use crate::polarimetry::NoiseModel;
 use serde::Serialize;
 

@@ -5,6 +5,7 @@
 //! grating's vector follows, in µm: no other light position is needed, and nothing is scanned. `solve.rs` has the model (an own method; the
 //! 2018 paper's section 4 uses one flash).
 
+mod answer;
 mod carriers;
 mod choose;
 mod input;
@@ -21,6 +22,7 @@ mod solve;
 #[cfg(test)]
 mod tests;
 
+pub use answer::{Answer, Demands, Grating, Solution, Verdict};
 pub use carriers::{Search, frequencies};
 pub use choose::{LEAST_FRINGES, Prediction, Request, Setting, cheapest, predict};
 pub use optics::{Landing, Optics, Place, carrier};
@@ -31,4 +33,4 @@ pub use response::Response;
 pub use scan::{Found, Points, aperture, scan};
 pub use settings::Settings;
 pub use signals::{Carrier, Signals, carriers};
-pub use solve::{Answer, Demands, Grating, MAX_CARRIERS, Solution, Solver, Verdict};
+pub use solve::{MAX_CARRIERS, Solver};

@@ -1,7 +1,7 @@
 //! Maps and pictures.
 
+use super::answer::{Grating, Verdict};
 use super::scan::Found;
-use super::solve::{Grating, Verdict};
 use crate::Result;
 use crate::image::{Attribute, OutputFolder, orientation_picture, scalar_picture, write_exr};
 

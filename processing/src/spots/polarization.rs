@@ -3,9 +3,9 @@
 //! Polarization knows the orientation up to an offset that no session of it can tell; fringes know it absolutely, but not in every pixel. Where
 //! both do, the offset follows; where fringes leave two gratings, the one that polarization agrees with is taken.
 
+use super::answer::Verdict;
 use super::reconstruct::median;
 use super::scan::Found;
-use super::solve::Verdict;
 use crate::image::read_exr;
 use crate::{Error, Result};
 use serde::Serialize;
@@ -110,7 +110,7 @@ fn fold(angle: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::solve::Grating;
+    use super::super::answer::Grating;
     use super::*;
 
     fn grating(degrees: f64) -> Grating {

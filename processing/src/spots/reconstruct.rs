@@ -1,5 +1,6 @@
 //! The whole job: a session of fringes to maps, pictures and a report in a new folder.
 
+use super::answer::Verdict;
 use super::input::Bench;
 use super::optics::Optics;
 use super::output::Output;
@@ -8,7 +9,7 @@ use super::report::{Counts, Report, Seconds};
 use super::scan::{Found, aperture, scan};
 use super::settings::Settings;
 use super::signals::{Signals, carriers};
-use super::solve::{MAX_CARRIERS, Verdict};
+use super::solve::MAX_CARRIERS;
 use crate::frames::load;
 use crate::image::OutputFolder;
 use crate::progress::Progress;

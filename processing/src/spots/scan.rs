@@ -1,9 +1,10 @@
 //! All pixels of a session.
 
+use super::answer::{Answer, Demands, Grating, Solution, Verdict};
 use super::carriers::Search;
 use super::optics::{Optics, Place};
 use super::signals::Signals;
-use super::solve::{Answer, Demands, Grating, Solution, Solver, Verdict};
+use super::solve::Solver;
 use crate::Result;
 use crate::progress::Progress;
 use rayon::prelude::*;

@@ -1,6 +1,6 @@
 //! What a user may say.
 
-use super::solve::Demands;
+use super::answer::Demands;
 use crate::geometry::Geometry;
 use crate::{Error, Result};
 use schemars::JsonSchema;

@@ -3,6 +3,7 @@
 mod expansions;
 mod gems;
 mod stress;
+mod sums;
 
 use nacre_processing::chart::{Effort, Study};
 
