@@ -140,36 +140,32 @@ impl Plan {
             return Err(format!("reconstruct.method is {method}, but the plan's kind is {kind}; remove it"));
         }
         let merges = planned.method != Method::Polarization;
-        match (&planned.spots, planned.method) {
-            (Some(settings), Method::Spots) => settings.check().map_err(|e| format!("reconstruct.spots: {e}"))?,
-            (Some(_), _) => {
-                return Err(format!("reconstruct.spots belongs to the method spots, not to {method}; remove it"));
-            }
-            (None, _) => {}
+        let of_one = [
+            ("spots", planned.spots.is_some(), Method::Spots),
+            ("lut", planned.lut.is_some(), Method::Lut),
+            ("flash", planned.flash.is_some(), Method::Flash),
+            ("bokeh", planned.bokeh.is_some(), Method::Bokeh),
+        ];
+        if let Some((name, ..)) = of_one.iter().find(|(_, given, owner)| *given && planned.method != *owner) {
+            return Err(format!("reconstruct.{name} belongs to the method {name}, not to {method}; remove it"));
+        }
+        if let Some(settings) = &planned.spots {
+            settings.check().map_err(|e| format!("reconstruct.spots: {e}"))?;
         }
         if merges && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
             return Err(format!(
                 "reconstruct.method {method} merges one view, but analyser names several angles; name one"
             ));
         }
-        if planned.lut.is_some() && planned.method != Method::Lut {
-            return Err(format!("reconstruct.lut belongs to the method lut, not to {method}; remove it"));
-        }
-        if planned.flash.is_some() && planned.method != Method::Flash {
-            return Err(format!("reconstruct.flash belongs to the method flash, not to {method}; remove it"));
-        }
         if let Some(settings) = &planned.flash {
             settings.check().map_err(|e| format!("reconstruct.flash: {e}"))?;
         }
         match (&planned.bokeh, planned.method) {
-            (Some(options), Method::Bokeh) => {
+            (Some(options), _) => {
                 if matches!(options.psf, PsfChoice::Image(_)) {
                     return Err("reconstruct.bokeh.psf.image is for the command line; give psf.sigma in pixels".into());
                 }
                 options.check().map_err(|e| format!("reconstruct.bokeh: {e}"))?;
-            }
-            (Some(_), _) => {
-                return Err(format!("reconstruct.bokeh belongs to the method bokeh, not to {method}; remove it"));
             }
             (None, Method::Bokeh) => {
                 return Err("the method bokeh must know the blur; give reconstruct.bokeh.psf.sigma in pixels".into());
