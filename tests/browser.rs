@@ -365,6 +365,7 @@ fn a_person_picks_the_corners_of_a_sheet_of_tiles() {
     }
     browser.until("document.querySelector('.picker + .row').innerText.includes('4 picked')");
     browser.both("upload-flash");
+    browser.run("window.scrollTo(0, 0)");
     browser.click("#upload-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth > 0");
     // 1.66 µm, but for what a camera without a calibrated lens and whole pixels leave.
