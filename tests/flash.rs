@@ -88,7 +88,7 @@ fn what_makes_no_sense_is_refused() {
     let text = std::fs::read_to_string(&frames).unwrap();
     std::fs::write(&frames, text.replace("200.0]", "-200.0]")).unwrap();
     refused(&photos, &USUAL, "light_mm");
-    std::fs::write(&frames, text.replace("00-0.png", "gone.png")).unwrap();
+    std::fs::write(&frames, text.replace("00-00.png", "gone.png")).unwrap();
     refused(&photos, &USUAL, "gone.png");
     std::fs::write(&frames, text.replace("\"flash\"", "\"exposures\"")).unwrap();
     refused(&photos, &USUAL, "frames.json");

@@ -30,6 +30,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let size_mm = settings.size_mm.or(Some(scene.sheet_mm()));
     let settings = Settings { tiles, size_mm, overwrite: true, ..settings };
     let report = reconstruct(&home.path().join("in"), &out, &settings, &Silent)?;
-    println!("{}\n{:#?}", report.json(), scene.score(&out, &report)?);
+    println!("{}\n{:#?}", nacre_processing::image::json(&report), scene.score(&out, &report)?);
     Ok(())
 }

@@ -8,6 +8,7 @@ use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::progress::Progress;
 use nacre_sim::photographs::{BokehPhotograph, FlashPhotograph, FoilPhotograph, TilesPhotograph};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::PathBuf;
 
@@ -131,95 +132,65 @@ struct Common {
     force: bool,
 }
 
-impl Common {
-    /// The scene, as it was described.
-    fn scene<T: DeserializeOwned + Default>(&self, kind: &str) -> Result<T, Error> {
-        let remedy = format!("correct it; `nacre sim photograph {kind} --help` shows one");
-        self.scene.as_deref().map_or_else(|| Ok(T::default()), |path| toml_file(path, &remedy))
-    }
-
-    /// Lets the photographs be written.
-    fn write(&self, console: &Console, write: &dyn Fn(&OutputFolder) -> Result<(), Error>) -> Result<(), Failure> {
-        let folder = OutputFolder::begin(&self.out, self.force)?;
-        console.stage("rendering", 1);
-        write(&folder)?;
-        console.check()?;
-        Ok(folder.commit()?)
-    }
+/// What all scenes can do.
+struct Scene<S> {
+    kind: &'static str,
+    check: fn(&S) -> Result<(), Error>,
+    write: fn(&S, &OutputFolder) -> Result<(), Error>,
+    /// What was photographed, in a line.
+    said: fn(&S) -> String,
 }
 
 /// Renders and writes.
 pub fn run(command: &Photograph, console: &Console) -> Result<(), Failure> {
     match command {
-        Photograph::Flash(args) => flash(&args.common, console),
-        Photograph::Bokeh(args) => bokeh(&args.common, console),
-        Photograph::Foil(args) => foil(&args.common, console),
-        Photograph::Tiles(args) => tiles(&args.common, console),
+        Photograph::Flash(args) => {
+            let said = |s: &FlashPhotograph| exposures(s.exposures.len(), [s.width, s.height], s.wavelength_nm);
+            let scene = Scene { kind: "flash", check: FlashPhotograph::check, write: FlashPhotograph::write, said };
+            photograph(&scene, &args.common, console)
+        }
+        Photograph::Bokeh(args) => {
+            let said = |s: &BokehPhotograph| {
+                format!("{} × {} pixels, lines {:.2} pixels apart", s.width, s.height, s.period_um / s.pixel_um)
+            };
+            let scene = Scene { kind: "bokeh", check: BokehPhotograph::check, write: BokehPhotograph::write, said };
+            photograph(&scene, &args.common, console)
+        }
+        Photograph::Foil(args) => {
+            let said = |s: &FoilPhotograph| exposures(s.exposures.len(), [s.width, s.height], s.wavelength_nm);
+            let scene = Scene { kind: "foil", check: FoilPhotograph::check, write: FoilPhotograph::write, said };
+            photograph(&scene, &args.common, console)
+        }
+        Photograph::Tiles(args) => {
+            let said = |s: &TilesPhotograph| {
+                let photographs = exposures(s.exposures.len(), [s.width, s.height], s.wavelength_nm);
+                let ([right, down], [width, height]) = (s.tiles, s.sheet_mm());
+                let lights = s.lights_mm.len();
+                format!("{photographs} under each of {lights} lights, {right} × {down} tiles on {width} × {height} mm")
+            };
+            let scene = Scene { kind: "tiles", check: TilesPhotograph::check, write: TilesPhotograph::write, said };
+            photograph(&scene, &args.common, console)
+        }
     }
 }
 
-fn flash(args: &Common, console: &Console) -> Result<(), Failure> {
-    let scene: FlashPhotograph = args.scene("flash")?;
-    scene.check()?;
-    args.write(console, &|folder| scene.write(folder))?;
-    let text = format!(
-        "{} exposures of {} × {} pixels at {} nm\nwrote     {}",
-        scene.exposures.len(),
-        scene.width,
-        scene.height,
-        scene.wavelength_nm,
-        args.out.display()
-    );
-    console.result(&text, &scene);
-    Ok(())
+fn exposures(count: usize, [width, height]: [usize; 2], nm: f64) -> String {
+    format!("{count} exposures of {width} × {height} pixels at {nm} nm")
 }
 
-fn bokeh(args: &Common, console: &Console) -> Result<(), Failure> {
-    let scene: BokehPhotograph = args.scene("bokeh")?;
-    scene.check()?;
-    args.write(console, &|folder| scene.write(folder))?;
-    let text = format!(
-        "{} × {} pixels, lines {:.2} pixels apart\nwrote     {}",
-        scene.width,
-        scene.height,
-        scene.period_um / scene.pixel_um,
-        args.out.display()
-    );
-    console.result(&text, &scene);
-    Ok(())
-}
-
-fn foil(args: &Common, console: &Console) -> Result<(), Failure> {
-    let scene: FoilPhotograph = args.scene("foil")?;
-    scene.check()?;
-    args.write(console, &|folder| scene.write(folder))?;
-    let text = format!(
-        "{} exposures of {} × {} pixels at {} nm\nwrote     {}",
-        scene.exposures.len(),
-        scene.width,
-        scene.height,
-        scene.wavelength_nm,
-        args.out.display()
-    );
-    console.result(&text, &scene);
-    Ok(())
-}
-
-fn tiles(args: &Common, console: &Console) -> Result<(), Failure> {
-    let scene: TilesPhotograph = args.scene("tiles")?;
-    scene.check()?;
-    args.write(console, &|folder| scene.write(folder))?;
-    let [width, height] = scene.sheet_mm();
-    let text = format!(
-        "{} lights, {} × {} pixels at {} nm, {} × {} tiles on {width} × {height} mm\nwrote     {}",
-        scene.lights_mm.len(),
-        scene.width,
-        scene.height,
-        scene.wavelength_nm,
-        scene.tiles[0],
-        scene.tiles[1],
-        args.out.display()
-    );
-    console.result(&text, &scene);
+fn photograph<S: DeserializeOwned + Serialize + Default>(
+    of: &Scene<S>,
+    args: &Common,
+    console: &Console,
+) -> Result<(), Failure> {
+    let remedy = format!("correct it; `nacre sim photograph {} --help` shows one", of.kind);
+    let scene: S = args.scene.as_deref().map_or_else(|| Ok(S::default()), |path| toml_file(path, &remedy))?;
+    (of.check)(&scene)?;
+    let folder = OutputFolder::begin(&args.out, args.force)?;
+    console.stage("rendering", 1);
+    (of.write)(&scene, &folder)?;
+    console.check()?;
+    folder.commit()?;
+    console.result(&format!("{}\nwrote     {}", (of.said)(&scene), args.out.display()), &scene);
     Ok(())
 }

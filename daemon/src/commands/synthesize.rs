@@ -1,6 +1,7 @@
 //! `nacre synthesize`.
 
 use crate::Failure;
+use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_processing::calibration::Gray;
@@ -86,11 +87,11 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         let picture = orientation_picture(width, made.maps.height, &value, "Orientation of the dots");
         picture.save_png(&folder.path("orientation.png"))?;
     }
-    folder.write("report.json", serde_json::to_string_pretty(&made.report).unwrap_or_default().as_bytes())?;
+    folder.write_json("report.json", &made.report)?;
     folder.commit()?;
     let r = &made.report;
     let mut text = format!(
-        "dots      {}; {:.1} % of the map is bare\noff       {:.2} % in orientation, {:.2} % in period (total variation; {:.2} and {:.2} expected)",
+        "dots      {}; {:.1} % of the map is bare\noff       {:.2} % in orientation, {:.2} % in period (total variation; {:.2} and {:.2} expected)\n",
         r.dots,
         100.0 * r.bare,
         100.0 * r.total_variation[0],
@@ -98,10 +99,8 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         100.0 * r.expected[0],
         100.0 * r.expected[1]
     );
-    for warning in &r.warnings {
-        let _ = write!(text, "\nwarning   {warning}");
-    }
-    let _ = write!(text, "\nwrote     {}", args.out.display());
+    text += &lines(&[], &r.warnings);
+    let _ = write!(text, "wrote     {}", args.out.display());
     console.result(&text, r);
     Ok(())
 }

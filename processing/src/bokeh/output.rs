@@ -37,9 +37,7 @@ pub(super) fn write(folder: &OutputFolder, outcome: &Outcome) -> Result<()> {
         folder.write("slice.csv", slice.csv(outcome.scale.pixel_um, &height).as_bytes())?;
     }
     if let Some(calibration) = outcome.calibration.as_ref().filter(|c| c.grating.is_some()) {
-        // Plain data always serialises.
-        let text = serde_json::to_string_pretty(calibration).unwrap_or_default() + "\n";
-        folder.write("calibration.json", text.as_bytes())?;
+        folder.write_json("calibration.json", calibration)?;
     }
     Ok(())
 }

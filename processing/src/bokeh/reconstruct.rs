@@ -256,7 +256,7 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     output::write(&folder, &outcome)?;
     progress.check()?;
     report.seconds = Seconds { read: read_s, deconvolve: deconvolve_s, total: begun.elapsed().as_secs_f64() };
-    folder.write("report.json", report.json().as_bytes())?;
+    folder.write_json("report.json", &report)?;
     folder.commit()?;
     progress.step();
     Ok(report)

@@ -155,11 +155,3 @@ pub struct Seconds {
     /// Everything.
     pub total: f64,
 }
-
-impl Report {
-    /// As JSON.
-    pub fn json(&self) -> String {
-        // Plain data with string keys always serialises.
-        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
-    }
-}

@@ -24,7 +24,7 @@ pub(super) struct Decision {
 }
 
 /// Weighted mean of lengths and its σ, without what lies outside.
-fn mean(all: &[(&Grating, usize)]) -> Option<[f64; 2]> {
+fn mean(all: &[(&Grating, usize)], uneven: f64) -> Option<[f64; 2]> {
     let mut lengths: Vec<f64> = all.iter().map(|(g, _)| g.length).collect();
     lengths.sort_by(f64::total_cmp);
     let mut middle = *lengths.get(lengths.len() / 2)?;
@@ -32,7 +32,7 @@ fn mean(all: &[(&Grating, usize)]) -> Option<[f64; 2]> {
     for _ in 0..6 {
         let (mut sum, mut weights) = (0.0, 0.0);
         for (g, _) in all {
-            let variance = g.length_sigma.powi(2) + (COMMON * g.length).powi(2);
+            let variance = g.length_sigma.powi(2) + (uneven * g.length).powi(2);
             if (g.length - middle).powi(2) < OUTSIDE * OUTSIDE * variance {
                 sum += g.length / variance;
                 weights += 1.0 / variance;
@@ -47,17 +47,18 @@ fn mean(all: &[(&Grating, usize)]) -> Option<[f64; 2]> {
 }
 
 /// Squares that one length leaves over, each over its variance.
-fn squares(all: &[(&Grating, usize)], length: f64) -> f64 {
+fn squares(all: &[(&Grating, usize)], length: f64, uneven: f64) -> f64 {
     let one = |g: &Grating| {
-        let variance = g.length_sigma.powi(2) + (COMMON * g.length).powi(2);
+        let variance = g.length_sigma.powi(2) + (uneven * g.length).powi(2);
         (g.length - length).powi(2) / variance
     };
     all.iter().map(|(g, _)| one(g)).sum()
 }
 
 /// Decides by the Bayesian information criterion: one period, one for each of 6 × 6 parts of the tile (all that a gradual change needs
-/// to be seen), or one per pixel.
-pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice) -> Decision {
+/// to be seen), or one per pixel. `uneven` is what the geometry may do to periods, over themselves.
+pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice, uneven: f64) -> Decision {
+    let uneven = COMMON.hypot(uneven);
     let height = found.len() / width.max(1);
     let part = |i: usize| i / width * PARTS / height.max(1) * PARTS + i % width * PARTS / width;
     let all: Vec<(&Grating, usize)> = found
@@ -66,7 +67,7 @@ pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice) -> Dec
         .filter_map(|(i, f)| if let Found::Grating(g) = f { Some((g, part(i))) } else { None })
         .collect();
     let n = all.len();
-    let Some([length, sigma]) = mean(&all).filter(|_| n > 0) else {
+    let Some([length, sigma]) = mean(&all, uneven).filter(|_| n > 0) else {
         let why = "no pixel has a period".to_owned();
         return Decision {
             shared: None,
@@ -74,14 +75,14 @@ pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice) -> Dec
         };
     };
     let cost = (n as f64).ln();
-    let one = squares(&all, length) + cost;
+    let one = squares(&all, length, uneven) + cost;
     let mut parts = 0.0;
     let mut spread: f64 = 0.0;
     for k in 0..PARTS * PARTS {
         let of: Vec<(&Grating, usize)> = all.iter().copied().filter(|(_, p)| *p == k).collect();
-        if let Some([own, own_sigma]) = mean(&of) {
-            parts += squares(&of, own) + cost;
-            let variance = own_sigma.powi(2) + (COMMON * own).powi(2);
+        if let Some([own, own_sigma]) = mean(&of, uneven) {
+            parts += squares(&of, own, uneven) + cost;
+            let variance = own_sigma.powi(2) + (uneven * own).powi(2);
             spread = spread.max((own - length).powi(2) / variance);
         }
     }
@@ -101,7 +102,8 @@ pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice) -> Dec
         _ => "as asked for".into(),
     };
     // What polygons do alike is not averaged beyond the parts of the tile.
-    let common = sigma.max(COMMON * length / (PARTS as f64)) * (squares(&all, length) / n as f64).max(1.0).sqrt();
+    let common =
+        sigma.max(uneven * length / (PARTS as f64)) * (squares(&all, length, uneven) / n as f64).max(1.0).sqrt();
     let chosen = if sample { PeriodChoice::Sample } else { PeriodChoice::Pixel };
     let report = PeriodReport {
         choice: chosen,
@@ -135,7 +137,7 @@ mod tests {
 
     #[test]
     fn one_period_is_told_from_several_and_from_a_gradual_change() {
-        let decided = |found: &[Found]| decide(found, 40, PeriodChoice::Auto);
+        let decided = |found: &[Found]| decide(found, 40, PeriodChoice::Auto, 0.0);
         let one = decided(&field(|_, _| 0.34, 0.03));
         let [length, sigma] = one.shared.unwrap();
         assert!((length / 0.34 - 1.0).abs() < 0.003 && sigma / length < 0.003, "{length} {sigma}");
@@ -143,6 +145,6 @@ mod tests {
         assert!(decided(&field(|x, _| 0.34 * (1.0 + 0.002 * x as f64), 0.03)).shared.is_none());
         // Two periods, pixel by pixel.
         assert!(decided(&field(|x, y| if (x * 7 + y * 3) % 5 == 0 { 0.4 } else { 0.34 }, 0.01)).shared.is_none());
-        assert!(decide(&[Found::Masked(super::super::fit::Why::Dark)], 1, PeriodChoice::Auto).shared.is_none());
+        assert!(decide(&[Found::Masked(super::super::fit::Why::Dark)], 1, PeriodChoice::Auto, 0.0).shared.is_none());
     }
 }

@@ -59,7 +59,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     Output { found: &found, report: &report }.write(&folder)?;
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { read, fit: fitted - read, write: total - fitted, total };
-    folder.write("report.json", report.json().as_bytes())?;
+    folder.write_json("report.json", &report)?;
     progress.check()?;
     folder.commit()?;
     progress.step();
@@ -195,7 +195,7 @@ impl Job {
             }
         };
         let found = self.rows(progress, &of(prior))?;
-        let decision = decide(&found, self.tiling.width, settings.period);
+        let decision = decide(&found, self.tiling.width, settings.period, self.view.uneven);
         let prior = Prior { shared: decision.shared, ..prior };
         if decision.shared.is_none() {
             return Ok((believed(agreed(&found, self.tiling.width)), decision.report, lobe, prior));

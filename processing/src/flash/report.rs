@@ -125,11 +125,3 @@ pub struct Seconds {
     /// All.
     pub total: f64,
 }
-
-impl Report {
-    /// As JSON.
-    pub fn json(&self) -> String {
-        // Plain data always serialises.
-        serde_json::to_string_pretty(self).unwrap_or_default()
-    }
-}

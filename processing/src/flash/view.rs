@@ -12,7 +12,12 @@ pub(super) struct View {
     pub viewer: [f64; 3],
     /// Why periods are known only up to a common factor; none for a calibrated camera.
     pub relative: Option<String>,
+    /// What places that are not where they are thought to be may do to periods, over themselves: unevenly, so that parts of the sheet seem to differ.
+    pub uneven: f64,
 }
+
+/// How far corners may be off that were picked or found, in pixels.
+const CORNER_PX: f64 = 1.0;
 
 enum Map {
     Calibrated(Box<Geometry>),
@@ -39,7 +44,7 @@ impl View {
     /// A calibrated one.
     pub fn calibrated(geometry: &Geometry) -> Self {
         let relative = geometry.relative.then(|| "the geometry is one of relative lengths".to_owned());
-        Self { viewer: geometry.viewer(), map: Map::Calibrated(Box::new(geometry.clone())), relative }
+        Self { viewer: geometry.viewer(), map: Map::Calibrated(Box::new(geometry.clone())), relative, uneven: 0.0 }
     }
 
     /// The paper's approximate one (section 4.4): four corners of a sheet of known size, a camera without distortion over the middle of a
@@ -63,7 +68,10 @@ impl View {
             Error::input("corners_px", format!("{corners:?} is no perspective of a sheet"), "correct the corners")
         })?;
         let relative = "the camera was taken to stand over the middle of the picture, without distortion".to_owned();
-        let mut view = Self { map: Map::Flat(map), viewer: [0.0, 0.0, camera_mm], relative: Some(relative) };
+        let side = |a: usize, b: usize| (corners[a][0] - corners[b][0]).hypot(corners[a][1] - corners[b][1]);
+        let shortest = (0..4).map(|k| side(k, (k + 1) % 4)).fold(f64::INFINITY, f64::min);
+        let (map, viewer) = (Map::Flat(map), [0.0, 0.0, camera_mm]);
+        let mut view = Self { map, viewer, relative: Some(relative), uneven: CORNER_PX / shortest };
         let middle = image.map(|n| 0.5 * (n as f64 - 1.0));
         let [x, y] = view.point(middle).ok_or_else(|| {
             Error::input("corners_px", "put the picture's middle beyond the sheet's horizon", "correct the corners")

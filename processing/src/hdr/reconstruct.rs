@@ -98,7 +98,7 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     }
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { look: look_s, merge: merge_s, write: total - look_s - merge_s, total };
-    folder.write("report.json", report.json().as_bytes())?;
+    folder.write_json("report.json", &report)?;
     folder.commit()?;
     progress.step();
     Ok(report)

@@ -5,6 +5,7 @@ use std::io::{self, ErrorKind};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
 use tempfile::{Builder, TempDir};
 
 use crate::{Error, Result};
@@ -93,6 +94,14 @@ impl OutputFolder {
     /// `Error::Output` when the system refuses.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
         fs::write(self.path(name), bytes).map_err(|error| self.failed(name, error))
+    }
+
+    /// Writes plain data as the JSON file `name`.
+    ///
+    /// # Errors
+    /// `Error::Output` when the system refuses.
+    pub fn write_json(&self, name: &str, data: &impl Serialize) -> Result<()> {
+        self.write(name, super::json(data).as_bytes())
     }
 
     /// Waits until the file `name`, which is complete, is on the disk. [`OutputFolder::commit`] does so for all files; this spares

@@ -4,6 +4,7 @@
 mod bmp;
 mod canvas;
 mod convolution;
+mod correlation;
 mod exif;
 mod folder;
 mod interpolation;
@@ -22,6 +23,7 @@ mod write;
 
 pub use canvas::{Canvas, Rgb, text_width};
 pub(crate) use convolution::Convolution;
+pub(crate) use correlation::{Correlation, Field};
 pub use exif::{Exposure, exposure};
 pub use folder::OutputFolder;
 pub use interpolation::catmull_rom;
@@ -29,7 +31,7 @@ pub use listing::{photograph_in, photographs};
 pub use openexr::{ExrMap, read_exr};
 pub use picture::{MASKED, hsv, orientation_color, orientation_picture, scalar_picture, viridis, wheel};
 pub use read::{Depth, EXTENSIONS, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, info, read};
-pub use whole::{write_whole, write_whole_with};
+pub use whole::{json, write_whole, write_whole_with};
 pub use write::{
     Attribute, Precision, encode_png8, encode_png16_gray, write_exr, write_exr_as, write_png8, write_png16_gray,
 };

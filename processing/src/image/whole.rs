@@ -8,6 +8,13 @@ use std::path::{Path, PathBuf};
 use tempfile::{Builder, NamedTempFile};
 
 use crate::{Error, Result};
+use serde::Serialize;
+
+/// Plain data, with string keys, as the text of a JSON file.
+pub fn json(data: &impl Serialize) -> String {
+    // Such data always serialises.
+    serde_json::to_string_pretty(data).unwrap_or_default() + "\n"
+}
 
 /// Writes a file so that its name always leads to the whole old contents or the whole new ones, even if power fails: into a
 /// temporary file beside it, which is synced and then renamed. A new file has the permissions of any new file; one that is

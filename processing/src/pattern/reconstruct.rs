@@ -73,7 +73,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     report.assumptions = assumptions(&report, &settings);
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { read, table: added - read, write: total - added, total };
-    folder.write("report.json", report.json().as_bytes())?;
+    folder.write_json("report.json", &report)?;
     folder.commit()?;
     progress.step();
     Ok(report)

@@ -202,12 +202,6 @@ impl Report {
     pub(super) fn took(&mut self, read_and_fit: f64, solve: f64, written: f64) {
         self.seconds = Seconds { read_and_fit, solve, write: written - solve, total: read_and_fit + written };
     }
-
-    /// The report as JSON.
-    pub fn json(&self) -> String {
-        // Plain data with string keys always serialises.
-        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
-    }
 }
 
 /// Error in degrees that the model may cause; none when that cannot be told.

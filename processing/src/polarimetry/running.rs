@@ -262,7 +262,7 @@ impl Running {
         }
         writer.maps(maps, &solved.map)?;
         report.took(read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
-        folder.write("report.json", report.json().as_bytes())?;
+        folder.write_json("report.json", &report)?;
         progress.check()?;
         folder.commit()?;
         Ok(report)

@@ -113,17 +113,10 @@ pub fn cheapest(optics: &Optics, noise: &NoiseModel, like: &Setting, request: &R
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spots::optics::tests::facing;
 
     fn optics() -> Optics {
-        Optics {
-            viewer_mm: [-50.0, 0.0, 250.0],
-            panel_axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            panel_mm: [50.0, 0.0, 250.0],
-            panel_size_mm: [520.0, 320.0],
-            wavelength_um: 0.56,
-            band: 0.0076,
-            aperture_mm: 12.0,
-        }
+        Optics { band: 0.0076, ..facing() }
     }
 
     #[test]

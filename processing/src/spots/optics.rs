@@ -122,9 +122,10 @@ fn norm(a: [f64; 3]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
+    /// A panel and a camera that stand beside each other, above the sample.
     pub(crate) fn facing() -> Optics {
         Optics {
             viewer_mm: [-50.0, 0.0, 250.0],

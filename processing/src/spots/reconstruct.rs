@@ -108,7 +108,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     let total = begun.elapsed().as_secs_f64();
     report.seconds =
         Seconds { read, calibrate: calibrated - read, solve: solved - calibrated, write: total - solved, total };
-    folder.write("report.json", report.json().as_bytes())?;
+    folder.write_json("report.json", &report)?;
     folder.commit()?;
     progress.step();
     Ok(report)

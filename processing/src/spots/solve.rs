@@ -2,7 +2,7 @@
 //!
 //! Light that comes from places X_m of the panel with weights w_m answers fringes of angular frequency k with `Σ w_m e^{i k · X_m}`. A
 //! grating's orders lie where the sines of the mirror direction plus `m·q` point, q = λ/period along the grating vector, so that two numbers
-//! place all of them; weights are linear, and positive. Nothing in the literature does this.
+//! place all of them; weights are linear, and positive.
 
 use super::answer::{Answer, Demands, Grating, Solution, Verdict};
 use super::carriers::Search;

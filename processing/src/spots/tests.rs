@@ -1,20 +1,9 @@
 //! Pixels whose answers are worked out here, term by term, against what is found in them.
 
 use super::optics::carrier;
+use super::optics::tests::facing;
 use super::*;
 use std::f64::consts::{PI, TAU};
-
-fn optics() -> Optics {
-    Optics {
-        viewer_mm: [-50.0, 0.0, 250.0],
-        panel_axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        panel_mm: [50.0, 0.0, 250.0],
-        panel_size_mm: [520.0, 320.0],
-        wavelength_um: 0.56,
-        band: 0.0,
-        aperture_mm: 0.01,
-    }
-}
 
 /// Where light that leaves a point of the sample by order `m` of a grating meets the panel: by angles rather than by sines.
 fn spot(point: [f64; 2], orientation: f64, period_um: f64, m: f64) -> Option<[f64; 2]> {
@@ -53,7 +42,7 @@ struct Bench {
 
 impl Bench {
     fn new(count: usize) -> Self {
-        let optics = optics();
+        let optics = Optics { aperture_mm: 0.01, ..facing() };
         let fringes = frequencies(count, 28.0);
         let carriers: Vec<_> = fringes.iter().map(|f| carrier(*f)).collect();
         let search = Search::new(&optics, &carriers);

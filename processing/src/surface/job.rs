@@ -114,7 +114,7 @@ pub fn render(input: &Path, out: &Path, options: &MapOptions, overwrite: bool, p
         seconds: begun.elapsed().as_secs_f64(),
         files: ["brdf.exr", "brdf.png"].map(PathBuf::from).into(),
     };
-    folder.write("report.json", report.json().as_bytes())?;
+    folder.write_json("report.json", &report)?;
     folder.commit()?;
     Ok(())
 }

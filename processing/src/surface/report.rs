@@ -4,7 +4,7 @@ use super::choose::Choice;
 use super::height::Quality;
 use super::settings::Settings;
 use crate::Result;
-use crate::image::write_whole;
+use crate::image::{json, write_whole};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -35,17 +35,11 @@ pub struct Report<'a, T: Serialize> {
 }
 
 impl<T: Serialize> Report<'_, T> {
-    /// As JSON.
-    pub fn json(&self) -> String {
-        // Plain data with string keys always serialises.
-        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
-    }
-
     /// Writes it to its place.
     ///
     /// # Errors
     /// `Output` when the system refuses.
     pub fn write(&self, path: &Path) -> Result<()> {
-        write_whole(path, self.json().as_bytes())
+        write_whole(path, json(self).as_bytes())
     }
 }

@@ -189,8 +189,7 @@ impl TermSet {
             progress.step();
             progress.check()?;
         }
-        let json = serde_json::to_string_pretty(&self.about).unwrap_or_default() + "\n";
-        folder.write(TERMS_FILE, json.as_bytes())
+        folder.write_json(TERMS_FILE, &self.about)
     }
 }
 

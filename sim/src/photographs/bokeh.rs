@@ -201,8 +201,7 @@ impl BokehPhotograph {
         write_exr(&folder.path("truth.exr"), self.width, self.height, &["Y", "height"], &attributes, &|c, y, row| {
             row.iter_mut().zip(&truth[c][y * self.width..]).for_each(|(out, v)| *out = *v as f32);
         })?;
-        // Plain data always serialises.
-        folder.write("scene.json", serde_json::to_string_pretty(self).unwrap_or_default().as_bytes())
+        folder.write_json("scene.json", self)
     }
 }
 

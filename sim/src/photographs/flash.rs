@@ -4,11 +4,9 @@
 //! disc and the filter's band; each order is a Gaussian in direction cosines as wide as the coherence allows, and holds its
 //! share of the light. Nothing of the reconstruction's formulas is used.
 
+use super::bracket::{Bracket, check_exposures};
 use super::orders::{Orders, Surface};
-use crate::random::{electrons, key};
-use nacre_processing::frames::{FILE_NAME, Frame, FrameSet, Kind, save};
-use nacre_processing::image::{Attribute, OutputFolder, write_exr, write_png16_gray};
-use nacre_processing::polarimetry::NoiseModel;
+use nacre_processing::image::OutputFolder;
 use nacre_processing::{Error, Result};
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -87,10 +85,6 @@ impl Default for FlashPhotograph {
     }
 }
 
-/// Black and white of the 16-bit files.
-const BLACK: f64 = 1000.0;
-const WHITE: f64 = 65_000.0;
-
 /// Rings of points on the flash, and wavelengths in its band.
 const RINGS: i32 = 4;
 const WAVELENGTHS: i32 = 7;
@@ -133,12 +127,7 @@ impl FlashPhotograph {
         if self.width.min(self.height) < 8 || self.width.max(self.height) > 8192 {
             return bad("width, height", format!("are {} × {}; expected 8 to 8192", self.width, self.height));
         }
-        if self.exposures.is_empty()
-            || self.exposures.len() > 16
-            || self.exposures.iter().any(|e| !(1e-6..=1e6).contains(e))
-        {
-            return bad("exposures", "are not 1 to 16 numbers from 1e-6 to 1e6".into());
-        }
+        check_exposures(&self.exposures)?;
         if self.baseline_mm.iter().chain(&self.zero_order_px).any(|v| v.is_nan() || v.abs() > 1e5) {
             return bad("baseline_mm, zero_order_px", "are too large".into());
         }
@@ -266,36 +255,21 @@ impl FlashPhotograph {
     /// # Errors
     /// As [`Self::check`]; `Output`.
     pub fn write(&self, folder: &OutputFolder) -> Result<()> {
-        let radiance = self.radiance()?;
-        let top = radiance.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-        let mut frames = vec![];
-        for (k, exposure) in self.exposures.iter().enumerate() {
-            let code = |(i, light): (usize, &f64)| {
-                let mean = light / top * self.level * exposure * self.full_scale_e;
-                let level =
-                    electrons(key(&[self.seed, k as u64, i as u64]), mean, self.read_noise_e) / self.full_scale_e;
-                (BLACK + (WHITE - BLACK) * level).clamp(0.0, WHITE).round() as u16
-            };
-            let codes: Vec<u16> = radiance.par_iter().enumerate().map(code).collect();
-            let name = format!("{k:02}.png");
-            write_png16_gray(&folder.path(&name), self.width, self.height, &codes)?;
-            frames.push(Frame { exposure_s: Some(*exposure), flash: Some(true), ..Frame::new(name) });
+        self.bracket().write(folder, &self.radiance()?, self.level)?;
+        folder.write_json("scene.json", self)
+    }
+
+    fn bracket(&self) -> Bracket<'_> {
+        Bracket {
+            seed: self.seed,
+            width: self.width,
+            height: self.height,
+            exposures: &self.exposures,
+            full_scale_e: self.full_scale_e,
+            read_noise_e: self.read_noise_e,
+            wavelength_nm: self.wavelength_nm,
+            band_nm: self.band_nm,
         }
-        let set = FrameSet {
-            black: Some(BLACK),
-            white: Some(WHITE),
-            wavelength_nm: Some(self.wavelength_nm),
-            band_nm: (self.band_nm > 0.0).then_some(self.band_nm),
-            noise: Some(NoiseModel { full_scale_e: self.full_scale_e, read_noise_e: self.read_noise_e }),
-            ..FrameSet::new(Kind::Flash, frames)
-        };
-        folder.write(FILE_NAME, save(&set).as_bytes())?;
-        let units = [("units", Attribute::Text("radiance, brightest is 1".into()))];
-        write_exr(&folder.path("truth.exr"), self.width, self.height, &["Y"], &units, &|_, y, row| {
-            row.iter_mut().zip(&radiance[y * self.width..]).for_each(|(out, v)| *out = (v / top) as f32);
-        })?;
-        // Plain data always serialises.
-        folder.write("scene.json", serde_json::to_string_pretty(self).unwrap_or_default().as_bytes())
     }
 }
 

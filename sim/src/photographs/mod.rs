@@ -1,6 +1,7 @@
 //! Photographs that are rendered as a whole, apart from the bench: what one camera sees of a diffracting surface.
 
 mod bokeh;
+mod bracket;
 mod flash;
 mod foil;
 mod orders;

@@ -1,6 +1,7 @@
 //! `nacre reconstruct bokeh`.
 
 use crate::Failure;
+use crate::commands::said::lines;
 use crate::commands::values::{numbers, transfer};
 use crate::console::Console;
 use clap::ValueEnum;
@@ -241,9 +242,7 @@ fn summary(report: &Report) -> String {
         let rmse = c.rmse_um.map_or(String::new(), |r| format!(", known profile off by {r:.4} µm RMS"));
         let _ = writeln!(text, "height    {:.4} µm · (light / mean - {:.4}){rmse}", c.gain_um, c.offset);
     }
-    for warning in &report.warnings {
-        let _ = writeln!(text, "warning   {warning}");
-    }
+    text += &lines(&[], &report.warnings);
     let s = &report.seconds;
     let _ = write!(text, "time      {:.2} s: reading {:.2}, deconvolving {:.2}", s.total, s.read, s.deconvolve);
     text

@@ -1,6 +1,7 @@
 //! `nacre reconstruct flash`.
 
 use crate::Failure;
+use crate::commands::said::{lines, meets};
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_processing::flash::{self, Orientation, PeriodChoice, Report, Settings};
@@ -135,15 +136,7 @@ impl Flash {
         let mut text = summary(&report);
         let _ = write!(text, "\nresults   {}", self.out.display());
         console.result(&text, &report);
-        match (self.max_error, report.sigma_deg) {
-            (Some(wanted), Some(found)) if found > wanted => Err(Failure::Bound(format!(
-                "a typical orientation is uncertain by {found:.3}°, more than the {wanted}° asked for; more lights help"
-            ))),
-            (Some(wanted), None) => {
-                Err(Failure::Bound(format!("nothing was measured, so the error may exceed the {wanted}° asked for")))
-            }
-            _ => Ok(()),
-        }
+        meets(self.max_error, report.sigma_deg, ["σ of a typical orientation", "°", "more lights help"])
     }
 }
 
@@ -187,12 +180,7 @@ fn summary(report: &Report) -> String {
         share(m.unexplained),
         share(m.unseen)
     );
-    for assumption in &report.assumptions {
-        let _ = writeln!(text, "assumed   {assumption}");
-    }
-    for warning in &report.warnings {
-        let _ = writeln!(text, "warning   {warning}");
-    }
+    text += &lines(&report.assumptions, &report.warnings);
     let s = &report.seconds;
     let _ =
         write!(text, "time      {:.2} s: reading {:.2}, fitting {:.2}, writing {:.2}", s.total, s.read, s.fit, s.write);

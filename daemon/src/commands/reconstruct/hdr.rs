@@ -1,6 +1,7 @@
 //! `nacre reconstruct hdr`.
 
 use crate::Failure;
+use crate::commands::said::{lines, meets};
 use crate::console::Console;
 use nacre_processing::hdr::{self, Options, Report, ResponseChoice};
 use nacre_processing::polarimetry::Align;
@@ -50,16 +51,8 @@ impl Hdr {
         let mut text = summary(&report);
         let _ = write!(text, "\nresults   {}", self.out.display());
         console.result(&text, &report);
-        match (self.max_error, report.error_estimate) {
-            (Some(wanted), Some(found)) if found > wanted => Err(Failure::Bound(format!(
-                "a typical value is uncertain by {found:.4} of itself, more than the {wanted} asked for; expose longer or take \
-                 more exposures"
-            ))),
-            (Some(wanted), None) => {
-                Err(Failure::Bound(format!("nothing was measured, so the error may exceed the {wanted} asked for")))
-            }
-            _ => Ok(()),
-        }
+        let said = ["σ of a typical value, over itself,", "", "expose longer or take more exposures"];
+        meets(self.max_error, report.error_estimate, said)
     }
 }
 
@@ -91,9 +84,7 @@ fn summary(report: &Report) -> String {
     if report.registration.as_ref().is_some_and(|r| r.corrected) {
         let _ = writeln!(text, "aligned   exposures that lay shifted were moved back (see report.json)");
     }
-    for warning in &report.warnings {
-        let _ = writeln!(text, "warning   {warning}");
-    }
+    text += &lines(&[], &report.warnings);
     let s = &report.seconds;
     let _ = write!(
         text,

@@ -1,6 +1,7 @@
 //! `nacre reconstruct lut`.
 
 use crate::Failure;
+use crate::commands::said::{lines, meets};
 use crate::commands::toml_file;
 use crate::commands::values::{ChannelName, numbers, transfer};
 use crate::console::Console;
@@ -137,17 +138,8 @@ impl Lut {
         let mut text = summary(&report);
         let _ = write!(text, "\nresults   {}", self.out.display());
         console.result(&text, &report);
-        match report.error_estimate {
-            Some(error) if error <= self.max_error => Ok(()),
-            Some(error) => Err(Failure::Bound(format!(
-                "the error at the rim is {error:.4} of the table's own, more than the {} asked for",
-                self.max_error
-            ))),
-            None => Err(Failure::Bound(format!(
-                "nothing was measured at the rim, so the error may exceed the {} asked for",
-                self.max_error
-            ))),
-        }
+        let said = ["the error at the rim, over the table's own,", "", "report.json says what it is made of"];
+        meets(Some(self.max_error), report.error_estimate, said)
     }
 }
 
@@ -194,12 +186,7 @@ fn summary(report: &Report) -> String {
         100.0 * coverage.full,
         100.0 * coverage.none
     );
-    for assumption in &report.assumptions {
-        let _ = writeln!(text, "assumed   {assumption}");
-    }
-    for warning in &report.warnings {
-        let _ = writeln!(text, "warning   {warning}");
-    }
+    text += &lines(&report.assumptions, &report.warnings);
     let s = &report.seconds;
     let _ =
         write!(text, "time      {:.2} s: reading {:.2}, table {:.2}, writing {:.2}", s.total, s.read, s.table, s.write);

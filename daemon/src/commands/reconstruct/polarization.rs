@@ -1,6 +1,7 @@
 //! `nacre reconstruct polarization`.
 
 use crate::Failure;
+use crate::commands::said::{lines, meets};
 use crate::console::Console;
 use nacre_processing::polarimetry::{
     self, Align, ErrorReport, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report, Smoothing,
@@ -108,7 +109,8 @@ impl Polarization {
         let mut text = summary(&report);
         let _ = write!(text, "\nresults   {}", self.out.display());
         console.result(&text, &report);
-        meets(self.max_error, report.error_estimate_deg)
+        let remedy = "add analyser angles, expose longer, or heed the warnings";
+        meets(self.max_error, report.error_estimate_deg, ["the estimated error", "°", remedy])
     }
 
     fn period(&self) -> Option<PeriodMethod> {
@@ -129,20 +131,6 @@ impl Polarization {
 fn range(text: &str) -> Result<[f64; 2], String> {
     let two = text.split_once(',').and_then(|(a, b)| Some([a.trim().parse().ok()?, b.trim().parse().ok()?]));
     two.ok_or_else(|| format!("found {text:?}; give two numbers of µm such as 0.7,2"))
-}
-
-fn meets(wanted: Option<f64>, estimate: Option<f64>) -> Result<(), Failure> {
-    match (wanted, estimate) {
-        (None, _) => Ok(()),
-        (Some(wanted), Some(estimate)) if estimate <= wanted => Ok(()),
-        (Some(wanted), Some(estimate)) => Err(Failure::Bound(format!(
-            "the estimated error is {estimate:.3}°, more than the {wanted}° asked for; add analyser angles, expose longer, \
-             or heed the warnings"
-        ))),
-        (Some(wanted), None) => {
-            Err(Failure::Bound(format!("no error can be estimated, so it may exceed the {wanted}° asked for")))
-        }
-    }
 }
 
 /// The report in a few lines.
@@ -193,9 +181,7 @@ pub fn summary(report: &Report) -> String {
     if let Some(period) = &report.period {
         let _ = writeln!(text, "periods   {}", periods(period));
     }
-    for warning in &report.warnings {
-        let _ = writeln!(text, "warning   {warning}");
-    }
+    text += &lines(&[], &report.warnings);
     let s = &report.seconds;
     let _ = write!(
         text,

@@ -1,6 +1,7 @@
 //! `nacre reconstruct spots`.
 
 use crate::Failure;
+use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_processing::geometry;
@@ -131,12 +132,7 @@ fn summary(report: &Report) -> String {
             h.offset_deg, h.spread_deg, h.shared, h.decided, h.contradicted
         );
     }
-    for assumption in &report.assumptions {
-        let _ = writeln!(text, "assumed   {assumption}");
-    }
-    for warning in &report.warnings {
-        let _ = writeln!(text, "warning   {warning}");
-    }
+    text += &lines(&report.assumptions, &report.warnings);
     let s = &report.seconds;
     let _ = write!(
         text,

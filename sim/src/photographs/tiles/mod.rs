@@ -13,14 +13,13 @@ mod tests;
 pub use pattern::{Grooves, Pattern, Periods};
 pub use score::Score;
 
-use crate::random::{electrons, key, uniform};
-use nacre_processing::frames::{FILE_NAME, Frame, FrameSet, Kind, save};
+use super::bracket::{Bracket, check_exposures};
+use crate::random::{key, uniform};
+use nacre_processing::frames::Frame;
 use nacre_processing::geometry::{Camera, Geometry, Pose};
-use nacre_processing::image::{Attribute, OutputFolder, write_exr, write_png16_gray};
-use nacre_processing::polarimetry::NoiseModel;
+use nacre_processing::image::{Attribute, OutputFolder, write_exr};
 use nacre_processing::{Error, Result, geometry};
 use pattern::Tile;
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -106,10 +105,6 @@ impl Default for TilesPhotograph {
     }
 }
 
-/// Black and white of the 16-bit files.
-const BLACK: f64 = 1000.0;
-const WHITE: f64 = 65_000.0;
-
 /// Share of the picture's width that the sheet takes up.
 const FILLED: f64 = 0.97;
 
@@ -170,11 +165,7 @@ impl TilesPhotograph {
         if !self.camera_mm[..2].iter().all(|v| v.abs() <= self.camera_mm[2]) {
             return bad("camera_mm", "sees the sheet at more than 45°".into());
         }
-        let exposures = 1..=16;
-        if !exposures.contains(&self.exposures.len()) || self.exposures.iter().any(|e| !(1e-6..=1e6).contains(e)) {
-            return bad("exposures", "are not 1 to 16 numbers from 1e-6 to 1e6".into());
-        }
-        Ok(())
+        check_exposures(&self.exposures)
     }
 
     /// Width and height of the sheet in mm.
@@ -231,51 +222,34 @@ impl TilesPhotograph {
             photographs.push(self.radiance(*light));
         }
         let top = photographs.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
-        let mut frames = vec![];
+        let (bracket, mut frames) = (self.bracket(), vec![]);
         for (k, (light, radiance)) in self.lights_mm.iter().zip(&photographs).enumerate() {
-            for (j, exposure) in self.exposures.iter().enumerate() {
-                let name = format!("{k:02}-{j}.png");
-                let level = |v: f64| (v / top + self.stray) * self.level * exposure;
-                self.save(folder, &name, [k as u64, j as u64], &|i| level(radiance[i]))?;
-                let taken = Frame { exposure_s: Some(*exposure), flash: Some(true), ..Frame::new(name) };
-                frames.push(Frame { light_mm: Some(*light), ..taken });
-            }
+            let level = |i: usize| (radiance[i] / top + self.stray) * self.level;
+            let taken = bracket.expose(folder, (&format!("{k:02}-"), k as u64), &level)?;
+            frames.extend(taken.into_iter().map(|f| Frame { light_mm: Some(*light), ..f }));
         }
         if self.room {
             let grey = self.room_light();
-            self.save(folder, "room.png", [1000, 0], &|i| grey[i])?;
+            bracket.save(folder, "room.png", [1000, 0], &|i| grey[i])?;
             frames.push(Frame { exposure_s: Some(1.0), flash: Some(false), ..Frame::new("room.png") });
         }
-        let set = FrameSet {
-            black: Some(BLACK),
-            white: Some(WHITE),
-            wavelength_nm: Some(self.wavelength_nm),
-            band_nm: (self.band_nm > 0.0).then_some(self.band_nm),
-            noise: Some(NoiseModel { full_scale_e: self.full_scale_e, read_noise_e: self.read_noise_e }),
-            ..FrameSet::new(Kind::Flash, frames)
-        };
-        folder.write(FILE_NAME, save(&set).as_bytes())?;
+        bracket.describe(folder, frames)?;
         folder.write("geometry.json", geometry::text(&self.geometry()).as_bytes())?;
         self.write_truth(folder)?;
-        // Plain data always serialises.
-        folder.write("scene.json", serde_json::to_string_pretty(self).unwrap_or_default().as_bytes())
+        folder.write_json("scene.json", self)
     }
 
-    /// A 16-bit file of levels (of white) with the camera's noise.
-    fn save(
-        &self,
-        folder: &OutputFolder,
-        name: &str,
-        id: [u64; 2],
-        level: &(dyn Fn(usize) -> f64 + Sync),
-    ) -> Result<()> {
-        let code = |i: usize| {
-            let mean = level(i) * self.full_scale_e;
-            let seen = electrons(key(&[self.seed, id[0], id[1], i as u64]), mean, self.read_noise_e);
-            (BLACK + (WHITE - BLACK) * seen / self.full_scale_e).clamp(0.0, WHITE).round() as u16
-        };
-        let codes: Vec<u16> = (0..self.width * self.height).into_par_iter().map(code).collect();
-        write_png16_gray(&folder.path(name), self.width, self.height, &codes)
+    fn bracket(&self) -> Bracket<'_> {
+        Bracket {
+            seed: self.seed,
+            width: self.width,
+            height: self.height,
+            exposures: &self.exposures,
+            full_scale_e: self.full_scale_e,
+            read_noise_e: self.read_noise_e,
+            wavelength_nm: self.wavelength_nm,
+            band_nm: self.band_nm,
+        }
     }
 
     /// Orientation and period of one tile.
