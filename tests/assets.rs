@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used)]
 
 use nacre_processing::geometry;
-use nacre_processing::image::read_exr;
-use nacre_tests::{nacre, test_data};
+use nacre_processing::image::{read_exr, write_exr};
+use nacre_tests::http::Service;
+use nacre_tests::{Place, nacre, test_data};
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 fn text(path: &Path) -> &str {
@@ -150,6 +152,17 @@ fn foil_is_measured_made_anew_edited_and_exchanged() {
     for name in ["orientation.exr", "period.exr"] {
         assert!(same(&edited.join(name), &back.join(name)), "{name}");
     }
+    // A part of it, found again.
+    let (part, compared) = (path("part"), path("compared"));
+    nacre(["map", "edit", text(&new), "--size", "300,200", "--orientation-offset", "2", "--out", text(&part)])
+        .expect(0);
+    let args = ["--json", "map", "compare", text(&new), text(&part), "--out", text(&compared)];
+    let report = nacre(args).expect(0).json();
+    let other = &report["maps"][1];
+    assert_eq!(other["shift_px"], serde_json::json!([0, 0]), "{report}");
+    assert!((other["orientation"]["offset"].as_f64().unwrap() - 2.0).abs() < 0.01, "{report}");
+    assert!(compared.join("compared.png").is_file());
+    refused(&["map", "compare", text(&new), "--out", text(&none)], &none, "INPUTS");
     let args = ["map", "edit", text(&new), "--out", text(&none)];
     also_refused(&args, &[], &none, "changes nothing");
     also_refused(&args, &["--period", "cubic=1,2"], &none, "quadratic");
@@ -159,4 +172,98 @@ fn foil_is_measured_made_anew_edited_and_exchanged() {
     refused(&["map", "edit", text(&photo), "--scale", "2", "--out", text(&none)], &none, "no map");
     let full = nacre(["map", "import", text(&pack), "--out", text(&back)]);
     assert!(full.expect(2).stderr().contains("--force"));
+}
+
+#[test]
+fn a_photograph_tells_which_method_suits() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| -> PathBuf { dir.path().join(name) };
+    let scene = "tiles = [6, 5]\nwidth = 900\nheight = 690\nlights_mm = [[0, 0, 200]]\nexposures = [1]\n[pattern]\npolygons = 8\n";
+    std::fs::write(path("sheet.toml"), scene).unwrap();
+    let photos = path("photos");
+    nacre(["sim", "photograph", "tiles", "--scene", text(&path("sheet.toml")), "--out", text(&photos)]).expect(0);
+    let (room, out) = (photos.join("room.png"), path("advice"));
+    let report = nacre(["--json", "recommend", text(&room), "--out", text(&out)]).expect(0).json();
+    assert_eq!(report["advice"], "flash", "{report}");
+    assert!((report["repeats"]["copies"].as_f64().unwrap() - 30.0).abs() < 4.0, "{report}");
+    assert!(out.join("tile.png").is_file() && out.join("report.json").is_file());
+    let said = nacre(["recommend", text(&room)]).expect(0).stdout();
+    assert!(said.contains("flash") && said.contains("reconstruct flash"), "{said}");
+    refused(&["recommend", text(&path("none.png")), "--out", text(&path("x"))], &path("x"), "none.png");
+    assert_eq!(nacre(["recommend", text(&room), "--out", text(&out)]).code(), 2, "nothing is replaced unasked");
+}
+
+#[test]
+fn the_service_measures_foil_edits_maps_and_calibrates() {
+    let place = Place::new("");
+    let service = Service::start(&place, &[]);
+    let upload = |kind: &str, files: &[&Path]| {
+        let read: Vec<(String, Vec<u8>)> = files
+            .iter()
+            .map(|f| (f.file_name().unwrap().to_str().unwrap().to_owned(), std::fs::read(f).unwrap()))
+            .collect();
+        let mut parts = vec![("kind", "", kind.as_bytes())];
+        parts.extend(read.iter().map(|(name, bytes)| {
+            (if name == "frames.json" { "frames" } else { "file" }, name.as_str(), bytes.as_slice())
+        }));
+        service.upload(&parts)
+    };
+    let done = |upload: &str, method: &str, options: Value| {
+        let asked = json!({ "upload": upload, "method": method, "options": options });
+        let job = service.post("/api/v1/reconstructions", &asked).expect(202).json();
+        let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+        service.until(&path, |job| job["state"] == "done")
+    };
+    let photo = place.path("photo");
+    std::fs::write(place.path("foil.toml"), "width = 240\nheight = 240\npixel_um = 1120\n").unwrap();
+    let scene = place.path("foil.toml");
+    nacre(["sim", "photograph", "foil", "--scene", text(&scene), "--out", text(&photo)]).expect(0);
+    let files = ["frames.json", "00.png", "01.png", "02.png"].map(|name| photo.join(name));
+    let id = upload("photographs", &files.each_ref().map(|p| p.as_path())).expect(201).json()["id"].clone();
+    let geometry: Value = serde_json::from_slice(&std::fs::read(photo.join("geometry.json")).unwrap()).unwrap();
+    let id = id.as_str().unwrap();
+    let found = done(id, "foil", json!({ "geometry": geometry, "period_um": [0.75, 1.75], "depth_um": 0.08 }));
+    assert!((found["report"]["period_um"][0].as_f64().unwrap() - 1.225).abs() < 0.02, "{found}");
+    let refused = |upload: &str, method: &str, options: Value, words: &str| {
+        let asked = json!({ "upload": upload, "method": method, "options": options });
+        let problem = service.post("/api/v1/reconstructions", &asked).expect(400).text();
+        assert!(problem.contains(words), "{problem}");
+    };
+    refused(id, "foil", json!({}), "geometry.json");
+    refused(id, "foil", json!({ "geometry": geometry, "period_um": [2, 1] }), "period");
+    refused(id, "map", json!({ "rotate_deg": 5 }), "map");
+    refused(id, "calibrate", json!({ "board": [1, 1] }), "board");
+
+    // Maps, made here: every pixel 30° and 1.2 µm.
+    let maps = place.path("maps");
+    std::fs::create_dir(&maps).unwrap();
+    let write = |name: &str, channel: &str, value: f32| {
+        write_exr(&maps.join(name), 20, 10, &[channel], &[], &|_, _, row| row.fill(value)).unwrap();
+    };
+    write("orientation.exr", "orientation", 0.5);
+    write("period.exr", "period", 1.2);
+    let files = ["orientation.exr", "period.exr"].map(|name| maps.join(name));
+    let id = upload("maps", &files.each_ref().map(|p| p.as_path())).expect(201).json()["id"].clone();
+    let id = id.as_str().unwrap();
+    let edits = json!({ "rotate_deg": 90, "period": { "quadratic": [1.0, 2.0] } });
+    let edited = done(id, "map", edits);
+    assert_eq!(edited["report"]["after"]["width"], 10, "{edited}");
+    let turned = 0.5 + std::f64::consts::FRAC_PI_2;
+    let wanted = 1.0 + (turned / std::f64::consts::PI).powi(2);
+    let got = edited["report"]["after"]["maps"]["period"]["range"][0].as_f64().unwrap();
+    assert!((got - wanted).abs() < 1e-5, "{got} {wanted}");
+    refused(id, "map", json!({}), "changes nothing");
+    refused(id, "map", json!({ "period": { "table": [[10, 1], [5, 2]] } }), "period curve");
+    assert!(upload("maps", &[photo.join("00.png").as_path()]).expect(400).text().contains("exr"));
+
+    let Some(data) = test_data() else { return };
+    let boards: Vec<PathBuf> =
+        ["01", "02", "03", "04", "05"].map(|k| data.join(format!("calibration/left{k}.jpg"))).into();
+    let paths: Vec<&Path> = boards.iter().map(PathBuf::as_path).collect();
+    let id = upload("photographs", &paths).expect(201).json()["id"].clone();
+    let found =
+        done(id.as_str().unwrap(), "calibrate", json!({ "board": [9, 6], "square_mm": 25, "wavelength_nm": 532 }));
+    let focal = found["report"]["geometry"]["camera"]["focal_px"][0].as_f64().unwrap();
+    // The whole set says 533.1; five photographs are known to a few pixels.
+    assert!((focal - 533.1).abs() < 8.0, "{found}");
 }

@@ -252,7 +252,10 @@ fn results(
             let settings = flash::Settings { overwrite: true, ..asked };
             Findings::Flash(Box::new(flash::reconstruct(folder, &results, &settings, progress)?))
         }
-        Method::Brdf => return Err(Error::input("plan", "makes a BRDF of photographs", "upload a height field").into()),
+        Method::Foil | Method::Calibrate | Method::Map | Method::Brdf => {
+            let problem = "makes of photographs what is made of other things";
+            return Err(Error::input("plan", problem, "leave reconstruct out, and upload what it is made of").into());
+        }
     };
     Ok((results, findings))
 }

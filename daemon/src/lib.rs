@@ -90,6 +90,8 @@ enum Command {
     /// Measure where camera, sample, panel and light are.
     #[command(subcommand)]
     Calibrate(commands::calibrate::Calibrate),
+    /// Say which method suits a sample, from one photograph of it.
+    Recommend(commands::recommend::Recommend),
     /// Chart speed against accuracy, and where each method breaks.
     Chart(commands::chart::Args),
     /// Describe photographs taken elsewhere in a frames.json.
@@ -132,6 +134,7 @@ pub fn main() -> ExitCode {
         Command::Map(args) => commands::map::run(&args, &console),
         Command::Synthesize(args) => commands::synthesize::run(&args, &console),
         Command::Calibrate(args) => commands::calibrate::run(&args, &console),
+        Command::Recommend(args) => commands::recommend::run(&args, &console),
         Command::Chart(args) => commands::chart::run(&args, &console),
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),

@@ -24,6 +24,7 @@ pub mod pattern;
 pub mod polarimetry;
 pub mod progress;
 pub mod rcwa;
+pub mod recommend;
 pub mod spots;
 pub mod surface;
 pub mod text;

@@ -1,5 +1,6 @@
 // The options of photographs of tiles under a flash: where everything is, tiles, corners, periods.
 
+import { geometryField } from "./assetforms.js";
 import { field, h, number, select } from "./dom.js";
 import { picker } from "./picker.js";
 
@@ -14,8 +15,7 @@ export function flashFields(given = {}) {
   const wavelength = number({ id: "flash-wavelength", value: given.wavelength_nm ?? "", min: 200, max: 2000 });
   const shared = select([["auto", "As the photographs tell"], ["sample", "One for all"], ["pixel", "One per pixel"]], given.period ?? "auto", { id: "flash-shared" });
   const frames = h("input", { type: "file", id: "flash-frames", accept: ".json" });
-  const geometry = h("input", { type: "file", id: "flash-geometry", accept: ".json", onchange: read });
-  let where = given.geometry ?? null;
+  const geometry = geometryField("flash-geometry", given.geometry);
   const kind = select([["corners", "Corners of the sheet"], ["tile", "One tile"]], "corners", { id: "flash-pick", onchange: paint });
   const corners = picker(["top left corner", "top right corner", "bottom right corner", "bottom left corner"]);
   const tile = picker(["one corner of a tile", "the opposite corner"]);
@@ -25,23 +25,11 @@ export function flashFields(given = {}) {
     pickers.corners.hidden = kind.value !== "corners";
     pickers.tile.hidden = kind.value !== "tile";
   }
-  async function read() {
-    const file = geometry.files[0];
-    where = null;
-    geometry.setCustomValidity("");
-    if (!file) return;
-    try {
-      where = JSON.parse(await file.text());
-    } catch {
-      geometry.setCustomValidity("This is no JSON: give a geometry.json, as nacre calibrate geometry writes it");
-      geometry.reportValidity();
-    }
-  }
   paint();
   const element = h("div", { class: "stack" },
     h("div", { class: "fields" },
       field("Description of the photographs", frames, { hint: "frames.json: exposures, and where the flash was" }),
-      field("Calibration", geometry, { hint: where ? "As before, or another geometry.json" : "geometry.json, if there is one" }),
+      field("Calibration", geometry.input, { hint: given.geometry ? "As before, or another geometry.json" : "geometry.json, if there is one" }),
       field("Tiles across", tiles[0], { hint: "Empty: from one picked tile" }), field("Tiles down", tiles[1]),
       field("Sheet, width (mm)", size[0]), field("Sheet, height (mm)", size[1]),
       field("Camera above it (mm)", camera, { hint: "Without a calibration" }), field("Light above it (mm)", light, { hint: "Empty: as described" }),
@@ -63,7 +51,7 @@ export function flashFields(given = {}) {
     options: () => {
       const options = { ...given, period: shared.value };
       const set = (name, value) => { if (value === null) delete options[name]; else options[name] = value; };
-      set("geometry", where);
+      set("geometry", geometry.value());
       set("tiles", both(tiles));
       set("size_mm", both(size));
       set("period_um", both(periods));

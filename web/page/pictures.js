@@ -4,14 +4,16 @@ import { get, makeDownload, picture, post, send, show } from "./api.js";
 import { facts, field, figures, h, panel, say, segments, select, svg } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes, duration, fixed, percent, plain, significant, words } from "./format.js";
+import { boardFields, foilFields, mapFields } from "./assetforms.js";
+import { reportOfCalibration, reportOfFoil, reportOfMap, warned } from "./assetreports.js";
 import { bokehFields } from "./bokehform.js";
 import { brdfFields } from "./brdfform.js";
 import { flashFields } from "./flashform.js";
 import { spotsFields } from "./spotsform.js";
 import { tableFields } from "./tableform.js";
 
-const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light", spots: "Periods by fringes", flash: "Tiles under a flash" };
-const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, spots: reportOfSpots, flash: reportOfFlash };
+const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light", spots: "Periods by fringes", flash: "Tiles under a flash", foil: "Dots of a foil", calibrate: "Calibration", map: "Edited maps" };
+const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, spots: reportOfSpots, flash: reportOfFlash, foil: reportOfFoil, calibrate: reportOfCalibration, map: reportOfMap };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
   "lut.png": "The table under its light, tone-mapped for the eye, over half vectors: the zero order is in the middle. Grey is not measured.",
@@ -21,6 +23,8 @@ const MEANING = {
   "period.png": "The gratings' periods. Grey is masked: no order in reach, light of no single grating, or two that explain it.",
   "sigma.png": "One standard deviation of the orientation. Grey is masked.",
   "orientation.png": "Direction of the grating vector, across the grooves.",
+  "histogram.png": "How frequent dots of each orientation and period are.",
+  "before-after.png": "Before on the left, after on the right, in the same colours.",
   "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
 };
 
@@ -43,7 +47,7 @@ export async function showPictures(main, job, signal) {
       const { blob } = await picture(`${base}/${encodeURIComponent(name)}`, { signal });
       if (shown !== name) return;
       image.alt = MEANING[name] ?? name;
-      image.classList.toggle("small", !["bokeh", "brdf"].includes(job.method) && report.width < 640);
+      image.classList.toggle("small", !["bokeh", "brdf", "foil", "calibrate", "map"].includes(job.method) && report.width < 640);
       show(image, blob);
     } catch (problem) {
       if (problem.name !== "AbortError") well.replaceChildren(problemMessage(problem));
@@ -74,6 +78,9 @@ export async function showPictures(main, job, signal) {
 function nextPanel(job) {
   if (job.method === "brdf") return anew(job, "In other light", brdfFields({ ...job.options }));
   if (job.method === "flash") return anew(job, "Again", flashFields({ ...job.options }));
+  if (job.method === "foil") return anew(job, "Again", foilFields({ ...job.options }));
+  if (job.method === "calibrate") return anew(job, "Again", boardFields({ ...job.options }));
+  if (job.method === "map") return anew(job, "Other edits", mapFields({ ...job.options }));
   if (job.method === "spots") return anew(job, "Again", spotsFields({ ...job.options }));
   const kept = (method) => (job.method === method ? { ...job.options } : {});
   const forms = { lut: tableFields(kept("lut")), bokeh: bokehFields(kept("bokeh")) };
@@ -155,10 +162,6 @@ async function profile(base, signal) {
 }
 
 const superscript = (n) => String(n).replace(/./g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
-
-const warned = (warnings) => warnings.length
-  ? h("ul", { class: "problems" }, warnings.map((w) => h("li", { class: "message", "data-tone": "warn" }, w)))
-  : h("p", { class: "message", "data-tone": "good" }, "No warnings.");
 
 /** A table's report. */
 function reportOfTable(report) {

@@ -1,6 +1,7 @@
-// #/upload: photographs taken elsewhere → a map of their angles, one merged photograph, a table, a grating's lines, or the light of a height field.
+// #/upload: photographs taken elsewhere → a map of their angles, one merged photograph, a table, a grating's lines, the light of a height field, a calibration, other maps.
 
 import { post, send } from "./api.js";
+import { boardFields, foilFields, mapFields } from "./assetforms.js";
 import { field, h, number, panel, say, select } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
@@ -29,9 +30,9 @@ export async function uploadPage(main, { signal }) {
   const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
   const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
   let chosen = false;
-  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"], ["bokeh", "Lines and heights of a grating, from an out-of-focus highlight"], ["flash", "Orientations and periods of tiles, under a flash"], ["brdf", "The light that a surface diffracts, from an image of its heights"]], "polarization", { id: "method", onchange: paint });
+  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"], ["bokeh", "Lines and heights of a grating, from an out-of-focus highlight"], ["flash", "Orientations and periods of tiles, under a flash"], ["foil", "Orientations and periods of a foil's random dots, from one photograph under a flash"], ["brdf", "The light that a surface diffracts, from an image of its heights"], ["calibrate", "A camera, from photographs of a board"], ["map", "Other maps, from orientation.exr and period.exr"]], "polarization", { id: "method", onchange: paint });
   const options = optionFields();
-  const forms = { lut: tableFields({ wavelength_nm: 680, scale: 0.002 }), bokeh: bokehFields(), flash: flashFields(), brdf: brdfFields() };
+  const forms = { lut: tableFields({ wavelength_nm: 680, scale: 0.002 }), bokeh: bokehFields(), flash: flashFields(), foil: foilFields(), brdf: brdfFields(), calibrate: boardFields(), map: mapFields() };
   const values = field("Values", transfer);
   const angled = h("div", { class: "stack" }, field("Channel", channel, { hint: "Colour files need one" }), options.element);
   const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
@@ -62,7 +63,7 @@ export async function uploadPage(main, { signal }) {
     angled.hidden = !polarized;
     values.hidden = !polarized && !alone();
     for (const [name, form] of Object.entries(forms)) form.element.hidden = name !== method.value;
-    about.hidden = polarized || method.value === "flash" || photographs.length < 2;
+    about.hidden = !["hdr", "lut", "bokeh", "foil"].includes(method.value) || photographs.length < 2;
     if (method.value === "flash") pickable();
     listing.hidden = photographs.length === 0;
     listing.querySelectorAll("th")[2].hidden = !polarized;
@@ -116,7 +117,7 @@ export async function uploadPage(main, { signal }) {
     if (channel.value) description.channel = channel.value;
     const form = new FormData();
     const polarized = method.value === "polarization";
-    form.append("kind", polarized ? "polarization" : method.value === "brdf" ? "surface" : "photographs");
+    form.append("kind", { polarization: "polarization", brdf: "surface", map: "maps" }[method.value] ?? "photographs");
     if (polarized) form.append("frames", new Blob([JSON.stringify(description)], { type: "application/json" }), "frames.json");
     const described = method.value === "flash" && forms.flash.frames();
     if (described) form.append("frames", described, "frames.json");

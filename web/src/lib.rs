@@ -44,6 +44,8 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("pages.css", STYLE),
     row!("api.js", SCRIPT),
     row!("app.js", SCRIPT),
+    row!("assetforms.js", SCRIPT),
+    row!("assetreports.js", SCRIPT),
     row!("bench.js", SCRIPT),
     row!("charts.js", SCRIPT),
     row!("controls.js", SCRIPT),

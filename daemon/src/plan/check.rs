@@ -130,8 +130,8 @@ impl Plan {
         let (method, kind) = (super::word(planned.method), super::word(self.kind));
         let fits = match planned.method {
             Method::Polarization => self.kind == PlanKind::Polarization,
-            // Nothing that is captured.
-            Method::Brdf => false,
+            // Nothing that is captured, or needs more than a plan says.
+            Method::Brdf | Method::Foil | Method::Calibrate | Method::Map => false,
             Method::Spots => self.spots.as_ref().is_some_and(|s| s.fringes.is_some()),
             Method::Flash => self.kind == PlanKind::Flash,
             Method::Hdr | Method::Lut | Method::Bokeh => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),

@@ -127,6 +127,12 @@ pub enum Method {
     Brdf,
     /// Orientations and periods of gratings under a flash, for the kind flash.
     Flash,
+    /// How orientations and periods of a foil's random dots are distributed; not for plans.
+    Foil,
+    /// A camera, from uploaded photographs of a board; not for plans.
+    Calibrate,
+    /// Maps that were uploaded, or a session's, edited; not for plans.
+    Map,
 }
 
 /// What a plan varies.

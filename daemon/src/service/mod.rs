@@ -12,6 +12,7 @@ pub mod display;
 pub mod events;
 pub mod files;
 pub mod maps;
+mod methods;
 mod metrics;
 pub mod page_panel;
 pub mod plans;
@@ -26,9 +27,8 @@ pub mod uploads;
 
 use crate::Failure;
 use crate::catalogue::{Catalogue, SessionRow};
-use crate::jobs::{Jobs, Spec, Work};
+use crate::jobs::Jobs;
 use crate::plan::Limits;
-use crate::plan::Method;
 use crate::rig::Place;
 use crate::session::{SESSION_FILE, sha256};
 use axum::Json;
@@ -40,9 +40,6 @@ use bench::Bench;
 use config::Config;
 use metrics::Metrics;
 use nacre_processing::Error;
-use nacre_processing::polarimetry::{self, Model};
-use nacre_processing::progress::Progress;
-use nacre_processing::{bokeh, flash, hdr, pattern, spots, surface};
 use problem::{Answer, Kind, Problem};
 use runs::Run;
 use serde::de::DeserializeOwned;
@@ -143,7 +140,7 @@ impl App {
         let catalogue = Catalogue::open(&config.data.join("catalogue.db")).await?;
         let rebuilt = catalogue.rebuild(&[config.data.join("sessions")], &nacre_processing::progress::Silent).await?;
         tracing::info!(sessions = rebuilt.sessions, "catalogue rebuilt");
-        let jobs = Jobs::open(&config.data, work(config.data.clone())).await?;
+        let jobs = Jobs::open(&config.data, methods::work(config.data.clone())).await?;
         let bench = Bench::open(place).await?;
         let found =
             bench.work(|owner| Ok((owner.rig.devices.limits(), owner.runtime.block_on(owner.rig.watch.ids())))).await;
@@ -264,47 +261,6 @@ pub async fn serve(
     app.jobs.shutdown().await;
     app.catalogue.close().await;
     Ok(served.map_err(|e| Error::input(listen, format!("cannot be served: {e}"), "report this"))?)
-}
-
-/// What the job queue does.
-fn work(data: PathBuf) -> Work {
-    Arc::new(move |spec: &Spec, progress: &dyn Progress| {
-        let input = match (&spec.session, &spec.upload) {
-            (Some(id), _) => data.join("sessions").join(id),
-            (None, Some(id)) => data.join("uploads").join(id),
-            _ => return Err(Error::input("reconstruction", "names no photographs", "ask again").into()),
-        };
-        let out = data.join("reconstructions").join(&spec.id);
-        match spec.method {
-            Method::Polarization => {
-                let model: Model =
-                    spec.model.parse().map_err(|e: String| Error::input("reconstruction", e, "ask again"))?;
-                polarimetry::reconstruct(&input, &out, &spec.options(model), progress)?;
-            }
-            Method::Hdr => {
-                let options = hdr::Options { overwrite: true, ..spec.options_of()? };
-                hdr::reconstruct(&input, &out, &options, progress)?;
-            }
-            Method::Lut => {
-                let settings = pattern::Settings { overwrite: true, ..spec.options_of()? };
-                pattern::reconstruct(&input, &out, &settings, progress)?;
-            }
-            Method::Flash => {
-                let settings = flash::Settings { overwrite: true, ..spec.options_of()? };
-                flash::reconstruct(&input, &out, &settings, progress)?;
-            }
-            Method::Brdf => surface::render(&input, &out, &spec.options_of()?, true, progress)?,
-            Method::Spots => {
-                let settings = spots::Settings { overwrite: true, ..spec.options_of()? };
-                spots::reconstruct(&input, &out, &settings, progress)?;
-            }
-            Method::Bokeh => {
-                let options = bokeh::Options { overwrite: true, ..spec.options_of()? };
-                bokeh::reconstruct(&input, &out, &options, progress)?;
-            }
-        }
-        Ok(())
-    })
 }
 
 /// Ids are ULIDs, so that no other path is ever made of them.

@@ -1,7 +1,7 @@
 //! `/api/v1/reconstructions`: jobs, and what they found.
 
 use super::problem::{Answer, Kind, Problem};
-use super::{App, At, Body, Params, blocking, events};
+use super::{App, At, Body, Params, blocking, events, methods};
 use crate::jobs::{Job, JobState, Spec};
 use crate::plan::Method;
 use crate::session::SESSION_FILE;
@@ -9,9 +9,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use nacre_processing::frames::{FILE_NAME, load};
 use nacre_processing::polarimetry::{Model, Oblique, PeriodMethod, Smoothing};
-use nacre_processing::{bokeh, color, flash, hdr, pattern, spots, surface};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,7 +23,7 @@ pub struct Request {
     session: Option<String>,
     /// Or uploaded photographs.
     upload: Option<String>,
-    /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots`, `brdf` or `flash`.
+    /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots`, `brdf`, `flash`, `foil`, `calibrate` or `map`.
     method: Option<Method>,
     /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
     /// "recover", "align": "auto" | "off"}`. Of `lut`, of which wavelength and scale or geometry are needed unless the photographs say
@@ -41,7 +39,12 @@ pub struct Request {
     /// "reflectance": "perfect" | "schlick=0.04" | "gold", "shadowing": false, "illuminant": "D65", "observer": "1931"}}`. Of
     /// `flash`, of which `tiles` and `size_mm`, or `reference_px`, are needed: `{"tiles": [10, 8], "size_mm": [297, 210], "reference_px": [x,
     /// y, w, h], "geometry": {…}, "corners_px": [[x, y], …], "camera_mm": 500, "light_height_mm": 200, "wavelength_nm": 560, "period_um":
-    /// [1.2, 2.4], "orientation": "half" | "image", "period": "auto" | "sample" | "pixel"}`.
+    /// [1.2, 2.4], "orientation": "half" | "image", "period": "auto" | "sample" | "pixel"}`. Of `foil`: `{"geometry": {…},
+    /// "period_um": [0.8, 1.5], "bins": [180, 64], "depth_um": 0.08, "light_height_mm": 300}`. Of `calibrate`, for uploaded photographs of a
+    /// board: `{"board": [9, 6], "square_mm": 25, "sample_corners_px": [[x, y], …], "sample_mm": [120, 80], "wavelength_nm": 532}`. Of `map`, for
+    /// a session's maps or uploaded ones: `{"rotate_deg": 30, "resample": 2, "tile": [4, 3], "size": [w, h], "layout": "repeat" | "mirror" |
+    /// "brick", "orientation_offset_deg": 5, "period": {"quadratic": [0.8, 1.6]} | {"sine_squared": [0.8, 1.6]} | {"table": [[deg, um],
+    /// …]}, "scale": 1.05, "offset_um": -0.02, "clamp_um": [0.7, 2]}`.
     #[schema(value_type = Option<Object>)]
     options: Option<serde_json::Value>,
     /// `auto`, `sinusoid`, `prenormalized`, `circle` or `curve`.
@@ -234,79 +237,10 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
     let input = app.input_of(&spec)?;
     // Refused here rather than by the job, so that whoever asks learns it at once.
     let asked = spec.clone();
-    blocking(move || check(&asked, &input)).await?;
+    blocking(move || methods::check(&asked, &input)).await?;
     let job = app.jobs.submit(spec).await?;
     app.remember(key, &job.id);
     Ok(accepted(app.describe(job, false)))
-}
-
-/// Refuses what no job could do.
-fn check(spec: &Spec, input: &std::path::Path) -> Answer<()> {
-    let whole = || {
-        if input.join(FILE_NAME).exists() {
-            return Ok(());
-        }
-        Err(Problem::not_found("complete set of photographs there").remedy("finish the session first"))
-    };
-    match spec.method {
-        Method::Polarization => {
-            whole()?;
-            if spec.options.is_some() {
-                return Err(Problem::bad("options do not belong to the method polarization, which has its own"));
-            }
-            Ok(spec.options(Model::Auto).check(&load(input)?).map(drop)?)
-        }
-        Method::Hdr => {
-            if spec.session.is_some() {
-                whole()?;
-            }
-            spec.options_of::<hdr::Options>()?;
-            Ok(hdr::check_input(input)?)
-        }
-        Method::Lut => {
-            if spec.session.is_some() {
-                whole()?;
-            }
-            let settings: pattern::Settings = spec.options_of()?;
-            // A file of the service's machine is nobody's business.
-            if !color::NAMES.contains(&settings.illuminant.as_str()) {
-                return Err(Problem::bad(format!("illuminant is none of {}", color::NAMES.join(", "))));
-            }
-            Ok(pattern::check_input(input, &settings)?)
-        }
-        Method::Flash => {
-            whole()?;
-            Ok(flash::check_input(input, &spec.options_of()?)?)
-        }
-        Method::Brdf => {
-            let options: surface::MapOptions = spec.options_of()?;
-            // A file of the service's machine is nobody's business.
-            if !color::NAMES.contains(&options.settings.illuminant.as_str()) {
-                return Err(Problem::bad(format!("illuminant is none of {}", color::NAMES.join(", "))));
-            }
-            if spec.session.is_some() {
-                return Err(Problem::bad("method brdf takes a height field; give an upload, not a session"));
-            }
-            Ok(options.check(input)?)
-        }
-        Method::Spots => {
-            whole()?;
-            let settings: spots::Settings = spec.options_of()?;
-            Ok(spots::check_input(input, &settings)?)
-        }
-        Method::Bokeh => {
-            if spec.session.is_some() {
-                whole()?;
-            }
-            let options: bokeh::Options = spec.options_of()?;
-            // A file of the service's machine is nobody's business.
-            if matches!(options.psf, bokeh::PsfChoice::Image(_)) {
-                return Err(Problem::bad("psf: an image of a point is for the command line; give {\"sigma\": PX}"));
-            }
-            options.check()?;
-            Ok(hdr::Source::check(input)?)
-        }
-    }
 }
 
 fn accepted(doc: Reconstruction) -> Response {

@@ -9,6 +9,7 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::{FILE_NAME, load};
 use nacre_processing::image::{EXTENSIONS, info};
+use nacre_processing::map::Maps;
 use nacre_processing::surface::height;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -34,11 +35,12 @@ pub struct Uploaded {
 /// Photographs as form parts `file` with their names, and their description as the part `frames` (a frames.json);
 /// without it the analyser's angles are read from the names, as `045.png`, and colour files' green is used. Where the part
 /// `kind`, which comes first, is `photographs`, they stand for themselves: exposures of one view, or single photographs. With `surface`
-/// there is one part `file`: a height field, which may be a grid of numbers as text as well.
+/// there is one part `file`: a height field, which may be a grid of numbers as text as well. With `maps` they are `orientation.exr`,
+/// `period.exr` or both.
 #[derive(ToSchema)]
 #[allow(dead_code, reason = "describes the form")]
 pub struct Form {
-    /// `polarization` (the default), `photographs` or `surface`.
+    /// `polarization` (the default), `photographs`, `surface` or `maps`.
     kind: Option<String>,
     /// A frames.json.
     frames: Option<String>,
@@ -108,6 +110,7 @@ async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize
         What::Photographs => super::blocking(move || decodable(&folder)).await?,
         // Its scale is not known before it is asked for a BRDF, which reads it.
         What::Surface => {}
+        What::Maps => super::blocking(move || Ok(Maps::read(&folder).map(drop)?)).await?,
     }
     Ok((files, bytes))
 }
@@ -121,19 +124,24 @@ enum What {
     Photographs,
     /// A height field.
     Surface,
+    /// Maps of orientation and period.
+    Maps,
 }
 
 /// Plain names of photographs only, or of height fields, so that nothing is written elsewhere.
 fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
     match field.name() {
-        Some("frames") if what != What::Surface => return Ok(FILE_NAME.into()),
+        Some("frames") if matches!(what, What::Photographs | What::Polarization) => return Ok(FILE_NAME.into()),
         Some("file") => {}
         _ => return Err(Problem::bad("a part is neither file nor frames")),
     }
     let name = field.file_name().unwrap_or_default();
     let extension = Path::new(name).extension().map(|e| e.to_string_lossy().to_lowercase());
-    let (of, endings) =
-        if what == What::Surface { ("height field", height::EXTENSIONS) } else { ("photograph", EXTENSIONS) };
+    let (of, endings) = match what {
+        What::Surface => ("height field", height::EXTENSIONS),
+        What::Maps => ("map", &["exr"][..]),
+        What::Photographs | What::Polarization => ("photograph", EXTENSIONS),
+    };
     let known = extension.is_some_and(|e| endings.contains(&e.as_str()));
     let plain = name.chars().all(|c| c.is_alphanumeric() || "._- +()".contains(c)) && !name.starts_with('.');
     if known && plain && name.len() <= 200 {
@@ -180,9 +188,10 @@ async fn kind(mut field: Field<'_>) -> Answer<What> {
         b"photographs" => Ok(What::Photographs),
         b"polarization" => Ok(What::Polarization),
         b"surface" => Ok(What::Surface),
+        b"maps" => Ok(What::Maps),
         other => {
             let said = clip(&String::from_utf8_lossy(other));
-            Err(Problem::bad(format!("kind is {said:?}; give photographs, polarization or surface")))
+            Err(Problem::bad(format!("kind is {said:?}; give photographs, polarization, surface or maps")))
         }
     }
 }

@@ -63,7 +63,7 @@ impl Gray {
     }
 
     /// Half as wide and high: means of 2 × 2 pixels.
-    pub(super) fn halved(&self) -> Self {
+    pub fn halved(&self) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
         let value = |i: usize| {
             let (x, y) = (2 * (i % width), 2 * (i / width));

@@ -16,6 +16,7 @@ mod picture;
 mod relative;
 mod report;
 mod sample;
+mod service;
 mod start;
 mod subpixel;
 #[cfg(test)]
@@ -34,3 +35,4 @@ pub use picture::board_picture;
 pub use relative::{Ruler, relative};
 pub use report::{PhotographReport, Report};
 pub use sample::{CameraCovariance, Placed, camera_covariance, from_board, from_corners};
+pub use service::{Calibration, Options, calibrate_folder, write_overlays};

@@ -6,6 +6,8 @@ use crate::geometry::Geometry;
 use crate::pattern::center;
 use crate::{Error, Result};
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// A bin is at least so many pixels of the photograph wide, or noise and gaps would rule it.
@@ -32,8 +34,11 @@ pub struct Light {
 }
 
 /// How it is measured.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
 pub struct Settings {
+    /// Where camera, foil and light were; default: geometry.json beside the photograph.
+    pub geometry: Option<Geometry>,
     /// Shortest and longest period in µm (default: from the picture's corners to the zero order's glare).
     pub period_um: Option<[f64; 2]>,
     /// Bins of orientation, and of lines (default: as fine as pixels allow).
@@ -44,6 +49,7 @@ pub struct Settings {
     /// Height of the light above the sample in mm, where the geometry has no light: its place then follows from the zero order.
     pub light_height_mm: Option<f64>,
     /// Replace results that are there.
+    #[serde(skip)]
     pub overwrite: bool,
 }
 

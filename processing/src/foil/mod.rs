@@ -23,25 +23,37 @@ pub use report::Report;
 pub use synthesize::{Dots, Shape, Synthesis, synthesize};
 
 use crate::Result;
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, load};
+use crate::hdr::Source;
 use crate::image::OutputFolder;
 use crate::progress::Progress;
 use std::path::Path;
+
+/// Refuses what [`reconstruct`] would refuse, without reading a pixel.
+///
+/// # Errors
+/// As [`reconstruct`].
+pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
+    settings.check()?;
+    geometry_of(input, settings)?;
+    Source::check(input)
+}
+
+/// The geometry that was given, or lies beside the photograph.
+fn geometry_of(input: &Path, settings: &Settings) -> Result<Geometry> {
+    let folder = if input.is_dir() { input } else { input.parent().unwrap_or(input) };
+    settings.geometry.clone().map_or_else(|| load(&folder.join("geometry.json")), Ok)
+}
 
 /// Measures the distribution in a photograph (a file, results of merged exposures, or exposures, which are merged first) and writes it into
 /// the new folder `out`.
 ///
 /// # Errors
 /// `Input` for anything about photograph, geometry or settings, before anything is written; `Output`; `Cancelled`.
-pub fn reconstruct(
-    input: &Path,
-    out: &Path,
-    geometry: &Geometry,
-    settings: &Settings,
-    progress: &dyn Progress,
-) -> Result<Report> {
+pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
     let begun = std::time::Instant::now();
     settings.check()?;
+    let geometry = &geometry_of(input, settings)?;
     let folder = OutputFolder::begin(out, settings.overwrite)?;
     let light = input::read(input, geometry, progress)?;
     progress.check()?;
@@ -52,7 +64,7 @@ pub fn reconstruct(
     let picture = picture(&distribution, geometry.relative);
     picture.save_png(&folder.path("histogram.png"))?;
     report.seconds = begun.elapsed().as_secs_f64();
-    folder.write("report.json", serde_json::to_string_pretty(&report).unwrap_or_default().as_bytes())?;
+    folder.write_json("report.json", &report)?;
     folder.commit()?;
     Ok(report)
 }

@@ -119,7 +119,7 @@ fn turned(values: &[Complex32], width: usize) -> Vec<Complex32> {
 }
 
 /// The next size whose only factors are 2, 3 and 5, and even.
-fn good_size(at_least: usize) -> usize {
+pub(super) fn good_size(at_least: usize) -> usize {
     let good = |n: &usize| {
         let mut n = *n;
         for factor in [2, 3, 5] {

@@ -2,6 +2,7 @@
 
 use crate::text::read_text;
 use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -10,7 +11,8 @@ const MAX_BYTES: u64 = 1 << 20;
 const MAX_ROWS: usize = 20_000;
 
 /// A curve.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Curve {
     /// `min + (max - min) (θ/π)²` (2018 paper, section 6.4, Fig. 22a): both in µm.
     Quadratic([f64; 2]),
@@ -29,15 +31,15 @@ impl Curve {
         let ends = |numbers: &str| -> Option<[f64; 2]> {
             let (a, b) = numbers.split_once(',')?;
             let all = [a, b].map(|t| t.trim().parse::<f64>().ok());
-            Some([all[0]?, all[1]?]).filter(|all| all.iter().all(|um| (0.01..=1e4).contains(um)))
+            Some([all[0]?, all[1]?])
         };
         let wrong = || {
             let remedy = "give quadratic=MIN,MAX or sine-squared=MIN,MAX in µm, or a CSV file";
             Error::input("period curve", format!("is {text:?}"), remedy)
         };
         match text.split_once('=') {
-            Some(("quadratic", numbers)) => ends(numbers).map(Self::Quadratic).ok_or_else(wrong),
-            Some(("sine-squared", numbers)) => ends(numbers).map(Self::SineSquared).ok_or_else(wrong),
+            Some(("quadratic", numbers)) => ends(numbers).map(Self::Quadratic).ok_or_else(wrong)?.checked(),
+            Some(("sine-squared", numbers)) => ends(numbers).map(Self::SineSquared).ok_or_else(wrong)?.checked(),
             Some(_) if !Path::new(text).exists() => Err(wrong()),
             _ => Self::read(Path::new(text)),
         }
@@ -55,9 +57,7 @@ impl Curve {
         for (k, line) in text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
             let numbers: Vec<Option<f64>> = line.split(',').map(|v| v.trim().parse().ok()).collect();
             match numbers.as_slice() {
-                [Some(deg), Some(um)] if (0.0..=180.0).contains(deg) && (0.01..=1e4).contains(um) => {
-                    rows.push([*deg, *um])
-                }
+                [Some(deg), Some(um)] => rows.push([*deg, *um]),
                 [None, ..] if k == 0 => {}
                 _ => return Err(bad(format!("line {} is {line:.60}", k + 1))),
             }
@@ -65,10 +65,34 @@ impl Curve {
                 return Err(bad(format!("has more than {MAX_ROWS} rows")));
             }
         }
-        if rows.len() < 2 || rows.windows(2).any(|w| w[0][0] >= w[1][0]) {
-            return Err(bad("has fewer than two rows, or orientations that do not rise".into()));
+        Self::Table(rows).checked().map_err(|e| bad(e.to_string()))
+    }
+
+    /// Itself, if it makes sense.
+    ///
+    /// # Errors
+    /// `Input` for periods beyond 0.01 to 10000 µm, and orientations that do not rise from 0° to 180°.
+    pub(super) fn checked(self) -> Result<Self> {
+        let bad = |problem: String| {
+            let remedy = "give periods of 0.01 to 10000 µm, at orientations that rise from 0° to 180°";
+            Err(Error::input("period curve", problem, remedy))
+        };
+        let possible = |um: &f64| (0.01..=1e4).contains(um);
+        match &self {
+            Self::Quadratic(ends) | Self::SineSquared(ends) if !ends.iter().all(possible) => {
+                bad(format!("has {ends:?}"))
+            }
+            Self::Table(rows) if rows.len() < 2 || rows.len() > MAX_ROWS => bad(format!("has {} rows", rows.len())),
+            Self::Table(rows) => {
+                let wrong = rows.iter().find(|[deg, um]| !((0.0..=180.0).contains(deg) && possible(um)));
+                let falls = rows.windows(2).find(|w| w[0][0] >= w[1][0]).map(|w| &w[1]);
+                match wrong.or(falls) {
+                    Some([deg, um]) => bad(format!("has {um} µm at {deg}°")),
+                    None => Ok(self),
+                }
+            }
+            _ => Ok(self),
         }
-        Ok(Self::Table(rows))
     }
 
     /// Period in µm for an orientation in rad, and its derivative in µm per rad; none outside of a table.

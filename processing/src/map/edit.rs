@@ -4,9 +4,11 @@ use super::asset::{Kind, Map, Maps};
 use super::curve::Curve;
 use super::layout::{Layout, wrapped};
 use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 /// Edits, done in the order in which they stand here.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Edits {
     /// Turn image and orientations anticlockwise, in degrees.
     pub rotate_deg: Option<f64>,
@@ -35,7 +37,7 @@ pub struct Edits {
 /// # Errors
 /// `Input` for edits that make no sense, or for which a map is missing.
 pub fn edit(maps: &Maps, edits: &Edits) -> Result<Maps> {
-    check(maps, edits)?;
+    edits.check(maps)?;
     let mut new = maps.clone();
     if let Some(deg) = edits.rotate_deg {
         new = new.rotated(deg)?;
@@ -64,41 +66,59 @@ pub fn edit(maps: &Maps, edits: &Edits) -> Result<Maps> {
     Ok(new)
 }
 
-fn check(maps: &Maps, edits: &Edits) -> Result<()> {
-    let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
-    if *edits == (Edits { layout: edits.layout, ..Edits::default() }) {
-        return bad("edit", "changes nothing".into(), "say what to do; see --help");
-    }
-    let orientation = maps.maps.contains_key(&Kind::Orientation);
-    if !orientation && (edits.period.is_some() || edits.orientation_offset_deg.is_some()) {
-        return bad("orientation", "is not among the maps".into(), "give a folder with orientation.exr");
-    }
-    let scaled = edits.scale.is_some() || edits.offset_um.is_some() || edits.clamp_um.is_some();
-    if scaled && edits.period.is_none() && !maps.maps.contains_key(&Kind::Period) {
-        return bad("period", "is not among the maps".into(), "give a folder with period.exr, or a curve (--period)");
-    }
-    if let Some(copies) = edits.tile.filter(|c| !c.iter().all(|n| (1..=10_000).contains(n))) {
-        return bad("tile", format!("is {copies:?}"), "give 1 to 10000 copies along each side");
-    }
-    match edits.orientation_offset_deg {
-        Some(deg) if deg.is_nan() || deg.abs() > 1e6 => {
-            return bad("orientation offset", format!("is {deg}"), "give degrees");
+impl Edits {
+    /// Refuses what makes no sense, or lacks a map.
+    ///
+    /// # Errors
+    /// `Input`, which names the edit.
+    pub fn check(&self, maps: &Maps) -> Result<()> {
+        let edits = self;
+        if let Some(curve) = &edits.period {
+            curve.clone().checked()?;
         }
-        _ => {}
-    }
-    match edits.scale {
-        Some(f) if !(1e-6..=1e6).contains(&f) => return bad("scale", format!("is {f}"), "give 0.000001 to 1000000"),
-        _ => {}
-    }
-    match edits.offset_um {
-        Some(um) if um.is_nan() || um.abs() > 1e4 => return bad("offset", format!("is {um}"), "give at most 10000 µm"),
-        _ => {}
-    }
-    match edits.clamp_um {
-        Some([a, b]) if !(a > 0.0 && a <= b && b <= 1e4) => {
-            bad("clamp", format!("is {a} to {b}"), "give the least and the most, above 0 and at most 10000 µm")
+        let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
+        if *edits == (Edits { layout: edits.layout, ..Edits::default() }) {
+            return bad("edit", "changes nothing".into(), "say what to do; see --help");
         }
-        _ => Ok(()),
+        let orientation = maps.maps.contains_key(&Kind::Orientation);
+        if !orientation && (edits.period.is_some() || edits.orientation_offset_deg.is_some()) {
+            return bad("orientation", "is not among the maps".into(), "give a folder with orientation.exr");
+        }
+        let scaled = edits.scale.is_some() || edits.offset_um.is_some() || edits.clamp_um.is_some();
+        if scaled && edits.period.is_none() && !maps.maps.contains_key(&Kind::Period) {
+            return bad(
+                "period",
+                "is not among the maps".into(),
+                "give a folder with period.exr, or a curve (--period)",
+            );
+        }
+        if let Some(copies) = edits.tile.filter(|c| !c.iter().all(|n| (1..=10_000).contains(n))) {
+            return bad("tile", format!("is {copies:?}"), "give 1 to 10000 copies along each side");
+        }
+        match edits.orientation_offset_deg {
+            Some(deg) if deg.is_nan() || deg.abs() > 1e6 => {
+                return bad("orientation offset", format!("is {deg}"), "give degrees");
+            }
+            _ => {}
+        }
+        match edits.scale {
+            Some(f) if !(1e-6..=1e6).contains(&f) => {
+                return bad("scale", format!("is {f}"), "give 0.000001 to 1000000");
+            }
+            _ => {}
+        }
+        match edits.offset_um {
+            Some(um) if um.is_nan() || um.abs() > 1e4 => {
+                return bad("offset", format!("is {um}"), "give at most 10000 µm");
+            }
+            _ => {}
+        }
+        match edits.clamp_um {
+            Some([a, b]) if !(a > 0.0 && a <= b && b <= 1e4) => {
+                bad("clamp", format!("is {a} to {b}"), "give the least and the most, above 0 and at most 10000 µm")
+            }
+            _ => Ok(()),
+        }
     }
 }
 

@@ -3,10 +3,12 @@
 use super::asset::{Kind, MOST_PIXELS, Map, Maps};
 use crate::{Error, Result};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// How a map fills an area larger than itself.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Layout {
     /// Copies side by side.
     #[default]
@@ -87,6 +89,14 @@ impl Maps {
             let place = |at: usize, n: usize, flip: bool| if flip { n - 1 - at % n } else { at % n } as f64;
             ([place(x, w, mirrored[0]), place(y, h, mirrored[1])], mirrored)
         })
+    }
+
+    /// Moved right and down by whole pixels, into a frame of another size; masked where it does not reach.
+    ///
+    /// # Errors
+    /// `Input` for a size that is none or too large.
+    pub fn moved(&self, [dx, dy]: [i64; 2], size: [usize; 2]) -> Result<Self> {
+        self.filled(size, 0.0, &|x, y| ([x - dx as f64, y - dy as f64], [false; 2]))
     }
 
     /// With `factor` times as many pixels along each side: finer, or coarser by the mean over each new pixel.

@@ -5,8 +5,10 @@
 //! is done.
 
 mod asset;
+mod compare;
 mod curve;
 mod edit;
+mod job;
 mod layout;
 mod pack;
 mod picture;
@@ -14,8 +16,10 @@ mod picture;
 mod tests;
 
 pub use asset::{Kind, Map, Maps};
+pub use compare::{Agreement, Compared, Comparison, compare};
 pub use curve::Curve;
 pub use edit::{Edits, edit};
+pub use job::{About, Report, edit_folder};
 pub use layout::Layout;
 pub use pack::{Encoding, PACK, export, import};
-pub use picture::before_and_after;
+pub use picture::{before_and_after, side_by_side};

@@ -119,8 +119,7 @@ pub fn export(maps: &Maps, encoding: Encoding, folder: &OutputFolder) -> Result<
         packed.insert(kind.name().to_owned(), PackedMap { attributes: map.attributes.clone(), channels });
     }
     let pack = Pack { nacre_maps: 1, width: maps.width, height: maps.height, about: about(), maps: packed };
-    // Plain data with string keys always serialises.
-    folder.write(PACK, (serde_json::to_string_pretty(&pack).unwrap_or_default() + "\n").as_bytes())
+    folder.write_json(PACK, &pack)
 }
 
 /// Zero, step and samples of a plane.

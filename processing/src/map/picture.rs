@@ -8,12 +8,16 @@ const LONGEST: usize = 900;
 
 /// One row per kind of map: before on the left, after on the right, in the same colours and, for periods, on the same scale.
 pub fn before_and_after(before: &Maps, after: &Maps) -> Canvas {
+    side_by_side(&[("before", before), ("after", after)])
+}
+
+/// One row per kind of map, one column per set of maps, in the same colours and, for periods, on the same scale.
+pub fn side_by_side(all: &[(&str, &Maps)]) -> Canvas {
     let mut rows: Vec<Vec<Canvas>> = vec![];
     for kind in Kind::ALL {
-        let sides = [(before, "before"), (after, "after")];
-        let range = range(sides.iter().filter_map(|(maps, _)| maps.maps.get(&kind)));
+        let range = range(all.iter().filter_map(|(_, maps)| maps.maps.get(&kind)));
         let row: Vec<Canvas> =
-            sides.iter().filter_map(|(maps, word)| Some(one(maps, maps.maps.get(&kind)?, kind, word, range))).collect();
+            all.iter().filter_map(|(word, maps)| Some(one(maps, maps.maps.get(&kind)?, kind, word, range))).collect();
         if !row.is_empty() {
             rows.push(row);
         }

@@ -271,6 +271,52 @@ fn edits_that_make_no_sense_are_refused() {
 }
 
 #[test]
+fn maps_of_one_sample_are_laid_over_each_other() {
+    // 0.9 σ of noise that has no pattern, and an analyser that stands 3° off.
+    let mut truth = maps(61, 47);
+    truth.maps.get_mut(&Kind::Period).unwrap().sigma.fill(0.002);
+    let noise = |i: usize| (((i * 7919) % 1009) as f32 / 1009.0 - 0.5) * 12_f32.sqrt();
+    let mut other =
+        edit(&truth, &Edits { size: Some([50, 40]), orientation_offset_deg: Some(3.0), ..Edits::default() });
+    let map = other.as_mut().unwrap().maps.get_mut(&Kind::Period).unwrap();
+    map.value.iter_mut().enumerate().for_each(|(i, v)| *v += 0.002 * noise(i));
+    map.sigma.fill(0.002);
+    let moved = other.unwrap().moved([-7, -5], [43, 35]).unwrap();
+    let all = vec![("whole".to_owned(), truth.clone()), ("part".to_owned(), moved.clone())];
+    let found = compare(all, true).unwrap();
+    let part = &found.compared[1];
+    assert_eq!(part.shift_px, [7, 5], "{part:?}");
+    assert!(part.likeness > 0.9 && found.warnings.is_empty(), "{part:?} {:?}", found.warnings);
+    let turned = part.orientation.as_ref().unwrap();
+    assert!((turned.offset - 3.0).abs() < 1e-4 && turned.scatter < 1e-4, "{turned:?}");
+    let period = part.period.as_ref().unwrap();
+    assert!(period.offset.abs() < 1e-3 && period.pixels > 1300, "{period:?}");
+    // The truth's own σ is as large again, √2 together; half of what is even lies within 0.866 of its σ, not 0.6745.
+    assert!((period.sigmas.unwrap() - 0.866 / 0.6745 / 2.0_f64.sqrt()).abs() < 0.05, "{period:?}");
+    assert_eq!(period.beyond, Some(0.0));
+    assert_eq!([found.maps[1].1.width, found.maps[1].1.height], [61, 47]);
+    // Larger than what the first transform looks at, with pixels half as large: the way back is found to the pixel.
+    let large = maps(1300, 900);
+    let fine = large.moved([-301, -222], [700, 500]).unwrap().resampled(2.0).unwrap();
+    let found = compare(vec![("a".into(), large), ("b".into(), fine)], true).unwrap();
+    assert_eq!(found.compared[1].shift_px, [301, 222]);
+    assert!(found.compared[1].orientation.as_ref().unwrap().scatter < 0.05);
+    // Where nothing is aligned nothing is moved, and nothing in common is said.
+    assert_eq!(
+        compare(vec![("a".into(), truth.clone()), ("b".into(), moved)], false).unwrap().compared[1].shift_px,
+        [0, 0]
+    );
+    let mut periods = truth.clone();
+    periods.maps.remove(&Kind::Orientation);
+    let mut orientations = truth;
+    orientations.maps.remove(&Kind::Period);
+    let problem =
+        compare(vec![("a".into(), periods.clone()), ("b".into(), orientations)], true).err().unwrap().to_string();
+    assert!(problem.contains("nothing in common"), "{problem}");
+    assert!(compare(vec![("a".into(), periods)], true).is_err());
+}
+
+#[test]
 fn before_and_after_are_drawn() {
     let all = maps(300, 200);
     let curve = Curve::of("sine-squared=0.8,1.6").unwrap();

@@ -2,14 +2,15 @@
 
 use super::shape;
 use crate::Failure;
+use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_processing::calibration::{
     Band, Board, CameraFrom, Highlight, Known, Outcome, PanelFrom, Pixels, Request, Ruler, SampleFrom, View, band,
-    calibrate_geometry, overlay,
+    calibrate_geometry, write_overlays,
 };
 use nacre_processing::color::{Illuminant, Spectrum};
-use nacre_processing::image::{OutputFolder, encode_png8, info};
+use nacre_processing::image::{OutputFolder, info};
 use nacre_processing::surface::output::vacant;
 use nacre_processing::{Error, geometry};
 use serde::Serialize;
@@ -294,16 +295,9 @@ impl Geometry {
             return Err(Error::input("check", "goes with photographs of a board", remedy).into());
         };
         let out = OutputFolder::begin(folder, self.force)?;
-        let mut files = vec![];
-        for photograph in &boards.used {
-            let canvas = overlay(photograph, &boards.camera, board)?;
-            let name = format!("{}.png", photograph.path.file_stem().unwrap_or_default().to_string_lossy());
-            let png = encode_png8(canvas.width, canvas.height, 3, &canvas.rgb).map_err(|e| Error::output(folder, e))?;
-            out.write(&name, &png)?;
-            files.push(folder.join(name));
-        }
+        let names = write_overlays(&out, boards, board)?;
         out.commit()?;
-        Ok(files)
+        Ok(names.into_iter().map(|name| folder.join(name)).collect())
     }
 }
 
@@ -373,9 +367,7 @@ fn summary(printed: &Printed<'_>) -> String {
     if let Some(band) = printed.band {
         let _ = writeln!(text, "band      {:.2} nm wide at half maximum, {:.2} nm RMS", band.fwhm_nm, band.spread_nm);
     }
-    for warning in &report.warnings {
-        let _ = writeln!(text, "warning   {warning}");
-    }
+    text += &lines(&[], &report.warnings);
     for file in printed.files.iter().take(3) {
         let _ = writeln!(text, "wrote     {}", file.display());
     }

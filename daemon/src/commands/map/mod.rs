@@ -1,12 +1,15 @@
 //! `nacre map`.
 
+mod compare;
+
 use crate::Failure;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use clap::{Subcommand, ValueEnum};
 use nacre_processing::image::OutputFolder;
-use nacre_processing::map::{Curve, Edits, Encoding, Layout, Maps, before_and_after, edit, export, import};
+use nacre_processing::map::{About, Curve, Edits, Encoding, Layout, Maps, edit_folder, export, import};
 use nacre_processing::progress::Progress;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// What to do with maps of orientation and period.
@@ -18,6 +21,8 @@ pub enum MapCommand {
     Export(Export),
     /// Read such a folder back.
     Import(Import),
+    /// Lay maps of one sample by several methods over each other, and say how they agree.
+    Compare(compare::Compare),
 }
 
 /// Arguments of `nacre map edit`.
@@ -125,25 +130,11 @@ pub fn run(command: &MapCommand, console: &Console) -> Result<(), Failure> {
         MapCommand::Edit(args) => args.run(console),
         MapCommand::Export(args) => args.run(console),
         MapCommand::Import(args) => args.run(console),
+        MapCommand::Compare(args) => args.run(console),
     }
 }
 
-/// What maps hold, as JSON.
-fn about(maps: &Maps) -> serde_json::Value {
-    let known: serde_json::Map<String, serde_json::Value> = maps
-        .maps
-        .iter()
-        .map(|(kind, map)| {
-            let values = || map.value.iter().filter(|v| v.is_finite());
-            let (low, high) = values().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
-            let ends = (low <= high).then_some([low, high]);
-            (kind.name().to_owned(), serde_json::json!({ "known_pixels": map.known(), "range": ends }))
-        })
-        .collect();
-    serde_json::json!({ "width": maps.width, "height": maps.height, "maps": known })
-}
-
-fn finish(console: &Console, out: &Path, maps: &Maps, mut json: serde_json::Value) {
+fn finish(console: &Console, out: &Path, maps: &Maps, report: &impl Serialize) {
     let names: Vec<&str> = maps.maps.keys().map(|k| k.name()).collect();
     let text = format!(
         "maps      {} of {} × {} pixels\nwrote     {}",
@@ -152,8 +143,7 @@ fn finish(console: &Console, out: &Path, maps: &Maps, mut json: serde_json::Valu
         maps.height,
         out.display()
     );
-    json["out"] = serde_json::json!(out);
-    console.result(&text, &json);
+    console.result(&text, report);
 }
 
 impl Edit {
@@ -170,18 +160,8 @@ impl Edit {
             offset_um: self.offset_um,
             clamp_um: self.clamp,
         };
-        console.stage("editing", 1);
-        let before = Maps::read(&self.input)?;
-        console.check()?;
-        let after = edit(&before, &edits)?;
-        console.check()?;
-        let folder = OutputFolder::begin(&self.out, self.force)?;
-        after.write(&folder)?;
-        before_and_after(&before, &after).save_png(&folder.path("before-after.png"))?;
-        let json = serde_json::json!({ "input": self.input, "edits": format!("{edits:?}"), "before": about(&before), "after": about(&after) });
-        folder.write("report.json", serde_json::to_string_pretty(&json).unwrap_or_default().as_bytes())?;
-        folder.commit()?;
-        finish(console, &self.out, &after, json);
+        let (after, report) = edit_folder(&self.input, &self.out, &edits, self.force, console)?;
+        finish(console, &self.out, &after, &report);
         Ok(())
     }
 }
@@ -197,7 +177,7 @@ impl Export {
         export(&maps, encoding, &folder)?;
         console.check()?;
         folder.commit()?;
-        finish(console, &self.out, &maps, about(&maps));
+        finish(console, &self.out, &maps, &About::of(&maps));
         Ok(())
     }
 }
@@ -209,7 +189,7 @@ impl Import {
         maps.write(&folder)?;
         console.check()?;
         folder.commit()?;
-        finish(console, &self.out, &maps, about(&maps));
+        finish(console, &self.out, &maps, &About::of(&maps));
         Ok(())
     }
 }

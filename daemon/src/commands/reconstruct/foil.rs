@@ -1,6 +1,7 @@
 //! `nacre reconstruct foil`.
 
 use crate::Failure;
+use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_processing::foil::{self, Settings};
@@ -22,9 +23,9 @@ pub struct Foil {
     /// The photograph (EXR, or 16-bit PNG or TIFF in linear light), results of `reconstruct hdr`, or a session of exposures, which are
     /// merged first.
     input: PathBuf,
-    /// The geometry.json.
+    /// Where camera, foil and light were (JSON; default: geometry.json beside the photograph).
     #[arg(long, value_name = "FILE")]
-    geometry: PathBuf,
+    geometry: Option<PathBuf>,
     /// Folder for the results.
     #[arg(long)]
     out: PathBuf,
@@ -49,27 +50,25 @@ impl Foil {
     /// Runs the reconstruction.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let settings = Settings {
+            geometry: self.geometry.as_deref().map(geometry::load).transpose()?,
             period_um: self.period_um,
             bins: self.bins,
             depth_um: self.depth_um,
             light_height_mm: self.light_height_mm,
             overwrite: self.force,
         };
-        let geometry = geometry::load(&self.geometry)?;
-        let report = foil::reconstruct(&self.input, &self.out, &geometry, &settings, console)?;
+        let report = foil::reconstruct(&self.input, &self.out, &settings, console)?;
         let [mean, spread] = report.period_um;
         let relative = if report.relative { " (relative)" } else { "" };
         let mut text = format!(
             "dots      periods of {mean:.3} µm{relative} on average, {spread:.3} µm standard deviation\n\
-             bins      {} of orientation, {} of period; {:.0} % of them are in the photograph",
+             bins      {} of orientation, {} of period; {:.0} % of them are in the photograph\n",
             report.bins[0],
             report.bins[1],
             100.0 * report.covered
         );
-        for warning in &report.warnings {
-            let _ = write!(text, "\nwarning   {warning}");
-        }
-        let _ = write!(text, "\ntime      {:.2} s\nresults   {}", report.seconds, self.out.display());
+        text += &lines(&[], &report.warnings);
+        let _ = write!(text, "time      {:.2} s\nresults   {}", report.seconds, self.out.display());
         console.result(&text, &report);
         Ok(())
     }

@@ -1,0 +1,130 @@
+//! Calibration as a job: photographs of a board to a `geometry.json`, pictures of what was found, and a report in a new folder.
+
+use super::boards::Calibrated;
+use super::corners::Board;
+use super::job::{CameraFrom, Request, SampleFrom, calibrate_geometry};
+use super::light::Known;
+use super::overlay::overlay;
+use super::report::Report;
+use crate::geometry::{Geometry, text};
+use crate::image::OutputFolder;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Far more than corners that were picked are off, in px.
+const CORNER_SIGMA_PX: f64 = 0.5;
+
+/// What is known of the photographs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Options {
+    /// Inner corners of the board along a row and a column.
+    pub board: [usize; 2],
+    /// Size of a square in mm.
+    pub square_mm: f64,
+    /// Corners of the sample (upper left, upper right, lower right, lower left) in pixels; default: it lies where the first board does.
+    pub sample_corners_px: Option<[[f64; 2]; 4]>,
+    /// Width and height of the sample in mm, which go with its corners.
+    pub sample_mm: Option<[f64; 2]>,
+    /// Wavelength in nm, if it is known.
+    pub wavelength_nm: Option<f64>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { board: [9, 6], square_mm: 25.0, sample_corners_px: None, sample_mm: None, wavelength_nm: None }
+    }
+}
+
+/// What was found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Calibration {
+    /// `calibrate`.
+    pub method: &'static str,
+    /// Where everything is.
+    pub geometry: Geometry,
+    /// How good it is.
+    #[serde(flatten)]
+    pub report: Report,
+}
+
+impl Options {
+    fn request(&self, folder: &Path) -> Result<Request> {
+        let [columns, rows] = self.board;
+        let board = Board { columns, rows, square_mm: self.square_mm };
+        board.check()?;
+        let sample = match (self.sample_corners_px, self.sample_mm) {
+            (Some(corners), Some(size)) => SampleFrom::Corners(corners, size, CORNER_SIGMA_PX),
+            (None, None) => SampleFrom::Default,
+            _ => {
+                let remedy = "give sample_corners_px and sample_mm together";
+                return Err(Error::input("sample", "has corners without a size, or a size without corners", remedy));
+            }
+        };
+        Ok(Request {
+            camera: CameraFrom::Boards(folder.to_path_buf(), board),
+            sample,
+            panel: None,
+            highlights: vec![],
+            known: Known { sigma_px: 1.0, height_mm: None },
+            wavelength_nm: self.wavelength_nm.map(|nm| [nm, 0.0]),
+        })
+    }
+
+    /// Refuses what makes no sense.
+    ///
+    /// # Errors
+    /// `Input`, which names the option.
+    pub fn check(&self) -> Result<()> {
+        match self.wavelength_nm {
+            Some(nm) if !(200.0..=2000.0).contains(&nm) => {
+                Err(Error::input("wavelength_nm", format!("is {nm}"), "give 200 to 2000 nm"))
+            }
+            _ => self.request(Path::new("")).map(drop),
+        }
+    }
+}
+
+/// Calibrates a camera with the photographs in `input` and writes `geometry.json`, `report.json` and each photograph with what was found in it
+/// into the new folder `out`.
+///
+/// # Errors
+/// `Input` for photographs that show no board and options that make no sense; `Output`; `Cancelled`.
+pub fn calibrate_folder(
+    input: &Path,
+    out: &Path,
+    options: &Options,
+    overwrite: bool,
+    progress: &dyn Progress,
+) -> Result<Calibration> {
+    options.check()?;
+    let request = options.request(input)?;
+    let folder = OutputFolder::begin(out, overwrite)?;
+    let found = calibrate_geometry(&request, progress)?;
+    folder.write("geometry.json", text(&found.geometry).as_bytes())?;
+    if let Some((boards, board)) = &found.boards {
+        write_overlays(&folder, boards, board)?;
+    }
+    let calibration = Calibration { method: "calibrate", geometry: found.geometry, report: found.report };
+    folder.write_json("report.json", &calibration)?;
+    progress.check()?;
+    folder.commit()?;
+    Ok(calibration)
+}
+
+/// Draws each photograph of the board with what was found in it, and answers with the files' names.
+///
+/// # Errors
+/// `Input` for a photograph that cannot be read again; `Output`.
+pub fn write_overlays(folder: &OutputFolder, boards: &Calibrated, board: &Board) -> Result<Vec<String>> {
+    let mut names = vec![];
+    for photograph in &boards.used {
+        let canvas = overlay(photograph, &boards.camera, board)?;
+        let name = format!("{}.png", photograph.path.file_stem().unwrap_or_default().to_string_lossy());
+        canvas.save_png(&folder.path(&name))?;
+        names.push(name);
+    }
+    Ok(names)
+}
