@@ -2,7 +2,7 @@
 //!
 //! At an edge copies see more or less of a polygon, by where their pixels lie, so that its outermost pixels are known less well than those
 //! beside them, which have the same grooves. Each pixel becomes the mean of its neighbours that agree with it, weighted by their variance;
-//! its σ is not smaller for it, since neighbours share much of their error. A pixel that no neighbour agrees with is masked: copies
+//! its σ is not smaller for it, since neighbours share much of their error. A pixel that few neighbours agree with is masked: copies
 //! that lie beside each other make such pixels, print seldom does.
 
 use super::fit::{Found, Grating, Why};
@@ -11,8 +11,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// Neighbours agree within so many standard deviations.
 const AGREE: f64 = 4.0;
 
-/// Neighbours that must be known before one can be called alone.
-const KNOWN: usize = 3;
+/// Neighbours that must agree with a pixel for it to be believed: where two polygons meet, a few pixels see both, and what explains them is
+/// neither; they come in pairs that agree with each other.
+const VOUCHING: usize = 3;
 
 /// At an edge each copy sees a part of its own of the polygon beside, so that its light scatters more than the fit knows: σ is so
 /// many times as large. Measured on simulated sheets.
@@ -46,10 +47,9 @@ pub(super) fn agreed(found: &[Found], width: usize) -> Vec<Found> {
         let around = (y.saturating_sub(1)..(y + 2).min(height))
             .flat_map(|v| (x.saturating_sub(1)..(x + 2).min(width)).map(move |u| v * width + u))
             .filter(|k| *k != i);
-        let known: Vec<&Grating> =
-            around.filter_map(|k| if let Found::Grating(g) = &found[k] { Some(g) } else { None }).collect();
-        let alike: Vec<&Grating> = known.iter().copied().filter(|g| agree(own, g)).collect();
-        if known.len() >= KNOWN && alike.is_empty() {
+        let known = around.filter_map(|k| if let Found::Grating(g) = &found[k] { Some(g) } else { None });
+        let alike: Vec<&Grating> = known.filter(|g| agree(own, g)).collect();
+        if alike.len() < VOUCHING {
             return Found::Masked(Why::Ambiguous);
         }
         let mean = mean(own, &alike);
