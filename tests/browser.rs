@@ -374,6 +374,43 @@ fn a_person_picks_the_corners_of_a_sheet_of_tiles() {
 }
 
 #[test]
+fn a_person_edits_maps_and_sees_what_foil_and_a_calibration_ask() {
+    let Some(browser) = Browser::start() else { return };
+    let (place, _service, url) = service(128);
+    // A wheel of orientations, and periods that rise to the right.
+    let write = |name: &str, channel: &str, value: &(dyn Fn(f32, f32) -> f32 + Sync)| {
+        let path = place.path(name);
+        nacre_processing::image::write_exr(&path, 240, 160, &[channel], &[], &|_, y, row| {
+            row.iter_mut().enumerate().for_each(|(x, v)| *v = value(x as f32 - 119.5, 79.5 - y as f32));
+        })
+        .unwrap();
+        path.display().to_string()
+    };
+    let files = [
+        write("orientation.exr", "orientation", &|x, y| y.atan2(x).rem_euclid(std::f32::consts::PI)),
+        write("period.exr", "period", &|x, _| 1.2 + 0.002 * x),
+    ];
+    for method in ["foil", "calibrate"] {
+        browser.upload_page(&url, method);
+        browser.both(&format!("upload-{method}"));
+    }
+    browser.upload_page(&url, "map");
+    browser.attach("#photographs", &files.join("\n"));
+    browser.run(
+        "const set = (id, v) => { const e = document.getElementById('map-' + id); e.value = v; e.dispatchEvent(new Event('change')); };
+         set('turn', 30); set('tile-0', 2); set('tile-1', 1); set('curve', 'sine_squared');",
+    );
+    browser.until("!document.getElementById('map-ends-0').closest('.fields').hidden");
+    browser.both("upload-map");
+    browser.run("window.scrollTo(0, 0)");
+    browser.click("#upload-start");
+    browser.until("document.querySelector('#result-picture')?.naturalWidth > 0");
+    // 240 × 160 turned by 30° needs 288 × 259, twice beside itself.
+    browser.until("document.body.innerText.includes('576 × 259')");
+    browser.both("result-map");
+}
+
+#[test]
 fn stop_is_in_reach_and_stops_within_200_ms() {
     let Some(browser) = Browser::start() else { return };
     let (_place, service, url) = service(128);

@@ -71,8 +71,9 @@ fn several_periods_are_told_apart_and_second_orders_are_not_taken_for_first() {
     // 3 µm has its first orders half as far out, and its second where 1.5 µm has its first.
     let far = TilesPhotograph { light_sigma_mm: 4.0, ..with(Periods::Uniform(3.0)) };
     let [long] = mapped(&far, [|s| Settings { period_um: Some([1.0, 6.0]), ..s }]).map(Result::unwrap);
-    // Periods are right; orientations at edges are not always within their σ (docs/charts.md has the number).
     assert!(long.1.bias.abs() < 0.02 && long.1.spread < 0.01 && long.1.masked < 0.5, "{:?}", long.1);
+    // Where two polygons meet, pixels that see both come in pairs; those were believed once.
+    assert!(long.1.wrong < 0.001, "{:?}", long.1);
 }
 
 #[test]

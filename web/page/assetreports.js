@@ -1,7 +1,7 @@
 // Reports of foil, calibrations and edited maps.
 
 import { facts, figures, h } from "./dom.js";
-import { duration, fixed, percent, plain, significant } from "./format.js";
+import { duration, fixed, percent, plain, significant, words } from "./format.js";
 
 /** Warnings, or that there are none. */
 export const warned = (warnings) => warnings.length
@@ -49,10 +49,18 @@ export function reportOfCalibration(report) {
     ]));
 }
 
+const EDITS = {
+  rotate_deg: "Turned by (°)", resample: "Pixels along a side, times", tile: "Copies", size: "Size", layout: "Copies lie", orientation_offset_deg: "Orientations turned by (°)",
+  period: "Periods follow", scale: "Periods times", offset_um: "Added to periods (µm)", clamp_um: "Periods between (µm)",
+};
+
+/** What was given to an edit, as a person reads it. */
+const given = (value) => (Array.isArray(value) ? value.map(given).join(", ") : typeof value === "object" ? Object.entries(value).map(([k, v]) => `${words(k)}: ${given(v)}`).join("; ") : typeof value === "string" ? words(value) : plain(value));
+
 /** Maps before and after. */
 export function reportOfMap(report) {
   const told = ({ width, height, maps }) => `${width} × ${height}: ${Object.entries(maps).map(([name, m]) => `${name}, ${m.known_pixels} pixels${m.range ? `, ${m.range.map((v) => fixed(v, 3)).join(" to ")}` : ""}`).join("; ")}`;
   const edits = Object.entries(report.edits).filter(([, value]) => value !== null);
   return h("div", { class: "stack" }, warned(report.warnings ?? []),
-    facts([["Before", told(report.before)], ["After", told(report.after)], ...edits.map(([name, value]) => [name, JSON.stringify(value)])]));
+    facts([["Before", told(report.before)], ["After", told(report.after)], ...edits.map(([name, value]) => [EDITS[name] ?? words(name), given(value)])]));
 }

@@ -54,9 +54,10 @@ fn summary(report: &Report) -> String {
     let mut text = match &report.repeats {
         None => "tile      none is repeated\n".to_owned(),
         Some(r) => {
-            let [a, b] = r.sides_px;
+            // No minus before a zero.
+            let [a, b] = r.sides_px.map(|v| v.map(|d| (10.0 * d).round() / 10.0 + 0.0));
             format!(
-                "tile      sides of ({:.1}, {:.1}) and ({:.1}, {:.1}) pixels, {:.0} copies, {:.0} % alike\n",
+                "tile      sides of ({:.1}, {:.1}) and ({:.1}, {:.1}) pixels, room for {:.0} copies, {:.0} % alike\n",
                 a[0],
                 a[1],
                 b[0],

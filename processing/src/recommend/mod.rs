@@ -26,6 +26,9 @@ const FEWEST: f64 = 12.0;
 /// Unevenness of slopes from which areas are even: smooth fields have 1.5 to 2, noise 2.
 const DISCRETE: f64 = 3.0;
 
+/// Contrast that is far beyond the usual (median) one.
+const FAR: f32 = 3.0;
+
 /// Side of the area that lighting is taken from, over the longest side.
 const LIGHTING: usize = 6;
 
@@ -122,7 +125,7 @@ fn judged(repeats: Option<&Repeats>, discrete: bool, need: Need) -> (Advice, Str
         (Some(r), true, _) => (
             Advice::Flash,
             format!(
-                "a tile is repeated {:.0} times and made of even areas: a flash at {} places shows each of them from all sides, and tells \
+                "a tile has room for {:.0} copies and is made of even areas: a flash at {} places shows each of them from all sides, and tells \
                  orientations and absolute periods without a stage",
                 r.copies,
                 if r.copies < 25.0 { "ten or more" } else { "five" }
@@ -149,7 +152,7 @@ fn judged(repeats: Option<&Repeats>, discrete: bool, need: Need) -> (Advice, Str
 fn unsuited(repeats: Option<&Repeats>, discrete: bool) -> String {
     match repeats {
         None => "nothing is repeated".into(),
-        Some(r) if r.copies < FEWEST => format!("a tile is repeated {:.0} times only", r.copies),
+        Some(r) if r.copies < FEWEST => format!("a tile has room for {:.0} copies only", r.copies),
         Some(_) if !discrete => "what is repeated changes gradually within the tile".into(),
         Some(_) => "flash photographs do not suit it".into(),
     }
@@ -177,7 +180,8 @@ fn of_photograph(path: &Path) -> Result<Seen> {
     Ok((without_lighting(&gray), shown, scale, warning))
 }
 
-/// Brightness over that of its surroundings, less one.
+/// Brightness over that of its surroundings, less one; what is far beyond the usual, such as the table beside the sample, counts no more than
+/// other contrast.
 fn without_lighting(gray: &Gray) -> Field {
     let (w, h) = (gray.width, gray.height);
     let reach = (w.max(h) / (2 * LIGHTING)).max(4);
@@ -198,7 +202,12 @@ fn without_lighting(gray: &Gray) -> Field {
         let mean = sum / ((right - left) * (bottom - top)) as f64;
         Complex32::new(if mean > 0.0 { (f64::from(gray.values[i]) / mean - 1.0) as f32 } else { 0.0 }, 0.0)
     };
-    Field { width: w, height: h, values: (0..w * h).map(value).collect(), mask: vec![1.0; w * h] }.centered()
+    let mut values: Vec<Complex32> = (0..w * h).map(value).collect();
+    let mut sizes: Vec<f32> = values.iter().map(|v| v.re.abs()).collect();
+    let (_, usual, _) = sizes.select_nth_unstable_by(w * h / 2, f32::total_cmp);
+    let most = FAR * *usual;
+    values.iter_mut().for_each(|v| v.re = v.re.clamp(-most, most));
+    Field { width: w, height: h, values, mask: vec![1.0; w * h] }.centered()
 }
 
 fn of_map(input: &Path) -> Result<Seen> {

@@ -7,7 +7,7 @@ use serde::Serialize;
 const ALIKE: f32 = 0.4;
 
 /// Part of the best copy's likeness that a shorter step must reach to be the tile.
-const AS_GOOD: f32 = 0.85;
+const AS_GOOD: f32 = 0.7;
 
 /// Likeness that must be fallen below between copies, over theirs.
 const VALLEY: f32 = 0.8;
@@ -23,7 +23,7 @@ const APART: f64 = 0.35;
 pub struct Repeats {
     /// Its two sides in pixels of the photograph, right and down.
     pub sides_px: [[f64; 2]; 2],
-    /// How many of them fit into what is known of the picture.
+    /// How many of them have room in what is known of the picture, its margins included.
     pub copies: f64,
     /// How alike neighbours are, 1 for the same.
     pub likeness: f64,
@@ -47,8 +47,12 @@ pub(super) fn repeats(field: &Field, scale: f64) -> Option<Repeats> {
     let likeness = steps.iter().map(|v| f64::from(all.at(whole(*v)))).sum::<f64>() / 4.0;
     let copies = f64::from(field.mask.iter().sum::<f32>()) / area;
     // A diagonal that is unlike shows that a side was met by chance.
-    let real = diagonals.iter().all(|v| all.at(whole(*v)) > 0.5 * ALIKE);
-    real.then(|| Repeats { sides_px: [first, second].map(|v| v.map(|d| d * scale)), copies, likeness })
+    let real = diagonals.iter().all(|v| all.at(whole(*v)) > 0.5 * best);
+    // The one that goes more to the right first, both towards right or down.
+    let towards = |v: [f64; 2]| if v[0] + v[1] < 0.0 { v.map(|d| -d * scale) } else { v.map(|d| d * scale) };
+    let [a, b] = [first, second].map(towards);
+    let sides_px = if a[0].abs() >= b[0].abs() { [a, b] } else { [b, a] };
+    real.then_some(Repeats { sides_px, copies, likeness })
 }
 
 /// Steps to the right, or down, at which the field is most like itself, outside of the middle's own hill.

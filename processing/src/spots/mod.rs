@@ -12,6 +12,7 @@ mod input;
 mod optics;
 mod output;
 mod polarization;
+mod pose;
 mod reconstruct;
 mod report;
 mod response;

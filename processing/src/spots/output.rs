@@ -14,6 +14,8 @@ pub(super) struct Output<'a> {
     pub pixel_um: Option<f64>,
     /// σ of all periods together over the period: wavelength and distances.
     pub scale_sigma: f64,
+    /// σ that all orientations share, in rad.
+    pub turn_sigma: f64,
 }
 
 impl Output<'_> {
@@ -35,7 +37,7 @@ impl Output<'_> {
             "orientation.exr",
             "orientation, sigma: rad; mask: 1 measured, 0 masked",
             "orientation",
-            |i| self.at(i).map(|g| [g.orientation as f32, g.orientation_sigma as f32]),
+            |i| self.at(i).map(|g| [g.orientation, g.orientation_sigma.hypot(self.turn_sigma)].map(|v| v as f32)),
         )?;
         self.exr(folder, "period.exr", "period, sigma: um; mask: 1 found, 0 masked", "period", |i| {
             self.period(i).map(|p| p.map(|v| v as f32))

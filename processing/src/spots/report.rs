@@ -33,8 +33,10 @@ pub struct Report {
     pub orientation_sigma_deg: Option<f64>,
     /// Median σ of the period over the period, common errors left out.
     pub period_sigma: Option<f64>,
-    /// σ that all periods have in common, over the period: wavelength.
+    /// σ that all periods have in common, over the period: wavelength and geometry.
     pub period_scale_sigma: f64,
+    /// σ that all orientations have in common, in degrees: geometry. Both are in the maps' σ.
+    pub orientation_common_sigma_deg: f64,
     /// Median over the pixels of how far the mirror direction is from where the geometry puts it, in degrees right and up: a wrong
     /// geometry, or a tilted sample.
     pub mirror_offset_deg: Option<[f64; 2]>,
