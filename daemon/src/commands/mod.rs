@@ -18,6 +18,7 @@ pub mod map;
 pub mod photograph;
 pub mod plan;
 pub mod reconstruct;
+pub mod render;
 pub mod schema;
 pub mod serve;
 pub mod sim;
