@@ -66,7 +66,7 @@ pub struct Report {
     pub noise: f64,
     /// Relative error of the sums over orders and wavelengths that is predicted of the worst material.
     pub predicted_model_error: f64,
-    /// The same, measured against finer sums: root mean square over some pixels, over their mean luminance.
+    /// The same, measured against finer sums: root mean square over some pixels, over that of their luminances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured_model_error: Option<f64>,
     /// What was expected before.

@@ -2,6 +2,7 @@
 
 use super::grating::{Grating, Groove, Order, Scratch};
 use super::light::Sky;
+use super::picture::SAMPLES;
 use super::spectrum::{RANGE, Seen};
 use super::vector::V3;
 use std::f64::consts::{PI, TAU};
@@ -31,8 +32,11 @@ impl Accuracy {
     }
 }
 
-/// Share of a lobe's wave number within which its orders' powers are taken for constant.
-const NARROW: f64 = 0.02;
+/// Fewest wave numbers of a sample under an environment.
+const FEWEST: f64 = 12.0;
+
+/// Steps of wave numbers between which powers are linear.
+const NODES: usize = 32;
 
 /// A Gaussian of directions in the plane of spatial frequencies.
 #[derive(Clone, Copy)]
@@ -120,26 +124,36 @@ pub(super) fn along(
     sum
 }
 
-/// Powers of the orders that a direction of view sees, kept for the next wave number.
+/// Powers of the orders that a direction of view sees, kept at even wave numbers and linear between them.
 struct Kept<'a> {
     grating: &'a Grating,
     view: [f64; 3],
     groove: Groove,
     scratch: &'a mut Scratch,
-    at: f64,
-    orders: Vec<Order>,
+    nodes: [Option<Vec<Order>>; NODES + 1],
 }
 
 impl Kept<'_> {
-    /// What an order has at a wave number, if these of a number as near as `within` will do.
-    fn order(&mut self, order: i32, number: f64, within: f64) -> Option<Order> {
-        if (number - self.at).abs() > within {
-            self.orders.clear();
-            let orders = &mut self.orders;
+    fn node(&mut self, k: usize, order: i32) -> Option<f64> {
+        if self.nodes[k].is_none() {
+            let number = RANGE[0] + (RANGE[1] - RANGE[0]) * k as f64 / NODES as f64;
+            let mut orders = vec![];
             self.grating.orders(self.view, self.groove, number, self.scratch, |o| orders.push(o));
-            self.at = number;
+            self.nodes[k] = Some(orders);
         }
-        self.orders.iter().find(|o| o.order == order).copied()
+        self.nodes[k].as_ref()?.iter().find(|o| o.order == order).map(|o| o.power)
+    }
+
+    /// Power of an order at a wave number; one that is below the horizon at the next node is as there is.
+    fn power(&mut self, order: i32, number: f64) -> f64 {
+        let place = ((number - RANGE[0]) / (RANGE[1] - RANGE[0]) * NODES as f64).clamp(0.0, NODES as f64);
+        let k = (place as usize).min(NODES - 1);
+        let share = place - k as f64;
+        match [self.node(k, order), self.node(k + 1, order)] {
+            [Some(a), Some(b)] => a + share * (b - a),
+            [Some(one), None] | [None, Some(one)] => one,
+            [None, None] => 0.0,
+        }
     }
 }
 
@@ -165,7 +179,7 @@ pub(super) fn lit(
     let cos = half_cos(view, light);
     let range = seen.range();
     let mut sum = [0.0; 3];
-    let mut kept = Kept { grating, view, groove, scratch, at: f64::INFINITY, orders: vec![] };
+    let mut kept = Kept { grating, view, groove, scratch, nodes: [const { None }; NODES + 1] };
     // Orders whose wavelength is seen, from the component along the grating vector.
     let along_g = (t[0] * groove.across[0] + t[1] * groove.across[1]) * groove.period_um;
     let margin = (accuracy.reach + 1.0) * groove.period_um * (blur.coherence.sqrt() + range[1] * width);
@@ -185,14 +199,10 @@ pub(super) fn lit(
         if from > range[1] || to < range[0] {
             continue;
         }
-        let within = NARROW * range[1];
         let part = along(seen, [from, to], deviation, accuracy, |number| {
             let off = [0, 1].map(|k| number * t[k] - g[k]);
-            let density = blur.at(off, number);
-            match kept.order(order, number, within) {
-                Some(o) => density * o.power * number * number * grating.reflectance.at(cos, 1e3 / number),
-                None => 0.0,
-            }
+            let density = blur.at(off, number) * kept.power(order, number);
+            density * number * number * grating.reflectance.at(cos, 1e3 / number)
         });
         sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
     }
@@ -221,8 +231,8 @@ impl Above<'_> {
     }
 }
 
-/// Light of an environment that a grating sends towards a direction of view: X, Y, Z. Wave numbers lie so near to each other that the first
-/// order moves by a pixel of the environment at most; four numbers from 0 to 1 move them all, and blur the lobes.
+/// Light of an environment that a grating sends towards a direction of view: X, Y, Z. Wave numbers of a pass together lie so near to each other
+/// that the first order moves by a pixel of the environment at most; four numbers from 0 to 1 move them all, and blur the lobes.
 pub(super) fn under(
     above: &Above,
     (grating, groove): (&Grating, Groove),
@@ -234,10 +244,10 @@ pub(super) fn under(
     let pixel = PI / above.sky.map.height as f64;
     // d(mλ/a) = -m dν/(a ν²).
     let moved = pixel * groove.period_um * RANGE[0] * RANGE[0];
-    let step = accuracy
-        .fixed
-        .unwrap_or_else(|| moved.clamp((RANGE[1] - RANGE[0]) / 96.0, above.sky.upsampling.fine().min(0.05)));
-    let count = ((RANGE[1] - RANGE[0]) / step).ceil() as usize;
+    let fine = above.sky.upsampling.fine().min(0.05);
+    let step = accuracy.fixed.unwrap_or_else(|| moved.min(fine).max((RANGE[1] - RANGE[0]) / 96.0));
+    // Each sample of a pass has its part of them.
+    let count = ((RANGE[1] - RANGE[0]) / (step * SAMPLES as f64)).ceil().max(FEWEST) as usize;
     let step = (RANGE[1] - RANGE[0]) / count as f64;
     // Box and Muller: an offset of the lobes.
     let radius = grating.sigma * (-2.0 * u[1].max(1e-12).ln()).sqrt();

@@ -171,7 +171,7 @@ impl Pilot {
     }
 }
 
-/// Root mean square difference of some pixels of two scenes that differ in their accuracy, over their mean luminance.
+/// Root mean square difference of some pixels of two scenes that differ in their accuracy, over that of their luminances.
 ///
 /// # Errors
 /// `Cancelled`.
@@ -189,5 +189,6 @@ pub(super) fn compared(one: &Ready, other: &Ready, progress: &dyn Progress) -> R
         })
         .collect();
     progress.check()?;
-    Ok(relative(pairs.iter().map(|[a, b]| (a - b).powi(2)), pairs.iter().map(|p| p[1])))
+    let [off, light] = pairs.iter().fold([0.0; 2], |[d, l], [a, b]| [d + (a - b).powi(2), l + b * b]);
+    Ok(if light > 0.0 { (off / light).sqrt() } else { 0.0 })
 }

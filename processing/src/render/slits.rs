@@ -203,20 +203,20 @@ impl Lattice {
         let cos = half_cos(view, light);
         let deviation = self.sigma.hypot(width * RANGE[0]) / t[0].hypot(t[1]).max(1e-9);
         let share = self.share();
-        let reach = [0, 1].map(|k| {
-            let sigma = self.sigma.hypot(width * RANGE[1]);
-            (accuracy.reach * sigma * self.period[k]).ceil().min(8.0) as i32
-        });
+        let reach = accuracy.reach * self.sigma.hypot(width * RANGE[1]);
         along(seen, seen.range(), deviation, accuracy, |number| {
             let f = [t[0] * number, t[1] * number];
-            let near = [0, 1].map(|k| (f[k] * self.period[k]).round());
+            // Orders whose lobes reach so far; between them it is dark.
+            let near = [0, 1].map(|k| {
+                let [low, high] = [f[k] - reach, f[k] + reach].map(|v| v * self.period[k]);
+                low.ceil() as i64..=high.floor() as i64
+            });
             let mut sum = 0.0;
-            for m in -reach[0]..=reach[0] {
-                let a = near[0] + f64::from(m);
-                let x = a / self.period[0];
+            for m in near[0].clone() {
+                let x = m as f64 / self.period[0];
                 let wide = sinc_square(self.aperture[0] * x);
-                for n in -reach[1]..=reach[1] {
-                    let y = (near[1] + f64::from(n)) / self.period[1];
+                for n in near[1].clone() {
+                    let y = n as f64 / self.period[1];
                     let high = sinc_square(self.aperture[1] * y);
                     sum += wide * high * blur.at([f[0] - x, f[1] - y], number);
                 }
