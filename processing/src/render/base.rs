@@ -43,7 +43,6 @@ impl Tables {
         let mut tables = Self { a: vec![], b: vec![], mean: vec![], mean_b: vec![] };
         for j in 0..ALPHAS {
             let alpha = alpha_of(j);
-            let (mut sum, mut sum_b) = (0.0, 0.0);
             for i in 0..COSINES {
                 let cos = (i as f64 / (COSINES - 1) as f64).max(1e-3);
                 let (mut all, mut edge) = (0.0, 0.0);
@@ -62,8 +61,6 @@ impl Tables {
                 let (all, edge) = (all / SAMPLES as f64, edge / SAMPLES as f64);
                 tables.a.push(all - edge);
                 tables.b.push(edge);
-                // Over the hemisphere by cos θ: 2 ∫ E(µ) µ dµ, trapezoid; more exactly below, from the table's own interpolation.
-                let _ = i;
             }
             // E is linear between points: ∫ (e0 + (e1 - e0) t) µ dµ exactly.
             let row = |t: &[f64]| t[j * COSINES..(j + 1) * COSINES].to_vec();
@@ -77,10 +74,9 @@ impl Tables {
                     })
                     .sum()
             };
-            sum += mean(&row(&tables.a)) + mean(&row(&tables.b));
-            sum_b += mean(&row(&tables.b));
-            tables.mean.push(sum);
-            tables.mean_b.push(sum_b);
+            let (a, b) = (mean(&row(&tables.a)), mean(&row(&tables.b)));
+            tables.mean.push(a + b);
+            tables.mean_b.push(b);
         }
         tables
     }

@@ -9,7 +9,10 @@
 //! Height fields and tables are evaluated as they are, and under environments drawn by multiple importance sampling.
 
 mod base;
+mod describe;
+mod diffraction;
 mod gallery;
+mod gallery_shapes;
 mod grating;
 mod job;
 mod light;

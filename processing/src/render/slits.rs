@@ -155,9 +155,9 @@ impl Lattice {
         orientation: f64,
         (coherence_um, reflectance): (f64, Reflectance),
     ) -> Result<Self> {
-        for k in 0..2 {
-            if !(aperture[k] > 0.0 && aperture[k] <= period[k] && period[k] <= 1e4 && period[k] >= 1.0) {
-                let problem = format!("has apertures of {} µm at distances of {} µm", aperture[k], period[k]);
+        for (aperture, period) in aperture.iter().zip(period) {
+            if !(*aperture > 0.0 && *aperture <= period && (1.0..=1e4).contains(&period)) {
+                let problem = format!("has apertures of {aperture} µm at distances of {period} µm");
                 return Err(Error::input(
                     key,
                     problem,

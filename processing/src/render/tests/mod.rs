@@ -1,5 +1,8 @@
 //! Pictures against closed forms, energy, symmetry, and input that makes no sense.
 
+mod bad_input;
+mod energy;
+
 use super::grating::{Grating, Groove, Scratch};
 use super::lobes::Accuracy;
 use super::random::Stream;
@@ -74,111 +77,6 @@ fn heights(folder: &Path) {
         }
     })
     .unwrap();
-}
-
-#[test]
-fn nothing_gains_light_and_what_is_lossless_loses_none() {
-    let dir = tempfile::tempdir().unwrap();
-    table(dir.path());
-    heights(dir.path());
-    let base = |albedo: f64, roughness: f64, specular: f64| {
-        format!(
-            "[material.a.base]\nalbedo = [{albedo}, {albedo}, {albedo}]\nroughness = {roughness}\nspecular = [{specular}, {specular}, {specular}]\n"
-        )
-    };
-    let top = |text: &str| format!("[material.a.diffraction]\n{text}\n");
-    // Material, what comes back, samples.
-    let cases = [
-        (base(1.0, 0.3, 0.04), 1.0, 8192),
-        (base(1.0, 0.9, 0.5), 1.0, 8192),
-        (base(0.0, 0.1, 1.0), 1.0, 8192),
-        (base(0.0, 0.6, 1.0), 1.0, 8192),
-        (base(0.0, 1.0, 1.0), 1.0, 8192),
-        (top("type = \"grating\"\nperiod_um = 1.6\norientation_deg = 20\nrelief = { depth_um = 0.2 }"), 1.0, 64),
-        (top("type = \"grating\"\nperiod_um = 0.9\norientation_deg = 90\nrelief = { depth_um = 1.1 }"), 1.0, 64),
-        (
-            top(
-                "type = \"grating\"\nperiod_um = 2.5\norientation_deg = 0\nrelief = { profile = \"blazed\", depth_um = 0.3 }",
-            ),
-            1.0,
-            64,
-        ),
-        (top("type = \"cd\"\nrelief = { profile = { rectangular = { duty = 0.4 } }, depth_um = 0.12 }"), 1.0, 64),
-        (top("type = \"multislit\""), 0.25, 64),
-        (top("type = \"lattice\"\nperiod_um = [60, 80]\naperture_um = [20, 60]"), 0.25, 64),
-        (top("type = \"table\"\nfile = \"lut.exr\"\nlossless = true"), 1.0, 16384),
-        (top("type = \"heightfield\"\nfile = \"heights.exr\"\nlossless = true"), 1.0, 4096),
-    ];
-    for (material, wanted, samples) in cases {
-        for (angle, azimuth) in [(0.0, 0.0), (40.0, 0.0), (65.0, 70.0)] {
-            let text = plane(angle, azimuth, &format!("{material}{SKY}"));
-            let found = mean(&picture(&text, dir.path(), &settings(samples, 1e-4)));
-            for v in found {
-                assert!((v / wanted - 1.0).abs() < 0.005, "{angle} {azimuth}: {found:?}\n{material}");
-            }
-        }
-    }
-    // Not made lossless, they lose some at most.
-    for material in [
-        top("type = \"table\"\nfile = \"lut.exr\""),
-        top("type = \"heightfield\"\nfile = \"heights.exr\""),
-        format!(
-            "{}{}",
-            base(1.0, 0.3, 0.5),
-            top(
-                "type = \"grating\"\nperiod_um = 1.6\norientation_deg = 20\nrelief = { depth_um = 0.2 }\nreflectance = \"aluminium\""
-            )
-        ),
-        format!(
-            "[material.a]\nblend = \"fresnel\"\n{}{}",
-            base(1.0, 0.3, 0.5),
-            top(
-                "type = \"grating\"\nperiod_um = 1.6\norientation_deg = 20\nrelief = { depth_um = 0.2 }\nreflectance = \"schlick=0.3\""
-            )
-        ),
-    ] {
-        for angle in [0.0, 50.0, 75.0] {
-            let found =
-                mean(&picture(&plane(angle, 10.0, &format!("{material}{SKY}")), dir.path(), &settings(4096, 1e-4)));
-            assert!(found.iter().all(|v| (0.2..1.005).contains(v)), "{angle}: {found:?}\n{material}");
-        }
-    }
-}
-
-#[test]
-fn balanced_orders_are_reciprocal_and_near_to_scalar_theory() {
-    let section = Section::Formula { profile: Profile::Blazed, depth_um: 0.25 };
-    let grating = Grating::new(&section, 1.7, 0.01, Reflectance::Perfect, 1e-9);
-    let mut scratch = Scratch::default();
-    let groove = Groove { across: [0.8, 0.6], period_um: 1.7 };
-    let direction = |x: f64, y: f64| [x, y, (1.0 - x * x - y * y).sqrt()];
-    for view in [direction(0.1, 0.05), direction(-0.6, 0.3), direction(0.2, -0.9)] {
-        let mut orders = vec![];
-        grating.orders(view, groove, 1.9, &mut scratch, |o| orders.push(o));
-        let sum: f64 = orders.iter().map(|o| o.power).sum();
-        assert!((sum - 1.0).abs() < 1e-3, "{view:?}: {sum}");
-        for order in &orders {
-            // The grating equation.
-            let step = f64::from(order.order) / (1.9 * 1.7);
-            for k in 0..2 {
-                assert!((order.from[k] + view[k] - step * groove.across[k]).abs() < 1e-12);
-            }
-            let mut back = vec![];
-            grating.orders(order.from, groove, 1.9, &mut scratch, |o| back.push(o));
-            let same = back.iter().find(|o| o.order == order.order).unwrap();
-            assert!((same.power - order.power).abs() < 2e-3, "{order:?} {same:?}");
-        }
-    }
-    // Light from above on a shallow grating: all orders that have light are there, and w is nearly the same for all.
-    let shallow = Section::Formula { profile: Profile::Sinusoid, depth_um: 0.03 };
-    let grating = Grating::new(&shallow, 8.0, 0.01, Reflectance::Perfect, 1e-9);
-    let groove = Groove { across: [1.0, 0.0], period_um: 8.0 };
-    grating.orders([0.0, 0.0, 1.0], groove, 1.9, &mut scratch, |o| {
-        let theory = libm::jn(o.order.abs(), TAU * 1.9 * 2.0 * 0.015).powi(2);
-        if o.order.abs() <= 1 {
-            assert!((o.power / theory - 1.0).abs() < 0.02, "{o:?} {theory}");
-        }
-    });
 }
 
 /// Linear sRGB of a grating by a sum over 40000 wave numbers and all orders, from the formulas alone.
@@ -415,66 +313,4 @@ fn a_lens_is_sharp_at_its_focus_only() {
     // A point is seen as a disc of aperture · |1 - 100/200| = 5 mm, of the picture's 17.5 mm in 32: 9 pixels.
     let blurred = of(200.0);
     assert!((6..=11).contains(&blurred), "{blurred}");
-}
-
-#[test]
-fn what_makes_no_sense_is_named() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path();
-    let write = |name: &str, text: &str| std::fs::write(path.join(name), text).unwrap();
-    write("flat.obj", "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n");
-    write("bare.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    write("wrong.obj", "v 0 0 0\nf 1 2 9\n");
-    write("nan.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    write("huge.ply", "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n");
-    write("short.gltf", &gltf().replace("\"count\":4,\"type\":\"VEC3\"", "\"count\":400,\"type\":\"VEC3\""));
-    write("text.glb", "hello");
-    write_exr(&path.join("nan.exr"), 2, 2, &["R", "G", "B"], &[], &|_, _, row| row.fill(f32::NAN)).unwrap();
-    write_exr(&path.join("down.exr"), 2, 2, &["R", "G", "B"], &[], &|_, _, row| row.fill(-0.5)).unwrap();
-    let plane = "[[shape]]\ntype = \"plane\"\nsize = [9, 9]\nmaterial = \"a\"\n";
-    let mesh = |file: &str| format!("[[shape]]\ntype = \"mesh\"\nfile = \"{file}\"\nmaterial = \"a\"\n{FOIL}");
-    let top = |text: &str| format!("{plane}[material.a.diffraction]\n{text}\n");
-    let cases = [
-        (format!("colour = 1\n{STAGE}{plane}{FOIL}"), "colour"),
-        (format!("{STAGE}{plane}{FOIL}").replace("sigma_mm", "sigma"), "sigma"),
-        (format!("{STAGE}{plane}{FOIL}").replace("fov_deg = 30", "fov_deg = nan"), "camera.fov_deg"),
-        (format!("{STAGE}{plane}{FOIL}").replace("width = 32", "width = 10000000"), "10000000"),
-        (format!("{STAGE}{plane}{FOIL}").replace("size = [9, 9]", "size = [9, -9]"), "shape[0].size"),
-        (format!("{STAGE}{plane}{FOIL}").replace("[60, 90, 150]", "[60, inf, 150]"), "light[0].position"),
-        (format!("{STAGE}{plane}"), "shape[0].material"),
-        (STAGE.to_owned(), "shape"),
-        (format!("{STAGE}{plane}{FOIL}").replace("period_um = 1.6\n", ""), "period_um"),
-        (format!("{STAGE}{plane}{FOIL}").replace("depth_um = 0.15", "depth_um = -1"), "depth_um"),
-        (format!("{STAGE}{plane}{FOIL}").replace("coverage = 0.5", "coverage = 7"), "coverage"),
-        (format!("{STAGE}{plane}{FOIL}").replace("[0.1, 0.2, 0.3]", "\"none.png\""), "none.png"),
-        (format!("{STAGE}{plane}{FOIL}").replace("[0.1, 0.2, 0.3]", "\"nan.exr\""), "column 0, row 0"),
-        (format!("{STAGE}{plane}{FOIL}normals = \"down.exr\"\n"), "down.exr"),
-        (format!("{STAGE}{}", mesh("flat.obj")), "none with an area"),
-        (format!("{STAGE}{}", mesh("bare.obj")), "tangents"),
-        (format!("{STAGE}{}", mesh("wrong.obj")), "wrong.obj"),
-        (format!("{STAGE}{}", mesh("nan.obj")), "nan.obj"),
-        (format!("{STAGE}{}", mesh("huge.ply")), "4000000000"),
-        (format!("{STAGE}{}", mesh("short.gltf")), "beyond its buffer"),
-        (format!("{STAGE}{}", mesh("text.glb")), "text.glb"),
-        (format!("{STAGE}{}", mesh("none.obj")), "none.obj"),
-        (format!("{STAGE}{}", mesh("none.stl")), "none.stl"),
-        (format!("{STAGE}{}", top("type = \"table\"\nfile = \"nan.exr\"")), "nan.exr"),
-        (format!("{STAGE}{}", top("type = \"multislit\"\nwidth_um = 9")), "slits"),
-        (format!("{STAGE}{}", top("type = \"grating\"\nrelief = { depth_um = 0.1 }\nmaps = \"nan.exr\"")), "nan.exr"),
-        (format!("{STAGE}{}", top("type = \"unknown\"")), "unknown"),
-        (format!("{STAGE}{plane}{FOIL}[[light]]\ntype = \"environment\"\nfile = \"nan.exr\"\n"), "nan.exr"),
-        (format!("{STAGE}{plane}{FOIL}[[light]]\ntype = \"environment\"\n"), "light[1]"),
-    ];
-    for (text, word) in cases {
-        let file = path.join("scene.toml");
-        std::fs::write(&file, &text).unwrap();
-        let outcome = Scene::read(&file).and_then(|scene| render(&scene, path, &settings(4, 0.1), &Silent).map(drop));
-        match outcome {
-            Err(crate::Error::Input { .. }) => {
-                let said = outcome.unwrap_err().to_string();
-                assert!(said.contains(word), "{word}: {said}\n{text}");
-            }
-            other => panic!("{word}: {other:?}\n{text}"),
-        }
-    }
 }
