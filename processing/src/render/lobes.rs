@@ -36,7 +36,7 @@ impl Accuracy {
 const FEWEST: f64 = 12.0;
 
 /// Steps of wave numbers between which powers are linear.
-const NODES: usize = 32;
+const NODES: usize = 64;
 
 /// A Gaussian of directions in the plane of spatial frequencies.
 #[derive(Clone, Copy)]

@@ -9,8 +9,11 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Sines of view along a side, and wave numbers, at which the albedo is known.
-const VIEWS: usize = 13;
-const NUMBERS: usize = 5;
+const VIEWS: usize = 21;
+const NUMBERS: usize = 7;
+
+/// Most frequencies of a patch that the albedo is added up from, the brightest ones.
+const BRIGHTEST: usize = 2000;
 
 /// A height field ready for use.
 pub(super) struct Relief {
@@ -90,7 +93,11 @@ impl Relief {
                 sum
             })
             .collect();
-        let kept: Vec<usize> = (0..count).filter(|k| raw[*k] > 1e-7 * sum).collect();
+        let mut kept: Vec<usize> = (0..count).filter(|k| raw[*k] > 1e-7 * sum).collect();
+        kept.sort_by(|a, b| raw[*b].total_cmp(&raw[*a]));
+        let all: f64 = kept.iter().map(|k| raw[*k]).sum();
+        kept.truncate(BRIGHTEST);
+        let share = kept.iter().map(|k| raw[*k]).sum::<f64>() / all;
         self.albedo = (0..VIEWS * VIEWS * NUMBERS)
             .into_par_iter()
             .map_init(Workspace::default, |w, k| {
@@ -102,18 +109,21 @@ impl Relief {
                 let view = [view[0], view[1], z];
                 let number = wave_number(k / (VIEWS * VIEWS));
                 let mut sum = 0.0;
-                for k in &kept {
-                    let f = self.frequency(*k);
+                // Four places of each bin, as 1/cos θi is steep at the rim.
+                for (k, part) in kept.iter().flat_map(|k| (0..4).map(move |part| (*k, part))) {
+                    let f = self.frequency(k);
+                    let off = [part % 2, part / 2].map(|s| f64::from(s) * 0.5 - 0.25);
+                    let f = [f[0] + off[0] * self.bin[0], f[1] + off[1] * self.bin[1]];
                     let light = [f[0] / number - view[0], f[1] / number - view[1]];
                     let square = light[0] * light[0] + light[1] * light[1];
                     if square < 1.0 {
-                        // The cell's own width keeps grazing light finite.
+                        // A cell's own width keeps grazing light finite.
                         let floor = (self.bin[0].max(self.bin[1]) / number).min(0.2);
-                        let light = [light[0], light[1], (1.0 - square).sqrt().max(floor * 0.5)];
+                        let light = [light[0], light[1], (1.0 - square).sqrt().max(floor * 0.25)];
                         sum += self.coarse.at(f, TAU * number * (z + light[2]), w) * gain_cos(light, view);
                     }
                 }
-                sum * self.bin[0] * self.bin[1]
+                sum * 0.25 / share * self.bin[0] * self.bin[1]
             })
             .collect();
     }

@@ -12,7 +12,7 @@ use std::path::Path;
 const COARSE: usize = 192;
 
 /// Sines of view along a side at which the albedo is known.
-const VIEWS: usize = 25;
+const VIEWS: usize = 41;
 
 /// A table ready for use.
 pub(super) struct Table {

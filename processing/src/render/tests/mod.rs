@@ -137,8 +137,8 @@ fn a_point_lights_picture_is_the_brdf_pixel_by_pixel() {
             worst = worst.max((found[c] - truth[c]).abs());
         }
     }
-    // Powers are linear between 33 wave numbers, and those of the sum here constant over a thousandth of them.
-    assert!(worst < 2e-3 * brightest && brightest > 0.1, "{worst} of {brightest}");
+    // Where an order passes the horizon, the others jump; powers are linear between 65 wave numbers and smear that.
+    assert!(worst < 1e-2 * brightest && brightest > 0.1, "{worst} of {brightest}");
 }
 
 #[test]
@@ -268,10 +268,10 @@ fn noise_and_sums_are_as_predicted() {
     let shape = "[[shape]]\ntype = \"sphere\"\nradius = 40\nmaterial = \"a\"\n";
     let room = "[[light]]\ntype = \"rectangle\"\ncenter = [0, 150, 100]\nnormal = [0, -1, -0.6]\nup = [0, 0, 1]\nsize = [60, 60]\nluminance = 5\n";
     for more in [shape.to_owned(), format!("{shape}{room}"), format!("{shape}{SKY}")] {
-        let text = format!("{STAGE}{more}{FOIL}").replace("width = 32\nheight = 32", "width = 96\nheight = 96");
+        let text = format!("{STAGE}{more}{FOIL}").replace("width = 32\nheight = 32", "width = 64\nheight = 64");
         let scene = Scene::parse(&text).unwrap();
         let (_, report) =
-            render(&scene, Path::new(""), &Settings { check: true, ..settings(128, 0.02) }, &Silent).unwrap();
+            render(&scene, Path::new(""), &Settings { check: true, ..settings(64, 0.02) }, &Silent).unwrap();
         let ratio = report.noise / report.predicted.noise;
         assert!((0.5..2.0).contains(&ratio), "{ratio}: {report:?}");
         let measured = report.measured_model_error.unwrap();
