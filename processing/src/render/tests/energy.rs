@@ -86,8 +86,9 @@ fn balanced_orders_are_reciprocal_and_near_to_scalar_theory() {
         for order in &orders {
             // The grating equation.
             let step = f64::from(order.order) / (1.9 * 1.7);
-            for k in 0..2 {
-                assert!((order.from[k] + view[k] - step * groove.across[k]).abs() < 1e-12);
+            let pairs = order.from.iter().zip(&view).zip(&groove.across);
+            for ((from, to), across) in pairs {
+                assert!((from + to - step * across).abs() < 1e-12);
             }
             let mut back = vec![];
             grating.orders(order.from, groove, 1.9, &mut scratch, |o| back.push(o));
