@@ -82,6 +82,8 @@ enum Command {
     /// From the shape of a surface to the light that it diffracts.
     #[command(subcommand)]
     Brdf(commands::brdf::Brdf),
+    /// Render a scene: measured and made-up surfaces under any light.
+    Render(commands::render::Args),
     /// Edit maps of orientation and period, and exchange them.
     #[command(subcommand)]
     Map(commands::map::MapCommand),
@@ -131,6 +133,7 @@ pub fn main() -> ExitCode {
         Command::Catalogue(args) => commands::catalogue::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Brdf(args) => commands::brdf::run(&args, &console),
+        Command::Render(args) => commands::render::run(&args, &console),
         Command::Map(args) => commands::map::run(&args, &console),
         Command::Synthesize(args) => commands::synthesize::run(&args, &console),
         Command::Calibrate(args) => commands::calibrate::run(&args, &console),

@@ -19,6 +19,7 @@ pub mod photograph;
 pub mod plan;
 pub mod recommend;
 pub mod reconstruct;
+pub mod render;
 mod said;
 pub mod schema;
 pub mod serve;

@@ -24,6 +24,8 @@ enum Name {
     Bench,
     /// geometry.json: where camera, sample, panel and light are.
     Geometry,
+    /// A scene that `nacre render` renders.
+    Scene,
     /// nacre.toml: the service.
     Config,
     /// The REST interface of the service, as an OpenAPI document.
@@ -37,6 +39,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         Name::Plan => schemars::schema_for!(crate::plan::Plan),
         Name::Bench => schemars::schema_for!(BenchConfig),
         Name::Geometry => schemars::schema_for!(nacre_processing::geometry::Geometry),
+        Name::Scene => schemars::schema_for!(nacre_processing::render::Scene),
         Name::Config => schemars::schema_for!(crate::service::config::Config),
         Name::Openapi => {
             let document = crate::service::openapi();

@@ -1,0 +1,5 @@
+//! Light from all around.
+
+mod map;
+
+pub use map::Environment;

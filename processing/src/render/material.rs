@@ -1,0 +1,228 @@
+//! Materials ready for light.
+
+use super::base::Surface;
+use super::diffraction::Diffraction;
+use super::grating::Scratch;
+use super::lobes::{Above, Accuracy};
+use super::random::Stream;
+use super::scene::{self, Blend};
+use super::spectrum::{Seen, xyz};
+use super::texture::{self, Over};
+use crate::color::Observer;
+use crate::progress::Progress;
+use crate::surface::Workspace;
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Memory of one thread.
+#[derive(Default)]
+pub(super) struct Memory {
+    pub scratch: Scratch,
+    pub workspace: Workspace,
+}
+
+/// A material.
+pub(super) struct Material {
+    base: Option<Base>,
+    diffraction: Option<Diffraction>,
+    coverage: Over<1>,
+    blend: Blend,
+    normals: Option<Over<3>>,
+    /// What there is to know about it.
+    pub notes: Notes,
+}
+
+/// How a material is computed.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Notes {
+    /// How, in words.
+    pub method: String,
+    /// Highest order.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub orders: Option<i32>,
+    /// Relative error that is predicted of its model.
+    pub predicted_error: f64,
+    /// What is to be known.
+    pub warnings: Vec<String>,
+}
+
+struct Base {
+    albedo: Over<3>,
+    roughness: Over<1>,
+    specular: [f64; 3],
+}
+
+/// A place that is looked at.
+pub(super) struct Place {
+    pub uv: [f64; 2],
+    /// Direction of view in the place's frame.
+    pub view: [f64; 3],
+}
+
+/// Adds a part.
+pub(super) fn add(sum: &mut [f64; 3], part: [f64; 3], weight: f64) {
+    sum.iter_mut().zip(part).for_each(|(s, p)| *s += p * weight);
+}
+
+impl Material {
+    /// Of a description.
+    ///
+    /// # Errors
+    /// `Input` for what makes no sense, or files that are none.
+    pub(super) fn new(
+        name: &str,
+        material: &scene::Material,
+        folder: &Path,
+        observer: Observer,
+        accuracy: &Accuracy,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
+        let key = |what: &str| format!("material.{name}.{what}");
+        let mut notes = Notes::default();
+        let base = match &material.base {
+            Some(base) => {
+                if !base.specular.iter().all(|v| (0.0..=1.0).contains(v)) {
+                    let problem = format!("is {:?}", base.specular);
+                    return Err(Error::input(key("base.specular"), problem, "give three numbers from 0 to 1"));
+                }
+                Some(Base {
+                    albedo: texture::color(&key("base.albedo"), &base.albedo, folder)?,
+                    roughness: texture::value(&key("base.roughness"), &base.roughness, folder, [0.02, 1.0])?,
+                    specular: base.specular.map(f64::from),
+                })
+            }
+            None => None,
+        };
+        let diffraction = match &material.diffraction {
+            Some(of) => {
+                Some(Diffraction::new(&key("diffraction"), of, folder, observer, accuracy, &mut notes, progress)?)
+            }
+            None => None,
+        };
+        if notes.method.is_empty() {
+            notes.method = "diffuse and glossy".into();
+        }
+        let normals = material.normals.as_ref().map(|file| texture::normals(&folder.join(file))).transpose()?;
+        let coverage = texture::value(&key("coverage"), &material.coverage, folder, [0.0, 1.0])?;
+        Ok(Self { base, diffraction, coverage, blend: material.blend, normals, notes })
+    }
+
+    /// Whether it depends on the direction of u.
+    pub(super) fn needs_tangents(&self) -> bool {
+        self.diffraction.is_some() || self.normals.is_some()
+    }
+
+    /// The normal at a place in its shape's frame, if it is not the shape's own.
+    pub(super) fn normal(&self, uv: [f64; 2]) -> Option<[f64; 3]> {
+        self.normals.as_ref().map(|n| n.at(uv))
+    }
+
+    /// Part that diffracts, and what of the base is seen, at a direction of view (and, blended by Fresnel, of light).
+    fn shares(&self, uv: [f64; 2], cos: [f64; 2]) -> [f64; 2] {
+        let [covered] = self.coverage.at(uv);
+        match (&self.diffraction, self.blend) {
+            (None, _) => [0.0, 1.0],
+            (Some(_), Blend::Mix) => [covered, 1.0 - covered],
+            (Some(top), Blend::Fresnel) => {
+                let reflected = |cos: f64| top.reflectance(cos);
+                [covered, 1.0 - covered + covered * (1.0 - reflected(cos[0])) * (1.0 - reflected(cos[1]))]
+            }
+        }
+    }
+
+    fn surface(&self, base: &Base, uv: [f64; 2]) -> Surface {
+        let [alpha] = base.roughness.at(uv);
+        Surface { albedo: base.albedo.at(uv), specular: base.specular, alpha }
+    }
+
+    /// X, Y, Z of what is seen of a light of illuminance 1 on what faces it; `light` is its direction in the frame, `width` its size in rad.
+    pub(super) fn lit(
+        &self,
+        place: &Place,
+        light: [f64; 3],
+        (width, seen): (f64, &Seen),
+        accuracy: &Accuracy,
+        memory: &mut Memory,
+    ) -> [f64; 3] {
+        let view = place.view;
+        if light[2] <= 0.0 || view[2] <= 0.0 {
+            return [0.0; 3];
+        }
+        let [covered, below] = self.shares(place.uv, [view[2], light[2]]);
+        let mut sum = [0.0; 3];
+        if let Some(base) = self.base.as_ref().filter(|_| below > 0.0) {
+            let f = self.surface(base, place.uv).scattered(light, view);
+            add(&mut sum, xyz([0, 1, 2].map(|c| f[c] * seen.rgb[c])), below);
+        }
+        if let Some(top) = self.diffraction.as_ref().filter(|_| covered > 0.0) {
+            add(&mut sum, top.lit(place, light, (width, seen), accuracy, memory), covered);
+            if self.base.is_some() && top.is_masked(place.uv) {
+                // What does not diffract is base.
+                let f = self.base.as_ref().map_or([0.0; 3], |b| self.surface(b, place.uv).scattered(light, view));
+                add(&mut sum, xyz([0, 1, 2].map(|c| f[c] * seen.rgb[c])), 1.0 - below);
+            }
+        }
+        sum
+    }
+
+    /// X, Y, Z of what is seen of an environment.
+    pub(super) fn under(
+        &self,
+        place: &Place,
+        above: &Above,
+        random: &mut Stream,
+        accuracy: &Accuracy,
+        memory: &mut Memory,
+    ) -> [f64; 3] {
+        let view = place.view;
+        let mut sum = [0.0; 3];
+        if view[2] <= 0.0 {
+            return sum;
+        }
+        let masked = self.diffraction.as_ref().is_some_and(|d| d.is_masked(place.uv));
+        if let Some(base) = &self.base {
+            let surface = self.surface(base, place.uv);
+            let value = |light: [f64; 3], rgb: [f64; 3]| {
+                let share = if masked { 1.0 } else { self.shares(place.uv, [view[2], light[2]])[1] };
+                let f = surface.scattered(light, view);
+                xyz([0, 1, 2].map(|c| f[c] * rgb[c])).map(|v| v * share)
+            };
+            let drawn = surface.sample(view, random.numbers());
+            let part = both_ways(above, random, value, (drawn[2] > 0.0).then_some(drawn), |l| surface.density(l, view));
+            add(&mut sum, part, 1.0);
+        }
+        if let Some(top) = self.diffraction.as_ref().filter(|_| !masked) {
+            let [covered, _] = self.shares(place.uv, [view[2]; 2]);
+            if covered > 0.0 {
+                add(&mut sum, top.under(place, above, random, accuracy, memory), covered);
+            }
+        }
+        sum
+    }
+}
+
+/// An environment by multiple importance sampling with the balance heuristic (Veach and Guibas 1995): a direction of the environment's, and one of
+/// the surface's own. `value` is BRDF times cosine times radiance.
+pub(super) fn both_ways(
+    above: &Above,
+    random: &mut Stream,
+    mut value: impl FnMut([f64; 3], [f64; 3]) -> [f64; 3],
+    drawn: Option<[f64; 3]>,
+    density: impl Fn([f64; 3]) -> f64,
+) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    let (towards, rgb, bright) = above.sky.sample(random.numbers());
+    let local = above.frame.map(|f| f.dot(&towards));
+    let all = bright + density(local);
+    if local[2] > 0.0 && all > 0.0 && (above.open)(towards) {
+        add(&mut sum, value(local, rgb), 1.0 / all);
+    }
+    if let Some(local) = drawn {
+        let own = density(local);
+        let all = own + above.sky.density(above.direction(local));
+        if own > 0.0 && all > 0.0 {
+            add(&mut sum, value(local, above.radiance(local)), 1.0 / all);
+        }
+    }
+    sum
+}

@@ -1,0 +1,45 @@
+//! Pictures of scenes with surfaces that diffract: what was measured under any light, at an error that is known.
+//!
+//! - [`Scene`]: a camera, shapes, lights and materials (TOML).
+//! - [`render`]: passes over a picture until its error is met.
+//! - [`write_picture`], [`write_png`]: linear EXR with its error, and a picture for a screen.
+//!
+//! A material's light is computed exactly where it can be: under small lights, a grating's orders are Gaussians as wide as coherence and light
+//! make them, summed up over as many wavelengths as their displacement needs; under environments, they are sums over orders and wavelengths.
+//! Height fields and tables are evaluated as they are, and under environments drawn by multiple importance sampling.
+
+mod base;
+mod describe;
+mod diffraction;
+mod gallery;
+mod gallery_shapes;
+mod grating;
+mod job;
+mod light;
+mod lobes;
+mod material;
+mod mesh;
+mod mesh_file;
+mod output;
+mod picture;
+mod random;
+mod ready;
+mod relief;
+mod scene;
+mod shape;
+mod slits;
+mod spectrum;
+mod table;
+#[cfg(test)]
+mod tests;
+mod texture;
+mod vector;
+
+pub use gallery::gallery;
+pub use job::{Prediction, Report, Settings, render};
+pub use material::Notes;
+pub use output::{bytes, exposure, write_picture, write_png};
+pub use picture::{Picture, Pixel, SAMPLES};
+pub use scene::{
+    Base, Blend, Camera, Color, Diffraction, Light, Material, Relief, Scene, Shape, Spectrum, Turn, Value,
+};

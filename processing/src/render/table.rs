@@ -1,0 +1,227 @@
+//! Tables over half vectors (2017 TOG): `f = S(ωi + ωo) (1 + ωi·ωo)² / (cos θi cos θo)` per channel of linear sRGB.
+
+use super::scene::Spectrum;
+use super::spectrum::Seen;
+use crate::color::{Observer, linear_srgb};
+use crate::image::read_exr;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Most entries of a side that the albedo and samples are taken from.
+const COARSE: usize = 192;
+
+/// Sines of view along a side at which the albedo is known.
+const VIEWS: usize = 41;
+
+/// A table ready for use.
+pub(super) struct Table {
+    size: usize,
+    extent: f64,
+    warp: i32,
+    /// Linear sRGB, relative to the table's own light.
+    rgb: Vec<[f32; 3]>,
+    /// Part of the entries that is not known and counts as dark.
+    pub unknown: f64,
+    /// Albedo times cos θ over sines of view.
+    albedo: Vec<[f64; 3]>,
+    scale: f64,
+    lossless: bool,
+    /// Running sum over coarse entries, and how many there are along a side.
+    running: Vec<f64>,
+    coarse: usize,
+}
+
+impl Table {
+    /// Reads a `lut.exr`.
+    ///
+    /// # Errors
+    /// `Input` for what is none.
+    pub(super) fn read(path: &Path, observer: Observer, albedo: f64, lossless: bool) -> Result<Self> {
+        let remedy = "give a lut.exr as `nacre reconstruct lut` writes it";
+        let mut map = read_exr(path)?;
+        if map.width != map.height || map.width < 8 {
+            return Err(Error::file(path, format!("is {} × {}", map.width, map.height), remedy));
+        }
+        let number = |name: &str| map.attributes.get(name).and_then(|t| t.parse::<f64>().ok());
+        let (extent, warp) = (number("extent").unwrap_or(f64::NAN), number("warp").unwrap_or(1.0));
+        if !(extent > 0.0 && extent <= 2.0 && (1.0..=99.0).contains(&warp) && warp % 2.0 == 1.0) {
+            let problem = format!("has the extent {extent} and the warp {warp}");
+            return Err(Error::file(path, problem, remedy));
+        }
+        let name = map.attributes.get("illuminant").cloned().unwrap_or_else(|| "E".into());
+        let white = Seen::new("illuminant of the table", &Spectrum::Named(name), Path::new(""), observer, 1e-3)?.rgb;
+        let [x, y, z] = ["X", "Y", "Z"].map(|c| map.take(c, path));
+        let (x, y, z) = (x?, y?, z?);
+        let mut unknown = 0;
+        let rgb: Vec<[f32; 3]> = x
+            .iter()
+            .zip(&y)
+            .zip(&z)
+            .map(|((x, y), z)| {
+                if !(x.is_finite() && y.is_finite() && z.is_finite()) {
+                    unknown += 1;
+                    return [0.0; 3];
+                }
+                let rgb = linear_srgb([*x, *y, *z]);
+                [0, 1, 2].map(|c| (f64::from(rgb[c]) / white[c]) as f32)
+            })
+            .collect();
+        let part = f64::from(unknown) / rgb.len() as f64;
+        if rgb.iter().all(|v| v.iter().all(|c| *c <= 0.0)) {
+            return Err(Error::file(path, "is dark everywhere", remedy));
+        }
+        let size = map.width;
+        let mut table = Self {
+            size,
+            extent,
+            warp: warp as i32,
+            rgb,
+            unknown: part,
+            albedo: vec![],
+            scale: 1.0,
+            lossless,
+            running: vec![],
+            coarse: size.min(COARSE),
+        };
+        table.prepare();
+        let middle = table.albedo[VIEWS * VIEWS / 2];
+        let most = middle.iter().fold(0.0_f64, |m, v| m.max(*v));
+        table.scale = albedo / most.max(1e-300);
+        table.albedo.iter_mut().for_each(|a| *a = a.map(|v| v * table.scale));
+        Ok(table)
+    }
+
+    /// Coarse entries (their means), the albedo over directions of view, and what samples are drawn by.
+    fn prepare(&mut self) {
+        let n = self.coarse;
+        let cell = 2.0 * self.extent / n as f64;
+        let middle = |k: usize| (k as f64 + 0.5) * cell - self.extent;
+        let mut coarse: Vec<[f64; 3]> = vec![[0.0; 3]; n * n];
+        let many = self.size.div_ceil(n).max(1) * 2;
+        coarse.par_iter_mut().enumerate().for_each(|(i, out)| {
+            for s in 0..many * many {
+                let sub = |k: usize| ((k as f64 + 0.5) / many as f64 - 0.5) * cell;
+                let rgb = self.raw([middle(i % n) + sub(s % many), middle(i / n) + sub(s / many)]);
+                (0..3).for_each(|c| out[c] += rgb[c] / (many * many) as f64);
+            }
+        });
+        let mut sum = 0.0;
+        let brightest = coarse.iter().map(|v| v.iter().sum::<f64>()).fold(0.0, f64::max);
+        self.running = coarse
+            .iter()
+            .map(|v| {
+                // No entry is never drawn.
+                sum += v.iter().sum::<f64>().max(0.0) + 1e-4 * brightest;
+                sum
+            })
+            .collect();
+        self.albedo = (0..VIEWS * VIEWS)
+            .into_par_iter()
+            .map(|i| {
+                let at = |k: usize| (2.0 * k as f64 / (VIEWS - 1) as f64 - 1.0) * 0.999;
+                let [x, y] = [at(i % VIEWS), at(i / VIEWS)];
+                // Beyond the circle, that of its rim.
+                let shrink = (0.999 / x.hypot(y).max(1e-9)).min(1.0);
+                let view = [x * shrink, y * shrink];
+                let z = (1.0 - view[0] * view[0] - view[1] * view[1]).max(0.0).sqrt();
+                let mut sum = [0.0; 3];
+                // Four places of each cell, as 1/cos θi is steep at the rim.
+                for (k, value) in coarse.iter().enumerate() {
+                    for s in 0..4 {
+                        let sub = |k: usize| (k as f64 - 0.5) * 0.5 * cell;
+                        let h = [middle(k % n) + sub(s % 2), middle(k / n) + sub(s / 2)];
+                        let i = [h[0] - view[0], h[1] - view[1]];
+                        let square = i[0] * i[0] + i[1] * i[1];
+                        if square < 1.0 {
+                            let w = (1.0 - square).sqrt().max(0.5 * cell);
+                            let dot = i[0] * view[0] + i[1] * view[1] + w * z;
+                            let weight = (1.0 + dot).powi(2) / w * 0.25 * cell * cell;
+                            (0..3).for_each(|c| sum[c] += value[c] * weight);
+                        }
+                    }
+                }
+                sum
+            })
+            .collect();
+    }
+
+    /// The table's own entry at a half vector, linear between entries; dark outside.
+    fn raw(&self, h: [f64; 2]) -> [f64; 3] {
+        let place = |v: f64| {
+            let even = (v / self.extent).abs().powf(1.0 / f64::from(self.warp)).copysign(v);
+            (even + 1.0) * 0.5 * self.size as f64 - 0.5
+        };
+        if h[0].abs() > self.extent || h[1].abs() > self.extent {
+            return [0.0; 3];
+        }
+        // The first row is the uppermost.
+        let (x, y) = (place(h[0]), place(-h[1]));
+        let last = self.size as f64 - 1.0;
+        let (left, top) = (x.clamp(0.0, last).floor().min(last - 1.0), y.clamp(0.0, last).floor().min(last - 1.0));
+        let (fx, fy) = ((x - left).clamp(0.0, 1.0), (y - top).clamp(0.0, 1.0));
+        let at = |i: usize, j: usize| self.rgb[(top as usize + j) * self.size + left as usize + i];
+        let [a, b, c, d] = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
+        [0, 1, 2].map(|k| {
+            let [a, b, c, d] = [a[k], b[k], c[k], d[k]].map(f64::from);
+            (a * (1.0 - fx) + b * fx) * (1.0 - fy) + (c * (1.0 - fx) + d * fx) * fy
+        })
+    }
+
+    /// Albedo times cos θ, of a direction of view.
+    fn albedo_cos(&self, view: [f64; 3]) -> [f64; 3] {
+        let place = |v: f64| ((v / 0.999).clamp(-1.0, 1.0) + 1.0) * 0.5 * (VIEWS - 1) as f64;
+        let (x, y) = (place(view[0]), place(view[1]));
+        let (i, j) = ((x as usize).min(VIEWS - 2), (y as usize).min(VIEWS - 2));
+        let (u, v) = (x - i as f64, y - j as f64);
+        let at = |i: usize, j: usize| self.albedo[j * VIEWS + i];
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
+        [0, 1, 2].map(|k| (a[k] * (1.0 - u) + b[k] * u) * (1.0 - v) + (c[k] * (1.0 - u) + d[k] * u) * v)
+    }
+
+    /// BRDF times the cosine of the light, linear sRGB under the table's own light.
+    pub(super) fn scattered(&self, light: [f64; 3], view: [f64; 3]) -> [f64; 3] {
+        if light[2] <= 0.0 || view[2] <= 0.0 {
+            return [0.0; 3];
+        }
+        let dot: f64 = (0..3).map(|k| light[k] * view[k]).sum();
+        let gain = self.scale * (1.0 + dot).powi(2);
+        let albedo = self.albedo_cos(view);
+        let rgb = self.raw([light[0] + view[0], light[1] + view[1]]);
+        [0, 1, 2].map(|c| {
+            // What comes in at most goes out.
+            let whole = if self.lossless { albedo[c] } else { albedo[c].max(view[2]) };
+            rgb[c] * gain / whole.max(1e-9)
+        })
+    }
+
+    /// A direction of light for two numbers from 0 to 1; it may lie below the horizon.
+    pub(super) fn sample(&self, view: [f64; 3], u: [f64; 2]) -> Option<[f64; 3]> {
+        let n = self.coarse;
+        let total = self.running[n * n - 1];
+        let wanted = u[0] * total;
+        let k = self.running.partition_point(|r| *r <= wanted).min(n * n - 1);
+        let before = if k == 0 { 0.0 } else { self.running[k - 1] };
+        let within = [((wanted - before) / (self.running[k] - before)).clamp(0.0, 1.0), u[1]];
+        let cell = 2.0 * self.extent / n as f64;
+        let h = [(k % n) as f64 + within[0], (k / n) as f64 + within[1]].map(|v| v * cell - self.extent);
+        let [x, y] = [h[0] - view[0], h[1] - view[1]];
+        let square = x * x + y * y;
+        (square < 1.0).then(|| [x, y, (1.0 - square).sqrt()])
+    }
+
+    /// Density of [`Self::sample`] per solid angle.
+    pub(super) fn density(&self, light: [f64; 3], view: [f64; 3]) -> f64 {
+        let n = self.coarse;
+        let cell = 2.0 * self.extent / n as f64;
+        let place = |k: usize| ((light[k] + view[k] + self.extent) / cell).floor();
+        let (x, y) = (place(0), place(1));
+        let inside = |v: f64| v >= 0.0 && v < n as f64;
+        if !(inside(x) && inside(y)) {
+            return 0.0;
+        }
+        let k = y as usize * n + x as usize;
+        let before = if k == 0 { 0.0 } else { self.running[k - 1] };
+        (self.running[k] - before) / self.running[n * n - 1] / (cell * cell) * light[2]
+    }
+}
