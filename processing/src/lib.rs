@@ -12,6 +12,7 @@ pub mod bokeh;
 pub mod calibration;
 pub mod chart;
 pub mod color;
+pub mod environment;
 pub mod error;
 pub mod flash;
 pub mod foil;
