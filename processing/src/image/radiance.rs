@@ -1,8 +1,8 @@
 //! Radiance HDR (RGBE) pictures in.
 
 use super::read::{Decoded, Depth, Fault, Info, Raster, Samples, Source, zeroed};
-use image::ImageDecoder;
-use image::codecs::hdr::HdrDecoder;
+use ::image::ImageDecoder;
+use ::image::codecs::hdr::HdrDecoder;
 
 fn decoder(source: Source) -> Decoded<(HdrDecoder<Source>, Info)> {
     let decoder = HdrDecoder::new(source).map_err(Fault::damaged)?;
