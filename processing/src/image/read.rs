@@ -257,7 +257,10 @@ fn sniff(source: &mut Source) -> Decoded<Format> {
         [0x76, 0x2f, 0x31, 0x01, ..] => Ok(Format::Exr),
         [b'B', b'M', ..] => Ok(Format::Bmp),
         [b'#', b'?', b'R', ..] => Ok(Format::Radiance),
-        _ => Err(Fault::unusable("is not a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image", "convert it to one of these")),
+        _ => Err(Fault::unusable(
+            "is not a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image",
+            "convert it to one of these",
+        )),
     }
 }
 
