@@ -82,6 +82,8 @@ enum Command {
     /// From the shape of a surface to the light that it diffracts.
     #[command(subcommand)]
     Brdf(commands::brdf::Brdf),
+    /// Split a diffraction table into few products, for light from all around.
+    Factor(commands::factor::Args),
     /// Edit maps of orientation and period, and exchange them.
     #[command(subcommand)]
     Map(commands::map::MapCommand),
@@ -129,6 +131,7 @@ pub fn main() -> ExitCode {
         Command::Catalogue(args) => commands::catalogue::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Brdf(args) => commands::brdf::run(&args, &console),
+        Command::Factor(args) => commands::factor::run(&args, &console),
         Command::Map(args) => commands::map::run(&args, &console),
         Command::Synthesize(args) => commands::synthesize::run(&args, &console),
         Command::Calibrate(args) => commands::calibrate::run(&args, &console),

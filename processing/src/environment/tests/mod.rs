@@ -1,4 +1,5 @@
 mod map;
+mod methods;
 mod passes;
 mod reference;
 

@@ -1,0 +1,86 @@
+//! The full integral for surfaces that face the viewer, all at once: the kernel of a row of the result does not depend on azimuth, so that
+//! each pair of rows is one correlation along them.
+
+use super::{Environment, Table};
+use crate::progress::Progress;
+use crate::{Error, Result};
+use rayon::prelude::*;
+use realfft::RealFftPlanner;
+use rustfft::num_complex::Complex32;
+use std::f64::consts::{PI, TAU};
+
+/// Reflection of an environment by surfaces that face each direction of a sphere, with the table's direction `meridian` (radians) towards +z:
+/// the sum over all its pixels, of any table, separable or not.
+///
+/// # Errors
+/// `Input` when a transform fails; `Cancelled`.
+pub fn facing(
+    environment: &Environment,
+    table: &Table,
+    meridian: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<[f32; 3]>> {
+    let (width, height) = (environment.width, environment.height);
+    let mut planner = RealFftPlanner::<f32>::new();
+    let (forward, inverse) = (planner.plan_fft_forward(width), planner.plan_fft_inverse(width));
+    let failed = |e: realfft::FftError| Error::input("environment", e, "give one of another width");
+    let bins = width / 2 + 1;
+    let mut sky = vec![[const { vec![] }; 3]; height];
+    for (y, spectra) in sky.iter_mut().enumerate() {
+        for (c, spectrum) in spectra.iter_mut().enumerate() {
+            let mut row: Vec<f32> = environment.rgb[y * width..(y + 1) * width].iter().map(|p| p[c]).collect();
+            *spectrum = vec![Complex32::default(); bins];
+            forward.process(&mut row, spectrum).map_err(failed)?;
+        }
+    }
+    let azimuths: Vec<[f64; 2]> = (0..width).map(|d| (-TAU * d as f64 / width as f64).sin_cos().into()).collect();
+    let polar = |y: usize| (PI * (y as f64 + 0.5) / height as f64).sin_cos();
+    let (s, c) = meridian.sin_cos();
+    let row = |y: usize| -> Result<Vec<[f32; 3]>> {
+        progress.check()?;
+        let (sin, cos) = polar(y);
+        let mut sums = [const { vec![] }; 3].map(|_: Vec<Complex32>| vec![Complex32::default(); bins]);
+        let mut kernel = [const { vec![] }; 3].map(|_: Vec<f32>| vec![0.0_f32; width]);
+        let mut spectrum = vec![Complex32::default(); bins];
+        for (from, spectra) in sky.iter().enumerate() {
+            let (across, up) = polar(from);
+            // Nearest to the middle is what lies on the same meridian.
+            if cos * up + sin * across <= 0.0 {
+                continue;
+            }
+            let solid = environment.solid_angle(from);
+            let mut any = false;
+            for (d, [east, ahead]) in azimuths.iter().enumerate() {
+                let (x, flat) = (across * east, across * ahead);
+                let (north, z) = (up * sin - flat * cos, flat * sin + up * cos);
+                let h = [x * s + north * c, north * s - x * c];
+                let inside = z > 0.0 && h.iter().all(|v| v.abs() <= table.extent);
+                any |= inside;
+                let value = if inside { table.at(h) } else { [0.0; 3] };
+                let factor = ((1.0 + z).powi(2) * solid) as f32;
+                (0..3).for_each(|c| kernel[c][d] = value[c] * factor);
+            }
+            for c in 0..3 {
+                if any {
+                    forward.process(&mut kernel[c], &mut spectrum).map_err(failed)?;
+                    let pairs = spectrum.iter().zip(&spectra[c]);
+                    sums[c].iter_mut().zip(pairs).for_each(|(sum, (k, e))| *sum += k.conj() * e);
+                }
+            }
+        }
+        let mut out = vec![[0.0_f32; 3]; width];
+        for (c, sum) in sums.iter_mut().enumerate() {
+            // Both are real for a real row; rounding left traces.
+            sum[0].im = 0.0;
+            if width % 2 == 0 {
+                sum[bins - 1].im = 0.0;
+            }
+            inverse.process(sum, &mut kernel[c]).map_err(failed)?;
+            out.iter_mut().zip(&kernel[c]).for_each(|(pixel, v)| pixel[c] = v / width as f32);
+        }
+        progress.step();
+        Ok(out)
+    };
+    let rows = (0..height).into_par_iter().map(row).collect::<Result<Vec<_>>>()?;
+    Ok(rows.concat())
+}
