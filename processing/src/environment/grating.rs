@@ -6,6 +6,7 @@
 use super::{Environment, Frame};
 use crate::color::{Observer, linear_srgb};
 use crate::{Error, Result};
+use std::sync::LazyLock;
 
 /// Wavelengths that are seen.
 const SEEN_NM: [f64; 2] = [390.0, 720.0];
@@ -17,7 +18,20 @@ const TABLED_NM: f64 = 5.0;
 const LEAST: f64 = 1e-5;
 
 /// Narrowest and widest adaptive step.
-const STEP_NM: [f64; 2] = [0.25, 40.0];
+const STEP_NM: [f64; 2] = [0.25, 20.0];
+
+/// Running sum of what each channel sees of an even spectrum, 1 nm after the other; 1 at the end.
+static SEEN: LazyLock<Vec<[f64; 3]>> = LazyLock::new(|| {
+    let mut sum = [0.0; 3];
+    let mut all = vec![sum];
+    for k in 0..(SEEN_NM[1] - SEEN_NM[0]) as usize {
+        let xyz = Observer::Cie1931.at(SEEN_NM[0] + k as f64 + 0.5);
+        let weight = linear_srgb(xyz.map(|v| v as f32));
+        (0..3).for_each(|c| sum[c] += f64::from(weight[c]));
+        all.push(sum);
+    }
+    all.iter().map(|s| std::array::from_fn(|c| s[c] / sum[c])).collect()
+});
 
 /// Most orders on either side.
 const ORDERS: usize = 40;
@@ -62,7 +76,8 @@ impl Grating {
     }
 
     /// Radiance reflected towards `view`, and how many directions of the environment were looked up. Each channel of the environment is
-    /// taken to have an even spectrum. Efficiencies are `J_m²` of the mirror's phase, which add up to 1.
+    /// taken to have an even spectrum. Efficiencies are `J_m²` of the mirror's phase, which add up to 1;
+    /// what goes into orders beyond the horizon is lost.
     ///
     /// # Errors
     /// `Input` as [`Self::check`].
@@ -95,11 +110,9 @@ impl Grating {
                 };
                 let count = ((SEEN_NM[1] - SEEN_NM[0]) / step).ceil() as usize;
                 let step = (SEEN_NM[1] - SEEN_NM[0]) / count as f64;
-                let (mut light, mut whole) = ([0.0; 3], [0.0; 3]);
                 for k in 0..count {
                     let nm = SEEN_NM[0] + (k as f64 + 0.5) * step;
-                    let weight = linear_srgb(Observer::Cie1931.at(nm).map(|v| v as f32)).map(f64::from);
-                    (0..3).for_each(|c| whole[c] += weight[c]);
+                    let [before, after] = [nm - 0.5 * step, nm + 0.5 * step].map(seen);
                     let [x, y] = [per_nm * nm * cos - local[0], per_nm * nm * sin - local[1]];
                     let square = x * x + y * y;
                     if square >= 1.0 {
@@ -108,10 +121,9 @@ impl Grating {
                     let from = frame.world([x, y, (1.0 - square).sqrt()]);
                     let radiance = environment.radiance(from);
                     let efficiency = at(efficiencies, nm);
-                    (0..3).for_each(|c| light[c] += weight[c] * efficiency * f64::from(radiance[c]));
+                    (0..3).for_each(|c| sum[c] += (after[c] - before[c]) * efficiency * f64::from(radiance[c]));
                     looked_up += 1;
                 }
-                (0..3).for_each(|c| sum[c] += light[c] / whole[c]);
             }
         }
         Ok((sum, looked_up))
@@ -124,6 +136,13 @@ impl Grating {
         let most = (phase(0) + 6.0).ceil() as usize;
         (0..=most.min(ORDERS)).map(|m| (0..count).map(|k| libm::jn(m as i32, phase(k)).powi(2)).collect()).collect()
     }
+}
+
+/// What each channel sees up to a wavelength.
+fn seen(nm: f64) -> [f64; 3] {
+    let place = (nm - SEEN_NM[0]).clamp(0.0, (SEEN.len() - 1) as f64);
+    let k = (place as usize).min(SEEN.len() - 2);
+    std::array::from_fn(|c| SEEN[k][c] + (place - k as f64) * (SEEN[k + 1][c] - SEEN[k][c]))
 }
 
 fn at(tabled: &[f64], nm: f64) -> f64 {

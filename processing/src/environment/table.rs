@@ -92,6 +92,9 @@ impl Table {
                 .map_err(|_| Error::file(path, format!("has no channel {name}; a table has X, Y and Z"), remedy))
         };
         let [x, y, z] = [take("X")?, take("Y")?, take("Z")?];
+        if [&x, &y, &z].into_iter().flatten().any(|v| v.is_infinite()) {
+            return Err(Error::file(path, "holds infinite light", "make the table anew"));
+        }
         let rgb = (0..x.len()).map(|i| linear_srgb([x[i], y[i], z[i]])).collect();
         let table = Self::checked(&path.display().to_string(), width, extent, rgb)?;
         if warp == 1.0 {

@@ -85,10 +85,10 @@ fn flat_samples_agree_with_direct_sums() {
 #[test]
 fn flat_samples_agree_with_the_sky_summed_up() {
     let (environment, table) = (room(256), round(0.1));
-    let size = 192;
+    let size = 320;
     let found = planar(&table, &environment, &Frame::FLAT, size).unwrap();
     let lights = Lights::new(&environment, 2);
-    for i in [size * size / 2 + size / 2, size * 70 + 100, size * 100 + 60, size * 40 + 90] {
+    for i in [size * size / 2 + size / 2, size * 120 + 170, size * 160 + 100, size * 70 + 150] {
         let view = Reflection::direction(size, i).unwrap();
         let truth = lights.by_table(&table, &Frame::FLAT, view);
         for c in 0..3 {
