@@ -90,7 +90,7 @@ pub fn facing(
         for (c, sum) in sums.iter_mut().enumerate() {
             // Both are real for a real row; rounding left traces.
             sum[0].im = 0.0;
-            if columns % 2 == 0 {
+            if columns.is_multiple_of(2) {
                 sum[bins - 1].im = 0.0;
             }
             inverse.process(sum, &mut kernel[c]).map_err(failed)?;

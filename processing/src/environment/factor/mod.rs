@@ -16,6 +16,7 @@ pub use straight::Grid;
 use super::Table;
 use crate::{Error, Result};
 use directions::Pattern;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
 
 /// Terms from which on another method is the better choice.
 const SEPARABLE: usize = 32;
@@ -39,7 +40,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        let apart = std::f64::consts::FRAC_PI_3;
+        let apart = FRAC_PI_3;
         Self { rank: None, max_error: 0.05, apart, directions: None, parts: 1, kind: Kind::Singular }
     }
 }
@@ -57,11 +58,11 @@ impl Settings {
         if !(1e-6..1.0).contains(&self.max_error) {
             return bad("max-error", format!("is {}", self.max_error), "give 0.000001 to 1".into());
         }
-        if !(0.02..=1.5708).contains(&self.apart) {
+        if !(0.02..=FRAC_PI_2 + 1e-6).contains(&self.apart) {
             return bad("min-angle-deg", format!("is {:.1}", self.apart.to_degrees()), "give 2 to 90°".into());
         }
         if let Some([a, b]) = self.directions
-            && !((a - b).sin().abs() >= 0.17)
+            && ((a - b).sin().abs() < 0.17 || !(a - b).is_finite())
         {
             let problem = format!("are {:.1}° and {:.1}°", a.to_degrees(), b.to_degrees());
             return bad("directions-deg", problem, "give two that are at least 10° apart".into());

@@ -1,6 +1,7 @@
 mod map;
 mod methods;
 mod passes;
+mod real;
 mod reference;
 
 use super::{Environment, Table};
