@@ -1,3 +1,4 @@
+mod job;
 mod map;
 mod methods;
 mod passes;

@@ -139,7 +139,7 @@ fn method(effort: Effort) -> Study {
                 }
                 2..=5 => {
                     let (sampler, pairs) = (Sampler::new(&s.table), 4_usize.pow(setting as u32));
-                    let all: Vec<_> = (s.views.iter().enumerate())
+                    let all: Vec<_> = s.views.iter().enumerate()
                         .map(|(k, v)| sampler.reflected(&s.environment, &s.frame, *v, pairs, key(&[seed, k as u64])))
                         .collect();
                     let values = s.truth.len() as f64 * 3.0;
@@ -210,7 +210,7 @@ fn wavelength(effort: Effort) -> Study {
             let grating = Grating { period_um: periods[scene], depth_um: 0.2, azimuth: 0.3 };
             let frame = Frame::facing([1.0, 0.0, 0.0], FRAC_PI_2);
             let run = |environment: &Environment, views: &[[f64; 3]], steps| -> Result<Vec<[f32; 3]>> {
-                let one = |v: &[f64; 3]| Ok(grating.reflected(environment, &frame, *v, steps)?.0.map(|v| v as f32));
+                let one = |v: &[f64; 3]| -> Result<[f32; 3]> { Ok(grating.reflected(environment, &frame, *v, steps)?.0.map(|v| v as f32)) };
                 views.iter().map(one).collect()
             };
             let s = last.get(scene, seed, || {
