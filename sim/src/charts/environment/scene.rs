@@ -10,7 +10,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub const EXTENT: f64 = 0.7;
 
 /// The scene that was last asked for, as all settings are run on one scene after the other.
-pub struct Last<T>(Mutex<Option<((usize, u64), Arc<T>)>>);
+pub struct Last<T>(Mutex<Option<Kept<T>>>);
+
+/// A scene with what it was made from.
+struct Kept<T> {
+    scene: usize,
+    seed: u64,
+    value: Arc<T>,
+}
 
 impl<T> Last<T> {
     pub fn new() -> Self {
@@ -20,13 +27,11 @@ impl<T> Last<T> {
     /// What `make` gives, made once per scene and seed.
     pub fn get(&self, scene: usize, seed: u64, make: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((at, value)) = last.as_ref()
-            && *at == (scene, seed)
-        {
-            return Ok(value.clone());
+        if let Some(kept) = last.as_ref().filter(|kept| (kept.scene, kept.seed) == (scene, seed)) {
+            return Ok(kept.value.clone());
         }
         let value = Arc::new(make()?);
-        *last = Some(((scene, seed), value.clone()));
+        *last = Some(Kept { scene, seed, value: value.clone() });
         Ok(value)
     }
 }
