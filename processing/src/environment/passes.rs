@@ -11,9 +11,6 @@ use std::f64::consts::{PI, TAU};
 /// Columns of a block: that much of all intermediate pictures stays in the cache.
 const BLOCK: usize = 128;
 
-/// Columns of a block of the second pass: all rows of one intermediate picture stay in the cache.
-const NARROW: usize = 64;
-
 /// Reflection of an environment by surfaces that face each direction of a sphere, with the table's `grid.meridian` towards +z.
 ///
 /// The first pass makes an intermediate picture per term and channel: at each direction light from along the great circle across the
@@ -46,23 +43,15 @@ pub fn two_pass(environment: &Environment, part: &Part, progress: &dyn Progress)
             );
         });
         progress.check()?;
-        let between = Between { values: &between, pictures, width, height };
-        let half = width / 2;
-        let starts: Vec<usize> = (0..half).step_by(NARROW).flat_map(|begin| [begin, half + begin]).collect();
-        let blocks = starts.par_iter().map(|begin| {
-            let columns =
-                Columns { begin: *begin, opposite: (begin + half) % width, count: NARROW.min(half - begin % half) };
+        out.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            let mut sum = vec![0.0_f32; width];
+            let between = Between { values: &between, pictures, width, height };
             Arch::new().dispatch(
                 #[inline(always)]
-                || between.along(columns, &curves, &weights),
-            )
+                || between.along(y as isize, &curves, &weights, &mut sum),
+            );
+            row.iter_mut().zip(&sum).for_each(|(pixel, v)| pixel[c] = *v);
         });
-        for (begin, block) in starts.iter().zip(blocks.collect::<Vec<_>>()) {
-            let count = block.len() / height;
-            for (y, row) in block.chunks(count).enumerate() {
-                out[y * width + begin..][..count].iter_mut().zip(row).for_each(|(pixel, v)| pixel[c] = *v);
-            }
-        }
         progress.step();
     }
     Ok(out)
@@ -192,41 +181,37 @@ struct Between<'a> {
     height: usize,
 }
 
-/// Neighbouring columns, none of which is the other half's, and the first of those across the pole.
-#[derive(Clone, Copy)]
-struct Columns {
-    begin: usize,
-    opposite: usize,
-    count: usize,
-}
-
 impl Between<'_> {
-    /// Some columns of the result, row by row.
+    /// One row of the result.
     #[inline(always)]
-    fn along(&self, columns: Columns, curves: &[Curve], weights: &[Vec<(isize, f32)>]) -> Vec<f32> {
-        let height = self.height as isize;
-        let mut all = vec![0.0_f32; self.height * columns.count];
+    fn along(&self, y: isize, curves: &[Curve], weights: &[Vec<(isize, f32)>], sum: &mut [f32]) {
+        let (height, half) = (self.height as isize, self.width / 2);
         let mut picture = 0;
         for (curve, weights) in curves.iter().zip(weights) {
-            let mirrored = picture + curve.pictures - 1;
-            // A picture of its own is the mirrored curve already.
-            let sign = if curve.pictures == 1 { curve.parity } else { 1.0 };
-            for (y, sum) in all.chunks_mut(columns.count).enumerate() {
-                for (step, weight) in weights {
-                    let to = y as isize - step;
-                    let (row, column, picture, weight) = match to {
-                        to if to < 0 => (-1 - to, columns.opposite, mirrored, weight * sign),
-                        to if to >= height => (2 * height - 1 - to, columns.opposite, mirrored, weight * sign),
-                        to => (to, columns.begin, picture, *weight),
-                    };
-                    let at = (row as usize * self.pictures + picture) * self.width + column;
-                    let light = &self.values[at..][..columns.count];
-                    sum.iter_mut().zip(light).for_each(|(s, v)| *s += weight * v);
+            for (step, weight) in weights {
+                let to = y - step;
+                let beyond = to < 0 || to >= height;
+                let row = if to < 0 {
+                    -1 - to
+                } else if beyond {
+                    2 * height - 1 - to
+                } else {
+                    to
+                };
+                let mirrored = beyond && curve.pictures == 2;
+                let at = (row as usize * self.pictures + picture + usize::from(mirrored)) * self.width;
+                let row = &self.values[at..][..self.width];
+                if beyond {
+                    let weight = if mirrored { *weight } else { weight * curve.parity };
+                    let (left, right) = sum.split_at_mut(half);
+                    left.iter_mut().zip(&row[half..]).for_each(|(s, v)| *s += weight * v);
+                    right.iter_mut().zip(&row[..half]).for_each(|(s, v)| *s += weight * v);
+                } else {
+                    sum.iter_mut().zip(row).for_each(|(s, v)| *s += weight * v);
                 }
             }
             picture += curve.pictures;
         }
-        all
     }
 }
 
