@@ -84,6 +84,8 @@ enum Command {
     Brdf(commands::brdf::Brdf),
     /// Render a scene: measured and made-up surfaces under any light.
     Render(commands::render::Args),
+    /// Split a diffraction table into few products, for light from all around.
+    Factor(commands::factor::Args),
     /// Edit maps of orientation and period, and exchange them.
     #[command(subcommand)]
     Map(commands::map::MapCommand),
@@ -134,6 +136,7 @@ pub fn main() -> ExitCode {
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Brdf(args) => commands::brdf::run(&args, &console),
         Command::Render(args) => commands::render::run(&args, &console),
+        Command::Factor(args) => commands::factor::run(&args, &console),
         Command::Map(args) => commands::map::run(&args, &console),
         Command::Synthesize(args) => commands::synthesize::run(&args, &console),
         Command::Calibrate(args) => commands::calibrate::run(&args, &console),

@@ -11,6 +11,7 @@ pub mod check;
 pub mod demo;
 pub mod devices;
 pub mod doctor;
+pub mod factor;
 pub mod import;
 pub mod init;
 pub mod manual;

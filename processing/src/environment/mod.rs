@@ -1,5 +1,26 @@
-//! Light from all around.
+//! Surfaces under light from all around: environments, the exact reflection of a table over half vectors, and faster ways to it.
 
+mod azimuth;
+pub mod factor;
+mod grating;
+mod lamps;
 mod map;
+mod passes;
+mod planar;
+mod prefilter;
+mod reference;
+mod sampling;
+mod table;
+#[cfg(test)]
+mod tests;
 
+pub use azimuth::facing;
+pub use grating::{Grating, Steps};
+pub use lamps::{Lamp, lamps};
 pub use map::Environment;
+pub use passes::{clamped, turned_back, turned_to, two_pass};
+pub use planar::{Reflection, planar};
+pub use prefilter::prefiltered;
+pub use reference::{Frame, Lights, geometry, normalized_error};
+pub use sampling::{Estimate, Sampler};
+pub use table::Table;

@@ -13,6 +13,7 @@ mod listing;
 mod openexr;
 mod picture;
 mod png;
+mod radiance;
 mod read;
 pub mod registration;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Reads photographs: PNG, JPEG, TIFF, BMP and OpenEXR, told apart by their first bytes.
+//! Reads photographs: PNG, JPEG, TIFF, BMP, OpenEXR and Radiance HDR, told apart by their first bytes.
 //!
 //! Bad input is an [`Error::Input`] in plain words, never a panic and never a half-decoded picture. Sizes are
 //! checked against the header before anything is allocated for pixels.
@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::{bmp, jpeg, openexr, png, tif};
+use super::{bmp, jpeg, openexr, png, radiance, tif};
 use crate::{Error, Result};
 
 /// File name endings of the formats that [`read`] understands, in lower case.
@@ -225,6 +225,7 @@ enum Format {
     Tiff,
     Exr,
     Bmp,
+    Radiance,
 }
 
 /// Opens a regular, not empty, not gigantic file.
@@ -255,7 +256,11 @@ fn sniff(source: &mut Source) -> Decoded<Format> {
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Ok(Format::Tiff),
         [0x76, 0x2f, 0x31, 0x01, ..] => Ok(Format::Exr),
         [b'B', b'M', ..] => Ok(Format::Bmp),
-        _ => Err(Fault::unusable("is not a PNG, JPEG, TIFF, BMP or EXR image", "convert it to one of these")),
+        [b'#', b'?', b'R', ..] => Ok(Format::Radiance),
+        _ => Err(Fault::unusable(
+            "is not a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image",
+            "convert it to one of these",
+        )),
     }
 }
 
@@ -272,6 +277,7 @@ pub fn info(path: &Path) -> Result<Info> {
             Format::Tiff => tif::info(source),
             Format::Exr => openexr::info(source),
             Format::Bmp => bmp::info(source),
+            Format::Radiance => radiance::info(source),
         }
     };
     attempt().map_err(|fault| fault.at(path))
@@ -291,6 +297,7 @@ pub fn read(path: &Path) -> Result<Raster> {
             Format::Tiff => tif::read(source),
             Format::Exr => openexr::read(source),
             Format::Bmp => bmp::read(source),
+            Format::Radiance => radiance::read(source),
         }
     };
     attempt().map_err(|fault| fault.at(path))

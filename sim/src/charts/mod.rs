@@ -2,6 +2,7 @@
 //! taking that out brings.
 
 mod bokeh;
+mod environment;
 mod flash;
 mod hdr;
 mod lut;
@@ -23,6 +24,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     all.extend(surface::studies(effort));
     all.extend(spots::studies(effort));
     all.extend(flash::studies(effort));
+    all.extend(environment::studies(effort));
     all
 }
 

@@ -129,7 +129,7 @@ fn what_is_no_image_says_so() {
     fs::write(&path, b"").unwrap();
     says(&path, "is empty");
     fs::write(&path, b"hello, this is text").unwrap();
-    says(&path, "is not a PNG, JPEG, TIFF, BMP or EXR image");
+    says(&path, "is not a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image");
     fs::write(&path, b"\x89PNG\r\n\x1a\n").unwrap();
     says(&path, "truncated or damaged");
 }

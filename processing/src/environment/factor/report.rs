@@ -1,0 +1,157 @@
+//! What a factorisation says about itself.
+
+use super::{Factors, Kind};
+use crate::environment::Table;
+use serde::Serialize;
+
+/// One straightened part.
+#[derive(Clone, Debug, Serialize)]
+pub struct PartReport {
+    /// Direction across the meridian and along it, anticlockwise from the table's right.
+    pub directions_deg: [f64; 2],
+    /// Terms of each channel.
+    pub rank: usize,
+    /// Norm of what the terms leave out of red, green and blue, over the part's own norm.
+    pub error: [f64; 3],
+    /// Largest singular values of green, over the first.
+    pub singular_values: Vec<f64>,
+    /// Files with the curves.
+    pub files: [String; 2],
+}
+
+/// Report of `nacre factor`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// `low-rank`.
+    pub method: &'static str,
+    /// Which factorisation.
+    pub kind: Kind,
+    /// Entries along a side of the table.
+    pub size: usize,
+    /// Largest component of the half vector.
+    pub extent: f64,
+    /// Directions that stand out, the brightest first.
+    pub directions_deg: Vec<f64>,
+    /// Largest over median light along a ray through the zero order; below 1.3 a pattern has no direction.
+    pub contrast: f64,
+    /// `two directions`, `one direction`, `radial` or `three directions or more`.
+    pub pattern: &'static str,
+    /// The parts, which add up to the table.
+    pub parts: Vec<PartReport>,
+    /// Norm of what is left out of the whole table, over the table's.
+    pub error: f64,
+    /// Largest error of a picture, root mean square over all directions over its mean: that of a single light that is a point. Light from
+    /// all around has less.
+    pub picture_error_point: f64,
+    /// The same, measured in the environment that was given.
+    pub picture_error: Option<f64>,
+    /// Most negative radiance in that environment, over the largest; it is set to 0.
+    pub negative: Option<f64>,
+    /// So few terms do that two passes are the method of choice.
+    pub separable: bool,
+    /// What to light this table with.
+    pub advice: String,
+    /// What limits the result.
+    pub warnings: Vec<String>,
+    /// What was taken for granted.
+    pub assumptions: Vec<String>,
+    /// Time it took.
+    pub seconds: f64,
+}
+
+impl Factors {
+    /// Norm of what is left out, over the table's.
+    pub fn error(&self) -> f64 {
+        let (left, whole) = self.norms();
+        (left / whole.max(f64::MIN_POSITIVE)).sqrt()
+    }
+
+    /// Squares of the norms of what is left out, which at worst adds up over the parts, and of the whole.
+    fn norms(&self) -> (f64, f64) {
+        let mut sums = (0.0, 0.0);
+        for c in 0..3 {
+            let left: f64 = self.parts.iter().zip(&self.rank).map(|(p, r)| p.left_out(c, *r)).sum();
+            let whole: f64 = self.parts.iter().map(|p| p.norm[c]).sum();
+            sums = (sums.0 + left * left, sums.1 + whole * whole);
+        }
+        sums
+    }
+
+    /// Normalised root mean square error of a picture of a single point-like light, the largest that any environment has (Young's
+    /// inequality: the norm of a convolution is at most one factor's norm times the other's sum).
+    pub fn picture_error_point(&self) -> f64 {
+        let solid = self.parts.first().map_or(0.0, |p| p.grid.cell()[0] * p.grid.cell()[1]);
+        let light: f64 = self.parts.iter().flat_map(|p| p.albedo).sum();
+        let (left, _) = self.norms();
+        // Over three channels: rms² = Σ ‖D‖² dω / (3 · 4π), mean = Σ albedo / (3 · 4π), for a light of flux 1.
+        let sphere = 3.0 * 4.0 * std::f64::consts::PI;
+        (left * solid / sphere).sqrt() / (light / sphere).max(f64::MIN_POSITIVE)
+    }
+
+    /// The report, but for what is measured.
+    pub(in crate::environment) fn report(&self, table: &Table, kind: Kind) -> Report {
+        let degrees = |v: f64| v.to_degrees().rem_euclid(180.0);
+        let parts: Vec<PartReport> = self
+            .parts
+            .iter()
+            .zip(&self.rank)
+            .enumerate()
+            .map(|(k, (part, rank))| PartReport {
+                directions_deg: [part.grid.across(), part.grid.meridian].map(degrees),
+                rank: *rank,
+                error: [0, 1, 2].map(|c| part.left_out(c, *rank) / part.norm[c].max(f64::MIN_POSITIVE)),
+                singular_values: part.channels[1].iter().map(|t| t.sigma / part.channels[1][0].sigma).collect(),
+                files: ["across", "along"].map(|name| format!("part-{}-{name}.exr", k + 1)),
+            })
+            .collect();
+        let pattern = match self.pattern.main.len() {
+            0 => "radial",
+            1 => "one direction",
+            2 => "two directions",
+            _ => "three directions or more",
+        };
+        let mut warnings = vec![];
+        if table.unknown > 0.0 {
+            warnings.push(format!("{:.1} % of the entries were not measured and count as dark", 100.0 * table.unknown));
+        }
+        if !self.separable() {
+            let terms: usize = self.rank.iter().sum();
+            warnings.push(format!("the table does not separate: {terms} terms, {:.3} left out", self.error()));
+        }
+        Report {
+            method: "low-rank",
+            kind,
+            size: table.size,
+            extent: table.extent,
+            directions_deg: self.pattern.main.iter().copied().map(degrees).collect(),
+            contrast: self.pattern.contrast,
+            pattern,
+            parts,
+            error: self.error(),
+            picture_error_point: self.picture_error_point(),
+            picture_error: None,
+            negative: None,
+            separable: self.separable(),
+            advice: self.advice(pattern),
+            warnings,
+            assumptions: vec![
+                "surfaces face the viewer: n = ωo = r (2017 CVMP, section 3.2); at grazing angles this does not hold".into(),
+                "4π² F² is in the table; (1 + ωi·ωo)² and the Jacobian 1/cos θi were folded in before the factorisation".into(),
+            ],
+            seconds: 0.0,
+        }
+    }
+
+    fn advice(&self, pattern: &str) -> String {
+        if self.separable() {
+            return "two passes".into();
+        }
+        match pattern {
+            "radial" => "the exact sum along azimuths, or for a flat sample the exact correlation: a radial pattern has no directions",
+            "two directions" => "the exact sum along azimuths, or a larger --max-error: the pattern is too fine for few terms",
+            "one direction" => "--kind line for a grating, or the exact sum along azimuths",
+            _ => "--parts with as many parts as directions, or the exact sum along azimuths",
+        }
+        .into()
+    }
+}
