@@ -10,7 +10,7 @@ use std::time::Instant;
 /// Views up to this angle from a frame's normal.
 fn views(frame: &Frame, most: f64, count: usize) -> Vec<[f64; 3]> {
     let view = |k: usize| {
-        let (polar, azimuth) = (most * random(2 * k).sqrt(), 6.283 * random(2 * k + 1));
+        let (polar, azimuth) = (most * random(2 * k).sqrt(), std::f64::consts::TAU * random(2 * k + 1));
         frame.world([polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()])
     };
     (0..count).map(view).collect()

@@ -19,7 +19,7 @@ pub fn room(width: usize) -> Environment {
     let height = width / 2;
     let blank = Environment::of(width, height, vec![[0.0; 3]; width * height]).unwrap();
     let lamp = |k: usize| {
-        let (z, azimuth) = (1.6 * random(3 * k) - 0.6, 6.28 * random(3 * k + 1));
+        let (z, azimuth) = (1.6 * random(3 * k) - 0.6, std::f64::consts::TAU * random(3 * k + 1));
         let across = (1.0_f64 - z * z).sqrt();
         [across * azimuth.cos(), across * azimuth.sin(), z]
     };

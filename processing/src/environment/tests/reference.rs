@@ -91,9 +91,8 @@ fn flat_samples_agree_with_the_sky_summed_up() {
     for i in [size * size / 2 + size / 2, size * 120 + 170, size * 160 + 100, size * 70 + 150] {
         let view = Reflection::direction(size, i).unwrap();
         let truth = lights.by_table(&table, &Frame::FLAT, view);
-        for c in 0..3 {
-            let off = f64::from(found.rgb[i][c]) / truth[c] - 1.0;
-            assert!(off.abs() < 0.01, "{i} {c}: {} {}", found.rgb[i][c], truth[c]);
+        for (own, truth) in found.rgb[i].iter().zip(truth) {
+            assert!((f64::from(*own) / truth - 1.0).abs() < 0.01, "{i}: {own} {truth}");
         }
     }
     // A furnace, away from the rim.
