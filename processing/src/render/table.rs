@@ -12,7 +12,7 @@ use std::path::Path;
 const COARSE: usize = 192;
 
 /// Sines of view along a side at which the albedo is known.
-const VIEWS: usize = 41;
+const VIEWS: usize = 81;
 
 /// A table ready for use.
 pub(super) struct Table {
@@ -126,20 +126,25 @@ impl Table {
                 let view = [x * shrink, y * shrink];
                 let z = (1.0 - view[0] * view[0] - view[1] * view[1]).max(0.0).sqrt();
                 let mut sum = [0.0; 3];
-                // Four places of each cell, as 1/cos θi is steep at the rim.
+                // A light's solid angle is that of its place in the disc of direction cosines; towards the rim, where it changes fast, four
+                // places of each cell are looked at.
+                let weight = |i: [f64; 2], side: f64| {
+                    let w = (1.0 - i[0] * i[0] - i[1] * i[1]).max(0.0).sqrt();
+                    (1.0 + i[0] * view[0] + i[1] * view[1] + w * z).powi(2) * solid_angle(i, side)
+                };
                 for (k, value) in coarse.iter().enumerate() {
-                    for s in 0..4 {
-                        let sub = |k: usize| (k as f64 - 0.5) * 0.5 * cell;
-                        let h = [middle(k % n) + sub(s % 2), middle(k / n) + sub(s / 2)];
-                        let i = [h[0] - view[0], h[1] - view[1]];
-                        let square = i[0] * i[0] + i[1] * i[1];
-                        if square < 1.0 {
-                            let w = (1.0 - square).sqrt().max(0.5 * cell);
-                            let dot = i[0] * view[0] + i[1] * view[1] + w * z;
-                            let weight = (1.0 + dot).powi(2) / w * 0.25 * cell * cell;
-                            (0..3).for_each(|c| sum[c] += value[c] * weight);
-                        }
-                    }
+                    let i = [middle(k % n) - view[0], middle(k / n) - view[1]];
+                    let square = i[0] * i[0] + i[1] * i[1];
+                    let weight = if square < 0.6 {
+                        weight(i, cell)
+                    } else if square < (1.0 + cell).powi(2) {
+                        let off = 0.25 * cell;
+                        let four = [[-off, -off], [off, -off], [-off, off], [off, off]];
+                        four.iter().map(|o| weight([i[0] + o[0], i[1] + o[1]], 0.5 * cell)).sum()
+                    } else {
+                        continue;
+                    };
+                    (0..3).for_each(|c| sum[c] += value[c] * weight);
                 }
                 sum
             })
@@ -223,5 +228,35 @@ impl Table {
         let k = y as usize * n + x as usize;
         let before = if k == 0 { 0.0 } else { self.running[k - 1] };
         (self.running[k] - before) / self.running[n * n - 1] / (cell * cell) * light[2]
+    }
+}
+
+/// Solid angle of the square of this side about a place in the disc of direction cosines, dx dy / cos θ: at the rim, where the cosine
+/// vanishes, the sum over x in closed form, of the part that is inside.
+fn solid_angle([x, y]: [f64; 2], side: f64) -> f64 {
+    let square = x * x + y * y;
+    if square < 0.81 {
+        return side * side / (1.0 - square).sqrt();
+    }
+    let radius = (1.0 - y * y).max(0.0).sqrt();
+    if radius == 0.0 {
+        return 0.0;
+    }
+    let angle = |x: f64| (x / radius).clamp(-1.0, 1.0).asin();
+    (angle(x + 0.5 * side) - angle(x - 0.5 * side)) * side
+}
+
+#[cfg(test)]
+mod tests {
+    use super::solid_angle;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn squares_of_the_disc_make_a_hemisphere() {
+        let n = 400;
+        let side = 2.0 / f64::from(n);
+        let at = |k: i32| (f64::from(k) + 0.5) * side - 1.0;
+        let sum: f64 = (0..n * n).map(|i| solid_angle([at(i % n), at(i / n)], side)).sum();
+        assert!((sum / (2.0 * PI) - 1.0).abs() < 5e-4, "{sum}");
     }
 }

@@ -43,34 +43,20 @@ fn nothing_gains_light_and_what_is_lossless_loses_none() {
 }
 
 #[test]
-#[ignore = "a table gives back 0.9 % too much at 65 degrees, more than the half percent asked for; what follows is not measured"]
-fn tables_and_height_fields_give_back_what_they_get() {
+fn tables_give_back_what_they_get() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
-    heights(dir.path());
     let base = |albedo: f64, roughness: f64, specular: f64| {
         format!(
             "[material.a.base]\nalbedo = [{albedo}, {albedo}, {albedo}]\nroughness = {roughness}\nspecular = [{specular}, {specular}, {specular}]\n"
         )
     };
     let top = |text: &str| format!("[material.a.diffraction]\n{text}\n");
-    let cases = [
-        (top("type = \"table\"\nfile = \"lut.exr\"\nlossless = true"), 1.0, 8192),
-        (top("type = \"heightfield\"\nfile = \"heights.exr\"\nlossless = true"), 1.0, 4096),
-    ];
-    for (material, wanted, samples) in cases {
-        for (angle, azimuth) in [(0.0, 0.0), (40.0, 0.0), (65.0, 70.0)] {
-            let text = plane(angle, azimuth, &format!("{material}{SKY}"));
-            let found = mean(&picture(&text, dir.path(), &settings(samples, 1e-4)));
-            for v in found {
-                assert!((v / wanted - 1.0).abs() < 0.005, "{angle} {azimuth}: {found:?}\n{material}");
-            }
-        }
-    }
+    // Grazing light is drawn seldom and counts much: fewer samples leave 0.6 %.
+    lossless_is_white(dir.path(), &top("type = \"table\"\nfile = \"lut.exr\"\nlossless = true"));
     // Not made lossless, they lose some at most.
     for material in [
         top("type = \"table\"\nfile = \"lut.exr\""),
-        top("type = \"heightfield\"\nfile = \"heights.exr\""),
         format!(
             "{}{}",
             base(1.0, 0.3, 0.5),
@@ -91,6 +77,29 @@ fn tables_and_height_fields_give_back_what_they_get() {
                 mean(&picture(&plane(angle, 10.0, &format!("{material}{SKY}")), dir.path(), &settings(4096, 1e-4)));
             assert!(found.iter().all(|v| (0.2..1.005).contains(v)), "{angle}: {found:?}\n{material}");
         }
+    }
+}
+
+/// A lossless material shows a white sky as it is.
+fn lossless_is_white(dir: &Path, material: &str) {
+    for (angle, azimuth) in [(0.0, 0.0), (40.0, 0.0), (65.0, 70.0)] {
+        let text = plane(angle, azimuth, &format!("{material}{SKY}"));
+        let found = mean(&picture(&text, dir, &settings(65_536, 1e-4)));
+        assert!(found.iter().all(|v| (v - 1.0).abs() < 0.005), "{angle} {azimuth}: {found:?}\n{material}");
+    }
+}
+
+#[test]
+#[ignore = "not met: lossless height fields lose 1 % at 40 degrees, others gain up to 5 % in blue at 75; the report warns"]
+fn height_fields_give_back_what_they_get() {
+    let dir = tempfile::tempdir().unwrap();
+    heights(dir.path());
+    let material = "[material.a.diffraction]\ntype = \"heightfield\"\nfile = \"heights.exr\"\nlossless = true\n";
+    lossless_is_white(dir.path(), material);
+    let material = material.replace("lossless = true\n", "");
+    for angle in [0.0, 50.0, 75.0] {
+        let found = mean(&picture(&plane(angle, 10.0, &format!("{material}{SKY}")), dir.path(), &settings(4096, 1e-4)));
+        assert!(found.iter().all(|v| (0.2..1.005).contains(v)), "{angle}: {found:?}");
     }
 }
 
