@@ -16,10 +16,13 @@ pub use straight::Grid;
 use super::Table;
 use crate::{Error, Result};
 use directions::Pattern;
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
 
 /// More terms take two passes longer than the exact sum along azimuths takes (1024 × 512, 256² entries: 15).
 const SEPARABLE: usize = 16;
+
+/// Terms by which directions are compared.
+const FEW: usize = 3;
 
 /// What is asked of a factorisation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,7 +103,16 @@ impl Factors {
         let parts = if several {
             parts::split(table, &pattern, settings.parts, settings.kind, most)
         } else {
-            vec![Part::new(table, settings.directions.unwrap_or(pattern.pair), settings.kind, most, |_| 1.0)]
+            let along = |directions| Part::new(table, directions, settings.kind, most, |_| 1.0);
+            // Spots of a lattice may be brightest along its diagonals: those that leave less out are its directions.
+            let [a, b] = pattern.pair;
+            let between = [0.5 * (a + b), 0.5 * (a + b) + FRAC_PI_2].map(|angle| angle.rem_euclid(PI));
+            let candidates = settings.directions.map_or_else(|| vec![pattern.pair, between], |given| vec![given]);
+            let left = |part: &Part| {
+                let share = |c: usize| part.left_out(c, FEW.min(most)) / part.norm[c].max(f64::MIN_POSITIVE);
+                (0..3).map(share).sum::<f64>()
+            };
+            candidates.into_iter().map(along).min_by(|p, q| left(p).total_cmp(&left(q))).into_iter().collect()
         };
         let whole: [f64; 3] = [0, 1, 2].map(|c| parts.iter().map(|p| p.norm[c].powi(2)).sum::<f64>().sqrt());
         let enough = |part: &Part| {
