@@ -47,6 +47,23 @@ fn a_camera_is_calibrated_from_test_data() {
     let light = ["--highlight", "330,250", "--light-height-mm", "300,5"];
     let report = nacre([&base[..], &corners, &panel, &light].concat()).expect(0).json();
     let found = geometry::load(&next).unwrap();
+    // The same highlight found in a photograph, overexposed in its middle.
+    let lit = |places: &[[f64; 2]]| {
+        image::GrayImage::from_fn(640, 480, |x, y| {
+            let lobe = |[cx, cy]: [f64; 2]| {
+                900.0 * (-((f64::from(x) - cx).powi(2) + (f64::from(y) - cy).powi(2)) / 72.0).exp()
+            };
+            image::Luma([places.iter().map(|p| lobe(*p)).sum::<f64>().min(255.0) as u8])
+        })
+    };
+    let [one, two, seen] = ["one.png", "two.png", "seen.json"].map(|name| dir.path().join(name));
+    lit(&[[330.0, 250.0]]).save(&one).unwrap();
+    lit(&[[330.0, 250.0], [100.0, 100.0]]).save(&two).unwrap();
+    let base = ["--json", "calibrate", "geometry", text(&out), "--out", text(&seen)];
+    let light = ["--highlight", text(&one), "--light-height-mm", "300,5"];
+    nacre([&base[..], &corners, &panel, &light].concat()).expect(0);
+    let apart = [0, 1, 2].map(|k| geometry::load(&seen).unwrap().light_mm.unwrap()[k] - found.light_mm.unwrap()[k]);
+    assert!(apart.iter().all(|mm| mm.abs() < 0.05), "{apart:?}");
     assert!(found.panel.is_some() && found.light_mm.is_some() && found.sigma.light_mm.is_some(), "{report}");
     // The corners are where they were said to be, but for what four corners cannot all be.
     let seen = found.pixel([-55.0, 45.0, 0.0]).unwrap();
@@ -57,6 +74,8 @@ fn a_camera_is_calibrated_from_test_data() {
     refused(&["--sample-corners", "420,152,200,150,198,328,421,330", "--sample-mm", "110,90"], "clockwise");
     refused(&["--sample-corners", "1,2,3", "--sample-mm", "110,90"], "four corners");
     refused(&["--highlight", "330,250"], "fewer than two");
+    refused(&["--highlight", text(&two), "--light-height-mm", "300,5"], "another light at");
+    refused(&["--highlight", text(&dir.path().join("none.png"))], "none.png");
     refused(&["--highlight", "330,250", "--highlight", "330,250"], "how far away");
     refused(&["--panel-px", "1920,1080", "--panel-pixel-mm", "0.27"], "has no place");
     refused(&["--sample-photo", text(&dir.path().join("none.jpg"))], "none.jpg");

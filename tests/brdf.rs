@@ -289,4 +289,30 @@ fn the_service_renders_uploaded_height_fields() {
     let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
     let failed = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
     assert!(failed["error"].to_string().contains("--pixel-um"), "{failed}");
+    // Results are deleted when that is confirmed; what was uploaded goes with the last of them.
+    let first = served_path(&service, &upload["id"]);
+    let uploaded = place.path("data/uploads").join(upload["id"].as_str().unwrap());
+    for (k, path) in first.iter().enumerate() {
+        let id = path.rsplit('/').next().unwrap();
+        let deletion = service.get(&format!("{path}/deletion")).expect(200).json();
+        let (token, last) = (deletion["token"].as_str().unwrap(), k + 1 == first.len());
+        assert_eq!(
+            deletion["files"].as_u64().unwrap() > 0,
+            last || place.path("data/reconstructions").join(id).exists()
+        );
+        service.send("DELETE", &format!("{path}?token=wrong"), &[], b"").expect(409);
+        assert!(uploaded.exists());
+        service.send("DELETE", &format!("{path}?token={token}"), &[], b"").expect(204);
+        service.get(path).expect(404);
+        service.send("DELETE", &format!("{path}?token={token}"), &[], b"").expect(404);
+        assert!(!place.path("data/reconstructions").join(id).exists() && uploaded.exists() != last, "{k}");
+    }
+    assert_eq!(service.get("/api/v1/reconstructions").expect(200).json()["items"].as_array().unwrap().len(), 1);
+}
+
+/// The reconstructions of an upload.
+fn served_path(service: &Service, upload: &Value) -> Vec<String> {
+    let all = service.get("/api/v1/reconstructions").expect(200).json();
+    let own = all["items"].as_array().unwrap().iter().filter(|job| &job["upload"] == upload);
+    own.map(|job| format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap())).collect()
 }

@@ -2,176 +2,12 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
-use nacre_tests::http::{Answer, Service, exchange};
+use nacre_tests::chromium::Browser;
+use nacre_tests::http::{Service, begin, finished, plan};
 use nacre_tests::{Place, nacre};
 use serde_json::{Value, json};
-use std::net::SocketAddr;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-
-/// Chromium behind its driver, which speaks the W3C WebDriver protocol.
-struct Browser {
-    driver: Child,
-    address: SocketAddr,
-    session: String,
-    #[allow(dead_code, reason = "the profile lives as long as the browser")]
-    profile: tempfile::TempDir,
-}
-
-impl Browser {
-    /// None where there is no Chromium.
-    fn start() -> Option<Self> {
-        let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let driver = Command::new("chromedriver")
-            .arg(format!("--port={port}"))
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn();
-        let Ok(driver) = driver else {
-            println!("skipped: no chromedriver");
-            return None;
-        };
-        let profile = tempfile::tempdir().unwrap();
-        let address = SocketAddr::from(([127, 0, 0, 1], port));
-        let begun = Instant::now();
-        while std::net::TcpStream::connect(address).is_err() {
-            assert!(begun.elapsed() < Duration::from_secs(20), "chromedriver does not listen");
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        let mut browser = Self { driver, address, session: String::new(), profile };
-        let data = format!("--user-data-dir={}", browser.profile.path().display());
-        let args = [
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--disable-quic",
-            "--no-first-run",
-            "--disable-dev-shm-usage",
-            "--disable-background-networking",
-            "--disable-component-update",
-            "--disable-sync",
-            "--window-size=1360,940",
-            &data,
-        ];
-        let wish = json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": { "args": args } } } });
-        let made = browser.call("POST", "", &wish);
-        browser.session = format!("/{}", made["sessionId"].as_str().unwrap());
-        Some(browser)
-    }
-
-    fn call(&self, method: &str, path: &str, body: &Value) -> Value {
-        let path = format!("/session{}{path}", self.session);
-        let body = if method == "POST" { body.to_string() } else { String::new() };
-        let head = format!(
-            "{method} {path} HTTP/1.1\r\nHost: {}\r\nContent-Type: application/json\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
-            self.address,
-            body.len()
-        );
-        let answer: Answer = exchange(self.address, head.as_bytes(), Duration::from_secs(60));
-        answer.expect(200).json()["value"].clone()
-    }
-
-    fn open(&self, url: &str) {
-        self.call("POST", "/url", &json!({ "url": url }));
-    }
-
-    /// The value of a script.
-    fn run(&self, script: &str) -> Value {
-        self.call("POST", "/execute/sync", &json!({ "script": script, "args": [] }))
-    }
-
-    /// Waits until a script's value is true.
-    fn until(&self, script: &str) {
-        let begun = Instant::now();
-        while self.run(&format!("try {{ return Boolean({script}) }} catch {{ return false }}")) != true {
-            if begun.elapsed() > Duration::from_secs(45) {
-                self.shot("failed");
-                panic!("never true: {script}; the page says: {}", self.run("return document.body.innerText"));
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-    }
-
-    /// Clicks as a person does: the element has to be there and in reach.
-    fn click(&self, css: &str) {
-        self.until(&format!("document.querySelector('{css}') && !document.querySelector('{css}').disabled"));
-        self.call("POST", &format!("/element/{}/click", self.element(css)), &json!({}));
-    }
-
-    fn element(&self, css: &str) -> String {
-        let found = self.call("POST", "/element", &json!({ "using": "css selector", "value": css }));
-        found.as_object().unwrap().values().next().unwrap().as_str().unwrap().to_owned()
-    }
-
-    /// Chooses from a list.
-    fn choose(&self, id: &str, value: &str) {
-        self.run(&format!(
-            "const list = document.querySelector('#{id}'); list.value = '{value}'; list.dispatchEvent(new Event('change', {{ bubbles: true }}));"
-        ));
-    }
-
-    /// Opens the upload page for a kind of reconstruction.
-    fn upload_page(&self, url: &str, method: &str) {
-        self.open(&format!("{url}/#/upload"));
-        self.until("document.querySelector('#photographs')");
-        self.choose("method", method);
-    }
-
-    /// Gives a file to a file input.
-    fn attach(&self, css: &str, file: &str) {
-        self.call("POST", &format!("/element/{}/value", self.element(css)), &json!({ "text": file }));
-    }
-
-    fn shot(&self, name: &str) {
-        let text = self.call("GET", "/screenshot", &Value::Null);
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/screenshots");
-        std::fs::create_dir_all(&folder).unwrap();
-        std::fs::write(folder.join(format!("{name}.png")), decoded(text.as_str().unwrap())).unwrap();
-    }
-
-    /// The page as it is, light and dark.
-    fn both(&self, name: &str) {
-        for theme in ["light", "dark"] {
-            let set = "document.documentElement.dataset.theme";
-            if self.run(&format!(
-                "return {set} || (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light')"
-            )) != theme
-            {
-                self.run("document.querySelector('#theme').click()");
-            }
-            std::thread::sleep(Duration::from_millis(400));
-            self.shot(&format!("{name}-{theme}"));
-        }
-    }
-}
-
-impl Drop for Browser {
-    fn drop(&mut self) {
-        if !self.session.is_empty() && !std::thread::panicking() {
-            self.call("DELETE", "", &Value::Null);
-        }
-        let _ = self.driver.kill();
-        let _ = self.driver.wait();
-    }
-}
-
-/// Base64, as the driver sends pictures.
-fn decoded(text: &str) -> Vec<u8> {
-    let value = |c: u8| match c {
-        b'A'..=b'Z' => c - b'A',
-        b'a'..=b'z' => c - b'a' + 26,
-        b'0'..=b'9' => c - b'0' + 52,
-        b'+' => 62,
-        _ => 63,
-    };
-    let clean: Vec<u8> = text.bytes().filter(|c| *c != b'=').map(value).collect();
-    let four = |group: &[u8]| {
-        let bits = group.iter().fold(0_u32, |sum, v| (sum << 6) | u32::from(*v)) << (6 * (4 - group.len()));
-        bits.to_be_bytes()[1..group.len()].to_vec()
-    };
-    clean.chunks(4).flat_map(four).collect()
-}
 
 fn service(size: u32) -> (Place, Service, String) {
     let place = Place::with_bench("", &format!("camera = {{ width = {size}, height = {size} }}"));
@@ -191,6 +27,37 @@ fn a_person_takes_a_session_and_looks_at_its_map() {
     browser.click("#jog-plus-10");
     browser.until("Math.abs(parseFloat(document.querySelector('#analyser-deg').textContent) - 10) < 0.2");
     browser.both("bench");
+    // Aids say what they see; a drawn ellipse is measured as it was drawn.
+    for aid in ["focus", "clipped", "grid", "region"] {
+        browser.click(&format!("#aid-{aid}"));
+    }
+    browser.until("/Sharpness 1?\\d\\d % .*(middle|stands out)/.test(document.querySelector('#aids').textContent)");
+    browser.until("document.querySelector('canvas.aids').width > 100");
+    browser.both("bench-aids");
+    let drawn = "const [width, height] = [300, 200]; const t = Math.PI / 6;
+        const gray = Uint8Array.from({ length: width * height }, (_, i) => {
+            const [x, y] = [(i % width) - 180, 90 - Math.floor(i / width)];
+            const [a, b] = [(x * Math.cos(t) + y * Math.sin(t)) / 60, (y * Math.cos(t) - x * Math.sin(t)) / 45];
+            return a * a + b * b < 1 ? 200 : 20;
+        });";
+    browser.run(&format!(
+        "import('/assets/aids.js').then((m) => {{ {drawn} window.found = {{ ...m.region({{ gray, width, height }}), sharp: m.sharpness({{ gray, width, height }}),
+            half: m.sharpness({{ gray: gray.map((v) => v / 2), width, height }}) }}; }})"
+    ));
+    browser.until("window.found");
+    let found = browser.run("return window.found");
+    // Stripes are no region.
+    browser.run(
+        "import('/assets/aids.js').then((m) => { window.none = String(m.region({ gray: Uint8Array.from({ length: 6400 }, (_, i) => (i % 20 < 8 ? 200 : 20)), width: 80, height: 80 })); })",
+    );
+    browser.until("window.none === 'null'");
+    for (key, wanted, within) in
+        [("right", 30.5, 0.1), ("up", 9.5, 0.1), ("longer", 120.0, 0.5), ("shorter", 90.0, 0.5), ("turn", 30.0, 0.5)]
+    {
+        assert!((found[key].as_f64().unwrap() - wanted).abs() < within, "{key}: {found}");
+    }
+    // Half the light is as sharp.
+    assert!((found["sharp"].as_f64().unwrap() / found["half"].as_f64().unwrap() - 1.0).abs() < 0.01, "{found}");
 
     browser.open(&format!("{url}/#/new"));
     browser.until("/\\d/.test(document.querySelector('#estimate').textContent)");
@@ -254,6 +121,131 @@ fn a_person_takes_a_bracket_and_looks_at_the_merged_photograph() {
     browser.click("#make-next");
     browser.until(&format!("location.hash.startsWith('#/result/') && !location.hash.includes('{id}')"));
     browser.until("document.body.innerText.includes('center')");
+}
+
+#[test]
+fn a_person_plans_a_spot_scan() {
+    let Some(browser) = Browser::start() else { return };
+    let (_place, _service, url) = service(64);
+    browser.open(&format!("{url}/#/new"));
+    browser.click("input[name=kind][value=spots]");
+    browser.choose("plan-angles", "none");
+    browser.until("document.querySelector('#plan-spots').closest('.field').hidden");
+    browser.run(
+        "for (const [id, v] of [['plan-fringes', '5'], ['plan-undecided_percent', '2'], ['spots-wavelength', '560']]) {
+            const input = document.getElementById(id);
+            input.value = v;
+            input.dispatchEvent(new Event('input', { bubbles: true }));
+        }",
+    );
+    browser.until("document.querySelector('#estimate').textContent.includes('at least')");
+    browser.until("!document.querySelector('#start').disabled");
+    let plan = browser.run("return JSON.parse(document.querySelector('pre[aria-label]').textContent)");
+    assert_eq!(
+        (&plan["spots"]["fringes"]["count"], &plan["spots"]["fringes"]["until_undecided"]),
+        (&5.into(), &0.02.into())
+    );
+    let made = &plan["reconstruct"];
+    assert_eq!((&made["method"], &made["spots"]["wavelength_nm"]), (&"spots".into(), &560.into()), "{plan}");
+    browser.both("new-spots");
+    // What can be made of a bracket, with its options.
+    browser.click("input[name=kind][value=flash]");
+    browser.choose("plan-exposing", "bracket");
+    for (method, field) in [("lut", "table-wavelength"), ("bokeh", "bokeh-blur"), ("flash", "flash-tiles-0")] {
+        browser.choose("plan-method", method);
+        browser.until(&format!("document.getElementById('{field}')"));
+        browser.until("!document.querySelector('#start').disabled");
+        let plan = browser.run("return JSON.parse(document.querySelector('pre[aria-label]').textContent)");
+        assert_eq!(plan["reconstruct"]["method"], method, "{plan}");
+        assert!(plan["reconstruct"][method].is_object(), "{plan}");
+    }
+    browser.both("new-flash");
+}
+
+/// A sheet of foil under a lamp, of one's own.
+const FOIL: &str = "
+[camera]
+position = [0, 0, 300]
+target = [0, 0, 0]
+fov_deg = 20
+width = 240
+height = 180
+[[shape]]
+type = \"plane\"
+size = [110, 80]
+material = \"foil\"
+[[light]]
+type = \"point\"
+position = [0, 100, 280]
+sigma_mm = 12
+[material.foil.base]
+albedo = [0.1, 0.1, 0.1]
+[material.foil.diffraction]
+type = \"grating\"
+period_um = 1.6
+orientation_deg = 90
+relief = { depth_um = 0.1 }
+coherence_um = 12
+";
+
+#[test]
+fn a_person_renders_scenes() {
+    let Some(browser) = Browser::start() else { return };
+    let (place, service, url) = service(64);
+    let scene = place.path("foil.toml");
+    let set = |id: &str, value: &str| {
+        browser.run(&format!("document.getElementById('{id}').value = '{value}'"));
+    };
+    browser.open(&format!("{url}/#/render"));
+    browser.until("document.querySelectorAll('input[name=gallery]').length === 10");
+    browser.click("input[value=kinematic-tile]");
+    browser.both("render");
+    set("render-error", "0.5");
+    set("render-samples", "100000");
+    browser.click("#render-start");
+    browser.until("document.querySelector('#so-far')?.naturalWidth === 360");
+    let first = browser.run("return document.querySelector('#so-far').src");
+    browser.until(&format!("document.querySelector('#so-far').src !== {first}"));
+    browser.until("document.querySelector('.figures').innerText.includes('to go')");
+    browser.both("render-progress");
+    browser.run("[...document.querySelectorAll('button')].find((b) => b.textContent === 'Cancel').click()");
+    browser.until("document.body.innerText.includes('Cancelled.')");
+
+    // One's own, which must not reach out of its folder.
+    browser.open(&format!("{url}/#/render"));
+    browser.click("[data-key=files]");
+    std::fs::write(&scene, FOIL.replace("[0.1, 0.1, 0.1]", "\"/etc/passwd\"")).unwrap();
+    browser.attach("#scene-files", scene.to_str().unwrap());
+    browser.click("#render-start");
+    browser.until("document.querySelector('.message')?.innerText.includes('outside')");
+    browser.both("render-refused");
+    std::fs::write(&scene, FOIL).unwrap();
+    browser.attach("#scene-files", scene.to_str().unwrap());
+    set("render-error", "5");
+    browser.run("document.querySelector('#render-check').click()");
+    browser.click("#render-start");
+    browser.until("document.querySelector('#result-picture')?.naturalWidth === 240");
+    browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'render.exr')");
+    browser.until("document.body.innerText.includes('sums off by, measured')");
+    browser.both("result-render");
+    let before = browser.run("return document.querySelector('#result-picture').src");
+    browser.run("const s = document.querySelector('#exposure'); s.value = 2; s.dispatchEvent(new Event('input'));");
+    browser.until(&format!("document.querySelector('#result-picture').src !== {before}"));
+    assert_eq!(browser.run("return document.querySelector('output[for=exposure]').textContent"), "+2.00 stops");
+    browser.click("#make-next");
+    browser.until("document.querySelector('#render-check')?.checked && location.hash.includes('result')");
+
+    // What a session found, on a sheet.
+    let session = begin(&service, &plan(4, 10.0));
+    finished(&service, &session);
+    browser.open(&format!("{url}/#/result/{session}"));
+    browser.click(&format!("a[href=\"#/render/{session}\"]"));
+    browser.until("document.querySelector('[data-key=result]')?.getAttribute('aria-checked') === 'true'");
+    browser.both("render-maps");
+    set("render-samples", "4");
+    browser.click("#render-start");
+    browser.until("document.querySelector('#result-picture')?.naturalWidth === 360");
+    browser.both("result-render-maps");
 }
 
 /// Simulated photographs: orders of a lattice under a flash, and lines in an out-of-focus highlight.

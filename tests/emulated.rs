@@ -120,9 +120,9 @@ fn devices_are_driven_by_hand_through_their_drivers() {
 const HEADER: &str = "\
 # What a session makes of faults
 
-Written by the tests (`tests/emulated.rs`): each row is a device and what goes wrong with it, once or for good, from some command on.
-Stages and flashes are emulated down to their bytes; camera and panel are simulated. A session of five frames was taken with each fault
-at each of several commands. *Over*: it was passed over, and the session ended well. *Stopped*: the session ended with an error that names
+Written by the tests (`tests/emulated.rs`; with `NACRE_EVERY_STEP=all` for every command): each row is a device and what goes wrong with it, once or
+for good, from some command on. Stages and flashes are emulated down to their bytes; camera and panel are simulated. A session of five frames was taken with
+each fault at each of these commands. *Over*: it was passed over, and the session ended well. *Stopped*: the session ended with an error that names
 the device, such as the one on the right. In every case the data were the same to the byte as those of a session without faults, at once or
 after it was resumed on the repaired bench; and the light was off, but for a flash that does not obey any more, where a person
 is told to switch it off.
@@ -142,9 +142,13 @@ struct Case {
     once: bool,
 }
 
-fn cases() -> Vec<Case> {
+/// Devices, their faults, and after how many commands each comes: a few from the first to the last, or all of them for the devices that
+/// `NACRE_EVERY_STEP` names (`all`, or `relay,bulk`).
+fn cases(whole: &[(String, Vec<u8>)]) -> Vec<Case> {
+    let every = std::env::var("NACRE_EVERY_STEP").unwrap_or_default();
+    let every = |device: &str| every.split(',').any(|named| named == "all" || named == device);
     let mut cases = vec![];
-    for (device, faults, steps) in [
+    for (device, faults, some) in [
         ("elliptec", &WIRE[..], &[0, 7, 16, 30][..]),
         ("grbl", &WIRE, &[0, 7, 16, 30]),
         ("relay", &WIRE, &[0, 3, 7]),
@@ -153,11 +157,24 @@ fn cases() -> Vec<Case> {
         ("camera", &["silent", "lost", "wrong_size", "damaged"], &[0, 9, 20]),
         ("display", &["silent", "lost", "other_pattern"], &[0, 2, 4]),
     ] {
+        let steps = if every(device) { (0..commands(device, faults[0], whole)).collect() } else { some.to_vec() };
         for (fault, once) in faults.iter().flat_map(|fault| [(fault, true), (fault, false)]) {
             cases.extend(steps.iter().map(|after| Case { device, fault, after: *after, once }));
         }
     }
     cases
+}
+
+/// How many commands of a session a device gets: beyond them a lasting fault is not met.
+fn commands(device: &'static str, fault: &'static str, whole: &[(String, Vec<u8>)]) -> u64 {
+    let met = |after: u64| session_with(Case { device, fault, after, once: false }, whole).is_some();
+    let (mut low, mut high) = (0, 256);
+    assert!(met(low) && !met(high), "{device}");
+    while high - low > 1 {
+        let middle = (low + high) / 2;
+        if met(middle) { low = middle } else { high = middle }
+    }
+    high
 }
 
 /// Every device, every fault, at steps from the first command to the last: the session ends well and with the right data, or
@@ -167,7 +184,7 @@ fn every_fault_at_every_step_is_passed_over_or_named_and_the_session_completed()
     let place = Place::with_bench(PLAN, BENCH);
     nacre(place.capture("whole")).expect(0);
     let whole = data(&place.path("whole"));
-    let cases = cases();
+    let cases = cases(&whole);
     let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(vec![None; cases.len()]));
     std::thread::scope(|scope| {
         for _ in 0..4 {
@@ -258,7 +275,7 @@ fn session_with(case: Case, whole: &[(String, Vec<u8>)]) -> Option<String> {
 /// Device, fault, and what happens at each step, as a table.
 fn table(cases: &[Case], outcomes: &[Option<String>]) -> String {
     let mut text =
-        "| device | fault | once, after so many commands | for good | what the user is told |\n|---|---|---|---|---|\n"
+        "| device | fault | once, after so many commands | for good, after so many | what the user is told |\n|---|---|---|---|---|\n"
             .to_owned();
     let mut rows: Vec<(&str, &str)> = cases.iter().map(|c| (c.device, c.fault)).collect();
     rows.dedup();
@@ -267,9 +284,7 @@ fn table(cases: &[Case], outcomes: &[Option<String>]) -> String {
             let matches = |(c, told): &(&Case, &Option<String>)| {
                 (c.device, c.fault, c.once, told.is_some()) == (device, fault, once, stopped)
             };
-            let found: Vec<String> =
-                cases.iter().zip(outcomes).filter(matches).map(|(c, _)| c.after.to_string()).collect();
-            found.join(", ")
+            runs(cases.iter().zip(outcomes).filter(matches).map(|(c, _)| c.after))
         };
         let cell = |once| match (of(once, false), of(once, true)) {
             (over, stopped) if stopped.is_empty() => format!("over: {over}"),
@@ -283,6 +298,20 @@ fn table(cases: &[Case], outcomes: &[Option<String>]) -> String {
         let _ = writeln!(text, "| {device} | {} | {once} | {good} | {told} |", fault.replace('_', " "));
     }
     text
+}
+
+/// Numbers, those in a row as "first to last".
+fn runs(numbers: impl Iterator<Item = u64>) -> String {
+    let mut rows: Vec<[u64; 2]> = vec![];
+    for n in numbers {
+        match rows.last_mut() {
+            Some([_, last]) if *last + 1 == n => *last = n,
+            _ => rows.push([n; 2]),
+        }
+    }
+    let rows: Vec<String> =
+        rows.iter().map(|[a, b]| if a == b { a.to_string() } else { format!("{a} to {b}") }).collect();
+    rows.join(", ")
 }
 
 /// A message without where it happened, which is one of many places, and without the test's own folder.

@@ -2,6 +2,7 @@
 
 #![allow(clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
+pub mod chromium;
 pub mod http;
 
 use nacre_sim::socket::RemoteBench;

@@ -160,3 +160,32 @@ fn a_person_turns_the_analyser() {
     assert!(nacre(place.resume("left")).expect(2).stderr().contains("hand-turned analyser"));
     assert!(fs::read_to_string(place.path("left/journal")).unwrap().contains("committed"));
 }
+
+/// A panel's exponent is found as the bench has it, and so is how long it lags behind what it says.
+#[test]
+fn a_panels_tone_and_lag_are_measured() {
+    for (gamma, lag_ms) in [(2.2, 0), (1.4, 130)] {
+        let place = Place::with_bench("", &format!("{BENCH}[panel]\ngamma = {gamma}\nlag_ms = {lag_ms}\n"));
+        let args = ["--json", "calibrate", "panel", "--sim", "--bench"].map(str::to_owned);
+        let out = ["--out".to_owned(), place.text("panel.json")];
+        let run = || nacre(args.iter().chain([&place.text("bench.toml")]).chain(&out));
+        let found = run().expect(0).json();
+        let law = &found["law"];
+        let [measured, sigma] = [&law["gamma"], &law["gamma_sigma"]].map(|v| v.as_f64().unwrap());
+        assert!((measured - gamma).abs() < 3.0 * sigma + 0.005 && sigma < 0.02, "{found}");
+        assert!(law["deviation"].as_f64().unwrap() < 0.005, "{found}");
+        let (frames, late) = (found["late_frames"].as_u64().unwrap(), found["late_ms"].as_f64().unwrap());
+        // Known to within an exposure and a readout.
+        let frame_ms = found["exposure_ms"].as_f64().unwrap() + 30.0;
+        let fits =
+            if lag_ms == 0 { frames == 0 } else { late > f64::from(lag_ms) && late < f64::from(lag_ms) + frame_ms };
+        assert!(fits, "{lag_ms} ms: {found}");
+        assert!(found["advice"].to_string().contains("response_ms") == (lag_ms > 0), "{found}");
+        // What is there is kept.
+        assert!(run().expect(2).stderr().contains("--force"));
+    }
+    let dark = Place::with_bench("", &format!("{BENCH}[panel]\nsize_mm = [1.0, 1.0]\n"));
+    let args = ["calibrate", "panel", "--sim", "--bench", &dark.text("bench.toml"), "--out", &dark.text("p.json")];
+    assert!(nacre(args).expect(1).stderr().contains("simulated camera"));
+    assert!(!dark.path("p.json").exists());
+}

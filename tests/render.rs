@@ -91,10 +91,24 @@ fn scenes_that_make_no_sense_are_refused_whole() {
 fn the_gallery_is_made_by_one_command() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("gallery");
-    nacre(["render", "--gallery", out.to_str().unwrap(), "--samples", "4"]).expect(0);
-    for name in
-        ["cd", "phone", "tv", "star-paper", "kinematic-tile", "logo", "emblem", "spiral-foil", "rolled", "snake"]
-    {
+    let skin = dir.path().join("skin.exr").to_str().unwrap().to_owned();
+    let fingers = ["--period-um", "1.1", "--depth-um", "0.3", "--pixels", "64", "--pixel-um", "0.08"];
+    nacre(["brdf", "surface", "fingers", "--out", &skin].into_iter().chain(fingers)).expect(0);
+    let gallery = ["render", "--gallery", out.to_str().unwrap(), "--samples", "4"];
+    nacre(gallery.into_iter().chain(["--skin", &skin])).expect(0);
+    for name in [
+        "cd",
+        "phone",
+        "tv",
+        "star-paper",
+        "kinematic-tile",
+        "logo",
+        "emblem",
+        "spiral-foil",
+        "rolled",
+        "snake",
+        "snake-measured",
+    ] {
         for suffix in ["", "-room"] {
             for ending in ["toml", "exr", "png"] {
                 assert!(out.join(format!("{name}{suffix}.{ending}")).is_file(), "{name}{suffix}.{ending}");

@@ -3,9 +3,10 @@
 #![allow(clippy::unwrap_used)]
 
 use nacre_processing::image::{ExrMap, read_exr};
-use nacre_tests::nacre;
+use nacre_tests::{command, data, nacre};
 use serde_json::Value;
 use std::path::Path;
+use std::process::Stdio;
 
 const PLAN: &str = r#"
 kind = "spots"
@@ -139,4 +140,66 @@ fn what_is_no_spot_scan_is_refused() {
     assert!(set(&sound.join(",")).contains("where camera and panel stand"));
     let both = r#"{"file": "a.png", "fringes": {"cycles_per_mm": [0.01, 0], "phase": 0}, "spot": {"center_mm": [0, 0], "diameter_mm": 5}}"#;
     assert!(set(both).contains("beside fringes"));
+}
+
+/// Fringes are added until few pixels are undecided, and no more; killed and resumed, the same ones.
+#[test]
+fn fringes_are_added_as_they_are_needed() {
+    let seed = fresh();
+    println!("seed {seed}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let text = |name: &str| path(name).to_str().unwrap().to_owned();
+    std::fs::write(path("bench.toml"), bench(seed).replace("96", "40")).unwrap();
+    let plan = |fringes: &str| {
+        let plan = format!("kind = \"spots\"\nspots = {{ fringes = {{ {fringes} }} }}\nextras = [\"display_black\"]");
+        std::fs::write(path("plan.toml"), plan).unwrap();
+    };
+    let capture = |out: &str| {
+        let args =
+            ["--json", "capture", &text("plan.toml"), "--sim", "--bench", &text("bench.toml"), "--out", &text(out)]
+                .map(str::to_owned);
+        nacre(args)
+    };
+    let entries = |session: &str| -> Vec<Value> {
+        let journal = std::fs::read_to_string(path(session).join("journal")).unwrap();
+        journal.lines().map(|l| serde_json::from_str::<Value>(l).unwrap()["entry"].take()).collect()
+    };
+    // Nearly all pixels may be undecided: six fringes tell more than that.
+    plan("until_undecided = 0.9, count = 6");
+    let easy = capture("easy").expect(0).json();
+    assert_eq!((&easy["ended"]["why"], &easy["ended"]["fringes"]), (&"met".into(), &6.into()), "{easy}");
+    assert_eq!(easy["frames"], 1 + 3 + 4 * 6, "{easy}");
+    // Five fringes leave some undecided; what is said of them in the end is what the reconstruction finds.
+    plan("until_undecided = 0.0001, count = 5, phases = 3, at_most = 13");
+    let hard = capture("hard").expect(0).json();
+    let end = &hard["ended"];
+    let fringes = end["fringes"].as_u64().unwrap();
+    assert!(fringes > 5 && fringes <= 13, "{hard}");
+    assert_eq!(hard["frames"], 1 + 3 + 3 * fringes, "{hard}");
+    let added: Vec<u64> = entries("hard").iter().filter_map(|e| e["chosen"]["fringes"].as_u64()).collect();
+    let before: Vec<f64> = entries("hard").iter().filter_map(|e| e["chosen"]["undecided"].as_f64()).collect();
+    assert!(added.windows(2).all(|w| w[1] == w[0] + 2) && added.last() == Some(&fringes), "{added:?}");
+    assert!(before[0] > end["undecided"].as_f64().unwrap(), "{before:?} {end}");
+    nacre(["check", &text("hard")]).expect(0);
+    let report = nacre(["--json", "reconstruct", "spots", &text("hard"), "--out", &text("maps")]).expect(0).json();
+    assert_eq!(report["fringes"], fringes, "{report}");
+    // Killed while it goes on, and with a frame spoiled afterwards, it has the same fringes and the same bytes when resumed.
+    let whole = data(&path("hard"));
+    let resume = || nacre(["capture", "--resume", &text("hard"), "--sim"]);
+    std::fs::write(path("hard/frames/0020.png"), b"spoiled").unwrap();
+    nacre(["check", &text("hard")]).expect(1);
+    resume().expect(0);
+    assert!(data(&path("hard")) == whole);
+    let killed = (100..).step_by(5).map(|operation| {
+        let name = format!("killed-{operation}");
+        let (mut command, _) = command();
+        let args = ["capture", &text("plan.toml"), "--sim", "--bench", &text("bench.toml"), "--out", &text(&name)];
+        let status = command.args(args).env("NACRE_DIE_AT", operation.to_string()).stderr(Stdio::null()).status();
+        assert!(!status.unwrap().success(), "fringes were added before operation {operation}, so it cannot have ended");
+        name
+    });
+    let killed = killed.into_iter().find(|name| entries(name).iter().any(|e| e["chosen"].is_object())).unwrap();
+    nacre(["capture", "--resume", &text(&killed), "--sim"]).expect(0);
+    assert!(data(&path(&killed)) == whole);
 }

@@ -252,7 +252,7 @@ fn results(
             let settings = flash::Settings { overwrite: true, ..asked };
             Findings::Flash(Box::new(flash::reconstruct(folder, &results, &settings, progress)?))
         }
-        Method::Foil | Method::Calibrate | Method::Map | Method::Brdf => {
+        Method::Foil | Method::Calibrate | Method::Map | Method::Brdf | Method::Render => {
             let problem = "makes of photographs what is made of other things";
             return Err(Error::input("plan", problem, "leave reconstruct out, and upload what it is made of").into());
         }

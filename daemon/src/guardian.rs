@@ -178,7 +178,7 @@ impl<O: Fn() -> DeviceResult<Box<dyn Flash>>> Guard<O> {
                     self.lit = None;
                     return Ok(());
                 }
-                Ok(_) if begun.elapsed() > LAST_TRY => return Err(stays_on()),
+                Ok(_) if begun.elapsed() > LAST_TRY => return Err(stays_on(&self.flash.describe().id)),
                 Err(error) if begun.elapsed() > LAST_TRY => return Err(error),
                 _ => {}
             }
@@ -190,8 +190,8 @@ impl<O: Fn() -> DeviceResult<Box<dyn Flash>>> Guard<O> {
     }
 }
 
-fn stays_on() -> DeviceError {
-    DeviceError::new("flash", "switch off", "off", "on").remedy("switch it off by hand and check its wiring")
+fn stays_on(id: &str) -> DeviceError {
+    DeviceError::new(id, "switch off", "off", "on").remedy("switch it off by hand and check its wiring")
 }
 
 /// The flash behind its guardian.

@@ -197,6 +197,15 @@ impl Failure {
         }
     }
 
+    /// The device that is at fault, if one is.
+    pub fn fault(&self) -> Option<&nacre_drivers::DeviceError> {
+        match self {
+            Self::Device(error) => Some(error),
+            Self::Step { failure, .. } => failure.fault(),
+            Self::Processing(_) | Self::Bound(_) => None,
+        }
+    }
+
     /// The exit code of the contract.
     pub fn exit_code(&self) -> u8 {
         match self {

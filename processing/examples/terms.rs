@@ -1,5 +1,5 @@
 //! CPU time of the transforms of a patch of 2048 × 2048 pixels, half a µm deep, at 1 %, for comparison with
-//! `benches/peers/terms.py`: `cargo run --release --example terms`.
+//! `benches/peers/terms.py`: `cargo run --release --example terms`; with `set` of a set of terms alone.
 
 mod cpu;
 
@@ -14,18 +14,21 @@ fn main() -> nacre_processing::Result<()> {
     let surface =
         Synthetic { shape: Shape::Fingers, pixels: 2048, pixel_um: 0.05, period_um: 1.2, depth_um: 0.5, angle: 0.4 };
     let field = surface.field()?;
-    let begun_cpu = used();
-    let begun = Instant::now();
     let wanted = TermsRequest { extent: 2.0, precision: None };
-    let set = TermSet::new(&field, &Settings::default(), wanted, &Silent)?;
-    println!(
-        "set of {} terms: {:.2} CPU-seconds, {:.2} s, predicted error {:.1e}",
-        set.about.terms,
-        used() - begun_cpu,
-        begun.elapsed().as_secs_f64(),
-        set.about.predicted_error
-    );
-    drop(set);
+    // The least of several, as others use this machine too.
+    let mut least = [f64::INFINITY; 2];
+    for _ in 0..9 {
+        let (cpu, begun) = (used(), Instant::now());
+        let set = TermSet::new(&field, &Settings::default(), wanted, &Silent)?;
+        least = [least[0].min(used() - cpu), least[1].min(begun.elapsed().as_secs_f64())];
+        println!(
+            "set of {} terms: {:.2} CPU-seconds and {:.2} s so far, predicted error {:.1e}",
+            set.about.terms, least[0], least[1], set.about.predicted_error
+        );
+    }
+    if std::env::args().any(|a| a == "set") {
+        return Ok(());
+    }
     let quality = Quality::of(&field, 65.0);
     // With the check against direct sums. One direction near to all that 380 to 780 nm and normal incidence reach; densities cost next to nothing.
     for method in [Method::Chebyshev, Method::Fft, Method::Auto] {

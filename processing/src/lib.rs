@@ -24,6 +24,7 @@ pub mod map;
 pub mod pattern;
 pub mod polarimetry;
 pub mod progress;
+mod random;
 pub mod rcwa;
 pub mod recommend;
 pub mod render;

@@ -142,13 +142,27 @@ impl Bench {
     pub fn shine(&mut self, shining: Shining, settling: Duration) {
         self.steady_since = self.steady_since.max(self.now + settling);
         if shining != self.shining() {
-            self.changes.push_back((self.now, shining));
-            if self.changes.len() > KEPT_CHANGES {
-                self.changes.pop_front();
-            }
+            self.change(shining);
         }
         for source in self.sources(&shining).into_iter().flatten() {
             self.rendered(&source);
+        }
+    }
+
+    /// Flash and shutter change at once, a panel that lags later.
+    fn change(&mut self, shining: Shining) {
+        let lag = Duration::from_secs_f64(self.config.panel.lag_ms / 1000.0);
+        let asked = self.shining().pattern;
+        let to_come = self.changes.partition_point(|c| c.0 <= self.now);
+        let seen = self.changes.get(to_come.saturating_sub(1)).map_or(asked, |c| c.1.pattern);
+        self.changes.range_mut(to_come..).for_each(|c| c.1 = Shining { pattern: c.1.pattern, ..shining });
+        let pattern = if lag.is_zero() { shining.pattern } else { seen };
+        self.changes.insert(to_come, (self.now, Shining { pattern, ..shining }));
+        if !lag.is_zero() && asked != shining.pattern {
+            self.changes.push_back((self.now + lag, shining));
+        }
+        while self.changes.len() > KEPT_CHANGES {
+            self.changes.pop_front();
         }
     }
 
@@ -309,4 +323,30 @@ fn vignetting(camera: &CameraConfig, x: usize, y: usize) -> f64 {
     let half = [f64::from(camera.width) / 2.0, f64::from(camera.height) / 2.0];
     let (u, v) = ((x as f64 + 0.5) / half[0] - 1.0, (y as f64 + 0.5) / half[1] - 1.0);
     1.0 - camera.vignetting * 0.5 * (u * u + v * v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a lagging panel, flash and shutter let the camera see, after changes while another is on its way.
+    #[test]
+    fn a_panel_that_lags_holds_nothing_else_up() {
+        let mut config = BenchConfig::default();
+        (config.camera.width, config.camera.height, config.panel.lag_ms) = (8, 6, 100.0);
+        let mut bench = Bench::new(&config, &Silent).unwrap();
+        let disc = Pattern::Disc { center_mm: [0.0; 2], diameter_mm: 50.0 };
+        let at = |ms| Duration::from_millis(ms);
+        for (ms, pattern, flash) in
+            [(10, disc, false), (50, disc, true), (80, Pattern::Black, true), (120, Pattern::Black, false)]
+        {
+            bench.advance_to(at(ms));
+            bench.shine(Shining { pattern, flash, covered: false }, Duration::ZERO);
+        }
+        let seen: Vec<(Duration, bool, bool)> =
+            bench.changes.iter().map(|(t, s)| (*t, s.pattern == disc, s.flash)).collect();
+        let expected = [(0, false, false), (10, false, false), (50, false, true), (80, false, true), (110, true, true)];
+        let later = [(120, true, false), (180, false, false)];
+        assert_eq!(seen, expected.into_iter().chain(later).map(|(ms, p, f)| (at(ms), p, f)).collect::<Vec<_>>());
+    }
 }

@@ -38,12 +38,25 @@ finished(f"/api/v1/sessions/{session}", lambda s: s["state"] == "finished" and s
 job = call("POST", "/api/v1/reconstructions", {"session": session})["id"]
 finished(f"/api/v1/reconstructions/{job}", lambda r: r["state"] == "done")
 
+edge = "--edge\r\nContent-Disposition: form-data; name="
+form = f'{edge}"kind"\r\n\r\nscene\r\n{edge}"gallery"\r\n\r\ncd\r\n--edge--\r\n'
+kind = {"Content-Type": "multipart/form-data; boundary=edge"}
+with urllib.request.urlopen(urllib.request.Request(BASE + "/api/v1/uploads", form.encode(), kind)) as answer:
+    upload = json.load(answer)["id"]
+rendering = {"upload": upload, "method": "render", "options": {"samples": 4}}
+rendered = call("POST", "/api/v1/reconstructions", rendering)["id"]
+finished(f"/api/v1/reconstructions/{rendered}", lambda r: r["state"] == "done")
+
 with open(sys.argv[2], "w") as file:
     # Streams do not end, and are tested apart.
     file.write(f"""
 [[operations]]
 include-path-regex = "/sessions/"
 parameters = {{ "path.id" = "{session}", "path.name" = "0000.png", "path.path" = "frames.json" }}
+
+[[operations]]
+include-path-regex = "/picture.png"
+parameters = {{ "path.id" = "{rendered}" }}
 
 [[operations]]
 include-path-regex = "/reconstructions/"

@@ -7,6 +7,7 @@ const TOKEN = "nacre-token";
 
 /** What the service (or the way to it) says went wrong, with what can be done about it. */
 export class Problem extends Error {
+  /** @param {{ type?: string, title?: string, status?: number, detail?: string, remedy?: string }} told */
   constructor({ type, title, status, detail, remedy }) {
     super(detail || title || "something went wrong");
     this.slug = String(type ?? "").split("/").pop();
@@ -17,18 +18,24 @@ export class Problem extends Error {
 }
 
 /** Told whenever the service could or could not be reached; set by service.js. */
-export const reach = { changed: () => {} };
+export const reach = { changed: (/** @type {boolean} */ _) => {} };
 
+/** @type {string | null} */
 let token = null;
 try {
   token = sessionStorage.getItem(TOKEN);
 } catch {
   // Storage can be forbidden; the token is then asked for after each reload.
 }
+/** @type {Promise<string | null> | null} */
 let asking = null;
+/** @type {(reason: string) => Promise<string | null>} */
 let askToken = async () => null;
 
-/** Sets how the user is asked for the token: an async function from a reason to the token or null. */
+/**
+ * Sets how the user is asked for the token: an async function from a reason to the token or null.
+ * @param {(reason: string) => Promise<string | null>} ask
+ */
 export function setTokenDialog(ask) {
   askToken = ask;
 }
@@ -62,7 +69,11 @@ async function problemOf(response) {
   });
 }
 
-/** The response to a request; throws a Problem unless it is a success. */
+/**
+ * The response to a request; throws a Problem unless it is a success.
+ * @param {string} path
+ * @param {Sending} options
+ */
 export async function send(path, { method = "GET", body, headers = {}, signal, keepalive } = {}) {
   for (;;) {
     const used = token;
@@ -92,30 +103,50 @@ export async function send(path, { method = "GET", body, headers = {}, signal, k
   }
 }
 
-/** JSON of a GET. */
+/**
+ * JSON of a GET; whoever asks says of what type.
+ * @param {string} path
+ * @param {Sending} [options]
+ */
 export const get = async (path, options) => (await send(path, options)).json();
 
-/** JSON (or null) of a POST. */
+/**
+ * JSON (or null) of a POST.
+ * @param {string} path
+ * @param {object} value
+ * @param {Sending} options
+ */
 export async function post(path, value = {}, { headers = {}, ...options } = {}) {
   const body = JSON.stringify(value);
   const response = await send(path, { method: "POST", body, headers: { "Content-Type": "application/json", ...headers }, ...options });
   return response.status === 204 ? null : response.json().catch(() => null);
 }
 
-/** A query string without what is empty. */
+/**
+ * A query string without what is empty.
+ * @param {Record<string, string | number | boolean | null | undefined>} values
+ */
 export function query(values) {
   const given = Object.entries(values).filter(([, v]) => v !== null && v !== undefined && v !== "");
-  return given.length ? `?${new URLSearchParams(given)}` : "";
+  return given.length ? `?${new URLSearchParams(given.map(([k, v]) => [k, String(v)]))}` : "";
 }
 
-/** A picture with what its headers tell: the range of its colours, if any. */
+/**
+ * A picture with what its headers tell: the range of its colours, if any.
+ * @param {string} path
+ * @param {Sending} [options]
+ */
 export async function picture(path, options) {
   const response = await send(path, options);
   const range = (response.headers.get("X-Nacre-Range") ?? "").split(/[ ,]+/).filter(Boolean).map(Number);
   return { blob: await response.blob(), range: range.length === 2 && range.every(Number.isFinite) ? range : null };
 }
 
-/** Puts a blob into an <img>, and lets go of the one before. */
+/**
+ * Puts a blob into an <img>, and lets go of the one before.
+ * @param {HTMLImageElement} image
+ * @param {Blob} blob
+ */
 export function show(image, blob) {
   const before = image.src;
   image.src = URL.createObjectURL(blob);
@@ -123,7 +154,13 @@ export function show(image, blob) {
   if (before.startsWith("blob:")) URL.revokeObjectURL(before);
 }
 
-/** A link to a download. With a token the file is fetched first, since a link cannot carry it. */
+/**
+ * A link to a download. With a token the file is fetched first, since a link cannot carry it.
+ * @param {HTMLAnchorElement} link
+ * @param {string} path
+ * @param {string} name
+ * @param {(problem: Error) => void} complain
+ */
 export function makeDownload(link, path, name, complain) {
   link.href = BASE + path;
   link.download = name;
@@ -144,13 +181,18 @@ export function makeDownload(link, path, name, complain) {
   };
 }
 
-/** The events in a stream of text: call with each chunk. */
+/**
+ * The events in a stream of text: call with each chunk.
+ * @param {(name: string, data: string) => void} onEvent
+ * @param {{ last: string | null }} seen
+ */
 function eventParser(onEvent, seen) {
   let rest = "";
+  /** @type {{ name: string, data: string[] }} */
   let event = { name: "message", data: [] };
-  return (chunk) => {
+  return (/** @type {string} */ chunk) => {
     const lines = (rest + chunk).split(/\r\n|\n|\r(?!$)/);
-    rest = lines.pop();
+    rest = lines.pop() ?? "";
     for (const line of lines) {
       if (line === "") {
         if (event.data.length) onEvent(event.name, event.data.join("\n"));
@@ -170,9 +212,12 @@ function eventParser(onEvent, seen) {
  * since EventSource cannot send a token. `on.event(name, value)`, `on.heard()` for anything at all, `on.open()`,
  * `on.lost(problem)`; a 4xx answer ends it, as it would come again. `silence` is how long nothing may come, in ms. With
  * `rest` a hidden page lets go of its connection: a browser has few for each host, and STOP must never wait for one.
+ * @param {string} path
+ * @param {{ event?: (name: string, value: any) => void, heard?: () => void, open?: () => void, lost?: (problem: Problem | null) => void }} on
+ * @param {{ signal: AbortSignal, silence?: number, rest?: boolean }} options
  */
-export async function listen(path, on, { signal, silence = 25_000, rest = false } = {}) {
-  const seen = { last: null };
+export async function listen(path, on, { signal, silence = 25_000, rest = false }) {
+  const seen = { last: /** @type {string | null} */ (null) };
   while (!signal.aborted) {
     if (rest && document.hidden) await comesToFront(signal);
     const attempt = new AbortController();
@@ -186,7 +231,7 @@ export async function listen(path, on, { signal, silence = 25_000, rest = false 
       const response = await send(path, { headers, signal: attempt.signal });
       on.open?.();
       const feed = eventParser((name, data) => deliver(on, name, data), seen);
-      const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+      const reader = /** @type {ReadableStream<Uint8Array>} */ (response.body).pipeThrough(new TextDecoderStream()).getReader();
       for (let part = await reader.read(); !part.done; part = await reader.read()) {
         clearTimeout(watchdog);
         watchdog = setTimeout(end, silence);
@@ -203,7 +248,8 @@ export async function listen(path, on, { signal, silence = 25_000, rest = false 
     }
     if (signal.aborted) return;
     on.lost?.(problem);
-    if (problem && problem.status >= 400 && problem.status < 500 && problem.status !== 429) return;
+    const { status = 0 } = problem ?? {};
+    if (status >= 400 && status < 500 && status !== 429) return;
     await pause(1000, signal);
   }
 }

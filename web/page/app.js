@@ -5,23 +5,32 @@ import { h, say } from "./dom.js";
 import { alarm, complain, problemMessage, tell } from "./feedback.js";
 import { onReturn, refresh, service, start, watch } from "./service.js";
 import { benchPage } from "./bench.js";
+import { calibratePage } from "./calibrate.js";
 import { chartsPage } from "./charts.js";
 import { newPage } from "./new.js";
+import { renderPage } from "./render.js";
 import { resultPage } from "./result.js";
+import { resultsPage } from "./results.js";
 import { sessionPage } from "./session.js";
 import { sessionsPage } from "./sessions.js";
 import { uploadPage } from "./upload.js";
+import { viewPage } from "./view.js";
 
 const ROUTES = {
   bench: ["Bench", benchPage],
+  calibrate: ["Calibrate", calibratePage],
   new: ["New session", newPage],
   session: ["Session", sessionPage],
   sessions: ["Sessions", sessionsPage],
   result: ["Result", resultPage],
+  results: ["Results", resultsPage],
   charts: ["Charts", chartsPage],
   upload: ["Upload", uploadPage],
+  render: ["Render", renderPage],
+  view: ["View", viewPage],
 };
-const main = document.getElementById("main");
+const byId = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
+const main = byId("main");
 let leaving = new AbortController();
 let failed = false;
 
@@ -34,8 +43,9 @@ async function route() {
   const { signal } = leaving;
   const [title, page] = ROUTES[name];
   document.title = `${title} · Nacre`;
-  for (const link of document.querySelectorAll(".nav a")) {
-    const here = link.hash === `#/${name}` || (link.hash === "#/sessions" && (name === "session" || name === "result"));
+  const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll(".nav a"));
+  for (const link of links) {
+    const here = link.hash === `#/${name}` || (link.hash === "#/sessions" && ["session", "result", "view"].includes(name)) || (link.hash === "#/bench" && name === "calibrate");
     if (here) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
@@ -56,8 +66,8 @@ onReturn(() => failed && route());
 addEventListener("hashchange", route);
 
 const ACTIVITY = { idle: ["good", "Idle"], manual: ["busy", "Manual control"], session: ["busy", "Session running"] };
-const state = document.getElementById("service");
-const lost = document.getElementById("lost");
+const state = byId("service");
+const lost = byId("lost");
 
 watch(({ devices, reachable, problem, since }) => {
   lost.hidden = reachable !== false;
@@ -86,7 +96,7 @@ function paint(tone, text, devices) {
   state.replaceChildren(h("span", {}, link), ...(devices?.simulated ? [h("span", { class: "badge", title: "No real device is moved" }, "simulated")] : []));
 }
 
-const stop = document.getElementById("stop");
+const stop = byId("stop");
 
 async function stopAll() {
   stop.textContent = "STOPPING";
@@ -111,7 +121,7 @@ addEventListener("keydown", (event) => {
   if (twice) stopAll();
 }, { capture: true });
 
-const theme = document.getElementById("theme");
+const theme = byId("theme");
 const systemDark = matchMedia("(prefers-color-scheme: dark)");
 const isDark = () => (document.documentElement.dataset.theme ?? (systemDark.matches ? "dark" : "light")) === "dark";
 
@@ -141,7 +151,7 @@ async function about() {
   aboutShown = true;
   try {
     const { version } = await get("/about");
-    document.getElementById("about").replaceChildren(
+    byId("about").replaceChildren(
       h("span", {}, `Nacre ${version}`),
       h("a", { href: "/display", target: "_blank", rel: "noopener" }, "Page for the panel"), h("a", { href: "/api/v1/openapi.json" }, "OpenAPI"));
   } catch (problem) {

@@ -21,7 +21,7 @@ export function geometryField(id, known = null) {
   let where = known;
   const input = h("input", { type: "file", id, accept: ".json", onchange: read });
   async function read() {
-    const file = input.files[0];
+    const file = input.files?.[0];
     where = known;
     input.setCustomValidity("");
     if (!file) return;

@@ -27,7 +27,10 @@ export function reportOfFoil(report) {
     ]));
 }
 
-/** A camera and where it stands. */
+/**
+ * A camera and where it stands.
+ * @param {CalibrationReport} report
+ */
 export function reportOfCalibration(report) {
   const { geometry, photographs = [] } = report;
   const { camera, sigma } = geometry;
@@ -62,5 +65,5 @@ export function reportOfMap(report) {
   const told = ({ width, height, maps }) => `${width} × ${height}: ${Object.entries(maps).map(([name, m]) => `${name}, ${m.known_pixels} pixels${m.range ? `, ${m.range.map((v) => fixed(v, 3)).join(" to ")}` : ""}`).join("; ")}`;
   const edits = Object.entries(report.edits).filter(([, value]) => value !== null);
   return h("div", { class: "stack" }, warned(report.warnings ?? []),
-    facts([["Before", told(report.before)], ["After", told(report.after)], ...edits.map(([name, value]) => [EDITS[name] ?? words(name), given(value)])]));
+    facts([["Before", told(report.before)], ["After", told(report.after)], ...edits.map(([name, value]) => /** @type {[string, Child]} */ ([EDITS[name] ?? words(name), given(value)]))]));
 }

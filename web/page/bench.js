@@ -6,19 +6,24 @@ import { previewPanel } from "./preview.js";
 import { cameraPanel, displayPanel, flashPanel, interlockPanel } from "./controls.js";
 import { stagePanel } from "./stage.js";
 
-/** Shows the bench until the signal fires. */
+/**
+ * Shows the bench until the signal fires.
+ * @param {HTMLElement} main
+ * @param {Visit} visit
+ */
 export async function benchPage(main, { signal }) {
   const busy = h("p", { class: "message", "data-tone": "busy", hidden: true });
   const parts = [stagePanel(), cameraPanel(), displayPanel(), flashPanel(), interlockPanel()];
   const controls = h("fieldset", { class: "stack controls" }, h("legend", { class: "sr" }, "Manual control"), busy, parts.map((p) => p.element));
-  const waiting = panel("Devices", null, h("p", { class: "soft" }, "Waiting for the service…"));
-  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Bench"), h("a", { class: "button primary", href: "#/new" }, "New session")),
+  const unseen = h("p", { class: "soft" }, "Waiting for the service…");
+  const waiting = panel("Devices", null, unseen);
+  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Bench"), h("a", { class: "button", href: "#/calibrate" }, "Calibrate"), h("a", { class: "button primary", href: "#/new" }, "New session")),
     h("div", { class: "columns bench" }, previewPanel(signal), h("div", { class: "stack" }, waiting, controls)));
 
   watch(({ devices, problem, reachable }) => {
     waiting.hidden = devices !== null && !problem;
     controls.hidden = devices === null;
-    if (problem) waiting.lastElementChild.textContent = [problem.message, problem.remedy].filter(Boolean).join(" ");
+    if (problem) unseen.textContent = [problem.message, problem.remedy].filter(Boolean).join(" ");
     if (!devices) return;
     const session = devices.activity === "session";
     controls.disabled = session || reachable === false;

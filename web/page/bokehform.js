@@ -10,7 +10,7 @@ export function bokehFields(given = {}) {
   const { psf = {}, scale = {}, lens = {}, known = {} } = given;
   const blur = number({ id: "bokeh-blur", value: psf.sigma ?? 2, min: 0 });
   const light = select(CHANNELS, given.light ?? "blue", { id: "bokeh-light" });
-  const part = ["column", "row", "width", "height"].map((name, k) => [`bokeh-${name}`, number({ id: `bokeh-${name}`, value: given.crop?.[k] ?? "", min: 0, step: 1 })]);
+  const part = ["column", "row", "width", "height"].map((name, k) => number({ id: `bokeh-${name}`, value: given.crop?.[k] ?? "", min: 0, step: 1 }));
   const rotate = number({ id: "bokeh-rotate", value: given.rotate_deg ?? 0 });
   const pixel = number({ id: "bokeh-pixel", value: scale.pixel ?? "", min: 0 });
   const lines = number({ id: "bokeh-lines", value: scale.lines?.per_mm ?? "", min: 0 });
@@ -26,7 +26,7 @@ export function bokehFields(given = {}) {
   paint();
   const element = h("div", { class: "fields" },
     field("Blur, standard deviation (pixels)", blur), field("Light", light),
-    ["Part: first column", "Part: first row", "Part: width", "Part: height"].map((label, k) => field(label, part[k][1], k === 0 ? { hint: "Empty: all of it" } : {})),
+    ["Part: first column", "Part: first row", "Part: width", "Part: height"].map((label, k) => field(label, part[k], k === 0 ? { hint: "Empty: all of it" } : {})),
     field("Turn anticlockwise (°)", rotate, { hint: "So that the lines stand upright" }),
     field("Pixel on the sample (µm)", pixel, { hint: "Or the next" }), field("Lines per mm", lines, { hint: "They are counted, which tells the scale" }),
     field("Focal length (mm)", focal, { hint: "With the next two: what the lens can show" }), field("F-number", stop), field("Lens to sample (m)", distance),
@@ -35,9 +35,10 @@ export function bokehFields(given = {}) {
   return {
     element,
     options: () => {
+      /** @type {Record<string, unknown>} */
       const options = { ...given, psf: { sigma: value(blur) ?? 0 }, light: light.value, rotate_deg: value(rotate) ?? 0 };
       for (const name of ["crop", "scale", "lens", "known"]) delete options[name];
-      const crop = part.map(([, input]) => value(input));
+      const crop = part.map(value);
       if (crop.every((v) => v !== null)) options.crop = crop;
       if (value(pixel) !== null) options.scale = { pixel: value(pixel) };
       else if (value(lines) !== null) options.scale = { lines: { ...scale.lines, per_mm: value(lines) } };

@@ -43,20 +43,21 @@ export function cameraPanel() {
     h("div", { class: "fields" }, field("Exposure (ms)", exposure), field("Gain", gain), apply), slider, about, warnings);
   dirty(form, [exposure, gain]);
   slider.addEventListener("input", () => {
-    exposure.value = Number((range[0] * (range[1] / range[0]) ** (slider.value / 1000)).toPrecision(3));
+    exposure.value = String(Number((range[0] * (range[1] / range[0]) ** (slider.valueAsNumber / 1000)).toPrecision(3)));
     exposure.dataset.dirty = "true";
   });
   slider.addEventListener("change", () => form.requestSubmit());
-  exposure.addEventListener("input", () => (slider.value = place(exposure.valueAsNumber)));
+  exposure.addEventListener("input", () => (slider.value = String(place(exposure.valueAsNumber))));
   return {
     element: panel("Camera", null, form),
+    /** @param {Devices} devices */
     update({ camera }) {
       range = camera.exposure_range_ms;
-      [exposure.min, exposure.max] = range;
-      [gain.min, gain.max] = camera.gain_range;
+      [exposure.min, exposure.max] = range.map(String);
+      [gain.min, gain.max] = camera.gain_range.map(String);
       follow(exposure, camera.exposure_ms);
       follow(gain, camera.gain);
-      if (document.activeElement !== slider && !exposure.dataset.dirty) slider.value = place(camera.exposure_ms);
+      if (document.activeElement !== slider && !exposure.dataset.dirty) slider.value = String(place(camera.exposure_ms));
       say(about, `${camera.id} · ${camera.width} × ${camera.height} · ${plain(range[0])} to ${plain(range[1])} ms`);
       warnings.replaceChildren(...camera.warnings.map((text) => h("p", { class: "message", "data-tone": "warn" }, text)));
     },
@@ -83,8 +84,9 @@ export function displayPanel() {
   dirty(form, [kind, diameter, x, y]);
   return {
     element: panel("Panel", shown, form),
+    /** @param {Devices} devices */
     update({ display }) {
-      const lit = display.pattern?.disc;
+      const lit = display.pattern === "black" ? undefined : display.pattern.disc;
       say(shown, lit ? `shows a disc of ${plain(lit.diameter_mm)} mm` : "is black");
       say(about, `${display.id} · ${plain(display.size_mm[0])} × ${plain(display.size_mm[1])} mm`);
       follow(kind, lit ? "disc" : "black");
@@ -100,20 +102,22 @@ export function displayPanel() {
 
 /** The flash, which goes off by itself. */
 export function flashPanel() {
+  /** @type {Devices["flash"]} */
   let flash = null;
   const seconds = number({ id: "flash-seconds", value: 1, min: 0.01 });
   const toggle = h("button", { type: "button", id: "flash", "aria-pressed": "false",
-    onclick: () => command(toggle, "/devices/flash/switch", flash.on ? { on: false } : { on: true, seconds: seconds.valueAsNumber || undefined }) }, "Flash on");
+    onclick: () => command(toggle, "/devices/flash/switch", flash?.on ? { on: false } : { on: true, seconds: seconds.valueAsNumber || undefined }) }, "Flash on");
   const state = h("span", { class: "lamp", role: "status" });
   const about = h("small", { class: "soft" });
   const element = panel("Flash", state, h("div", { class: "row end" }, field("On for (s)", seconds), toggle), about);
   return {
     element,
+    /** @param {Devices} devices */
     update(devices) {
       flash = devices.flash;
       element.hidden = !flash;
       if (!flash) return;
-      seconds.max = flash.max_on_s;
+      seconds.max = String(flash.max_on_s);
       toggle.setAttribute("aria-pressed", String(flash.on));
       say(toggle, flash.on ? "Flash off" : "Flash on");
       say(state, flash.on ? "on" : "off");
@@ -129,6 +133,7 @@ export function interlockPanel() {
   const element = panel("Interlocks", null, list);
   return {
     element,
+    /** @param {Devices} devices */
     update({ interlocks }) {
       element.hidden = interlocks.length === 0;
       const key = JSON.stringify(interlocks);

@@ -33,20 +33,20 @@ export function dial() {
   const series = svg("g", {});
   const root = svg("svg", { viewBox: "-116 -112 232 224", class: "dial", role: "img", "aria-label": "Analyser" },
     svg("circle", { r: RIM, class: "rim" }), scale, labels, series, needle);
-  root.set = (deg) => {
+  const set = (/** @type {number | null} */ deg) => {
     const known = typeof deg === "number";
     needle.setAttribute("transform", `rotate(${known ? -deg : 0})`);
     needle.setAttribute("visibility", known ? "visible" : "hidden");
     root.setAttribute("aria-label", known ? `Analyser at ${fixed(deg, 2)}°` : "Analyser: angle not known");
   };
-  root.marks = (planned, done) => {
-    const key = (deg) => Math.round(100 * deg);
+  const marks = (/** @type {number[]} */ planned, /** @type {number[]} */ done) => {
+    const key = (/** @type {number} */ deg) => Math.round(100 * deg);
     const taken = new Set(done.map(key));
     series.replaceChildren(...planned.map((deg) => {
       const [cx, cy] = at(RIM - 1, deg);
       return svg("circle", { cx, cy, r: 4.5, class: taken.has(key(deg)) ? "mark done" : "mark" });
     }));
   };
-  root.set(null);
-  return root;
+  set(null);
+  return Object.assign(root, { set, marks });
 }

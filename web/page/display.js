@@ -4,14 +4,14 @@
 // cannot be seen.
 
 import { listen, post, setTokenDialog } from "./api.js";
-import { h, randomId } from "./dom.js";
+import { after, h, randomId } from "./dom.js";
 import { draw, panelOf } from "./patterns.js";
 
 const SILENCE_MS = 3000;
 const BEAT_MS = 1000;
 const page = randomId();
-const canvas = document.getElementById("panel");
-const hint = document.getElementById("hint");
+const canvas = /** @type {HTMLCanvasElement} */ (document.getElementById("panel"));
+const hint = /** @type {HTMLElement} */ (document.getElementById("hint"));
 
 // What the service wants shown: { pattern, hash, size_mm }. It stays while the page is hidden, to come back to.
 let wanted = null;
@@ -39,7 +39,7 @@ function paint() {
 
 async function tell(path, value) {
   try {
-    await post(path, { page, ...value }, { signal: AbortSignal.timeout(2000) });
+    await post(path, { page, ...value }, { signal: after(2000) });
   } catch {
     // A service that does not hear takes the panel for dark, which is what it then is.
   }
@@ -96,7 +96,7 @@ async function stayAwake() {
 }
 
 document.addEventListener("click", async (event) => {
-  if (event.target.closest("dialog")) return;
+  if (event.target instanceof Element && event.target.closest("dialog")) return;
   hint.hidden = true;
   stayAwake();
   try {

@@ -3,7 +3,7 @@
 import { h } from "./dom.js";
 import { Problem, setTokenDialog } from "./api.js";
 
-const region = document.getElementById("notices");
+const region = /** @type {HTMLElement} */ (document.getElementById("notices"));
 
 /** A short message that goes away by itself. */
 export function tell(text) {
@@ -27,12 +27,12 @@ export function alarm(title, detail, remedy) {
 function put(tone, title, detail, remedy, ms) {
   const key = [tone, title, detail].join("\n");
   // The same thing twice would only push the page away.
-  for (const old of [...region.children]) if (old.dataset.key === key) old.remove();
+  for (const old of region.querySelectorAll("div")) if (old.dataset.key === key) old.remove();
   const close = h("button", { type: "button", class: "quiet icon", "aria-label": "Close this message", onclick: () => notice.remove() }, "✕");
   const notice = h("div", { class: "notice", role: tone === "bad" ? "alert" : "status", "data-tone": tone, "data-key": key },
     h("p", {}, tone === "bad" ? h("strong", {}, title) : title), detail && h("p", {}, detail), remedy && h("p", { class: "soft" }, remedy), close);
   region.append(notice);
-  while (region.children.length > 4) region.firstElementChild.remove();
+  while (region.children.length > 4) region.firstElementChild?.remove();
   if (ms) setTimeout(() => notice.remove(), ms);
 }
 
@@ -56,7 +56,7 @@ export function confirmed(title, text, action) {
 
 // Not modal as the browser means it: that would put STOP out of reach. A veil covers the page below the header.
 function open(dialog, closed) {
-  const before = document.activeElement;
+  const before = /** @type {HTMLElement | null} */ (document.activeElement);
   const veil = h("div", { class: "veil" });
   dialog.addEventListener("keydown", (event) => event.key === "Escape" && dialog.close("no"));
   dialog.addEventListener("close", () => {

@@ -4,8 +4,9 @@ import { geometryField } from "./assetforms.js";
 import { field, h, number, select } from "./dom.js";
 import { picker } from "./picker.js";
 
-/** The fields, as an earlier reconstruction left them if there is one; `options()` is what the service takes. */
-export function flashFields(given = {}) {
+/** The fields, as an earlier reconstruction left them if there is one; `options()` is what the service takes. Of what is only planned there
+ * is no photograph yet to pick in. */
+export function flashFields(given = {}, { planned = false } = {}) {
   const pair = (id, values, attributes) => [0, 1].map((k) => number({ id: `${id}-${k}`, value: values?.[k] ?? "", ...attributes }));
   const tiles = pair("flash-tiles", given.tiles, { min: 1, step: 1 });
   const size = pair("flash-size", given.size_mm, { min: 0 });
@@ -28,7 +29,7 @@ export function flashFields(given = {}) {
   paint();
   const element = h("div", { class: "stack" },
     h("div", { class: "fields" },
-      field("Description of the photographs", frames, { hint: "frames.json: exposures, and where the flash was" }),
+      !planned && field("Description of the photographs", frames, { hint: "frames.json: exposures, and where the flash was" }),
       field("Calibration", geometry.input, { hint: given.geometry ? "As before, or another geometry.json" : "geometry.json, if there is one" }),
       field("Tiles across", tiles[0], { hint: "Empty: from one picked tile" }), field("Tiles down", tiles[1]),
       field("Sheet, width (mm)", size[0]), field("Sheet, height (mm)", size[1]),
@@ -36,7 +37,7 @@ export function flashFields(given = {}) {
       field("Wavelength (nm)", wavelength, { hint: "Empty: as described" }),
       field("Shortest period (µm)", periods[0], { hint: "Empty: all that are in reach" }), field("Longest period (µm)", periods[1]),
       field("Periods", shared)),
-    pick, pickers.corners, pickers.tile);
+    !planned && [pick, pickers.corners, pickers.tile]);
   const both = (inputs) => {
     const values = inputs.map((input) => input.valueAsNumber);
     return values.every(Number.isFinite) ? values : null;
@@ -47,8 +48,9 @@ export function flashFields(given = {}) {
     /** The photograph to pick in. */
     show: (file) => Promise.all([corners.show(file), tile.show(file)]),
     /** A frames.json, if one was given. */
-    frames: () => frames.files[0] ?? null,
+    frames: () => frames.files?.[0] ?? null,
     options: () => {
+      /** @type {Record<string, unknown>} */
       const options = { ...given, period: shared.value };
       const set = (name, value) => { if (value === null) delete options[name]; else options[name] = value; };
       set("geometry", geometry.value());

@@ -67,3 +67,6 @@ export const count = (value) => (known(value) ? String(Math.round(value)).replac
 
 /** A word of the contract as text: `display_black` → `display black`. */
 export const words = (name) => String(name ?? "").replaceAll("_", " ");
+
+/** The name of a file, without its folders. */
+export const fileName = (/** @type {string} */ path) => path.slice(path.lastIndexOf("/") + 1);

@@ -1,7 +1,7 @@
 // Legends of maps: the wheel of orientations, the bar of numbers. The same colours as the service's pictures.
 
 import { fixed } from "./format.js";
-import { h } from "./dom.js";
+import { h, pen } from "./dom.js";
 
 // Sixth-order fit of viridis by M. Zucker (CC0).
 const VIRIDIS = [
@@ -27,7 +27,7 @@ export function wheel(size = 132) {
     "aria-label": "Colour wheel: red is 0°, along the picture's rows; yellow-green 45°, cyan 90°, violet 135°, anticlockwise" });
   canvas.style.width = canvas.style.height = `${size}px`;
   const draw = (marked) => {
-    const context = canvas.getContext("2d");
+    const context = pen(canvas);
     const ink = getComputedStyle(canvas).color;
     const radius = 0.66 * size;
     context.resetTransform();
@@ -59,21 +59,22 @@ export function wheel(size = 132) {
     context.lineTo(radius, 0);
     context.stroke();
   };
+  /** @type {number | null} */
   let last = null;
-  canvas.mark = (deg) => {
+  const mark = (/** @type {number | null} */ deg) => {
     last = deg;
     draw(deg);
   };
   // The ink is known once the canvas is in the page, and changes with the theme.
-  canvas.refresh = () => draw(last);
-  requestAnimationFrame(canvas.refresh);
-  return canvas;
+  const refresh = () => draw(last);
+  requestAnimationFrame(refresh);
+  return Object.assign(canvas, { mark, refresh });
 }
 
 /** The bar from `low` to `high`; without a range it says which end is which. */
 export function bar(range, unit, grey) {
   const canvas = h("canvas", { width: 256, height: 1, "aria-hidden": "true" });
-  const context = canvas.getContext("2d");
+  const context = pen(canvas);
   for (let i = 0; i < 256; i++) {
     context.fillStyle = grey ? `rgb(${i} ${i} ${i})` : viridis(i / 255);
     context.fillRect(i, 0, 1, 1);

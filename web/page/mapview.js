@@ -1,6 +1,6 @@
 // A map under mouse, fingers and keys: pan, zoom, pick. Knows nothing of what the map means.
 
-import { settle } from "./dom.js";
+import { firstOf, pen, settle } from "./dom.js";
 
 const MOST_ZOOM = 64;
 const CLICK_PX = 4;
@@ -10,20 +10,41 @@ const CLICK_PX = 4;
  * region ([x, y, w, h], null for all) at most `width` pixels wide; `pick(x, y)` is called with the pixel chosen.
  */
 export class MapView {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {{ width: number, height: number, load: (region: number[] | null, width: number, signal: AbortSignal) => Promise<ImageBitmap>,
+   *   pick: (x: number, y: number) => void, complain: (problem: Error) => void, signal: AbortSignal }} options
+   */
   constructor(canvas, { width, height, load, pick, complain, signal }) {
-    Object.assign(this, { canvas, width, height, load, pick, complain, signal });
-    this.context = canvas.getContext("2d");
+    this.canvas = canvas;
+    this.width = width;
+    this.height = height;
+    this.load = load;
+    this.pick = pick;
+    this.complain = complain;
+    this.signal = signal;
+    this.context = pen(canvas);
     // Screen pixels (CSS) per map pixel, and the map's point in the middle of the canvas.
-    this.zoom = null;
+    // It is known once the canvas has a size.
+    this.zoom = 0;
+    this.lastFit = 0;
+    /** @type {Point} */
     this.middle = [width / 2, height / 2];
+    /** @type {ImageBitmap | null} */
     this.whole = null;
+    /** @type {{ bitmap: ImageBitmap, region: [number, number, number, number] } | null} */
     this.detail = null;
+    /** @type {{ x: number, y: number, deg: number | null } | null} */
     this.picked = null;
+    /** @type {AbortController | null} */
+    this.asking = null;
+    this.travelled = 0;
+    /** @type {Map<number, Point>} */
     this.pointers = new Map();
     this.generation = 0;
     this.sharpen = settle(150, () => this.#loadDetail());
-    for (const [name, call] of [["wheel", this.#wheel], ["pointerdown", this.#down], ["pointermove", this.#move],
-      ["pointerup", this.#up], ["pointercancel", this.#cancel], ["keydown", this.#key], ["dblclick", this.#double]]) {
+    const calls = { wheel: this.#wheel, pointerdown: this.#down, pointermove: this.#move, pointerup: this.#up, pointercancel: this.#cancel, keydown: this.#key, dblclick: this.#double };
+    for (const [name, call] of Object.entries(calls)) {
       canvas.addEventListener(name, (event) => call.call(this, event), { signal, passive: false });
     }
     const observer = new ResizeObserver(() => this.#resize());
@@ -59,7 +80,11 @@ export class MapView {
     this.#changed();
   }
 
-  /** Zooms about a point of the canvas, its middle by default. */
+  /**
+   * Zooms about a point of the canvas, its middle by default.
+   * @param {number} factor
+   * @param {Point} [point]
+   */
   scale(factor, point = [this.#size()[0] / 2, this.#size()[1] / 2]) {
     const [mx, my] = this.toMap(point);
     const least = Math.min(1, this.#fitting());
@@ -68,7 +93,11 @@ export class MapView {
     this.#moveTo(this.middle[0] + mx - nx, this.middle[1] + my - ny);
   }
 
-  /** The map's point under a point of the canvas. */
+  /**
+   * The map's point under a point of the canvas.
+   * @param {Point} point
+   * @returns {Point}
+   */
   toMap([x, y]) {
     const [w, h] = this.#size();
     return [this.middle[0] + (x - w / 2) / this.zoom, this.middle[1] + (y - h / 2) / this.zoom];
@@ -96,7 +125,7 @@ export class MapView {
 
   #resize() {
     const [w, h] = this.#size();
-    const fitted = this.zoom === null || Math.abs(this.zoom - this.lastFit) < 1e-9;
+    const fitted = this.zoom === 0 || Math.abs(this.zoom - this.lastFit) < 1e-9;
     this.canvas.width = Math.round(w * devicePixelRatio);
     this.canvas.height = Math.round(h * devicePixelRatio);
     this.lastFit = this.#fitting();
@@ -106,7 +135,7 @@ export class MapView {
 
   /** Draws what there is: the whole map, sharper detail over it, the mark. */
   draw() {
-    if (this.zoom === null) return;
+    if (this.zoom === 0) return;
     const { context, zoom } = this;
     const [w, h] = this.#size();
     context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
@@ -119,11 +148,11 @@ export class MapView {
     };
     if (this.whole) paint(this.whole, 0, 0, this.width, this.height);
     if (this.detail) paint(this.detail.bitmap, ...this.detail.region);
-    if (this.picked) this.#drawMark();
+    if (this.picked) this.#drawMark(this.picked);
   }
 
-  #drawMark() {
-    const { context, zoom, picked } = this;
+  #drawMark(picked) {
+    const { context, zoom } = this;
     context.save();
     context.translate((picked.x + 0.5) * zoom, (picked.y + 0.5) * zoom);
     const reach = Math.max(9, zoom * 0.75);
@@ -137,11 +166,13 @@ export class MapView {
         path.lineTo(side * (reach + 16) * c, side * (reach + 16) * s);
       }
     }
-    for (const [color, thick] of [["#000", 4], ["#fff", 1.8]]) {
+    const stroke = (/** @type {string} */ color, /** @type {number} */ thick) => {
       context.strokeStyle = color;
       context.lineWidth = thick;
       context.stroke(path);
-    }
+    };
+    stroke("#000", 4);
+    stroke("#fff", 1.8);
     context.restore();
   }
 
@@ -158,12 +189,13 @@ export class MapView {
     const [w, h] = this.#size();
     const [left, top] = this.toMap([0, 0]).map((v) => Math.max(0, Math.floor(v)));
     const [right, bottom] = this.toMap([w, h]);
+    /** @type {[number, number, number, number]} */
     const region = [left, top, Math.min(this.width, Math.ceil(right)) - left, Math.min(this.height, Math.ceil(bottom)) - top];
     if (region[2] < 1 || region[3] < 1) return;
     this.asking = new AbortController();
     try {
       const pixels = Math.min(region[2], Math.ceil(region[2] * this.zoom * devicePixelRatio));
-      const bitmap = await this.load(region, pixels, AbortSignal.any([this.signal, this.asking.signal]));
+      const bitmap = await this.load(region, pixels, firstOf(this.signal, this.asking.signal));
       if (generation !== this.generation) return bitmap.close();
       this.detail?.bitmap.close();
       this.detail = { bitmap, region };
@@ -173,6 +205,7 @@ export class MapView {
     }
   }
 
+  /** @returns {Point} */
   #point(event) {
     const box = this.canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
@@ -221,6 +254,7 @@ export class MapView {
     this.pointers.delete(event.pointerId);
   }
 
+  /** @param {Point} point */
   #pickAt([x, y]) {
     const [px, py] = [Math.floor(x), Math.floor(y)];
     if (px >= 0 && py >= 0 && px < this.width && py < this.height) this.pick(px, py);

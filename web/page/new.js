@@ -1,7 +1,7 @@
 // #/new: a plan from the form or a file, what it costs, and start.
 
 import { post } from "./api.js";
-import { figures, h, panel, randomId, say, settle } from "./dom.js";
+import { figures, firstOf, h, panel, randomId, say, settle } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes, count, duration } from "./format.js";
 import { onReturn, service } from "./service.js";
@@ -27,7 +27,11 @@ export function prepare(plan) {
   text = null;
 }
 
-/** Shows the form until the signal fires. */
+/**
+ * Shows the form until the signal fires.
+ * @param {HTMLElement} main
+ * @param {Visit} visit
+ */
 export async function newPage(main, { signal }) {
   values ??= { ...structuredClone(BLANK), operator: remembered() };
   let asked = new AbortController();
@@ -86,7 +90,7 @@ export async function newPage(main, { signal }) {
     }
     asked.abort();
     asked = new AbortController();
-    const options = { signal: AbortSignal.any([asked.signal, signal]) };
+    const options = { signal: firstOf(asked.signal, signal) };
     try {
       const [checked, cost] = await Promise.all([post("/plans/check", wanted.body, options), post("/plans/estimate", wanted.body, options)]);
       if (text && checked.plan) json.textContent = pretty(checked.plan);
@@ -112,8 +116,8 @@ export async function newPage(main, { signal }) {
     }
     if (wanted) json.textContent = wanted.body.toml ?? pretty(wanted.body.plan);
     if (!text) {
-      form.mark(wanted.problems);
-      if (Object.keys(wanted.problems).length) {
+      if (wanted) form?.mark(wanted.problems);
+      if (wanted && Object.keys(wanted.problems).length) {
         asked.abort();
         estimate.classList.add("stale");
         return refuse(["Some fields need attention."]);
@@ -168,7 +172,7 @@ export async function newPage(main, { signal }) {
   }
 
   async function open() {
-    const [chosen] = file.files;
+    const chosen = file.files?.[0];
     file.value = "";
     if (!chosen) return;
     const content = await chosen.text();

@@ -1,6 +1,6 @@
 // Points picked on a photograph: corners of a sheet, or opposite corners of a rectangle.
 
-import { h, say } from "./dom.js";
+import { h, pen, say } from "./dom.js";
 
 const COLORS = ["#ffb000", "#fe6100", "#dc267f", "#648fff"];
 
@@ -35,7 +35,7 @@ export function picker(names, changed = () => {}) {
 
   function paint() {
     if (!picture) return;
-    const context = canvas.getContext("2d");
+    const context = pen(canvas);
     const size = Math.max(picture.width, picture.height) / 60;
     context.drawImage(picture, 0, 0);
     context.lineWidth = Math.max(1, size / 6);

@@ -9,11 +9,12 @@ import { reportOfCalibration, reportOfFoil, reportOfMap, warned } from "./assetr
 import { bokehFields } from "./bokehform.js";
 import { brdfFields } from "./brdfform.js";
 import { flashFields } from "./flashform.js";
+import { exposure, renderFields, reportOfRender } from "./rendering.js";
 import { spotsFields } from "./spotsform.js";
 import { tableFields } from "./tableform.js";
 
-const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light", spots: "Periods by fringes", flash: "Tiles under a flash", foil: "Dots of a foil", calibrate: "Calibration", map: "Edited maps" };
-const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, spots: reportOfSpots, flash: reportOfFlash, foil: reportOfFoil, calibrate: reportOfCalibration, map: reportOfMap };
+const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light", spots: "Periods by fringes", flash: "Tiles under a flash", foil: "Dots of a foil", calibrate: "Calibration", map: "Edited maps", render: "Rendered scene" };
+const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, spots: reportOfSpots, flash: reportOfFlash, foil: reportOfFoil, calibrate: reportOfCalibration, map: reportOfMap, render: reportOfRender };
 const MEANING = {
   "hdr.png": "The merged light, tone-mapped for the eye: measure on hdr.exr. White where every exposure is saturated.",
   "lut.png": "The table under its light, tone-mapped for the eye, over half vectors: the zero order is in the middle. Grey is not measured.",
@@ -25,8 +26,12 @@ const MEANING = {
   "orientation.png": "Direction of the grating vector, across the grooves.",
   "histogram.png": "How frequent dots of each orientation and period are.",
   "before-after.png": "Before on the left, after on the right, in the same colours.",
+  "render.png": "The scene as a screen shows it: what is brighter than white is compressed, colours that no screen has are paler. Measure on render.exr.",
   "coverage.png": "Which part of each entry was measured: short wavelengths need light from further out than the photograph may show.",
 };
+
+/** Files that a scene can show. */
+const RENDERED = ["orientation.exr", "period.exr", "lut.exr"];
 
 /** Shows the pictures of a finished reconstruction. */
 export async function showPictures(main, job, signal) {
@@ -47,7 +52,8 @@ export async function showPictures(main, job, signal) {
       const { blob } = await picture(`${base}/${encodeURIComponent(name)}`, { signal });
       if (shown !== name) return;
       image.alt = MEANING[name] ?? name;
-      image.classList.toggle("small", !["bokeh", "brdf", "foil", "calibrate", "map"].includes(job.method) && report.width < 640);
+      image.classList.toggle("small", !["bokeh", "brdf", "foil", "calibrate", "map", "render"].includes(job.method) && report.width < 640);
+      image.classList.toggle("whole", job.method === "render");
       show(image, blob);
     } catch (problem) {
       if (problem.name !== "AbortError") well.replaceChildren(problemMessage(problem));
@@ -61,11 +67,12 @@ export async function showPictures(main, job, signal) {
   });
   main.append(
     h("div", { class: "head" }, h("h1", { class: "grow" }, TITLES[job.method] ?? "Result"),
+      files.some((f) => RENDERED.includes(f.name)) ? h("a", { class: "button", href: `#/render/${job.id}` }, "Render") : null,
       job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
     h("div", { class: "columns result" },
       h("section", { class: "panel", "aria-label": "Picture" },
         h("header", {}, pictures.length > 1 ? segments("Picture", pictures.map((p) => [p, label(p)]), shown, change) : h("h2", {}, "Picture")),
-        well, meaning, h("p", { class: "row downloads" }, h("span", { class: "soft" }, "Download"), links)),
+        well, job.method === "render" ? exposure(job, image, signal) : null, meaning, h("p", { class: "row downloads" }, h("span", { class: "soft" }, "Download"), links)),
       h("div", { class: "stack" },
         panel("Report", null, (REPORTS[job.method] ?? reportOf)(report)),
         job.method === "lut" ? panel("Radial profile", null, await profile(base, signal)) : null,
@@ -81,9 +88,10 @@ function nextPanel(job) {
   if (job.method === "foil") return anew(job, "Again", foilFields({ ...job.options }));
   if (job.method === "calibrate") return anew(job, "Again", boardFields({ ...job.options }));
   if (job.method === "map") return anew(job, "Other edits", mapFields({ ...job.options }));
+  if (job.method === "render") return anew(job, "Again", renderFields({ ...job.options }), "Render");
   if (job.method === "spots") return anew(job, "Again", spotsFields({ ...job.options }));
   const kept = (method) => (job.method === method ? { ...job.options } : {});
-  const forms = { lut: tableFields(kept("lut")), bokeh: bokehFields(kept("bokeh")) };
+  const forms = { lut: tableFields(kept("lut"), { light: job.light }), bokeh: bokehFields(kept("bokeh")) };
   const method = select([["lut", "A diffraction table"], ["bokeh", "Lines in an out-of-focus highlight"]], job.method === "bokeh" ? "bokeh" : "lut", { id: "next-method", onchange: paint });
   function paint() {
     for (const [name, form] of Object.entries(forms)) form.element.hidden = name !== method.value;
@@ -93,25 +101,26 @@ function nextPanel(job) {
 }
 
 /** The same reconstruction with other options. */
-function anew(job, title, form) {
-  return asking(job, title, () => [job.method, form], [form.element]);
+function anew(job, title, form, verb) {
+  return asking(job, title, () => [job.method, form], [form.element], verb);
 }
 
 /** A panel that asks the service for a reconstruction of the same input. */
-function asking(job, title, wanted, content) {
+function asking(job, title, wanted, content, verb = "Reconstruct") {
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const make = h("button", { type: "button", class: "primary", id: "make-next", onclick: async () => {
     make.disabled = true;
     problems.replaceChildren();
     try {
       const [method, form] = wanted();
-      const next = await post("/reconstructions", { session: job.session ?? null, upload: job.upload ?? null, method, options: form.options() });
+      const others = (await form.inputs?.()) ?? {};
+      const next = await post("/reconstructions", { session: job.session ?? null, upload: job.upload ?? null, method, options: form.options(), ...others });
       location.hash = `#/result/${next.id}`;
     } catch (problem) {
       problems.replaceChildren(problemMessage(problem));
       make.disabled = false;
     }
-  } }, "Reconstruct");
+  } }, verb);
   return panel(title, null, h("div", { class: "stack" }, content, problems, h("p", {}, make)));
 }
 

@@ -6,9 +6,12 @@ export const BLANK = {
   angles: "range", until_sigma_deg: "0.3", begin: "4", at_most: "24", brackets: "5, 20, 80", start: "0", stop: "150", step: "30", list: "0, 30, 60, 90, 120, 150",
   exposing: "meter", exposure_ms: "40", exposures_ms: "5, 10, 20, 40, 80", step_ev: "2", bracket_most: "7", gain: "1", average: "1",
   roi: "", pattern: "disc", diameter_mm: "180", center_mm: "0, 0",
+  lights: "fringes", fringes: "", phases: "4", finest_mm: "28", period_percent: "1", undecided_percent: "",
   spots: "-40, 0\n0, 0\n40, 0", spot_diameter_mm: "10",
   steps: [{ display: "", analyser_deg: "0", flash: false, exposure_ms: "" }],
   dark: true, display_black: true, reconstruct: true, model: "auto",
+  // What is made of the frames, and the options of each method as the service takes them.
+  method: "", options: {},
 };
 
 /** How the phase of polarization becomes an orientation, simplest first. */
@@ -25,7 +28,7 @@ export const KINDS = [
   ["polarization", "Polarization", "Turns the analyser."],
   ["exposures", "Exposures", "Varies the exposure time, at each angle of the analyser if any."],
   ["flash", "Flash", "Under the flash, at each angle of the analyser if any."],
-  ["spots", "Spots", "Moves a disc over the panel, at each angle of the analyser if any."],
+  ["spots", "Spots", "Moves fringes or a disc over the panel, at each angle of the analyser if any."],
   ["free", "Free", "Frame by frame, as listed."],
 ];
 
@@ -38,11 +41,23 @@ export const EXPOSING = {
 /** How the form's exposures are found. */
 export const exposingOf = ({ kind, exposing }) => (EXPOSING[kind].includes(exposing) ? exposing : EXPOSING[kind][0]);
 
-/** Whether the form asks for one view in several exposures, which can be merged. */
-export function merges(form) {
-  const several = ["several", "bracket"].includes(exposingOf(form)) && form.kind !== "polarization";
-  return several && (form.angles === "none" || (form.angles === "list" && !/[\s,;]/.test(form.list.trim())));
+/** What can be made of one view. */
+const METHODS = {
+  hdr: "One photograph of high dynamic range", lut: "A lookup table of its diffraction", bokeh: "A grating in an out-of-focus highlight",
+  flash: "Orientations and periods of tiles", spots: "Orientations and absolute periods",
+};
+
+/** Methods that can be made of what the form asks for, the usual one first: `[name, label]`. */
+export function methodsOf(form) {
+  const one = form.angles === "none" || (form.angles === "list" && !/[\s,;]/.test(form.list.trim()));
+  if (!one || form.kind === "polarization") return [];
+  const merged = ["several", "bracket"].includes(exposingOf(form)) ? ["hdr", "lut", "bokeh"] : [];
+  const names = { exposures: merged, flash: [...merged, "flash"], spots: form.lights === "fringes" ? ["spots"] : [] }[form.kind] ?? [];
+  return names.map((name) => [name, METHODS[name]]);
 }
+
+/** The one of these that the form asks for. */
+export const methodOf = (form) => (methodsOf(form).find(([name]) => name === form.method) ?? methodsOf(form)[0])?.[0];
 
 const MAX_ANGLES = 100_000;
 const MAX_UNTIL = 360;
@@ -61,6 +76,11 @@ function one(form, key, text = form[key]) {
   return value;
 }
 
+/**
+ * @param {string} key
+ * @param {string} text
+ * @param {{ length?: number, none?: string }} options
+ */
 function many(key, text, { length, none = "at least one number is needed" } = {}) {
   const parts = text.trim().split(/[\s,;]+/).filter(Boolean);
   const values = parts.map((p) => Number(p.replace(/^−/, "-")));
@@ -93,6 +113,25 @@ function range(form) {
 
 function disc(form) {
   return { pattern: "disc", center_mm: many("center_mm", form.center_mm, { length: 2 }), diameter_mm: one(form, "diameter_mm") };
+}
+
+function discs(form) {
+  const lines = form.spots.trim().split("\n").filter((line) => line.trim());
+  if (!lines.length) throw new Wrong("spots", "at least one spot is needed");
+  return lines.map((line) => many("spots", line, { length: 2 }));
+}
+
+/** Fringes; what has no field stays as it was. */
+function fringes(form) {
+  const made = { ...form.fringes_given, phases: one(form, "phases"), finest_mm: one(form, "finest_mm"), period_sigma: one(form, "period_percent") / 100 };
+  /** @type {[string, string, number][]} */
+  const optional = [["count", "fringes", 1], ["until_undecided", "undecided_percent", 100]];
+  for (const [key, field, scale] of optional) {
+    if (form[field].trim()) made[key] = one(form, field) / scale;
+    else delete made[key];
+  }
+  if (!("until_undecided" in made)) delete made.at_most;
+  return made;
 }
 
 function freeStep(step, i) {
@@ -135,19 +174,15 @@ export function toPlan(form) {
     plan.analyser = read(() => (form.angles === "until" && kind === "polarization" ? until(form) : fixed()));
   }
   if (kind === "spots") {
-    const lines = form.spots.trim().split("\n").filter((line) => line.trim());
-    plan.spots = {
-      centers_mm: read(() => {
-        if (!lines.length) throw new Wrong("spots", "at least one spot is needed");
-        return lines.map((line) => many("spots", line, { length: 2 }));
-      }),
-      diameter_mm: read(() => one(form, "spot_diameter_mm")),
-    };
+    plan.spots = {};
+    if (form.lights !== "discs") plan.spots.fringes = read(() => fringes(form));
+    if (form.lights !== "fringes") Object.assign(plan.spots, { centers_mm: read(() => discs(form)), diameter_mm: read(() => one(form, "spot_diameter_mm")) });
   }
   if (kind === "free") plan.steps = form.steps.map((step, i) => read(() => freeStep(step, i)));
   plan.extras = ["dark", "display_black"].filter((extra) => form[extra]);
   if (kind === "polarization" && form.reconstruct) plan.reconstruct = { method: "polarization", model: form.model };
-  if (merges(form) && form.reconstruct) plan.reconstruct = { method: "hdr" };
+  const method = methodOf(form);
+  if (method && form.reconstruct) plan.reconstruct = { method, ...(form.options[method] && { [method]: form.options[method] }) };
   return { plan, problems };
 }
 
@@ -191,8 +226,18 @@ export function fromPlan(plan) {
     form.bracket_most = String(plan.bracket.at_most ?? BLANK.bracket_most);
   }
   if (spots) {
-    form.spots = spots.centers_mm.map(pair).join("\n");
-    form.spot_diameter_mm = String(spots.diameter_mm);
+    const { fringes: shown, centers_mm = [], diameter_mm } = spots;
+    form.lights = shown && centers_mm.length ? "both" : shown ? "fringes" : "discs";
+    if (centers_mm.length) form.spots = centers_mm.map(pair).join("\n");
+    if (diameter_mm) form.spot_diameter_mm = String(diameter_mm);
+    if (shown) {
+      form.fringes_given = shown;
+      form.fringes = String(shown.count ?? "");
+      form.phases = String(shown.phases ?? BLANK.phases);
+      form.finest_mm = String(shown.finest_mm ?? BLANK.finest_mm);
+      form.period_percent = String(100 * (shown.period_sigma ?? 0.01));
+      form.undecided_percent = shown.until_undecided ? String(100 * shown.until_undecided) : "";
+    }
   }
   if (plan.steps?.length) {
     form.steps = plan.steps.map((step) => ({
@@ -207,5 +252,7 @@ export function fromPlan(plan) {
   form.display_black = extras.includes("display_black");
   form.reconstruct = Boolean(reconstruct);
   form.model = reconstruct?.model ?? "auto";
+  form.method = reconstruct?.method ?? "";
+  if (reconstruct?.[form.method]) form.options[form.method] = reconstruct[form.method];
   return form;
 }

@@ -1,8 +1,15 @@
 // The form of a plan: fields that belong to the chosen kind, and what is wrong with each.
 
-import { check, field, h, select } from "./dom.js";
-import { EXPOSING, exposingOf, KINDS, merges, MODELS } from "./plan.js";
+import { check, field, h, part, select } from "./dom.js";
+import { bokehFields } from "./bokehform.js";
+import { flashFields } from "./flashform.js";
+import { EXPOSING, exposingOf, KINDS, methodOf, methodsOf, MODELS } from "./plan.js";
+import { spotsFields } from "./spotsform.js";
 import { stepsEditor } from "./steps.js";
+import { tableFields } from "./tableform.js";
+
+/** Options of the methods that have any. */
+const OPTIONS = { lut: (given) => tableFields(given, { planned: true }), bokeh: bokehFields, spots: spotsFields, flash: (given) => flashFields(given, { planned: true }) };
 
 /** The form over `values`, which it changes; `changed()` is called after each change. */
 export function planForm(values, changed) {
@@ -55,35 +62,71 @@ export function planForm(values, changed) {
 
   const discFields = [text("diameter_mm", "Diameter (mm)", { numeric: true }), text("center_mm", "Middle x, y (mm)", { numeric: true })];
   const display = group("Panel", fields(list("pattern", "Pattern", [["disc", "Disc"], ["black", "Black"]]), discFields));
-  const spots = group("Spots", fields(area("spots", "Middles (mm)", { hint: "One a line: right, up from the panel's middle" }),
-    text("spot_diameter_mm", "Diameter (mm)", { numeric: true })));
+  const fringeFields = [
+    text("fringes", "Fringes", { hint: "Empty: as many as the camera's noise asks for", numeric: true }), text("phases", "Phases of each", { numeric: true }),
+    text("finest_mm", "Finest period (mm)", { numeric: true }), text("period_percent", "Wanted σ of a period (%)", { numeric: true }),
+    text("undecided_percent", "Add fringes until undecided (%)", { hint: "Of the pixels with a first order. Empty: none are added", numeric: true }),
+  ];
+  const discsFields = [area("spots", "Middles of discs (mm)", { hint: "One a line: right, up from the panel's middle" }),
+    text("spot_diameter_mm", "Diameter (mm)", { numeric: true })];
+  const spots = group("Panel", fields(
+    list("lights", "Light", [["fringes", "Fringes that move"], ["discs", "Discs, one after the other"], ["both", "Discs, then fringes"]]),
+    fringeFields, discsFields));
   const steps = stepsEditor(values.steps, changed);
   const stepsGroup = group("Frames", steps.element);
 
   const model = list("model", "Model", MODELS);
-  const reconstruct = h("div", { class: "fields" }, tick("reconstruct", "Reconstruct at once"), model);
+  const what = h("select", { id: "plan-method", onchange: (e) => set("method", e.target.value) });
+  const method = field("What of", what);
+  const options = h("div");
+  const reconstruct = h("div", { class: "stack" }, h("div", { class: "fields" }, tick("reconstruct", "Reconstruct at once"), model, method), options);
   const about = group("Session", h("div", { class: "stack" }, fields(text("name", "Name"), text("sample", "Sample"), text("operator", "Operator")),
     area("notes", "Notes")));
   const besides = group("Extra frames and result", h("div", { class: "stack" },
     tick("dark", "Dark frame, behind the closed shutter"), tick("display_black", "Frame with all light off (subtracted)"), reconstruct));
 
+  /** The methods there are, and the options of the chosen one. */
+  function paintMethod() {
+    const choices = methodsOf(values);
+    const chosen = methodOf(values);
+    reconstruct.hidden = values.kind !== "polarization" && !chosen;
+    method.hidden = !values.reconstruct || choices.length < 2;
+    what.replaceChildren(...choices.map(([name, label]) => h("option", { value: name, selected: name === chosen }, label)));
+    options.hidden = !values.reconstruct || !(chosen in OPTIONS);
+    if (options.hidden || options.dataset.of === chosen) return;
+    options.dataset.of = chosen;
+    const shown = OPTIONS[chosen](values.options[chosen]);
+    const keep = () => {
+      values.options[chosen] = shown.options();
+      changed();
+    };
+    options.replaceChildren(shown.element);
+    shown.element.addEventListener("input", keep);
+    shown.element.addEventListener("change", keep);
+    values.options[chosen] = shown.options();
+  }
+
+  const listOf = (/** @type {HTMLElement} */ holder) => /** @type {HTMLSelectElement} */ (part(holder, "select"));
+  /** Offers a choice of a list, or not. */
+  function allow(holder, value, allowed) {
+    for (const option of listOf(holder).options) if (option.value === value) option.hidden = option.disabled = !allowed;
+  }
+
   function paint() {
     const { kind } = values;
     analyser.hidden = kind === "free";
     // Polarization needs angles; the other kinds can leave the analyser alone.
-    const none = angleMode.querySelector('[value="none"]');
-    none.hidden = none.disabled = kind === "polarization";
-    const until = angleMode.querySelector('[value="until"]');
-    until.hidden = until.disabled = kind !== "polarization";
+    allow(angleMode, "none", kind !== "polarization");
+    allow(angleMode, "until", kind === "polarization");
     const fits = kind === "polarization" ? values.angles !== "none" : values.angles !== "until";
     const mode = fits ? values.angles : "range";
-    angleMode.querySelector("select").value = mode;
+    listOf(angleMode).value = mode;
     for (const f of rangeFields) f.hidden = mode !== "range";
     listField.hidden = mode !== "list";
     for (const f of untilFields) f.hidden = mode !== "until";
-    for (const option of exposureMode.querySelectorAll("option")) option.hidden = option.disabled = !EXPOSING[kind].includes(option.value);
+    for (const { value } of listOf(exposureMode).options) allow(exposureMode, value, EXPOSING[kind].includes(value));
     const exposing = exposingOf(values);
-    exposureMode.querySelector("select").value = exposing;
+    listOf(exposureMode).value = exposing;
     exposures.hidden = exposing !== "several" || kind === "polarization";
     for (const f of bracketFields) f.hidden = exposing !== "bracket";
     exposure.hidden = exposing !== "fixed";
@@ -91,8 +134,10 @@ export function planForm(values, changed) {
     display.hidden = kind === "spots";
     for (const f of discFields) f.hidden = values.pattern !== "disc";
     spots.hidden = kind !== "spots";
+    for (const f of fringeFields) f.hidden = values.lights === "discs";
+    for (const f of discsFields) f.hidden = values.lights === "fringes";
     stepsGroup.hidden = kind !== "free";
-    reconstruct.hidden = kind !== "polarization" && !merges(values);
+    paintMethod();
     model.hidden = !values.reconstruct || kind !== "polarization";
   }
   paint();

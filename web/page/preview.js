@@ -1,5 +1,6 @@
 // The camera's live picture with its histogram.
 
+import { previewAids } from "./aids.js";
 import { get, picture, show } from "./api.js";
 import { h, panel, pause, say, svg } from "./dom.js";
 import { percent } from "./format.js";
@@ -21,12 +22,14 @@ export function previewPanel(signal) {
   const frame = h("output", { id: "preview-sequence" }, "–");
   const clipping = h("div", { class: "clipping" }, h("span", { class: "soft" }, "Saturated "), saturated);
   const about = h("span", { class: "soft" });
+  const aids = previewAids();
+  const well = h("div", { class: "well preview" }, image, aids.canvas, empty);
   poll();
-  return panel("Live picture", about, h("div", { class: "well preview" }, image, empty), histogram,
+  return panel("Live picture", about, well, histogram,
     h("div", { class: "row below-histogram" },
       h("span", {}, h("span", { class: "soft" }, "Mean "), mean), clipping,
       h("span", {}, h("span", { class: "soft" }, "Analyser "), angle),
-      h("span", {}, h("span", { class: "soft" }, "Frame "), frame)));
+      h("span", {}, h("span", { class: "soft" }, "Frame "), frame)), aids.element);
 
   async function poll() {
     let last = null;
@@ -38,6 +41,7 @@ export function previewPanel(signal) {
         if (problem.name === "AbortError") return;
         last = null;
         image.hidden = true;
+        aids.clear();
         empty.hidden = false;
         say(empty, problem.slug === "busy" ? "A session has the camera." : [problem.message, problem.remedy].filter(Boolean).join(" "));
         // Numbers of a frame that is not shown would be taken for the present.
@@ -54,10 +58,11 @@ export function previewPanel(signal) {
     const facts = await get("/devices/camera/preview", { signal });
     if (facts.sequence === last) return last;
     // As many pixels as the screen shows, in steps, so that the service can keep scaled frames.
-    const wanted = Math.min(facts.width, 160 * Math.ceil(((image.parentElement.clientWidth || 640) * devicePixelRatio) / 160));
+    const wanted = Math.min(facts.width, 160 * Math.ceil(((well.clientWidth || 640) * devicePixelRatio) / 160));
     const { blob } = await picture(`/devices/camera/preview.png?width=${wanted}`, { signal });
     show(image, blob);
-    image.parentElement.style.aspectRatio = `${facts.width} / ${facts.height}`;
+    await aids.look(blob, facts.width);
+    well.style.aspectRatio = `${facts.width} / ${facts.height}`;
     empty.hidden = true;
     draw(facts);
     return facts.sequence;

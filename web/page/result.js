@@ -9,6 +9,7 @@ import { MapView } from "./mapview.js";
 import { optionFields } from "./options.js";
 import { showPictures } from "./pictures.js";
 import { pixelChart } from "./pixelchart.js";
+import { soFar } from "./rendering.js";
 import { reportView } from "./report.js";
 
 const MAPS = [["orientation", "Orientation"], ["sigma", "σ"], ["dolp", "DoLP"], ["mask", "Mask"], ["s0", "S0"], ["aolp", "AoLP"]];
@@ -25,14 +26,24 @@ const MEANING = {
 };
 const FORMATS = [["exr", "EXR"], ["png", "PNG"], ["csv", "CSV"], ["npy", "NumPy"]];
 
-/** Shows a reconstruction until the signal fires. */
+/**
+ * Shows a reconstruction until the signal fires.
+ * @param {HTMLElement} main
+ * @param {Visit} visit
+ */
 export async function resultPage(main, { id, signal }) {
+  /** @type {Job} */
   const job = await get(`/reconstructions/${id}`, { signal });
   if (signal.aborted) return;
   if (job.state === "done" && job.report) return job.method === "polarization" ? showMaps(main, job, signal) : showPictures(main, job, signal);
   await showProgress(main, job, signal);
 }
 
+/**
+ * @param {HTMLElement} main
+ * @param {Job} job
+ * @param {AbortSignal} signal
+ */
 async function showProgress(main, job, signal) {
   const state = h("p", { role: "status", "aria-live": "polite" });
   const progress = h("progress", { id: "progress", max: 1, "aria-label": "Progress" });
@@ -56,13 +67,16 @@ async function showProgress(main, job, signal) {
       complain(problem);
     }
   } }, "Log");
-  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Reconstruction")),
-    panel("Progress", h("div", { class: "row" }, cancel, retry, readLog), h("div", { class: "stack" }, state, progress, error, log)));
-  const paint = (now) => {
+  const seen = job.method === "render" ? soFar(job, signal) : null;
+  const how = panel("Progress", h("div", { class: "row" }, cancel, retry, readLog), h("div", { class: "stack" }, state, progress, error, log));
+  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, seen ? "Rendering" : "Reconstruction")),
+    seen ? h("div", { class: "columns result" }, seen.element, how) : how);
+  const paint = (/** @type {Job} */ now) => {
     const open = now.state === "queued" || now.state === "running";
     const ended = { done: "Done.", failed: "Failed.", cancelled: "Cancelled.", set_aside: `Set aside after ${now.attempts} attempts.` }[now.state];
     say(state, ended ?? `${now.state === "queued" ? "Waiting for its turn" : "Running"}${now.stage ? `: ${now.stage}` : ""} (${percent(now.progress, 0)})`);
     progress.value = now.progress;
+    seen?.update(now);
     cancel.disabled = !open;
     retry.disabled = open || now.state === "done";
     error.replaceChildren(...(now.error ? [h("p", { class: "message", role: "alert" }, now.error)] : []));
@@ -74,6 +88,11 @@ async function showProgress(main, job, signal) {
   listen(`/reconstructions/${job.id}/events`, { event: (name, now) => name === "state" && !signal.aborted && paint(now) }, { signal, rest: true });
 }
 
+/**
+ * @param {HTMLElement} main
+ * @param {Job} job
+ * @param {AbortSignal} signal
+ */
 function showMaps(main, job, signal) {
   const { report } = job;
   const base = `/reconstructions/${job.id}`;
@@ -112,7 +131,7 @@ function showMaps(main, job, signal) {
   }
   function change() {
     say(meaning, shown === "period" ? periodMeaning(report.period) : MEANING[shown]);
-    canvas.setAttribute("aria-label", `${maps.find(([key]) => key === shown)[1]} map. Arrows move it, plus and minus zoom, 0 shows all, Enter picks the middle, Shift with arrows goes from pixel to pixel.`);
+    canvas.setAttribute("aria-label", `${maps.find(([key]) => key === shown)?.[1]} map. Arrows move it, plus and minus zoom, 0 shows all, Enter picks the middle, Shift with arrows goes from pixel to pixel.`);
     paintLegend(null);
     for (const link of links) makeDownload(link, `${base}/maps/${shown}.${link.dataset.download}`, `${job.id}-${shown}.${link.dataset.download}`, complain);
     view.reload();
@@ -138,6 +157,7 @@ function showMaps(main, job, signal) {
   const options = optionFields(report);
   const again = h("button", { type: "button", id: "again", onclick: async () => {
     try {
+      /** @type {Job} */
       const next = await post("/reconstructions", { session: job.session, upload: job.upload, ...options.request() });
       tell("Reconstructing anew.");
       location.hash = `#/result/${next.id}`;
@@ -150,6 +170,8 @@ function showMaps(main, job, signal) {
   nameOf(job, signal).then((name) => name && say(title, name));
   main.append(
     h("div", { class: "head" }, title,
+      h("a", { class: "button primary", id: "to-view", href: `#/view/${job.id}` }, "Under a light"),
+      h("a", { class: "button", href: `#/render/${job.id}` }, "Render"),
       job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
     h("div", { class: "columns result" },
       h("section", { class: "panel mappanel", "aria-label": "Map" },
@@ -162,7 +184,7 @@ function showMaps(main, job, signal) {
         panel("Options", null, options.element, h("div", { class: "row end" }, again)))));
   change();
   // For tests and the console: what the map shows can be moved by script.
-  canvas.view = view;
+  Object.assign(canvas, { view });
 }
 
 /** What the map of periods is worth. */
@@ -177,9 +199,14 @@ function periodVerdict(pixel, { heuristic }) {
   return heuristic ? `Heuristic period ${fixed(pixel.period_um, 3)} µm.` : `Period ${fixed(pixel.period_um, 3)} ± ${significant(pixel.period_sigma_um, 2)} µm (noise alone) for the assumed surface.`;
 }
 
-/** What the session is called; only a heading, so that a session deleted meanwhile is no problem. */
+/**
+ * What the session is called; only a heading, so that a session deleted meanwhile is no problem.
+ * @param {Job} job
+ * @param {AbortSignal} signal
+ */
 async function nameOf(job, signal) {
   if (!job.session) return "";
+  /** @type {Session | null} */
   const session = await get(`/sessions/${job.session}`, { signal }).catch(() => null);
   return session?.name || session?.sample;
 }

@@ -1,27 +1,39 @@
 // The state of service and devices, polled once a second and shared by header and pages.
 
 import { get, reach } from "./api.js";
-import { pause } from "./dom.js";
+import { after, pause } from "./dom.js";
 
 const PERIOD_MS = 1000;
 const target = new EventTarget();
 
 /** What is known now. `reachable` is null before the first answer; `problem` is why devices could not be read. */
+/** @type {{ devices: Devices | null, reachable: boolean | null, problem: Error & { remedy?: string } | null, since: number }} */
 export const service = { devices: null, reachable: null, problem: null, since: 0 };
 
-/** Calls back now and at every change, until the signal fires. */
+/**
+ * Calls back now and at every change, until the signal fires.
+ * @param {(now: typeof service) => void} call
+ * @param {AbortSignal} [signal]
+ */
 export function watch(call, signal) {
   const listener = () => call(service);
   target.addEventListener("change", listener, { signal });
   listener();
 }
 
-/** Calls back when the service can be reached again after it could not, until the signal fires. */
+/**
+ * Calls back when the service can be reached again after it could not, until the signal fires.
+ * @param {() => void} call
+ * @param {AbortSignal} [signal]
+ */
 export function onReturn(call, signal) {
   target.addEventListener("return", call, { signal });
 }
 
-/** Takes a devices document that a command answered with. */
+/**
+ * Takes a devices document that a command answered with.
+ * @param {Devices | null} devices
+ */
 export function accept(devices) {
   if (!devices?.stage) return;
   service.devices = devices;
@@ -41,7 +53,7 @@ reach.changed = (reachable) => {
 /** Reads the devices now. */
 export async function refresh() {
   try {
-    accept(await get("/devices", { signal: AbortSignal.timeout(5000) }));
+    accept(await get("/devices", { signal: after(5000) }));
   } catch (problem) {
     // A service that accepts connections and never answers is as good as gone.
     if (problem.name === "TimeoutError" || problem.name === "AbortError") return reach.changed(false);

@@ -3,11 +3,12 @@
 import { get, listen, makeDownload, picture, post, show } from "./api.js";
 import { facts, figures, h, panel, say, segments, settle } from "./dom.js";
 import { complain } from "./feedback.js";
-import { bytes, clock, degrees, duration, moment, words } from "./format.js";
+import { bytes, clock, degrees, duration, fileName, moment, percent, words } from "./format.js";
 import { dial } from "./dial.js";
 import { bar, wheel } from "./legend.js";
 import { prepare } from "./new.js";
 import { pretty } from "./plan.js";
+import { remedies } from "./remedy.js";
 import { onReturn } from "./service.js";
 
 /** Which commands a state allows, its tone, and what it means. */
@@ -27,20 +28,31 @@ const LOG_LINES = 500;
 /** Why a series that goes on until σ is as wanted has ended. */
 const ENDINGS = {
   met: "as wanted",
-  at_most: "all angles of the plan are taken",
-  cannot: "ended early: all angles of the plan would not be enough",
+  at_most: "all that the plan allows is taken",
+  cannot: "ended early: all that the plan allows would not be enough",
 };
 
-/** The σ so far, and the one that is wanted. */
-function sigmaText({ angles, sigma_deg, until_sigma_deg, at_most }, ended) {
+/** What is known so far of a series that goes on until enough is, and what is wanted. */
+function knownText(known, ended) {
+  if ("fringes" in known) {
+    const now = known.undecided === null ? "No first order on the panel yet" : `${percent(known.undecided, 1)} of the pixels with a first order undecided`;
+    return [`${now}, ${percent(known.until_undecided, 1)} wanted`, `${known.fringes} of at most ${known.at_most} fringes`, ENDINGS[ended]].filter(Boolean).join(" · ");
+  }
+  const { angles, sigma_deg, until_sigma_deg, at_most } = known;
   const now = sigma_deg === null ? "No orientation yet" : `σ ${degrees(sigma_deg, 2)}`;
   return [`${now}, ${degrees(until_sigma_deg, 2)} wanted`, `${angles} of at most ${at_most} angles`, ENDINGS[ended]].filter(Boolean).join(" · ");
 }
 
-/** Shows a session until the signal fires. */
+/**
+ * Shows a session until the signal fires.
+ * @param {HTMLElement} main
+ * @param {Visit} visit
+ */
 export async function sessionPage(main, { id, signal }) {
   const base = `/sessions/${id}`;
+  /** @type {Session} */
   let session = await get(base, { signal });
+  /** @type {Frame[]} */
   let frames = (await get(`${base}/frames`, { signal })).items;
   if (signal.aborted) return;
   const planned = session.plan?.analyser?.angles_deg ?? [];
@@ -48,7 +60,7 @@ export async function sessionPage(main, { id, signal }) {
   const state = h("strong", { id: "session-state", role: "status", "aria-live": "polite" });
   const lamp = h("span", { class: "lamp" }, state);
   const means = h("span", { class: "soft" });
-  const error = h("div", { class: "message", role: "alert", hidden: true });
+  const remedy = remedies(() => command("resume"));
   const progress = h("progress", { id: "progress", max: 1, value: 0, "aria-label": "Frames taken" });
   const taken = h("span", {}, "");
   const sigma = h("p", { id: "session-sigma", class: "soft", role: "status", hidden: true });
@@ -86,7 +98,7 @@ export async function sessionPage(main, { id, signal }) {
     h("div", { class: "columns session" },
       h("div", { class: "stack" },
         panel("Progress", h("div", { class: "row" }, Object.values(buttons)), h("div", { class: "stack" },
-          h("p", { class: "row" }, lamp, means), error, progress, sigma, figures([["frames", taken], [time, eta], ["on disk", size]]))),
+          h("p", { class: "row" }, lamp, means), remedy.element, progress, sigma, figures([["frames", taken], [time, eta], ["on disk", size]]))),
         panel(pictured ? "Picture" : "Map", pictured ? null : choice, h("div", { class: "well mapwell live" }, map, mapEmpty), h("div", { class: "row under" }, legend, mapAbout))),
       h("div", { class: "stack" },
         h("div", { class: "columns pair" },
@@ -100,7 +112,7 @@ export async function sessionPage(main, { id, signal }) {
 
   function note(text) {
     log.prepend(h("li", {}, h("time", {}, clock()), text));
-    while (log.children.length > LOG_LINES) log.lastElementChild.remove();
+    while (log.children.length > LOG_LINES) log.lastElementChild?.remove();
   }
 
   async function command(verb) {
@@ -113,6 +125,7 @@ export async function sessionPage(main, { id, signal }) {
     paint();
   }
 
+  /** @param {Session | null} next */
   function take(next) {
     if (!next) return;
     if (next.state !== session.state) note(`State: ${next.state}`);
@@ -129,18 +142,17 @@ export async function sessionPage(main, { id, signal }) {
     lamp.dataset.tone = tone;
     say(means, session.stage && session.state === "running" ? words(session.stage) : meaning);
     for (const [verb, button] of Object.entries(buttons)) button.disabled = !can.includes(verb);
-    error.hidden = !session.error;
-    say(error, session.error ?? "");
+    remedy.update(session);
     progress.value = session.frames_planned ? session.frames_committed / session.frames_planned : 0;
     say(taken, `${session.frames_committed} of ${session.frames_planned}`);
     sigma.hidden = !session.sigma;
-    if (session.sigma) say(sigma, sigmaText(session.sigma, session.ended));
+    if (session.sigma) say(sigma, knownText(session.sigma, session.ended));
     const { wall_s } = session.timing ?? {};
     say(eta, session.eta_s !== null && session.eta_s !== undefined ? duration(session.eta_s) : duration(wall_s));
     say(time, wall_s ? "taken" : "to go");
     say(size, bytes(session.bytes));
     resultLink.hidden = !session.has_results;
-    angles.marks(planned, frames.map((f) => f.analyser_deg).filter((a) => typeof a === "number"));
+    angles.marks(planned, frames.flatMap((f) => f.analyser_deg ?? []));
     const newest = frames.at(-1)?.analyser_deg;
     if (typeof newest === "number") angles.set(newest);
   }
@@ -182,11 +194,11 @@ export async function sessionPage(main, { id, signal }) {
   const refreshFrame = latest(async () => {
     const frame = frames.at(-1);
     if (!frame) return;
-    const name = frame.file.split("/").pop().replace(/\.png$/, "");
+    const name = fileName(frame.file).replace(/\.png$/, "");
     const { blob } = await picture(`${base}/frames/${name}.png?width=${pixels(last)}`, { signal });
     show(last, blob);
     lastEmpty.hidden = true;
-    say(lastAbout, [frame.file.split("/").pop(), typeof frame.analyser_deg === "number" && degrees(frame.analyser_deg, 1), duration(frame.exposure_s)].filter(Boolean).join(" · "));
+    say(lastAbout, [fileName(frame.file), typeof frame.analyser_deg === "number" && degrees(frame.analyser_deg, 1), duration(frame.exposure_s)].filter(Boolean).join(" · "));
   });
 
   function paintFrames() {
@@ -202,7 +214,7 @@ export async function sessionPage(main, { id, signal }) {
       const { items } = await get(`${base}/files`, { signal });
       fileHolder.replaceChildren(h("table", {}, h("tbody", {}, items.map((f) => {
         const link = h("a", {}, f.path);
-        makeDownload(link, `${base}/files/${f.path.split("/").map(encodeURIComponent).join("/")}`, f.path.split("/").pop(), complain);
+        makeDownload(link, `${base}/files/${f.path.split("/").map(encodeURIComponent).join("/")}`, fileName(f.path), complain);
         return h("tr", {}, h("td", {}, link), h("td", { class: "number" }, bytes(f.bytes)));
       }))));
     } catch (problem) {
@@ -216,7 +228,7 @@ export async function sessionPage(main, { id, signal }) {
       if (frames.some((f) => f.file === frame.file)) return;
       frames = [...frames, frame];
       session.frames_committed = Math.max(session.frames_committed, frames.length);
-      note([frame.file.split("/").pop(), typeof frame.analyser_deg === "number" && degrees(frame.analyser_deg), duration(frame.exposure_s),
+      note([fileName(frame.file), typeof frame.analyser_deg === "number" && degrees(frame.analyser_deg), duration(frame.exposure_s),
         frame.dropped > 0 && `${frame.dropped} stale dropped`].filter(Boolean).join(" · "));
       paint();
       refreshFrame();

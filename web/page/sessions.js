@@ -1,9 +1,9 @@
 // #/sessions: finding sessions again.
 
 import { get, picture, query, send, show } from "./api.js";
-import { field, h, select, settle } from "./dom.js";
+import { field, firstOf, h, select, settle } from "./dom.js";
 import { complain, confirmed, problemMessage, tell } from "./feedback.js";
-import { bytes, moment, words } from "./format.js";
+import { bytes, fileName, moment, words } from "./format.js";
 import { KINDS } from "./plan.js";
 
 const PAGE = 20;
@@ -11,8 +11,13 @@ const TONES = { finished: "good", failed: "bad", idle: "warn", paused: "warn" };
 // Kept while the page is open, so that the way back from a session leads to the same list.
 const wanted = { text: "", kind: "", state: "" };
 
-/** Shows the list until the signal fires. */
+/**
+ * Shows the list until the signal fires.
+ * @param {HTMLElement} main
+ * @param {Visit} visit
+ */
 export async function sessionsPage(main, { signal }) {
+  /** @type {(string | null)[]} Where each page so far began. */
   let trail = [null];
   let asked = new AbortController();
   const text = h("input", { id: "search", type: "search", value: wanted.text, placeholder: "Name, sample, operator, notes", oninput: (e) => change("text", e.target.value) });
@@ -23,15 +28,21 @@ export async function sessionsPage(main, { signal }) {
   const back = h("button", { type: "button", onclick: () => { trail.pop(); load(); } }, "Newer");
   const on = h("button", { type: "button", onclick: () => { trail.push(next); load(); } }, "Older");
   let next = null;
+  const pager = h("div", { class: "row pager" }, back, on);
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Sessions"), h("a", { class: "button primary", href: "#/new" }, "New session")),
     h("div", { class: "panel filters fields", role: "search" }, field("Search", text), field("Kind", kind), field("State", state)),
-    said, list, h("div", { class: "row pager" }, back, on));
+    said, list, pager);
 
+  // What each card shows, until it is seen.
+  /** @type {Map<Element, Session>} */
+  const unseen = new Map();
   const seen = new IntersectionObserver((entries) => {
-    for (const entry of entries) {
-      if (!entry.isIntersecting) continue;
-      seen.unobserve(entry.target);
-      thumbnail(entry.target.querySelector("img"), entry.target.session, signal);
+    for (const { isIntersecting, target } of entries) {
+      if (!isIntersecting) continue;
+      seen.unobserve(target);
+      const session = unseen.get(target);
+      if (session) thumbnail(/** @type {HTMLImageElement} */ (target.querySelector("img")), session, signal);
+      unseen.delete(target);
     }
   }, { rootMargin: "200px" });
   signal.addEventListener("abort", () => seen.disconnect());
@@ -46,12 +57,14 @@ export async function sessionsPage(main, { signal }) {
     asked.abort();
     asked = new AbortController();
     try {
-      const page = await get(`/sessions${query({ ...wanted, limit: PAGE, cursor: trail.at(-1) })}`, { signal: AbortSignal.any([signal, asked.signal]) });
+      /** @type {{ items: Session[], next: string | null }} */
+      const page = await get(`/sessions${query({ ...wanted, limit: PAGE, cursor: trail.at(-1) })}`, { signal: firstOf(signal, asked.signal) });
       next = page.next;
+      unseen.clear();
       list.replaceChildren(...page.items.map(card));
       back.disabled = trail.length < 2;
       on.disabled = !next;
-      back.parentElement.hidden = back.disabled && on.disabled;
+      pager.hidden = back.disabled && on.disabled;
       const filtered = wanted.text || wanted.kind || wanted.state;
       said.textContent = page.items.length ? "" : filtered ? "No session matches." : "No sessions yet. Start one under “New session”.";
       said.hidden = page.items.length > 0;
@@ -62,6 +75,7 @@ export async function sessionsPage(main, { signal }) {
     }
   }
 
+  /** @param {Session} session */
   function card(session) {
     const title = session.name || session.sample || "Untitled";
     const remove = h("button", { type: "button", class: "quiet icon", "aria-label": `Delete ${title}`, title: "Delete", onclick: () => erase(session, title) }, "✕");
@@ -75,7 +89,7 @@ export async function sessionsPage(main, { signal }) {
           h("span", {}, words(session.kind)), h("span", {}, moment(session.created)), h("span", {}, `${session.frames_committed} of ${session.frames_planned} frames`), h("span", {}, bytes(session.bytes)),
           session.has_results && h("a", { href: `#/result/${session.id}` }, "Result"))),
       remove);
-    element.session = session;
+    unseen.set(element, session);
     seen.observe(element);
     return element;
   }
@@ -100,13 +114,19 @@ export async function sessionsPage(main, { signal }) {
   }
 }
 
-/** The best picture there is: the map, the map so far, a photograph. None is no problem. */
+/**
+ * The best picture there is: the map, the map so far, a photograph. None is no problem.
+ * @param {HTMLImageElement} image
+ * @param {Session} session
+ * @param {AbortSignal} signal
+ */
 async function thumbnail(image, session, signal) {
   const width = 192;
   const frame = async () => {
+    /** @type {{ items: Frame[] }} */
     const { items } = await get(`/sessions/${session.id}/frames`, { signal });
     const chosen = items.find((f) => f.role === "series") ?? items[0];
-    return chosen && `/sessions/${session.id}/frames/${chosen.file.split("/").pop().replace(/\.png$/, "")}.png?width=${width}`;
+    return chosen && `/sessions/${session.id}/frames/${fileName(chosen.file).replace(/\.png$/, "")}.png?width=${width}`;
   };
   const sources = [
     session.has_results && `/reconstructions/${session.id}/maps/orientation.png?width=${width}`,

@@ -9,8 +9,10 @@ import { dial } from "./dial.js";
 
 /** The panel, and how to bring it up to date. */
 export function stagePanel() {
+  /** @type {Devices["stage"] | null} */
   let stage = null;
   // Where the stage is to go after the move under way: quick presses of a jog button add up and need not wait.
+  /** @type {number | null} */
   let target = null;
   let moving = false;
 
@@ -27,7 +29,7 @@ export function stagePanel() {
     const next = target;
     target = null;
     paint();
-    if (next !== null && next !== stage.analyser_deg) move(next);
+    if (next !== null && next !== stage?.analyser_deg) move(next);
   }
   const move = (deg) => {
     if (moving) target = deg;
@@ -35,6 +37,7 @@ export function stagePanel() {
     goal = deg;
     paint();
   };
+  /** @type {number | null} */
   let goal = null;
   const jog = (by) => {
     const from = moving && goal !== null ? goal : stage?.analyser_deg;
@@ -74,11 +77,12 @@ export function stagePanel() {
         h("div", { class: "row end" }, form, home), about)));
   return {
     element,
+    /** @param {Devices} devices */
     update(devices) {
       stage = devices.stage;
       const [low, high] = stage.limits_deg;
-      input.min = low;
-      input.max = high;
+      input.min = String(low);
+      input.max = String(high);
       say(about, `${stage.id} · ${plain(low)}° to ${plain(high)}°${stage.by_hand ? " · turned by hand" : ` · ${plain(stage.speed_deg_s)}°/s`}${stage.halts ? "" : " · STOP does not cut a movement short"}`);
       paint();
     },

@@ -1,15 +1,22 @@
 // The options of a lookup table: wavelength, scale, light, observer, size.
 
 import { field, h, number, select } from "./dom.js";
+import { send } from "./api.js";
 
 const NAMES = { E: "E (equal energy)", A: "A (tungsten)", "A-inverse": "Inverse of A", D65: "D65 (daylight)" };
 export const LIGHTS = ["E", "A", "A-inverse", "D65", ...Array.from({ length: 12 }, (_, i) => `FL${i + 1}`), "LED-B1", "LED-B3"].map((name) => [name, NAMES[name] ?? name]);
+const CHANNELS = [["", "That of the wavelength"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]];
 const OBSERVERS = [["1931", "CIE 1931, 2°"], ["1964", "CIE 1964, 10°"]];
 
-/** The fields, as an earlier table left them if there is one; `options()` is what the service takes. */
-export function tableFields(given = {}) {
-  const band = typeof given.wavelength_nm === "number" ? given.wavelength_nm : "";
-  const wavelength = number({ id: "table-wavelength", value: band, min: 200, max: 2000 });
+/** The fields, as an earlier table left them if there is one; `options()` is what the service takes. `inputs()` uploads the photograph of a light
+    and says what stands for it in the request; an earlier light stays. What is only planned has none yet.
+    @param {any} given
+    @param {{ planned?: boolean, light?: Partial<LightUpload> | null }} more */
+export function tableFields(given = {}, { planned = false, light: earlier = null } = {}) {
+  // One, or those of red, green and blue.
+  const bands = [given.wavelength_nm ?? []].flat();
+  const [wavelength, ...others] = ["wavelength", "green", "blue"].map((name, k) => number({ id: `table-${name}`, value: bands[k] ?? "", min: 200, max: 2000 }));
+  const channel = select(CHANNELS, given.channel ?? "", { id: "table-channel" });
   const scale = number({ id: "table-scale", value: given.scale ?? "", min: 0 });
   const light = select(LIGHTS, given.illuminant ?? "E", { id: "table-light" });
   const observer = select(OBSERVERS, given.observer ?? "1931", { id: "table-observer" });
@@ -17,28 +24,60 @@ export function tableFields(given = {}) {
   const extent = number({ id: "table-extent", value: given.extent ?? "", min: 0, max: 2 });
   const exponent = number({ id: "table-exponent", value: given.exponent ?? 4 });
   const center = [0, 1].map((k) => number({ id: `table-center-${"xy"[k]}`, value: given.center?.[k] ?? "", min: 0 }));
+  const shape = h("input", { type: "file", id: "table-shape", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr" });
+  const shapeScale = number({ id: "table-shape-scale", value: earlier?.scale ?? "", min: 0 });
+  const shapeValues = select([["", "As those of the pattern"], ["linear", "Linear"], ["srgb", "sRGB"]], typeof earlier?.transfer === "string" ? earlier.transfer : "", { id: "table-shape-values" });
   const element = h("div", { class: "fields" },
     field("Light", light), field("Observer", observer),
     field("Wavelength of the photograph (nm)", wavelength, { hint: "Empty: as the session says" }),
+    field("Wavelength of green (nm)", others[0], { hint: "With the next, and red's above, for a colour photograph in three bands" }), field("Wavelength of blue (nm)", others[1]),
+    field("Channel of a colour photograph", channel, { hint: "For one wavelength" }),
     field("Half vector per pixel", scale, { hint: "2 × pixel size ÷ distance. Empty: from the session's geometry" }),
     field("Size (entries)", size), field("Extent", extent, { hint: "Empty: as far as was measured" }),
     field("Exponent", exponent, { hint: "4 is exact for shallow gratings" }),
-    field("Zero order, from the left (pixels)", center[0], { hint: "Empty: the brightest lobe" }), field("Zero order, from the top (pixels)", center[1]));
+    field("Zero order, from the left (pixels)", center[0], { hint: "Empty: the brightest lobe" }), field("Zero order, from the top (pixels)", center[1]),
+    !planned && [
+      field("Photograph of a light that is no point", shape, { hint: earlier ? "Empty: the same light as before" : "Its mirror image, or exposures of that. Empty: a point" }),
+      field("Half vector per pixel of the light", shapeScale, { hint: "Empty: that of the pattern" }), field("Values of the light", shapeValues)]);
   // Whatever has no field stays as it was; empty fields are left to the service.
-  const values = () => ({ wavelength_nm: wavelength, scale, size, extent, exponent });
+  const values = () => ({ scale, size, extent, exponent });
   return {
     element,
     options: () => {
+      /** @type {Record<string, unknown>} */
       const options = { ...given, illuminant: light.value, observer: observer.value };
       for (const [name, input] of Object.entries(values())) {
         if (Number.isFinite(input.valueAsNumber)) options[name] = input.valueAsNumber;
-        else if (name !== "wavelength_nm" || typeof given.wavelength_nm === "number") delete options[name];
+        else delete options[name];
       }
+      const told = [wavelength, ...others].map((input) => input.valueAsNumber);
+      // A band that is missing is for the service to refuse.
+      if (told.slice(1).some(Number.isFinite)) options.wavelength_nm = told.map((nm) => (Number.isFinite(nm) ? nm : 0));
+      else if (Number.isFinite(told[0])) options.wavelength_nm = told[0];
+      else delete options.wavelength_nm;
+      if (channel.value) options.channel = channel.value;
+      else delete options.channel;
       const place = center.map((input) => input.valueAsNumber);
       if (place.every(Number.isFinite)) options.center = place;
       else delete options.center;
       if ("scale" in options) delete options.geometry;
       return options;
+    },
+    inputs: async (signal) => {
+      const chosen = shape.files ?? [];
+      if (chosen.length === 0 && !earlier) return {};
+      const light = { ...earlier };
+      if (chosen.length > 0) {
+        const form = new FormData();
+        form.append("kind", "photographs");
+        for (const file of chosen) form.append("file", file, file.name);
+        light.upload = (await (await send("/uploads", { method: "POST", body: form, signal })).json()).id;
+        delete light.center;
+      }
+      light.scale = Number.isFinite(shapeScale.valueAsNumber) ? shapeScale.valueAsNumber : null;
+      // An exponent has no place in the list; it stays.
+      light.transfer = shapeValues.value || (typeof earlier?.transfer === "object" ? earlier.transfer : null);
+      return { light };
     },
   };
 }

@@ -20,7 +20,11 @@ function guess(name) {
   return fitting.length ? fitting.at(-1) : null;
 }
 
-/** Shows the form until the signal fires. */
+/**
+ * Shows the form until the signal fires.
+ * @param {HTMLElement} main
+ * @param {Visit} visit
+ */
 export async function uploadPage(main, { signal }) {
   let photographs = [];
   let picked = null;
@@ -126,7 +130,8 @@ export async function uploadPage(main, { signal }) {
       const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
       const asked = polarized ? options.request() : { method: method.value };
       if (method.value in forms) asked.options = { ...forms[method.value].options(), ...(alone() ? { transfer: transfer.value } : {}) };
-      const job = await post("/reconstructions", { session: null, upload: upload.id, ...asked });
+      const others = (await forms[method.value]?.inputs?.(signal)) ?? {};
+      const job = await post("/reconstructions", { session: null, upload: upload.id, ...asked, ...others });
       location.hash = `#/result/${job.id}`;
     } catch (problem) {
       if (problem.name === "AbortError") return;

@@ -2,6 +2,10 @@
 //!
 //! The page needs nothing from outside. It works under the content security policy in [`POLICY`].
 
+mod standalone;
+
+pub use standalone::standalone;
+
 /// A file of the page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Asset {
@@ -42,11 +46,15 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("display.css", STYLE),
     row!("layout.css", STYLE),
     row!("pages.css", STYLE),
+    row!("aids.js", SCRIPT),
     row!("api.js", SCRIPT),
     row!("app.js", SCRIPT),
     row!("assetforms.js", SCRIPT),
     row!("assetreports.js", SCRIPT),
     row!("bench.js", SCRIPT),
+    row!("boardsheet.js", SCRIPT),
+    row!("calibrate.js", SCRIPT),
+    row!("calibrated.js", SCRIPT),
     row!("charts.js", SCRIPT),
     row!("controls.js", SCRIPT),
     row!("dial.js", SCRIPT),
@@ -70,8 +78,12 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("plan.js", SCRIPT),
     row!("planform.js", SCRIPT),
     row!("preview.js", SCRIPT),
+    row!("remedy.js", SCRIPT),
+    row!("render.js", SCRIPT),
+    row!("rendering.js", SCRIPT),
     row!("report.js", SCRIPT),
     row!("result.js", SCRIPT),
+    row!("results.js", SCRIPT),
     row!("service.js", SCRIPT),
     row!("session.js", SCRIPT),
     row!("sessions.js", SCRIPT),
@@ -79,6 +91,23 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("steps.js", SCRIPT),
     row!("theme.js", SCRIPT),
     row!("upload.js", SCRIPT),
+    row!("standalone.js", SCRIPT),
+    row!("comparing.js", SCRIPT),
+    row!("finding.js", SCRIPT),
+    row!("layer.js", SCRIPT),
+    row!("painter.js", SCRIPT),
+    row!("pointing.js", SCRIPT),
+    row!("ruler.js", SCRIPT),
+    row!("study.js", SCRIPT),
+    row!("turntable.js", SCRIPT),
+    row!("zip.js", SCRIPT),
+    row!("turning.js", SCRIPT),
+    row!("view.js", SCRIPT),
+    row!("viewer.js", SCRIPT),
+    (
+        "/assets/shaders.js",
+        Asset { bytes: include_bytes!(concat!(env!("OUT_DIR"), "/shaders.js")), content_type: SCRIPT },
+    ),
 ];
 
 /// What is at a path, if anything.
@@ -113,6 +142,8 @@ mod tests {
             assert!(found.bytes.len() > 100, "{path} is empty");
             named.extend(imports.into_iter().map(|file| format!("/assets/{file}")));
         }
+        // The file that a view is exported to begins with it.
+        named.insert("/assets/standalone.js".into());
         assert!(named.len() > 25, "only {named:?} were found");
         for path in &named {
             assert!(asset(path).is_some(), "{path} is named but not embedded");
@@ -125,7 +156,8 @@ mod tests {
     #[test]
     fn every_file_is_embedded_once() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/page");
-        assert_eq!(std::fs::read_dir(folder).expect(folder).count(), ASSETS.len());
+        // And the shaders, which the build makes.
+        assert_eq!(std::fs::read_dir(folder).expect(folder).count() + 1, ASSETS.len());
         let paths: BTreeSet<_> = ASSETS.iter().map(|(path, _)| path).collect();
         assert_eq!(paths.len(), ASSETS.len());
     }

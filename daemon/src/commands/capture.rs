@@ -123,12 +123,17 @@ fn dry_run(plan: &Plan, console: &Console) -> Result<(), Failure> {
     let (steps, most) = (plan.steps(), plan.most_steps());
     let mut text: Vec<String> = steps.iter().map(line).collect();
     let mut value: Vec<_> = steps.iter().map(|step| serde_json::json!(step)).collect();
-    if let Some(until) = plan.until_sigma() {
-        let more = most.len() - steps.len();
-        text.push(format!(
-            "up to {more} more, each angle where it helps most, until σ is {}° for 90 % of the pixels with an orientation",
-            until.until_sigma_deg
-        ));
+    let more = most.len() - steps.len();
+    let until_sigma = plan.until_sigma().map(|until| {
+        let wanted = until.until_sigma_deg;
+        format!("up to {more} more, each angle where it helps most, until σ is {wanted}° for 90 % of the pixels with an orientation")
+    });
+    let until_decided = plan.until_decided().map(|until| {
+        let wanted = 100.0 * until.undecided;
+        format!("up to {more} more, with more fringes, until at most {wanted} % of the pixels with a first order are undecided")
+    });
+    if let Some(until) = until_sigma.or(until_decided) {
+        text.push(until);
         value.extend(most[steps.len()..].iter().map(|s| serde_json::json!({ "file": s.file, "if_needed": true })));
     }
     console.result(&text.join("\n"), &value);

@@ -3,7 +3,7 @@
 use crate::Failure;
 use crate::console::Console;
 use nacre_processing::Error;
-use nacre_processing::chart::{Charted, Effort, Picture, Plan, Request, Study, chart, polarimetry};
+use nacre_processing::chart::{Charted, Effort, Picture, Plan, Request, Study, chart, gpu, polarimetry};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
@@ -57,6 +57,8 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let effort = if args.quick { Effort::Quick } else { Effort::Full };
     let (mut studies, mut pictures) = (polarimetry::studies(effort), polarimetry::pictures());
     studies.extend(nacre_sim::charts::studies(effort));
+    studies.extend(gpu::studies(effort));
+    pictures.extend(gpu::pictures());
     let listed = list(&studies, &pictures);
     if args.list {
         console.result(&text_of(&listed), &listed);

@@ -4,12 +4,14 @@ use super::reconstruct::summary;
 use super::sim::{BenchOptions, simulate};
 use crate::Failure;
 use crate::console::Console;
+use crate::service::view::Look;
 use nacre_processing::Error;
 use nacre_processing::image::{Canvas, OutputFolder, orientation_picture, read, read_exr, scalar_picture};
 use nacre_processing::polarimetry::{Comparison, Options, Report, compare, reconstruct};
 use nacre_sim::{BenchConfig, Truth};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::Instant;
 
 /// Mean orientation error that the demo must stay under.
@@ -24,6 +26,7 @@ const PURE: f32 = 0.999;
 Examples:
   nacre demo
   nacre demo --sample logo --seed 3 --out logo
+  nacre demo --open                    and turn the sample under a light in the browser
   nacre demo --retardance-deg 10      a film behind which the phase is not the orientation: the curve is fitted
 
 Exits with 1 when the mean orientation error is not under 0.5°.")]
@@ -33,6 +36,9 @@ pub struct Args {
     /// New folder for session, results and pictures (default: nacre-demo, or the next free nacre-demo-N).
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Open the sample under a light in the browser: result/view.html, which needs no service.
+    #[arg(long)]
+    open: bool,
 }
 
 #[derive(Serialize)]
@@ -99,12 +105,33 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         report,
         out,
     };
-    console.result(&text(&outcome), &outcome);
+    let view = args.open.then(|| view(&result)).transpose()?;
+    let mut said = text(&outcome);
+    if let Some(file) = &view {
+        said += &format!("\nview      {}{}", file.display(), if opened(file) { "" } else { ": open it in a browser" });
+    }
+    console.result(&said, &outcome);
     if within_bound {
         return Ok(());
     }
     let mean = judged.error.map_or("unknown".to_owned(), |e| format!("{:.2}°", e.mean_deg));
     Err(Failure::Bound(format!("the mean orientation error is {mean}, the demo's bound is {BOUND_DEG}°")))
+}
+
+/// The sample under a light, as one file.
+fn view(result: &Path) -> Result<PathBuf, Failure> {
+    let file = result.join("view.html");
+    let page = crate::service::view::page("A simulated sample", result, &Look::default());
+    let page = page.map_err(|problem| Error::file(result, problem, "report this"))?;
+    nacre_processing::image::write_whole(&file, &page)?;
+    Ok(file)
+}
+
+/// Whether the system opens a file.
+fn opened(file: &Path) -> bool {
+    let program = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
+    let quiet = std::process::Stdio::null;
+    Command::new(program).arg(file).stdin(quiet()).stdout(quiet()).stderr(quiet()).spawn().is_ok()
 }
 
 struct Judged {

@@ -1,6 +1,7 @@
 //! `nacre factor`.
 
 use crate::Failure;
+use crate::commands::said;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_processing::environment::factor::{Job, Kind, Settings, factor};
@@ -100,10 +101,13 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         let _ = write!(text, "\npicture   {:.2} % in this environment", 100.0 * error);
     }
     let _ = write!(text, "\nmethod    {}", report.advice);
-    for warning in &report.warnings {
-        let _ = write!(text, "\nwarning   {warning}");
-    }
-    let _ = write!(text, "\ntime      {:.2} s\nresults   {}", report.seconds, args.out.display());
+    let _ = write!(
+        text,
+        "\n{}time      {:.2} s\nresults   {}",
+        said::lines(&[], &report.warnings),
+        report.seconds,
+        args.out.display()
+    );
     console.result(&text, &report);
     Ok(())
 }

@@ -136,7 +136,7 @@ fn pattern(text: &str) -> Result<Pattern, String> {
 }
 
 /// Opens the bench, runs `work` while the interlocks hold, and leaves the light off.
-fn with_hands<T>(
+pub(super) fn with_hands<T>(
     bench: &BenchArgs,
     console: &Console,
     work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>,

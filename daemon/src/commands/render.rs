@@ -1,10 +1,12 @@
 //! `nacre render`.
 
 use crate::Failure;
+use crate::commands::said;
 use crate::console::Console;
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
-use nacre_processing::render::{Report, Scene, Settings, exposure, render, write_picture, write_png};
+use nacre_processing::render::{Report, Scene, Settings, exposure, gallery_skin, render, write_picture, write_png};
+use nacre_processing::surface::height::{self, Scale};
 use nacre_processing::surface::output::vacant;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -18,6 +20,7 @@ Examples:
   nacre render foil.toml --out foil.exr --keep foil.state.exr          Ctrl-C, and later the same with --resume
   nacre render foil.toml --out turning --frames 36 --turn light       a folder of 36 pictures
   nacre render --gallery gallery                                       scenes to start from, rendered
+  nacre render --gallery gallery --skin elaphe.png --pixel-um 0.08 --range-um 0.43
 
 A scene (nacre schema scene):
   [camera]
@@ -52,6 +55,15 @@ pub struct Args {
     /// Write scenes to start from into this folder, and render them.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "out", "frames", "keep"])]
     gallery: Option<PathBuf>,
+    /// With --gallery: the snake once more, with the skin that this height field measures (image, EXR or text, as for nacre brdf map).
+    #[arg(long, value_name = "FILE", requires = "gallery")]
+    skin: Option<PathBuf>,
+    /// Size of its pixels, unless the file says so.
+    #[arg(long, value_name = "UM", requires = "skin")]
+    pixel_um: Option<f64>,
+    /// Height of its white above its black, unless the file says so.
+    #[arg(long, value_name = "UM", requires = "skin")]
+    range_um: Option<f64>,
     /// Noise at which the picture is done: root mean square of the pixels' standard errors over the mean luminance. If it is given, the exit
     /// code is 1 when the samples did not suffice.
     #[arg(long, value_name = "REL")]
@@ -77,6 +89,9 @@ pub struct Args {
     /// What turns, about the z axis.
     #[arg(long, value_enum, requires = "frames")]
     turn: Option<Turning>,
+    /// Render on a graphics card; on the processor where there is none, or none that does the scene.
+    #[arg(long)]
+    gpu: bool,
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
@@ -123,6 +138,7 @@ impl Args {
             keep: self.keep.clone(),
             resume: self.resume,
             check: self.check,
+            gpu: self.gpu,
         }
     }
 
@@ -181,7 +197,7 @@ fn animation(
         noise = noise.max(report.noise);
         reports.push(report);
     }
-    target.write("report.json", serde_json::to_string_pretty(&reports).unwrap_or_default().as_bytes())?;
+    target.write_json("report.json", &reports)?;
     target.commit()?;
     let text = format!("frames    {frames} in {}\nquality   noise {noise:.2e} of the mean or less", out.display());
     console.result(&text, &reports);
@@ -189,8 +205,14 @@ fn animation(
 }
 
 fn gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), Failure> {
+    let scale = Scale { pixel_um: args.pixel_um, range_um: args.range_um };
+    let skin = args.skin.as_ref().map(|path| height::read(path, &scale)).transpose()?;
     let target = OutputFolder::begin(folder, args.force)?;
-    let scenes = nacre_processing::render::gallery(&target)?;
+    let mut scenes = nacre_processing::render::gallery(&target)?;
+    if let Some(skin) = &skin {
+        // First, so that a skin that is too coarse is refused before the others are rendered.
+        scenes.splice(0..0, gallery_skin(&target, skin)?.map(str::to_owned));
+    }
     let (mut reports, mut text, mut noise) = (vec![], String::new(), 0.0_f64);
     for name in scenes {
         let path = target.path(&format!("{name}.toml"));
@@ -204,7 +226,7 @@ fn gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), Failure>
         noise = noise.max(report.noise);
         reports.push(serde_json::json!({ "scene": name, "report": report }));
     }
-    target.write("report.json", serde_json::to_string_pretty(&reports).unwrap_or_default().as_bytes())?;
+    target.write_json("report.json", &reports)?;
     target.commit()?;
     let _ = write!(text, "results   {}", folder.display());
     console.result(&text, &reports);
@@ -214,21 +236,22 @@ fn gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), Failure>
 /// The report in a few lines.
 fn summary(report: &Report) -> String {
     let [width, height] = report.size;
-    let mut text = format!("picture   {width} × {height} pixels, {} samples each", report.samples);
+    let mut text =
+        format!("picture   {width} × {height} pixels, {} samples each, on {}", report.samples, report.device);
     for (name, notes) in &report.materials {
         let _ = write!(text, "\nmaterial  {name}: {}", notes.method);
     }
     let p = &report.predicted;
     let _ = write!(text, "\nquality   noise {:.2e} of the mean ({:.2e} expected)", report.noise, p.noise);
     let measured = report.measured_model_error.map_or("not measured".into(), |e| format!("{e:.2e} measured"));
-    let _ = write!(text, "; sums off by {:.2e} at most ({measured})", report.predicted_model_error);
-    for warning in &report.warnings {
-        let _ = write!(text, "\nwarning   {warning}");
-    }
+    let _ = write!(text, "; sums off by {:.2e} predicted ({measured})", report.predicted_model_error);
     let _ = write!(
         text,
-        "\ntime      {:.2} s ({:.2} expected of the passes, {:.2} taken)",
-        report.seconds, p.seconds, report.seconds_of_passes
+        "\n{}time      {:.2} s ({:.2} expected of the passes, {:.2} taken)",
+        said::lines(&[], &report.warnings),
+        report.seconds,
+        p.seconds,
+        report.seconds_of_passes
     );
     for file in &report.files {
         let _ = write!(text, "\nwrote     {}", file.display());

@@ -290,7 +290,7 @@ impl<'a> Hands<'a> {
         };
         let command = if on { "switch on" } else { "switch off" };
         let word = |on| if on { "on" } else { "off" };
-        let switched = timed(&mut self.stopwatch, flash.switch(on)).await?;
+        let switched = timed(&mut self.stopwatch, flash.switch(on)).await.map_err(perhaps_lit)?;
         if switched.on != on {
             let remedy = "switch it off by hand and check its wiring, then resume the session";
             return Err(DeviceError::new(&info.id, command, word(on), word(switched.on)).remedy(remedy));
@@ -311,7 +311,7 @@ impl<'a> Hands<'a> {
     /// As the flash answers.
     pub async fn is_lit(&mut self) -> DeviceResult<bool> {
         match &mut self.devices.flash {
-            Some(flash) => timed(&mut self.stopwatch, flash.is_on()).await,
+            Some(flash) => timed(&mut self.stopwatch, flash.is_on()).await.map_err(perhaps_lit),
             None => Ok(false),
         }
     }
@@ -408,6 +408,12 @@ impl<'a> Hands<'a> {
         )
         .remedy("check the camera's clock and control lag, then resume the session")
     }
+}
+
+/// A flash that does not answer may be on, and only a person can tell.
+fn perhaps_lit(error: DeviceError) -> DeviceError {
+    let remedy = format!("the light may be on: see that it is off, by hand if need be; {}", error.remedy);
+    if error.class == Class::Setup { error } else { error.remedy(remedy) }
 }
 
 /// Counts the time until a device has answered.

@@ -1,15 +1,16 @@
 //! The reconstruction that runs while frames arrive, so that the map is complete a moment after the last of them.
 
 use super::Observer;
-use super::series::{Decision, decide};
+use super::series::{Decision, decide, decide_fringes};
 use super::store::{Arrival, frame_set};
 use crate::plan::{Method, Plan, PlanKind};
 use crate::session::SessionFile;
 use nacre_drivers::CameraInfo;
 use nacre_processing::Result;
-use nacre_processing::frames::{Frame, planned};
+use nacre_processing::frames::{FILE_NAME, Frame, LoadedFrames, planned};
 use nacre_processing::image::{Depth, Info};
 use nacre_processing::polarimetry::Running;
+use nacre_processing::spots::Survey;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::mpsc::Receiver;
@@ -25,7 +26,7 @@ pub struct Live<'a> {
     pub camera: CameraInfo,
     /// Told of the map so far.
     pub observer: &'a dyn Observer,
-    /// For a series that has not ended by its σ yet.
+    /// For a series that goes on until enough is known, and has not ended yet.
     pub deciding: Option<Deciding>,
 }
 
@@ -44,6 +45,10 @@ impl Live<'_> {
     /// reconstruction, or when it cannot go along: then the finished session is reconstructed as a whole, which says why.
     pub fn follow(mut self, arrivals: Receiver<Arrival>) -> Option<Running> {
         let plan = &self.description.plan;
+        if plan.until_decided().is_some() && self.deciding.is_some() {
+            self.follow_fringes(arrivals);
+            return None;
+        }
         let wanted = plan.reconstruct.as_ref().is_some_and(|r| r.method == Method::Polarization);
         let looked_at = plan.kind == PlanKind::Polarization && self.observer.wants_map();
         if !wanted && !looked_at && self.deciding.is_none() {
@@ -69,6 +74,46 @@ impl Live<'_> {
             }
         }
         running.filter(|r| wanted && !failed && r.added() == there.len())
+    }
+
+    /// Takes in the frames of a spot scan in their order, and says how it goes on.
+    fn follow_fringes(&mut self, arrivals: Receiver<Arrival>) {
+        let mut survey = None;
+        let mut there = BTreeMap::new();
+        for Arrival { index, frame } in arrivals {
+            there.insert(index, frame);
+            // A frame that was taken again may differ from the one taken in, so all is taken in again.
+            survey = survey.filter(|s: &Survey| index >= s.added());
+            if let Err(error) = self.take_in_fringes(&mut survey, &there)
+                && let Some(deciding) = self.deciding.take()
+            {
+                // Nobody may be waiting any more.
+                let _ = deciding.decisions.send(Err(error));
+            }
+        }
+    }
+
+    fn take_in_fringes(&mut self, survey: &mut Option<Survey>, there: &BTreeMap<usize, Frame>) -> Result<()> {
+        let plan = &self.description.plan;
+        let (Some(wanted), Some(deciding)) = (plan.until_decided(), &mut self.deciding) else { return Ok(()) };
+        let survey = match survey {
+            Some(survey) => survey,
+            None => survey.insert(begin_survey(self.folder, self.description, &self.camera)?),
+        };
+        while let Some(frame) = there.get(&survey.added()) {
+            survey.push(frame.clone())?;
+        }
+        if survey.added() != deciding.known {
+            return Ok(());
+        }
+        let (so_far, decision) = decide_fringes(survey, wanted, plan.frames_before_fringes())?;
+        self.observer.so_far(&so_far);
+        let _ = deciding.decisions.send(Ok(decision));
+        match decision {
+            Decision::Next { added, .. } => deciding.known += plan.frames_of(added, survey.added()),
+            Decision::End(_) => self.deciding = None,
+        }
+        Ok(())
     }
 
     /// Takes in all angles whose frames are there, then decides if it is time.
@@ -110,14 +155,26 @@ impl Live<'_> {
             return Ok(());
         }
         let (so_far, decision) = decide(running, wanted, deciding.limits_deg)?;
-        self.observer.sigma(&so_far);
+        self.observer.so_far(&so_far);
         let _ = deciding.decisions.send(Ok(decision));
         match decision {
-            Decision::Next { .. } => deciding.known += plan.frames_per_angle(),
+            Decision::Next { added, .. } => deciding.known += plan.frames_of(added, running.added()),
             Decision::End(_) => self.deciding = None,
         }
         Ok(())
     }
+}
+
+/// A spot scan whose frames are to come.
+///
+/// # Errors
+/// `Input` where bench and plan do not say what periods follow from.
+pub fn begin_survey(folder: &Path, description: &SessionFile, camera: &CameraInfo) -> Result<Survey> {
+    let plan = &description.plan;
+    let settings = plan.reconstruct.as_ref().and_then(|r| r.spots.as_deref().cloned()).unwrap_or_default();
+    let set = frame_set(description, camera, vec![]);
+    let path = folder.join(FILE_NAME);
+    Survey::begin(LoadedFrames { path, folder: folder.to_path_buf(), set, info: info(plan, camera) }, &settings)
 }
 
 fn info(plan: &Plan, camera: &CameraInfo) -> Info {

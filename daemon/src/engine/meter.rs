@@ -114,7 +114,7 @@ async fn meter(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> R
     hands.prepare(turn).await?;
     let mut shortest: Option<Duration> = None;
     for light in &lights {
-        let exposure = one(hands, plan, light, shortest).await?;
+        let exposure = one(hands, plan.camera.gain, light, shortest).await?;
         shortest = Some(shortest.map_or(exposure, |s| s.min(exposure)));
         progress.step();
     }
@@ -125,7 +125,7 @@ async fn meter(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> R
 }
 
 /// The longest exposure that suits the panel's refresh and is not longer, where that gives away less than half of it.
-fn steady(exposure: Duration, suiting_s: &[f64]) -> Duration {
+pub(super) fn steady(exposure: Duration, suiting_s: &[f64]) -> Duration {
     let fits = |s: &f64| (0.5..=1.0 + 1e-9).contains(&(s / exposure.as_secs_f64()));
     let longest = suiting_s.iter().copied().filter(fits).max_by(f64::total_cmp);
     longest.map_or(exposure, Duration::from_secs_f64)
@@ -147,13 +147,21 @@ fn lights(plan: &Plan) -> Vec<State> {
 }
 
 /// Exposure for one light, beginning with a guess.
-async fn one(hands: &mut Hands<'_>, plan: &Plan, light: &State, guess: Option<Duration>) -> Result<Duration, Failure> {
+///
+/// # Errors
+/// A device error; no light; a sample too bright for the shortest exposure.
+pub(super) async fn one(
+    hands: &mut Hands<'_>,
+    gain: f64,
+    light: &State,
+    guess: Option<Duration>,
+) -> Result<Duration, Failure> {
     let camera = hands.limits().camera.clone();
     let longest = longest(hands, light.flash);
     let clamp = |seconds: f64| Duration::from_secs_f64(seconds.min(longest).max(camera.exposure_s[0]));
     let mut exposure = guess.unwrap_or_else(|| clamp(0.01));
     for _ in 0..ATTEMPTS {
-        hands.expose(exposure, plan.camera.gain).await?;
+        hands.expose(exposure, gain).await?;
         hands.cover(false).await?;
         hands.show(light.pattern).await?;
         let level = level(hands, light, &camera).await?;

@@ -11,6 +11,7 @@ mod hands;
 mod hands_tests;
 mod live;
 mod meter;
+mod panel;
 mod series;
 mod state;
 mod store;
@@ -19,14 +20,15 @@ mod watch;
 
 pub use hands::{Devices, Hands, Memory};
 pub use meter::Metered;
-pub use series::{Decision, SigmaSoFar};
+pub use panel::{LEVELS, PanelFound, measure as measure_panel};
+pub use series::{Decision, FringesSoFar, SigmaSoFar, SoFar};
 pub use state::{Control, Input, State, TABLE};
 pub use take::guarded;
 pub use watch::Watch;
 
 use crate::Failure;
 use crate::console::Console;
-use crate::plan::{Plan, Role, Step, groups};
+use crate::plan::{Added, Plan, Role, Step, groups};
 use crate::session::{Commit, Disk, Entry, Session, SessionFile, Timing};
 use live::{Deciding, Live};
 use nacre_processing::Error;
@@ -53,14 +55,13 @@ pub trait Observer: Progress {
     }
     /// The map so far.
     fn map(&self, _running: &Running) {}
-    /// How well a series that ends by its σ knows its orientations so far.
-    fn sigma(&self, _so_far: &SigmaSoFar) {}
+    /// What a series that goes on until enough is known knows so far.
+    fn so_far(&self, _so_far: &SoFar) {}
 }
 
 impl Observer for Console {
-    fn sigma(&self, so_far: &SigmaSoFar) {
-        let now = so_far.sigma_deg.map_or("none".to_owned(), |s| format!("{s:.2}°"));
-        self.relabel(&format!("capturing: σ {now}, {}° wanted", so_far.until_sigma_deg));
+    fn so_far(&self, so_far: &SoFar) {
+        self.relabel(&so_far.label());
     }
 }
 
@@ -133,7 +134,15 @@ impl Engine<'_> {
         let camera = self.devices.camera.describe();
         let observer = self.observer;
         let (decisions, mut decided) = mpsc::unbounded_channel();
-        let deciding = plan.until_sigma().filter(|_| ended.is_none()).map(|_| Deciding {
+        // What would be refused after the first fringes is refused before them.
+        if plan.until_decided().is_some()
+            && ended.is_none()
+            && let Err(error) = live::begin_survey(&folder, description, &camera)
+        {
+            let _ = self.control.send(Input::Fault);
+            return Err(error.into());
+        }
+        let deciding = (plan.is_open() && ended.is_none()).then(|| Deciding {
             known: steps.iter().filter(|s| s.role == Role::Series).count(),
             limits_deg: self.devices.stage.describe().limits_deg,
             decisions,
@@ -179,7 +188,7 @@ impl Engine<'_> {
 async fn take_and_finish(
     mut taker: Taker<'_>,
     (steps, missing): (&[Step], &[bool]),
-    further: Option<(Vec<f64>, &mut Decisions)>,
+    further: Option<(Vec<Added>, &mut Decisions)>,
     before: Timing,
 ) -> Result<Timing, Failure> {
     let begun = Instant::now();
@@ -193,7 +202,7 @@ async fn take_and_finish(
     };
     let last = match &result {
         Ok(()) => Message::Finish(timing),
-        Err(failure) => Message::Note(Entry::Stopped { reason: failure.to_string() }),
+        Err(failure) => Message::Note(Entry::stopped(failure)),
     };
     let _ = taker.out.send(last).await;
     result.map(|()| timing)

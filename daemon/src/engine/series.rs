@@ -1,8 +1,9 @@
-//! A series that ends when the orientation is known well enough: which angle comes next, or why there is none.
+//! A series that ends when enough is known: which angle, or how many fringes, come next, or why none do.
 
-use crate::plan::UntilSigma;
+use crate::plan::{Added, MORE, UntilDecided, UntilSigma};
 use crate::session::{Ending, SeriesEnd};
 use nacre_processing::polarimetry::{Precision, Running};
+use nacre_processing::spots::Survey;
 use nacre_processing::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -24,15 +25,55 @@ pub struct SigmaSoFar {
     pub least_deg: Option<f64>,
 }
 
+/// How much a spot scan knows so far.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FringesSoFar {
+    /// Fringes in it.
+    pub fringes: u32,
+    /// Part of the pixels with a first order on the panel that several gratings explain, or whose period is less sure than wanted; none
+    /// when no pixel has one.
+    pub undecided: Option<f64>,
+    /// Part that is allowed.
+    pub until_undecided: f64,
+    /// Most fringes.
+    pub at_most: u32,
+}
+
+/// What a series that goes on until enough is known knows so far.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum SoFar {
+    /// Of orientations behind an analyser.
+    Sigma(SigmaSoFar),
+    /// Of fringes on the panel.
+    Fringes(FringesSoFar),
+}
+
+impl SoFar {
+    /// A few words for a progress bar.
+    pub fn label(&self) -> String {
+        match self {
+            Self::Sigma(s) => {
+                let now = s.sigma_deg.map_or("none".to_owned(), |s| format!("{s:.2}°"));
+                format!("capturing: σ {now}, {}° wanted", s.until_sigma_deg)
+            }
+            Self::Fringes(f) => {
+                let now = f.undecided.map_or("no order".to_owned(), |u| format!("{:.1} % undecided", 100.0 * u));
+                format!("capturing: {now}, {} % wanted", 100.0 * f.until_undecided)
+            }
+        }
+    }
+}
+
 /// What comes next in a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Decision {
-    /// Another angle, in degrees.
+    /// More of it.
     Next {
-        /// Where.
-        analyser_deg: f64,
-        /// σ before it, in degrees.
-        sigma_deg: Option<f64>,
+        /// What is added.
+        added: Added,
+        /// What was known before it.
+        so_far: SoFar,
     },
     /// Nothing.
     End(SeriesEnd),
@@ -43,7 +84,7 @@ pub enum Decision {
 ///
 /// # Errors
 /// `Input` when the angles cannot tell an orientation.
-pub fn decide(running: &Running, wanted: UntilSigma, limits_deg: [f64; 2]) -> Result<(SigmaSoFar, Decision)> {
+pub fn decide(running: &Running, wanted: UntilSigma, limits_deg: [f64; 2]) -> Result<(SoFar, Decision)> {
     let precision = running.precision()?;
     let so_far = SigmaSoFar {
         angles: precision.angles(),
@@ -53,13 +94,55 @@ pub fn decide(running: &Running, wanted: UntilSigma, limits_deg: [f64; 2]) -> Re
         least_deg: precision.least_sigma_after(wanted.at_most as usize).map(f64::to_degrees),
     };
     let decision = match ending(&so_far, precision.is_certain()) {
-        Some(why) => Decision::End(SeriesEnd { why, so_far }),
+        Some(why) => Decision::End(SeriesEnd { why, so_far: SoFar::Sigma(so_far) }),
         None => {
             let analyser_deg = next_angle(&precision, running, limits_deg)?;
-            Decision::Next { analyser_deg, sigma_deg: so_far.sigma_deg }
+            Decision::Next { added: Added::Angle { analyser_deg }, so_far: SoFar::Sigma(so_far) }
         }
     };
-    Ok((so_far, decision))
+    Ok((SoFar::Sigma(so_far), decision))
+}
+
+/// The same for a spot scan with so many fringes, of which the last are whole. `besides` frames come before the fringes.
+///
+/// # Errors
+/// `Input` when the frames are no scan.
+pub fn decide_fringes(survey: &mut Survey, wanted: UntilDecided, besides: usize) -> Result<(SoFar, Decision)> {
+    let phases = wanted.phases as usize;
+    let share = |survey: &mut Survey, fringes: u32| {
+        survey.decided(besides + phases * fringes as usize, wanted.period_sigma).map(|d| d.share())
+    };
+    // The first are asked for each time, so that a resumed session finds the same aperture and decides alike.
+    let first = share(survey, wanted.start)?;
+    let fringes = ((survey.added() - besides) / phases) as u32;
+    let undecided = if fringes == wanted.start { first } else { share(survey, fringes)? };
+    let so_far = FringesSoFar { fringes, undecided, until_undecided: wanted.undecided, at_most: wanted.at_most };
+    // What was known four fringes ago.
+    let earlier = fringes.checked_sub(2 * MORE).filter(|f| *f >= wanted.start);
+    let before = earlier.map(|f| share(survey, f)).transpose()?.flatten();
+    let so = SoFar::Fringes(so_far);
+    let decision = match enough(&so_far, before) {
+        Some(why) => Decision::End(SeriesEnd { why, so_far: so }),
+        None => {
+            let fringes = (fringes + MORE).min(wanted.at_most);
+            Decision::Next { added: Added::Fringes { fringes }, so_far: so }
+        }
+    };
+    Ok((so, decision))
+}
+
+/// A scan is given up when the last fringes left more than this part of what was undecided before them.
+const HARDLY: f64 = 0.9;
+
+fn enough(so_far: &FringesSoFar, before: Option<f64>) -> Option<Ending> {
+    let Some(undecided) = so_far.undecided else { return Some(Ending::Cannot) };
+    if undecided <= so_far.until_undecided {
+        return Some(Ending::Met);
+    }
+    if so_far.fringes >= so_far.at_most {
+        return Some(Ending::AtMost);
+    }
+    before.is_some_and(|b| undecided > HARDLY * b).then_some(Ending::Cannot)
 }
 
 fn ending(so_far: &SigmaSoFar, certain: bool) -> Option<Ending> {
@@ -90,6 +173,21 @@ fn next_angle(precision: &Precision, running: &Running, [low, high]: [f64; 2]) -
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_scan_ends_when_it_should_and_says_why() {
+        let at = |fringes, undecided| FringesSoFar { fringes, undecided, until_undecided: 0.01, at_most: 14 };
+        for (so_far, before, wanted) in [
+            (at(8, Some(0.01)), None, Some(Ending::Met)),
+            (at(8, Some(0.2)), None, None),
+            (at(12, Some(0.1)), Some(0.2), None),
+            (at(12, Some(0.19)), Some(0.2), Some(Ending::Cannot)),
+            (at(14, Some(0.1)), Some(0.2), Some(Ending::AtMost)),
+            (at(8, None), None, Some(Ending::Cannot)),
+        ] {
+            assert_eq!(enough(&so_far, before), wanted, "{so_far:?}");
+        }
+    }
 
     #[test]
     fn a_series_ends_when_it_should_and_says_why() {

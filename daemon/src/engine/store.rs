@@ -1,7 +1,7 @@
 //! The storing end of a run, on its own thread: while the bench moves on, frames are averaged, encoded and stored.
 
 use super::Observer;
-use crate::plan::{Plan, PlanKind, Role, Step};
+use crate::plan::{Added, Plan, PlanKind, Role, Step};
 use crate::session::{Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
 use crate::{Failure, session};
 use nacre_drivers::CameraInfo;
@@ -53,8 +53,8 @@ pub struct Store<'a, D: Disk> {
     pub description: &'a SessionFile,
     /// Its steps, as far as they are known.
     pub steps: Vec<Step>,
-    /// Analyser angles that were added to the series.
-    pub chosen: Vec<f64>,
+    /// What was added to the series.
+    pub chosen: Vec<Added>,
     /// What the camera is.
     pub camera: CameraInfo,
     /// Told of everything that is stored.
@@ -81,7 +81,7 @@ impl<D: Disk> Store<'_, D> {
             };
             if let Err(failure) = result {
                 // A disk that refused may refuse this too; the failure itself is what counts.
-                let _ = self.session.record(Entry::Stopped { reason: failure.to_string() });
+                let _ = self.session.record(Entry::stopped(&failure));
                 return Err(failure);
             }
         }
@@ -90,8 +90,8 @@ impl<D: Disk> Store<'_, D> {
 
     fn note(&mut self, entry: Entry) -> Result<(), Failure> {
         self.observer.noted(&entry);
-        if let Entry::Chosen { analyser_deg, .. } = entry {
-            self.chosen.push(analyser_deg);
+        if let Entry::Chosen { added, .. } = entry {
+            self.chosen.push(added);
             self.steps = self.description.plan.steps_with(&self.chosen);
         }
         self.session.record(entry).map_err(|e| self.refused(Journal::NAME, e))

@@ -1,12 +1,12 @@
 //! Takes a plan's frames: brings the bench into each state, takes what is fresh, hands it on.
 
 use super::hands::Hands;
-use super::series::Decision;
+use super::series::{Decision, SoFar};
 use super::state::{Control, Input, State};
 use super::store::{Message, Shot};
 use super::watch::Watch;
 use crate::Failure;
-use crate::plan::{Plan, Step, groups};
+use crate::plan::{Added, Plan, Step, groups};
 use crate::session::{Commit, Entry};
 use nacre_drivers::Class;
 use nacre_processing::Error;
@@ -63,13 +63,13 @@ impl Taker<'_> {
     /// A device's or interlock's, with the step it belongs to; `Cancelled` when somebody stopped the run; `Cancelled` also
     /// when frames cannot be stored any more, which the other end knows more about.
     ///
-    /// Then, for a series that ends by its σ, `further` has the angles that were added so far, in degrees, and where to learn
-    /// how it goes on.
+    /// Then, for a series that goes on until enough is known, `further` has what was added so far, and where to learn how it
+    /// goes on.
     pub async fn take_all(
         &mut self,
         steps: &[Step],
         missing: &[bool],
-        further: Option<(Vec<f64>, &mut Decisions)>,
+        further: Option<(Vec<Added>, &mut Decisions)>,
     ) -> Result<(), Failure> {
         let mut result = self.take_known(steps, missing).await;
         if let Some((chosen, decisions)) = further.filter(|_| result.is_ok()) {
@@ -94,20 +94,25 @@ impl Taker<'_> {
         Ok(())
     }
 
-    /// Takes angle after angle until the series is to end.
-    async fn take_further(&mut self, mut chosen: Vec<f64>, decisions: &mut Decisions) -> Result<(), Failure> {
+    /// Takes what is decided until the series is to end.
+    async fn take_further(&mut self, mut chosen: Vec<Added>, decisions: &mut Decisions) -> Result<(), Failure> {
         loop {
             let decision = async {
-                let gone = || Error::input("choosing the next angle", "ended unexpectedly", "resume the session");
+                let gone = || Error::input("choosing what comes next", "ended unexpectedly", "resume the session");
                 Ok(decisions.recv().await.ok_or_else(gone)??)
             };
             match guarded(self.watch, self.control, decision).await? {
-                Decision::Next { analyser_deg, sigma_deg } => {
+                Decision::Next { added, so_far } => {
+                    let (sigma_deg, undecided) = match so_far {
+                        SoFar::Sigma(s) => (s.sigma_deg, None),
+                        SoFar::Fringes(f) => (None, f.undecided),
+                    };
+                    let known = self.plan.steps_with(&chosen).len();
                     // The journal has it before any of its frames, so that a resumed session takes the same.
-                    self.note(Entry::Chosen { analyser_deg, sigma_deg }).await?;
-                    chosen.push(analyser_deg);
+                    self.note(Entry::Chosen { added, sigma_deg, undecided }).await?;
+                    chosen.push(added);
                     let steps = self.plan.steps_with(&chosen);
-                    for i in steps.len() - self.plan.frames_per_angle()..steps.len() {
+                    for i in known..steps.len() {
                         self.go_on().await?;
                         self.patiently(&steps[i..=i], i).await?;
                     }

@@ -22,6 +22,8 @@ use crate::Failure;
 use crate::plan::Method;
 use live::Live;
 use nacre_processing::Error;
+use nacre_processing::frames::Transfer;
+use nacre_processing::pattern::{LightPhotograph, Settings};
 use nacre_processing::polarimetry::{Align, Model, Oblique, Options, PeriodMethod, Smoothing};
 use nacre_processing::progress::Progress;
 use record::Record;
@@ -56,6 +58,9 @@ pub struct Spec {
     pub session: Option<String>,
     /// The upload to work on.
     pub upload: Option<String>,
+    /// Of the method lut: a light that is no point. Jobs of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<LightUpload>,
     /// The model to fit.
     pub model: String,
     /// Whether oblique incidence is taken out. Jobs of earlier versions do not say.
@@ -74,7 +79,39 @@ pub struct Spec {
     pub period: Option<PeriodMethod>,
 }
 
+/// Uploaded photographs of a light's mirror image, as `nacre reconstruct lut --light` takes them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LightUpload {
+    /// An upload: one photograph, or exposures, which are merged.
+    pub upload: String,
+    /// Half vector per pixel (default: that of the pattern's photograph).
+    #[serde(default)]
+    pub scale: Option<f64>,
+    /// Its pixel, from the left and the top, that is put where the zero order is (default: the middle of its light).
+    #[serde(default)]
+    pub center: Option<[f64; 2]>,
+    /// How its values grow with light: `linear`, `srgb` or `{"gamma": 2.2}` (default: as those of the pattern's photograph).
+    #[serde(default)]
+    #[schema(value_type = Option<Object>)]
+    pub transfer: Option<Transfer>,
+}
+
 impl Spec {
+    /// Settings of the method lut, with its light in `uploads`.
+    ///
+    /// # Errors
+    /// As [`Self::options_of`].
+    pub fn table(&self, uploads: &Path) -> Result<Settings, Error> {
+        let light = self.light.as_ref().map(|light| LightPhotograph {
+            path: uploads.join(&light.upload),
+            scale: light.scale,
+            center: light.center,
+            transfer: light.transfer,
+        });
+        Ok(Settings { light, overwrite: true, ..self.options_of()? })
+    }
+
     /// Options of a method other than polarization.
     ///
     /// # Errors
@@ -265,6 +302,24 @@ impl Jobs {
         let job = job.ok_or_else(|| Refusal::Unknown(id.into()))??;
         self.shared.queued(id);
         Ok(job)
+    }
+
+    /// Forgets a job that has ended, with its log. Its files are the caller's.
+    ///
+    /// # Errors
+    /// [`Refusal`] when there is no such job, or it has not ended yet.
+    pub async fn remove(&self, id: &str) -> Result<(), Refusal> {
+        self.shared.store.remove(id).await?;
+        self.shared.changed(id);
+        Ok(())
+    }
+
+    /// How many jobs there are of an upload, be it what they work on or their light.
+    ///
+    /// # Errors
+    /// As the database answers.
+    pub async fn of_upload(&self, upload: &str) -> Result<u32, Error> {
+        self.shared.store.of_upload(upload).await
     }
 
     /// What happened to a job: lines that begin with the time in UTC. The oldest are dropped beyond [`MAX_LOG`].

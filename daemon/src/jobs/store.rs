@@ -237,6 +237,34 @@ impl Store {
         Ok((jobs, next))
     }
 
+    /// Deletes a job that has ended; deliveries that are left of it find no job.
+    pub async fn remove(&self, id: &str) -> Result<(), Refusal> {
+        let apply = async {
+            let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
+            let query = format!("SELECT {COLUMNS} FROM nacre_job WHERE id = ?1");
+            let query = sqlx::query(sqlx::AssertSqlSafe(query)).bind(id);
+            let Some(row) = query.fetch_optional(&mut *transaction).await? else { return Ok(None) };
+            let state = read(&row)?.job.state;
+            if !matches!(state, JobState::Queued | JobState::Running) {
+                sqlx::query("DELETE FROM nacre_job WHERE id = ?1").bind(id).execute(&mut *transaction).await?;
+                transaction.commit().await?;
+            }
+            Ok(Some(state))
+        };
+        match apply.await.map_err(|e| self.fault(e))? {
+            None => Err(Refusal::Unknown(id.into())),
+            Some(state @ (JobState::Queued | JobState::Running)) => {
+                Err(Refusal::State { id: id.into(), state, wish: "deleted; cancel it first" })
+            }
+            Some(_) => Ok(()),
+        }
+    }
+
+    pub async fn of_upload(&self, upload: &str) -> Result<u32, Error> {
+        let query = "SELECT count(*) FROM nacre_job WHERE ?1 IN (json_extract(spec, '$.upload'), json_extract(spec, '$.light.upload'))";
+        sqlx::query_scalar(query).bind(upload).fetch_one(&self.pool).await.map_err(|e| self.fault(e))
+    }
+
     pub async fn log(&self, id: &str) -> Result<Option<String>, Error> {
         let query = sqlx::query_scalar("SELECT log FROM nacre_job WHERE id = ?1").bind(id);
         query.fetch_optional(&self.pool).await.map_err(|e| self.fault(e))

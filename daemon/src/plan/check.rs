@@ -114,7 +114,12 @@ impl Plan {
         }
         self.check_reconstruct()?;
         let bracket = self.bracket.map_or(0, |b| b.at_most as usize);
-        let fringes = |s: &super::SpotsPlan| s.fringes.as_ref().map_or(0, |f| f.patterns().len());
+        if self.until_decided().is_some() && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
+            return Err("spots.fringes.until_undecided does not go with several analyser angles; give one".into());
+        }
+        let most =
+            |f: &super::FringesPlan| f.until().map_or_else(|| f.patterns(), |until| f.patterns_of(until.at_most)).len();
+        let fringes = |s: &super::SpotsPlan| s.fringes.as_ref().map_or(0, most);
         let spots = self.spots.as_ref().map_or(1, |s| s.centers_mm.len() + fringes(s));
         let per_angle = self.exposures_ms.len().max(bracket).max(spots).max(1);
         let angles = self.analyser.as_ref().map_or(1, AnalyserPlan::most);
@@ -131,7 +136,7 @@ impl Plan {
         let fits = match planned.method {
             Method::Polarization => self.kind == PlanKind::Polarization,
             // Nothing that is captured, or needs more than a plan says.
-            Method::Brdf | Method::Foil | Method::Calibrate | Method::Map => false,
+            Method::Brdf | Method::Foil | Method::Calibrate | Method::Map | Method::Render => false,
             Method::Spots => self.spots.as_ref().is_some_and(|s| s.fringes.is_some()),
             Method::Flash => self.kind == PlanKind::Flash,
             Method::Hdr | Method::Lut | Method::Bokeh => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),

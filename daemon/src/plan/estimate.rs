@@ -65,7 +65,7 @@ impl Plan {
     /// Time and disk for a session with this exposure time, without metering. `stands_deg` is where the stage stands.
     pub fn estimate(&self, exposure: Duration, limits: &Limits, stands_deg: f64) -> Estimate {
         let most = self.estimate_of(&self.most_steps(), exposure, limits, stands_deg);
-        let least = self.until_sigma().map(|_| self.estimate_of(&self.steps(), exposure, limits, stands_deg));
+        let least = self.is_open().then(|| self.estimate_of(&self.steps(), exposure, limits, stands_deg));
         let least = least.map(|e| Least { frames: e.frames, seconds: e.seconds, bytes: e.bytes });
         Estimate { least, ..most }
     }

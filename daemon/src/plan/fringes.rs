@@ -5,7 +5,7 @@ use crate::session::Setup;
 use nacre_drivers::Pattern;
 use nacre_processing::polarimetry::NoiseModel;
 use nacre_processing::spots::{
-    MAX_CARRIERS, Optics, Prediction, Request, Setting, cheapest, frequencies, predict, reachable,
+    LEAST_FRINGES, MAX_CARRIERS, Optics, Prediction, Request, Setting, cheapest, frequencies, predict, reachable,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -31,16 +31,60 @@ pub struct FringesPlan {
     pub orientation_sigma_deg: f64,
     /// Longest period that is expected, in µm, of which a place on the panel says least.
     pub longest_um: f64,
+    /// Add fringes until at most this part of the pixels with a first order on the panel is undecided: explained by two gratings alike, or
+    /// by one whose period is less sure than `period_sigma`. The series then begins with `count` (10 where it is not given).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub until_undecided: Option<f64>,
+    /// Most fringes of such a series; as many as 64 patterns allow when it is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_most: Option<u32>,
+}
+
+/// A scan that goes on until few pixels are undecided.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UntilDecided {
+    /// Fringes to begin with.
+    pub start: u32,
+    /// Part of the pixels that may be undecided.
+    pub undecided: f64,
+    /// Most fringes.
+    pub at_most: u32,
+    /// Phases of each.
+    pub phases: u32,
+    /// Wanted σ of a period over the period.
+    pub period_sigma: f64,
+}
+
+/// What is added to a series that goes on until enough is known.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Added {
+    /// Another angle of the analyser.
+    Angle {
+        /// In degrees.
+        analyser_deg: f64,
+    },
+    /// More fringes.
+    Fringes {
+        /// How many there are with them.
+        fringes: u32,
+    },
 }
 
 /// Fringes where nothing is known of the camera's noise.
 const USUAL: u32 = 12;
 
+/// Fringes to begin with where more are added as they are needed: with fewer, one pixel in five hundred is taken for another grating without
+/// a sign of it (docs/charts.md, spot scans).
+const FIRST: u32 = LEAST_FRINGES as u32;
+/// How many are added at a time.
+pub(crate) const MORE: u32 = 2;
+
 /// Most patterns of a series that is chosen.
 const MOST_PATTERNS: usize = 64;
 
 /// Phases of even light: white, half of it, and a quarter.
-const EVEN: [f64; 3] = [0.0, 0.25, 1.0 / 3.0];
+pub(super) const EVEN: [f64; 3] = [0.0, 0.25, 1.0 / 3.0];
 
 impl Default for FringesPlan {
     fn default() -> Self {
@@ -52,6 +96,8 @@ impl Default for FringesPlan {
             period_sigma: 0.01,
             orientation_sigma_deg: 0.5,
             longest_um: 3.0,
+            until_undecided: None,
+            at_most: None,
         }
     }
 }
@@ -74,6 +120,20 @@ impl FringesPlan {
                 return Err(format!("spots.fringes.{key} is {value}; give {low} to {high}"));
             }
         }
+        match (self.until_undecided, self.at_most) {
+            (None, Some(_)) => return Err("spots.fringes.at_most belongs to until_undecided; remove it".into()),
+            (Some(part), _) if !(1e-4..1.0).contains(&part) => {
+                return Err(format!("spots.fringes.until_undecided is {part}; give a part of 1 from 0.0001"));
+            }
+            _ => {}
+        }
+        let most = MAX_CARRIERS as u32;
+        if let Some(until) = self.until()
+            && !(until.start..=most).contains(&until.at_most)
+        {
+            let start = until.start;
+            return Err(format!("spots.fringes.at_most is {}; give {start} (the first ones) to {most}", until.at_most));
+        }
         if !(3..=16).contains(&self.phases) {
             return Err(format!("spots.fringes.phases is {}; give 3 to 16", self.phases));
         }
@@ -86,10 +146,24 @@ impl FringesPlan {
         Ok(())
     }
 
-    /// What the panel shows, in order.
+    /// How the scan goes on, where that is left open.
+    pub fn until(&self) -> Option<UntilDecided> {
+        let undecided = self.until_undecided?;
+        let start = self.count.unwrap_or(FIRST);
+        // Two frames besides: the dark and a black panel.
+        let fit = (MOST_PATTERNS - 2 - EVEN.len()) as u32 / self.phases.max(1);
+        let at_most = self.at_most.unwrap_or(fit.min(MAX_CARRIERS as u32).max(start));
+        Some(UntilDecided { start, undecided, at_most, phases: self.phases, period_sigma: self.period_sigma })
+    }
+
+    /// What the panel shows, in order, as far as is known beforehand.
     pub fn patterns(&self) -> Vec<Pattern> {
-        let (count, phases, gamma) =
-            (self.count.unwrap_or(USUAL).min(MAX_CARRIERS as u32), self.phases.clamp(1, 16), self.gamma);
+        self.patterns_of(self.until().map_or(self.count.unwrap_or(USUAL), |until| until.start))
+    }
+
+    /// The same with so many fringes.
+    pub fn patterns_of(&self, count: u32) -> Vec<Pattern> {
+        let (count, phases, gamma) = (count.min(MAX_CARRIERS as u32), self.phases.clamp(1, 16), self.gamma);
         let pattern = |cycles_per_mm, phase| Pattern::Fringes { cycles_per_mm, phase, gamma };
         let even = EVEN.map(|phase| pattern([0.0; 2], phase));
         let shown = frequencies(count as usize, self.finest_mm);
@@ -136,7 +210,8 @@ impl Reach {
 
 impl FringesPlan {
     fn setting(&self) -> Setting {
-        let count = self.count.unwrap_or(USUAL) as usize;
+        // A series that is left open may have as many as it needs.
+        let count = self.until().map_or(self.count.unwrap_or(USUAL), |until| until.at_most) as usize;
         Setting { count, phases: self.phases as usize, finest_mm: self.finest_mm }
     }
 
@@ -166,7 +241,12 @@ impl Plan {
     /// The plan with as many fringes as the camera's noise asks for, where it leaves that open. Where nothing meets what is wanted, or too
     /// little is known, there are as many as usual.
     pub fn with_fringes(mut self, setup: &Setup, limits: &Limits) -> Self {
-        let Some(fringes) = self.spots.as_mut().and_then(|s| s.fringes.as_mut()).filter(|f| f.count.is_none()) else {
+        let Some(fringes) = self
+            .spots
+            .as_mut()
+            .and_then(|s| s.fringes.as_mut())
+            .filter(|f| f.count.is_none() && f.until_undecided.is_none())
+        else {
             return self;
         };
         let known = optics(setup, limits).zip(noise(limits));

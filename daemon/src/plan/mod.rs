@@ -8,7 +8,8 @@ mod steps;
 
 pub use analyser::{AnalyserPlan, UntilSigma};
 pub use estimate::{Estimate, Least, Limits, approach, light_on_s};
-pub use fringes::{FringesPlan, Reach};
+pub(crate) use fringes::MORE;
+pub use fringes::{Added, FringesPlan, Reach, UntilDecided};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
@@ -133,6 +134,8 @@ pub enum Method {
     Calibrate,
     /// Maps that were uploaded, or a session's, edited; not for plans.
     Map,
+    /// A picture of an uploaded scene; not for plans.
+    Render,
 }
 
 /// What a plan varies.

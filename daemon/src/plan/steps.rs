@@ -1,6 +1,7 @@
 //! A plan as the list of frames it asks for.
 
-use super::{AnalyserPlan, Extra, FreeStep, FringesPlan, Plan, PlanKind, UntilSigma};
+use super::fringes::EVEN;
+use super::{Added, AnalyserPlan, Extra, FreeStep, FringesPlan, Plan, PlanKind, UntilDecided, UntilSigma};
 use nacre_drivers::Pattern;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -56,8 +57,8 @@ impl Plan {
         self.steps_with(&[])
     }
 
-    /// The steps of a series to which these analyser angles were added, in degrees.
-    pub fn steps_with(&self, chosen: &[f64]) -> Vec<Step> {
+    /// The steps of a series to which this was added.
+    pub fn steps_with(&self, chosen: &[Added]) -> Vec<Step> {
         let series = self.series(chosen);
         let mut seen = BTreeSet::new();
         let exposures = series.iter().map(|s| s.exposure_ms).filter(|e| seen.insert(e.map(f64::to_bits)));
@@ -118,6 +119,16 @@ impl Plan {
         self.camera.exposure_ms.is_none() && self.steps().iter().any(|s| s.state.exposure_ms.is_none())
     }
 
+    /// Whether the series goes on until enough is known.
+    pub fn is_open(&self) -> bool {
+        self.until_sigma().is_some() || self.until_decided().is_some()
+    }
+
+    /// When fringes are added until few pixels are undecided: what is wanted.
+    pub fn until_decided(&self) -> Option<UntilDecided> {
+        self.spots.as_ref()?.fringes.as_ref()?.until()
+    }
+
     /// When the series ends by its σ: what is wanted.
     pub fn until_sigma(&self) -> Option<UntilSigma> {
         match self.analyser {
@@ -128,7 +139,10 @@ impl Plan {
 
     /// As many steps as there can be; the angles that are not known yet are such as may be added.
     pub fn most_steps(&self) -> Vec<Step> {
-        self.steps_with(&self.until_sigma().map_or_else(Vec::new, |until| until.likely()))
+        let angles = self.until_sigma().map_or_else(Vec::new, |until| until.likely());
+        let angles = angles.into_iter().map(|analyser_deg| Added::Angle { analyser_deg });
+        let fringes = self.until_decided().map(|until| Added::Fringes { fringes: until.at_most });
+        self.steps_with(&angles.chain(fringes).collect::<Vec<_>>())
     }
 
     /// Frames at each analyser angle of a polarization series.
@@ -136,9 +150,31 @@ impl Plan {
         self.exposures_ms.len().max(1)
     }
 
-    fn series(&self, chosen: &[f64]) -> Vec<State> {
+    /// Frames that come with what is added to a series of `frames`.
+    pub fn frames_of(&self, added: Added, frames: usize) -> usize {
+        let fringes = |f: &FringesPlan, count: u32| self.frames_before_fringes() + (f.phases * count) as usize;
+        match (added, self.spots.as_ref().and_then(|s| s.fringes.as_ref())) {
+            (Added::Fringes { fringes: count }, Some(f)) => fringes(f, count).saturating_sub(frames),
+            _ => self.frames_per_angle(),
+        }
+    }
+
+    /// Frames of a spot scan's series before its fringes: discs and even light.
+    pub fn frames_before_fringes(&self) -> usize {
+        self.spots.as_ref().map_or(0, |s| s.centers_mm.len()) + EVEN.len()
+    }
+
+    fn series(&self, chosen: &[Added]) -> Vec<State> {
+        let added = chosen.iter().filter_map(|a| match a {
+            Added::Angle { analyser_deg } => Some(*analyser_deg),
+            Added::Fringes { .. } => None,
+        });
+        let fringes = chosen.iter().rev().find_map(|a| match a {
+            Added::Fringes { fringes } => Some(*fringes),
+            Added::Angle { .. } => None,
+        });
         let angles = match &self.analyser {
-            Some(analyser) => analyser.known().iter().chain(chosen).map(|a| Some(*a)).collect(),
+            Some(analyser) => analyser.known().iter().copied().chain(added).map(Some).collect(),
             None => vec![None],
         };
         let flash = self.kind == PlanKind::Flash;
@@ -162,7 +198,8 @@ impl Plan {
                 let spots = self.spots.iter().flat_map(|s| s.centers_mm.iter().map(|c| (*c, s.diameter_mm)));
                 let mut discs: Vec<_> =
                     spots.map(|(center_mm, diameter_mm)| Pattern::Disc { center_mm, diameter_mm }).collect();
-                discs.extend(self.spots.iter().filter_map(|s| s.fringes.as_ref()).flat_map(FringesPlan::patterns));
+                let shown = |f: &FringesPlan| fringes.map_or_else(|| f.patterns(), |count| f.patterns_of(count));
+                discs.extend(self.spots.iter().filter_map(|s| s.fringes.as_ref()).flat_map(shown));
                 let at = |a: &Option<f64>| discs.iter().map(|d| State { pattern: *d, ..state(*a) }).collect::<Vec<_>>();
                 angles.iter().flat_map(at).collect()
             }
@@ -249,7 +286,7 @@ pub(super) mod tests {
         let plan = plan(
             "kind = \"polarization\"\nexposures_ms = [1, 10]\nanalyser = { until_sigma_deg = 1, start = 3 }\nextras = [\"display_black\"]",
         );
-        let steps = plan.steps_with(&[17.0]);
+        let steps = plan.steps_with(&[Added::Angle { analyser_deg: 17.0 }]);
         let series: Vec<_> = steps[2..].iter().map(|s| (s.state.analyser_deg, s.state.exposure_ms)).collect();
         let wanted = [0.0, 60.0, 120.0, 17.0].map(|a| [(Some(a), Some(1.0)), (Some(a), Some(10.0))]).concat();
         assert_eq!(series, wanted);

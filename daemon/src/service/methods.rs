@@ -1,24 +1,35 @@
 //! What each method of `/api/v1/reconstructions` refuses and does.
 
 use super::problem::{Answer, Problem};
+use super::renders::Renders;
 use crate::jobs::{Spec, Work};
 use crate::plan::Method;
 use nacre_processing::frames::{FILE_NAME, load};
 use nacre_processing::map::Maps;
 use nacre_processing::polarimetry::Model;
 use nacre_processing::progress::Progress;
-use nacre_processing::{Error, bokeh, calibration, color, flash, foil, hdr, map, pattern, polarimetry, spots, surface};
+use nacre_processing::{
+    Error, bokeh, calibration, color, flash, foil, hdr, map, pattern, polarimetry, render, spots, surface,
+};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Refuses what no job could do.
-pub fn check(spec: &Spec, input: &Path) -> Answer<()> {
+/// Refuses what no job could do; `uploads` is where the service has them.
+pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
     let whole = || {
         if input.join(FILE_NAME).exists() {
             return Ok(());
         }
         Err(Problem::not_found("complete set of photographs there").remedy("finish the session first"))
     };
+    if let Some(light) = &spec.light {
+        if spec.method != Method::Lut {
+            return Err(Problem::bad("light, the photograph of one, belongs to the method lut"));
+        }
+        if !uploads.join(&light.upload).is_dir() {
+            return Err(Problem::not_found(format!("upload {} with a light", light.upload)));
+        }
+    }
     match spec.method {
         Method::Polarization => {
             whole()?;
@@ -38,7 +49,7 @@ pub fn check(spec: &Spec, input: &Path) -> Answer<()> {
             if spec.session.is_some() {
                 whole()?;
             }
-            let settings: pattern::Settings = spec.options_of()?;
+            let settings = spec.table(uploads)?;
             // A file of the service's machine is nobody's business.
             if !color::NAMES.contains(&settings.illuminant.as_str()) {
                 return Err(Problem::bad(format!("illuminant is none of {}", color::NAMES.join(", "))));
@@ -92,6 +103,12 @@ pub fn check(spec: &Spec, input: &Path) -> Answer<()> {
             options.check()?;
             Ok(hdr::Source::check(input)?)
         }
+        Method::Render => {
+            if spec.session.is_some() {
+                return Err(Problem::bad("method render takes a scene; give an upload, not a session"));
+            }
+            Ok(render::check_folder(input, &spec.options_of()?).map(drop)?)
+        }
     }
 }
 
@@ -100,8 +117,19 @@ fn maps_of(spec: &Spec, input: &Path) -> PathBuf {
     if spec.session.is_some() { input.join("results") } else { input.to_path_buf() }
 }
 
+/// Names a file as whoever sent it does: without the folder that it is in here.
+fn as_sent(error: Error, folder: &Path) -> Error {
+    match error {
+        Error::Input { subject, problem, remedy } => {
+            let name = Path::new(&subject).strip_prefix(folder).map(|file| file.display().to_string());
+            Error::Input { subject: name.unwrap_or(subject), problem, remedy }
+        }
+        other => other,
+    }
+}
+
 /// What the job queue does.
-pub fn work(data: PathBuf) -> Work {
+pub fn work(data: PathBuf, renders: Arc<Renders>) -> Work {
     Arc::new(move |spec: &Spec, progress: &dyn Progress| {
         let input = match (&spec.session, &spec.upload) {
             (Some(id), _) => data.join("sessions").join(id),
@@ -120,8 +148,7 @@ pub fn work(data: PathBuf) -> Work {
                 hdr::reconstruct(&input, &out, &options, progress)?;
             }
             Method::Lut => {
-                let settings = pattern::Settings { overwrite: true, ..spec.options_of()? };
-                pattern::reconstruct(&input, &out, &settings, progress)?;
+                pattern::reconstruct(&input, &out, &spec.table(&data.join("uploads"))?, progress)?;
             }
             Method::Foil => {
                 let settings = foil::Settings { overwrite: true, ..spec.options_of()? };
@@ -145,6 +172,13 @@ pub fn work(data: PathBuf) -> Work {
             Method::Bokeh => {
                 let options = bokeh::Options { overwrite: true, ..spec.options_of()? };
                 bokeh::reconstruct(&input, &out, &options, progress)?;
+            }
+            Method::Render => {
+                let options = spec.options_of()?;
+                let mut seen = |glimpse| renders.show(&spec.id, glimpse);
+                let done = render::render_folder(&input, &out, &options, true, progress, &mut seen);
+                renders.clear();
+                done.map_err(|error| as_sent(error, &input))?;
             }
         }
         Ok(())

@@ -7,6 +7,7 @@ pub mod access;
 pub mod bench;
 pub mod charts;
 pub mod config;
+mod deletion;
 pub mod devices;
 pub mod display;
 pub mod events;
@@ -18,12 +19,15 @@ pub mod page_panel;
 pub mod plans;
 pub mod problem;
 pub mod reconstructions;
+pub mod renders;
 pub mod results;
 mod router;
 pub mod runs;
+mod scenes;
 pub mod session_data;
 pub mod sessions;
 pub mod uploads;
+pub mod view;
 
 use crate::Failure;
 use crate::catalogue::{Catalogue, SessionRow};
@@ -73,6 +77,8 @@ pub struct App {
     pub catalogue: Catalogue,
     /// Reconstructions.
     pub jobs: Jobs,
+    /// The picture that is being rendered.
+    pub renders: Arc<renders::Renders>,
     /// Runs of sessions.
     pub runs: Runs,
     /// The pattern page.
@@ -140,7 +146,8 @@ impl App {
         let catalogue = Catalogue::open(&config.data.join("catalogue.db")).await?;
         let rebuilt = catalogue.rebuild(&[config.data.join("sessions")], &nacre_processing::progress::Silent).await?;
         tracing::info!(sessions = rebuilt.sessions, "catalogue rebuilt");
-        let jobs = Jobs::open(&config.data, methods::work(config.data.clone())).await?;
+        let renders = Arc::new(renders::Renders::default());
+        let jobs = Jobs::open(&config.data, methods::work(config.data.clone(), renders.clone())).await?;
         let bench = Bench::open(place).await?;
         let found =
             bench.work(|owner| Ok((owner.rig.devices.limits(), owner.runtime.block_on(owner.rig.watch.ids())))).await;
@@ -151,6 +158,7 @@ impl App {
             bench,
             catalogue,
             jobs,
+            renders,
             runs: Runs::default(),
             link,
             simulated,
@@ -228,7 +236,7 @@ impl App {
         }
     }
 
-    /// What confirms the deletion of a session.
+    /// What confirms the deletion of a session or reconstruction.
     pub fn deletion_token(&self, id: &str) -> String {
         sha256(format!("{}{id}", self.secret).as_bytes()).chars().take(24).collect()
     }

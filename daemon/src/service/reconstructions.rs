@@ -2,7 +2,7 @@
 
 use super::problem::{Answer, Kind, Problem};
 use super::{App, At, Body, Params, blocking, events, methods};
-use crate::jobs::{Job, JobState, Spec};
+use crate::jobs::{Job, JobState, LightUpload, Spec};
 use crate::plan::Method;
 use crate::session::SESSION_FILE;
 use axum::Json;
@@ -10,6 +10,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_processing::polarimetry::{Model, Oblique, PeriodMethod, Smoothing};
+use nacre_processing::render::SoFar;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -23,7 +24,9 @@ pub struct Request {
     session: Option<String>,
     /// Or uploaded photographs.
     upload: Option<String>,
-    /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots`, `brdf`, `flash`, `foil`, `calibrate` or `map`.
+    /// Of `lut`: photographs of the mirror image of a light that is no point, uploaded by themselves; the table is spread with it.
+    light: Option<LightUpload>,
+    /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots`, `brdf`, `flash`, `foil`, `calibrate`, `map` or `render`.
     method: Option<Method>,
     /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
     /// "recover", "align": "auto" | "off"}`. Of `lut`, of which wavelength and scale or geometry are needed unless the photographs say
@@ -44,7 +47,8 @@ pub struct Request {
     /// board: `{"board": [9, 6], "square_mm": 25, "sample_corners_px": [[x, y], …], "sample_mm": [120, 80], "wavelength_nm": 532}`. Of `map`, for
     /// a session's maps or uploaded ones: `{"rotate_deg": 30, "resample": 2, "tile": [4, 3], "size": [w, h], "layout": "repeat" | "mirror" |
     /// "brick", "orientation_offset_deg": 5, "period": {"quadratic": [0.8, 1.6]} | {"sine_squared": [0.8, 1.6]} | {"table": [[deg, um],
-    /// …]}, "scale": 1.05, "offset_um": -0.02, "clamp_um": [0.7, 2]}`.
+    /// …]}, "scale": 1.05, "offset_um": -0.02, "clamp_um": [0.7, 2]}`. Of `render`, for an uploaded scene: `{"samples": 256, "max_error":
+    /// 0.01, "wavelengths": null, "check": false}`.
     #[schema(value_type = Option<Object>)]
     options: Option<serde_json::Value>,
     /// `auto`, `sinusoid`, `prenormalized`, `circle` or `curve`.
@@ -74,6 +78,8 @@ pub struct Reconstruction {
     id: String,
     session: Option<String>,
     upload: Option<String>,
+    /// The photographs of its light, where there are any.
+    light: Option<LightUpload>,
     method: Method,
     /// Its options, for methods other than polarization.
     #[schema(value_type = Option<Object>)]
@@ -85,6 +91,9 @@ pub struct Reconstruction {
     /// 0 to 1.
     progress: f64,
     stage: String,
+    /// Of a rendering under way: `{"passes": 12, "of": 40, "noise": 0.02, "seconds_left": 31.5}`; noise is null after one pass.
+    #[schema(value_type = Option<Object>)]
+    so_far: Option<SoFar>,
     error: Option<String>,
     /// When it was asked for, in Unix seconds.
     created: u64,
@@ -122,7 +131,11 @@ pub struct Place {
 }
 
 impl App {
-    async fn job(&self, id: &str) -> Answer<Job> {
+    /// A job.
+    ///
+    /// # Errors
+    /// `not-found` when there is none.
+    pub async fn job(&self, id: &str) -> Answer<Job> {
         super::check_id(id)?;
         self.jobs.get(id).await?.ok_or_else(|| Problem::not_found(format!("reconstruction {id}")))
     }
@@ -160,17 +173,20 @@ impl App {
 
     fn describe(&self, job: Job, with_report: bool) -> Reconstruction {
         let report = self.result_folder(&job.id).join("report.json");
+        let so_far = if job.state == JobState::Running { self.renders.of(&job.id).map(|g| g.so_far) } else { None };
         let report = if with_report && job.state == JobState::Done { std::fs::read(report).ok() } else { None };
         Reconstruction {
             id: job.id,
             session: job.session,
             upload: job.upload,
+            light: job.spec.light,
             method: job.spec.method,
             options: job.spec.options,
             state: job.state,
             attempts: job.attempts,
             progress: job.progress,
             stage: job.stage,
+            so_far,
             error: job.error,
             created: job.created,
             report: report.and_then(|bytes| serde_json::from_slice(&bytes).ok()),
@@ -186,12 +202,14 @@ impl App {
             id: id.to_owned(),
             session: Some(id.to_owned()),
             upload: None,
+            light: None,
             method: session.as_ref().and_then(|f| f.plan.reconstruct.as_ref()).map(|r| r.method).unwrap_or_default(),
             options: None,
             state: JobState::Done,
             attempts: 1,
             progress: 1.0,
             stage: "done".into(),
+            so_far: None,
             error: None,
             created: session.map_or(0, |f| f.created),
             report: serde_json::from_slice(&bytes).ok(),
@@ -213,7 +231,7 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
     if body.session.is_some() == body.upload.is_some() {
         return Err(Problem::bad("give either a session or an upload"));
     }
-    for id in body.session.iter().chain(&body.upload) {
+    for id in body.session.iter().chain(&body.upload).chain(body.light.as_ref().map(|light| &light.upload)) {
         super::check_id(id)?;
     }
     let key = App::key("reconstruction", &headers);
@@ -226,6 +244,7 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         method: body.method.unwrap_or_default(),
         session: body.session,
         upload: body.upload,
+        light: body.light,
         options: body.options,
         model,
         oblique: body.oblique.unwrap_or_default(),
@@ -236,8 +255,8 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
     };
     let input = app.input_of(&spec)?;
     // Refused here rather than by the job, so that whoever asks learns it at once.
-    let asked = spec.clone();
-    blocking(move || methods::check(&asked, &input)).await?;
+    let (asked, uploads) = (spec.clone(), app.config.data.join("uploads"));
+    blocking(move || methods::check(&asked, &input, &uploads)).await?;
     let job = app.jobs.submit(spec).await?;
     app.remember(key, &job.id);
     Ok(accepted(app.describe(job, false)))

@@ -1,7 +1,10 @@
 //! All paths, in one place.
 
 use super::problem::{Kind, Problem};
-use super::{App, access, charts, devices, display, plans, reconstructions, results, session_data, sessions, uploads};
+use super::{
+    App, access, charts, deletion, devices, display, plans, reconstructions, renders, results, session_data, sessions,
+    uploads, view,
+};
 use axum::Json;
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
@@ -65,7 +68,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(plans::check))
         .routes(routes!(plans::estimate))
         .routes(routes!(sessions::begin, sessions::list))
-        .routes(routes!(sessions::get, session_data::delete))
+        .routes(routes!(sessions::get, deletion::session))
         .routes(routes!(sessions::pause))
         .routes(routes!(sessions::resume))
         .routes(routes!(sessions::stop))
@@ -74,18 +77,22 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(session_data::frames))
         .routes(routes!(session_data::frame))
         .routes(routes!(session_data::live))
-        .routes(routes!(session_data::deletion))
+        .routes(routes!(deletion::of_session))
         .routes(routes!(session_data::files))
         .routes(routes!(reconstructions::begin, reconstructions::list))
-        .routes(routes!(reconstructions::get))
+        .routes(routes!(reconstructions::get, deletion::reconstruction))
+        .routes(routes!(deletion::of_reconstruction))
         .routes(routes!(reconstructions::cancel))
         .routes(routes!(reconstructions::retry))
         .routes(routes!(reconstructions::log))
         .routes(routes!(reconstructions::job_events))
+        .routes(routes!(renders::picture))
         .routes(routes!(results::list))
         .routes(routes!(results::file))
         .routes(routes!(results::map))
         .routes(routes!(results::pixel))
+        .routes(routes!(view::view))
+        .routes(routes!(view::file))
         .routes(routes!(charts::list))
         .routes(routes!(charts::file))
         .routes(routes!(display::state))

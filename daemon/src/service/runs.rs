@@ -1,9 +1,12 @@
 //! Runs of sessions in the service: what they tell while they run.
 
 use super::events::EventLog;
-use crate::engine::{Control, Observer, SigmaSoFar, State};
-use crate::plan::{Plan, Step};
+use super::problem::Problem;
+use crate::Failure;
+use crate::engine::{Control, Observer, SoFar, State};
+use crate::plan::{Added, Plan, Step};
 use crate::session::{Commit, Entry};
+use nacre_drivers::DeviceError;
 use nacre_processing::polarimetry::{Glance, Running};
 use nacre_processing::progress::Progress;
 use serde_json::json;
@@ -40,8 +43,9 @@ struct Inner {
     done: u64,
     begun: Instant,
     error: Option<String>,
+    fault: Option<DeviceError>,
     map: Option<Arc<Glance>>,
-    sigma: Option<SigmaSoFar>,
+    sigma: Option<SoFar>,
 }
 
 impl Run {
@@ -53,6 +57,7 @@ impl Run {
             done: 0,
             begun: Instant::now(),
             error: None,
+            fault: None,
             map: None,
             sigma: None,
         };
@@ -89,13 +94,20 @@ impl Run {
         self.inner().error.clone()
     }
 
+    /// The device that is at fault, if it failed by one.
+    pub fn fault(&self) -> Option<DeviceError> {
+        self.inner().fault.clone()
+    }
+
     /// Says why it failed.
-    pub fn fail(&self, error: String) {
-        self.inner().error = Some(error);
+    pub fn fail(&self, failure: Failure) {
+        let mut inner = self.inner();
+        inner.fault = failure.fault().cloned();
+        inner.error = Some(Problem::from(failure).to_string());
     }
 
     /// How well a series that ends by its σ knows its orientations so far.
-    pub fn sigma_so_far(&self) -> Option<SigmaSoFar> {
+    pub fn sigma_so_far(&self) -> Option<SoFar> {
         self.inner().sigma
     }
 
@@ -153,8 +165,9 @@ impl Observer for Run {
         let text = match entry {
             Entry::Retried { reason } => format!("again after: {reason}"),
             Entry::Paused => "paused, with the light off".into(),
-            Entry::Stopped { reason } => format!("stopped: {reason}"),
-            Entry::Chosen { analyser_deg, .. } => format!("next angle: {analyser_deg}°"),
+            Entry::Stopped { reason, .. } => format!("stopped: {reason}"),
+            Entry::Chosen { added: Added::Angle { analyser_deg }, .. } => format!("next angle: {analyser_deg}°"),
+            Entry::Chosen { added: Added::Fringes { fringes }, .. } => format!("more fringes: {fringes}"),
             Entry::Ended(end) => end.text(),
             _ => return,
         };
@@ -165,7 +178,7 @@ impl Observer for Run {
         true
     }
 
-    fn sigma(&self, so_far: &SigmaSoFar) {
+    fn so_far(&self, so_far: &SoFar) {
         self.inner().sigma = Some(*so_far);
         self.events.push("sigma", so_far);
     }

@@ -1,14 +1,12 @@
-//! What is in a session: `/api/v1/sessions/{id}/frames`, `live.png`, `files`, and its deletion.
+//! What is in a session: `/api/v1/sessions/{id}/frames`, `live.png` and `files`.
 
 use super::devices::Width;
-use super::problem::{Answer, Kind, Problem};
+use super::problem::{Answer, Problem};
 use super::{App, At, Params, blocking, maps, png};
-use crate::catalogue::SessionRow;
 use crate::plan::Role;
-use crate::session::{Journal, Session, SessionFile};
+use crate::session::{Journal, SessionFile};
 use axum::Json;
 use axum::extract::State;
-use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use nacre_processing::image::encode_png8;
 use serde::{Deserialize, Serialize};
@@ -62,23 +60,6 @@ pub struct FileDoc {
 #[derive(Debug, Serialize, ToSchema)]
 pub struct FileList {
     items: Vec<FileDoc>,
-}
-
-/// What a deletion removes, and the token that confirms it.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct Deletion {
-    token: String,
-    bytes: u64,
-    files: usize,
-}
-
-/// Confirms a deletion.
-#[derive(Debug, Deserialize, IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct Confirmation {
-    /// The token that `deletion` gave.
-    token: String,
 }
 
 /// The frames with the evidence that they are fresh.
@@ -160,50 +141,6 @@ pub async fn live(State(app): State<Arc<App>>, At(id): At<String>, Params(query)
     let view = maps::View { width: super::picture_width(query.width, 512)?, region: None };
     let body = png(maps::picture(&name, plane, glance.width, &view, &encode_png8).map_err(std::io::Error::other));
     Ok(([maps::range_header(&name, plane)], body?).into_response())
-}
-
-/// What a deletion removes, and the token that confirms it.
-#[utoipa::path(get, path = "/api/v1/sessions/{id}/deletion", tag = "sessions", operation_id = "session_deletion",
-    params(("id" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
-pub async fn deletion(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Deletion>> {
-    let folder = app.existing_session(&id)?;
-    let token = app.deletion_token(&id);
-    let files = blocking(move || Answer::Ok(super::files::list(&folder))).await?;
-    Ok(Json(Deletion { token, bytes: files.iter().map(|f| f.1).sum(), files: files.len() }))
-}
-
-/// Deletes a session with all its files.
-#[utoipa::path(delete, path = "/api/v1/sessions/{id}", tag = "sessions", operation_id = "delete_session",
-    params(("id" = String, Path), Confirmation),
-    responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
-pub async fn delete(
-    State(app): State<Arc<App>>,
-    At(id): At<String>,
-    Params(query): Params<Confirmation>,
-) -> Answer<StatusCode> {
-    let folder = app.existing_session(&id)?;
-    if query.token != app.deletion_token(&id) {
-        return Err(Problem::new(Kind::Conflict, "the token does not confirm this deletion")
-            .remedy("ask /deletion for the token"));
-    }
-    if app.run(&id).is_some_and(|r| !r.is_over()) {
-        return Err(Problem::new(Kind::Busy, "the session is running").remedy("abort it first"));
-    }
-    let row = SessionRow::read(&folder).ok();
-    blocking(move || {
-        // Nobody else works on it: the session's own lock says so.
-        let session = Session::open(crate::session::RealDisk, &folder);
-        if session.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::WouldBlock) {
-            return Err(Problem::new(Kind::Busy, "another process works on the session"));
-        }
-        std::fs::remove_dir_all(&folder).map_err(|e| Problem::new(Kind::Internal, format!("cannot be deleted: {e}")))
-    })
-    .await?;
-    app.runs.remove(&id);
-    if let Some(row) = row {
-        app.catalogue.remove(&row.id).await?;
-    }
-    Ok(StatusCode::NO_CONTENT)
 }
 
 /// The files of a session.

@@ -7,13 +7,14 @@ use super::{App, At, Body, Params, blocking, events};
 use crate::Failure;
 use crate::capture::Capture;
 use crate::catalogue::{Cursor, Query, SessionRow};
-use crate::engine::{Input, SigmaSoFar, State as RunState};
+use crate::engine::{Input, SoFar, State as RunState};
 use crate::plan::{Plan, PlanKind};
 use crate::session::{Ending, Journal, MortalDisk, SESSION_FILE, SessionFile, Timing};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use nacre_drivers::DeviceError;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::Path;
@@ -39,10 +40,11 @@ pub struct SessionDoc {
     /// For a series that goes on until its σ is as wanted: the most.
     frames_planned: usize,
     frames_committed: usize,
-    /// For a series that ends by its σ: `{angles, sigma_deg, until_sigma_deg, at_most, least_deg}`, what is known so far;
-    /// `least_deg` is what σ will be at least after the most angles.
+    /// For a series that goes on until enough is known, what is known so far: `{angles, sigma_deg, until_sigma_deg, at_most,
+    /// least_deg}` behind an analyser, where `least_deg` is what σ will be at least after the most angles;
+    /// `{fringes, undecided, until_undecided, at_most}` of a spot scan.
     #[schema(value_type = Option<Object>)]
-    sigma: Option<SigmaSoFar>,
+    sigma: Option<SoFar>,
     /// Why such a series has ended: `met`, `at_most` or `cannot`.
     #[schema(value_type = Option<String>)]
     ended: Option<Ending>,
@@ -52,6 +54,10 @@ pub struct SessionDoc {
     eta_s: Option<f64>,
     /// Why it failed or was stopped.
     error: Option<String>,
+    /// The device that did not do what it was asked to, if one is why: `{device, command, expected, got, remedy, class}`, where `class` is
+    /// `retry`, `lost`, `stop` or `setup`.
+    #[schema(value_type = Option<Object>)]
+    fault: Option<DeviceError>,
     /// There are results of a reconstruction in the session.
     has_results: bool,
     /// Where the time went.
@@ -121,6 +127,7 @@ impl SessionDoc {
             stage: None,
             eta_s: None,
             error: journal.why_stopped(),
+            fault: journal.fault().cloned(),
             has_results: folder.join("results/report.json").exists(),
             timing: journal.timing(),
             plan: with_plan.then_some(plan),
@@ -137,6 +144,7 @@ impl SessionDoc {
         self.has_results &= run.is_over();
         self.stage = Some(run.stage().0).filter(|_| !run.is_over());
         (self.eta_s, self.error) = (run.eta_s(), run.error().or(self.error.take()));
+        self.fault = run.fault().or(self.fault.take());
         self.sigma = self.sigma.or(run.sigma_so_far());
         self.frames_committed = run.committed().map_or(self.frames_committed, |n| n as usize);
     }
@@ -161,6 +169,7 @@ impl SessionDoc {
             stage: None,
             eta_s: None,
             error: None,
+            fault: None,
             has_results: false,
             timing: None,
             plan: with_plan.then(|| plan.clone()),
@@ -219,7 +228,7 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
                 // Also what failed before the engine began, so that nobody waits for it.
                 let _ = run.control.send(Input::Start);
                 let _ = run.control.send(Input::Fault);
-                run.fail(Problem::from(failure).to_string());
+                run.fail(failure);
             }
         }
         move || {

@@ -1,7 +1,7 @@
 //! `/api/v1/uploads`: photographs taken elsewhere, streamed to the disk.
 
-use super::App;
 use super::problem::{Answer, Kind, Problem};
+use super::{App, scenes};
 use axum::Json;
 use axum::extract::multipart::{Field, MultipartRejection};
 use axum::extract::{Multipart, State};
@@ -36,12 +36,19 @@ pub struct Uploaded {
 /// without it the analyser's angles are read from the names, as `045.png`, and colour files' green is used. Where the part
 /// `kind`, which comes first, is `photographs`, they stand for themselves: exposures of one view, or single photographs. With `surface`
 /// there is one part `file`: a height field, which may be a grid of numbers as text as well. With `maps` they are `orientation.exr`,
-/// `period.exr` or both.
+/// `period.exr` or both. With `scene` they are one scene (TOML) and the files that it names, beside each other; or `gallery` names a scene to
+/// start from; or `result` names a reconstruction or session whose orientation.exr, period.exr and lut.exr are put beside the scene, or laid on
+/// a sheet if there is none.
 #[derive(ToSchema)]
 #[allow(dead_code, reason = "describes the form")]
 pub struct Form {
-    /// `polarization` (the default), `photographs`, `surface` or `maps`.
+    /// `polarization` (the default), `photographs`, `surface`, `maps` or `scene`.
     kind: Option<String>,
+    /// Of the kind `scene`: `cd`, `phone`, `tv`, `star-paper`, `kinematic-tile`, `logo`, `emblem`, `spiral-foil`, `rolled` or `snake`, or one of
+    /// them with `-room` for an environment instead of small lights.
+    gallery: Option<String>,
+    /// Of the kind `scene`: an id.
+    result: Option<String>,
     /// A frames.json.
     frames: Option<String>,
     #[schema(value_type = Vec<String>, format = Binary)]
@@ -80,16 +87,27 @@ pub async fn upload(State(app): State<Arc<App>>, form: Result<Multipart, Multipa
 
 async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
     let most = app.config.limits.upload_mib << 20;
-    let (mut files, mut bytes, mut what) = (0, 0, What::Polarization);
+    let (mut files, mut bytes, mut what, mut begun) = (0, 0, What::Polarization, false);
     loop {
         let next = tokio::time::timeout(PATIENCE, form.next_field()).await;
         let next = next.map_err(|_| Problem::bad("the upload stopped half-way"))?;
         let Some(field) = next.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? else {
             break;
         };
-        if field.name() == Some("kind") {
-            what = kind(field).await?;
-            continue;
+        match field.name() {
+            Some("kind") => {
+                what = kind(&word(field).await?)?;
+                continue;
+            }
+            Some(part @ ("gallery" | "result")) if what == What::Scene => {
+                if std::mem::replace(&mut begun, true) {
+                    return Err(Problem::bad("a scene begins with more than one gallery or result").remedy("give one"));
+                }
+                let part = part.to_owned();
+                scenes::begin(app, &part, word(field).await?, folder).await?;
+                continue;
+            }
+            _ => {}
         }
         let name = file_name(&field, what)?;
         files += usize::from(name != FILE_NAME);
@@ -101,18 +119,22 @@ async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize
         }
         bytes += store(field, &folder.join(&name), most.saturating_sub(bytes)).await?;
     }
-    if files == 0 {
+    if files == 0 && what != What::Scene {
         return Err(Problem::bad("the form holds no photograph").remedy("send parts named file with file names"));
     }
     let folder = folder.to_path_buf();
-    match what {
-        What::Polarization => super::blocking(move || describe(&folder)).await?,
-        What::Photographs => super::blocking(move || decodable(&folder)).await?,
-        // Its scale is not known before it is asked for a BRDF, which reads it.
-        What::Surface => {}
-        What::Maps => super::blocking(move || Ok(Maps::read(&folder).map(drop)?)).await?,
-    }
-    Ok((files, bytes))
+    super::blocking(move || {
+        match what {
+            What::Polarization => describe(&folder)?,
+            What::Photographs => decodable(&folder)?,
+            // Its scale is not known before it is asked for a BRDF, which reads it.
+            What::Surface => {}
+            What::Maps => Maps::read(&folder).map(drop)?,
+            What::Scene => return scenes::complete(&folder),
+        }
+        Ok((files, bytes))
+    })
+    .await
 }
 
 /// What an upload holds.
@@ -126,6 +148,8 @@ enum What {
     Surface,
     /// Maps of orientation and period.
     Maps,
+    /// A scene with its files.
+    Scene,
 }
 
 /// Plain names of photographs only, or of height fields, so that nothing is written elsewhere.
@@ -133,13 +157,14 @@ fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
     match field.name() {
         Some("frames") if matches!(what, What::Photographs | What::Polarization) => return Ok(FILE_NAME.into()),
         Some("file") => {}
-        _ => return Err(Problem::bad("a part is neither file nor frames")),
+        _ => return Err(Problem::bad("a part is neither file nor frames, nor another one that belongs to its kind")),
     }
     let name = field.file_name().unwrap_or_default();
     let extension = Path::new(name).extension().map(|e| e.to_string_lossy().to_lowercase());
     let (of, endings) = match what {
         What::Surface => ("height field", height::EXTENSIONS),
         What::Maps => ("map", &["exr"][..]),
+        What::Scene => ("file of a scene", scenes::EXTENSIONS),
         What::Photographs | What::Polarization => ("photograph", EXTENSIONS),
     };
     let known = extension.is_some_and(|e| endings.contains(&e.as_str()));
@@ -154,7 +179,7 @@ async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
     let refused = |e: std::io::Error| Problem::new(Kind::Internal, format!("the upload cannot be stored: {e}"));
     let new = tokio::fs::OpenOptions::new().write(true).create_new(true).open(path).await;
     let mut file = new.map_err(|e| match e.kind() {
-        std::io::ErrorKind::AlreadyExists => Problem::bad("two photographs have one name"),
+        std::io::ErrorKind::AlreadyExists => Problem::bad("two files have one name"),
         _ => refused(e),
     })?;
     let mut bytes = 0;
@@ -174,7 +199,8 @@ async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
     Ok(bytes)
 }
 
-async fn kind(mut field: Field<'_>) -> Answer<What> {
+/// A short text.
+async fn word(mut field: Field<'_>) -> Answer<String> {
     let mut word = vec![];
     while word.len() < 80 {
         let chunk = tokio::time::timeout(PATIENCE, field.chunk()).await;
@@ -184,14 +210,19 @@ async fn kind(mut field: Field<'_>) -> Answer<What> {
             None => break,
         }
     }
-    match word.as_slice() {
-        b"photographs" => Ok(What::Photographs),
-        b"polarization" => Ok(What::Polarization),
-        b"surface" => Ok(What::Surface),
-        b"maps" => Ok(What::Maps),
+    Ok(String::from_utf8_lossy(&word).into_owned())
+}
+
+fn kind(word: &str) -> Answer<What> {
+    match word {
+        "photographs" => Ok(What::Photographs),
+        "polarization" => Ok(What::Polarization),
+        "surface" => Ok(What::Surface),
+        "maps" => Ok(What::Maps),
+        "scene" => Ok(What::Scene),
         other => {
-            let said = clip(&String::from_utf8_lossy(other));
-            Err(Problem::bad(format!("kind is {said:?}; give photographs, polarization, surface or maps")))
+            let said = clip(other);
+            Err(Problem::bad(format!("kind is {said:?}; give photographs, polarization, surface, maps or scene")))
         }
     }
 }

@@ -1,7 +1,9 @@
 //! The journal: JSON Lines, each with its number and a CRC over its entry.
 
-use crate::engine::SigmaSoFar;
-use crate::plan::Plan;
+use crate::Failure;
+use crate::engine::{FringesSoFar, SigmaSoFar, SoFar};
+use crate::plan::{Added, Plan};
+use nacre_drivers::DeviceError;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::io;
@@ -30,14 +32,18 @@ pub enum Entry {
         /// What went wrong.
         reason: String,
     },
-    /// The series goes on at this angle, since the wanted σ is not reached.
+    /// The series goes on, since too little is known.
     Chosen {
-        /// Where the analyser turns next, in degrees.
-        analyser_deg: f64,
+        /// What is added to it.
+        #[serde(flatten)]
+        added: Added,
         /// σ before it, in degrees: 90 % of the pixels that carry an orientation are as good.
         sigma_deg: Option<f64>,
+        /// Part of the pixels that were undecided before it, for a spot scan.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        undecided: Option<f64>,
     },
-    /// A series that ends by its σ has ended.
+    /// A series that goes on until enough is known has ended.
     Ended(SeriesEnd),
     /// The session waits, with the light off.
     Paused,
@@ -45,37 +51,62 @@ pub enum Entry {
     Stopped {
         /// Why.
         reason: String,
+        /// The device that was at fault, so that a person can be told what helps.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        fault: Option<Box<DeviceError>>,
     },
     /// All frames and `frames.json` are there.
     Finished(Timing),
 }
 
-/// Why a series that ends by its σ has ended, and with what.
+/// Why a series that goes on until enough is known has ended, and with what.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeriesEnd {
     /// Why.
     pub why: Ending,
     /// What it knew then.
     #[serde(flatten)]
-    pub so_far: SigmaSoFar,
+    pub so_far: SoFar,
 }
 
-/// Why a series that ends by its σ has ended.
+/// Why a series that goes on until enough is known has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ending {
-    /// The wanted σ is reached.
+    /// What was wanted is reached.
     Met,
-    /// All angles that the plan allows are taken.
+    /// All angles or fringes that the plan allows are taken.
     AtMost,
-    /// All angles that the plan allows would not be enough.
+    /// All that the plan allows would not be enough.
     Cannot,
 }
 
 impl SeriesEnd {
     /// What a person should know: what is wanted, what came, and what to do where that is less.
     pub fn text(&self) -> String {
-        let SigmaSoFar { angles, sigma_deg, until_sigma_deg: wanted, at_most, least_deg } = self.so_far;
+        match self.so_far {
+            SoFar::Sigma(so_far) => self.of_angles(so_far),
+            SoFar::Fringes(so_far) => self.of_fringes(so_far),
+        }
+    }
+
+    fn of_fringes(&self, so_far: FringesSoFar) -> String {
+        let FringesSoFar { fringes, undecided, until_undecided: wanted, at_most } = so_far;
+        let percent = |part: f64| format!("{:.1} %", 100.0 * part);
+        let is = undecided.map_or("no pixel has a first order on the panel".to_owned(), |u| {
+            format!("{} of the pixels with a first order are undecided", percent(u))
+        });
+        let found = format!("{is} after {fringes} fringes, and {} was wanted", percent(wanted));
+        let remedy = "expose longer, average more, or take several gratings in one pixel for what they are";
+        match self.why {
+            Ending::Met => found,
+            Ending::AtMost => format!("{found}: the plan allows {at_most}; {remedy}"),
+            Ending::Cannot => format!("{found}: the last ones did not help, so the series ended early; {remedy}"),
+        }
+    }
+
+    fn of_angles(&self, so_far: SigmaSoFar) -> String {
+        let SigmaSoFar { angles, sigma_deg, until_sigma_deg: wanted, at_most, least_deg } = so_far;
         let is = sigma_deg.map_or("no pixel carries an orientation".to_owned(), |s| format!("σ is {s:.3}°"));
         let found = format!("{is} after {angles} angles, and {wanted}° was wanted");
         let remedy = "expose longer or several times (exposures_ms), average more, or allow more angles";
@@ -225,13 +256,13 @@ impl Journal {
         &self.entries
     }
 
-    /// Analyser angles that were added to the series, in degrees.
-    pub fn chosen(&self) -> Vec<f64> {
-        let angle = |e: &Entry| if let Entry::Chosen { analyser_deg, .. } = e { Some(*analyser_deg) } else { None };
-        self.entries.iter().filter_map(angle).collect()
+    /// What was added to the series.
+    pub fn chosen(&self) -> Vec<Added> {
+        let added = |e: &Entry| if let Entry::Chosen { added, .. } = e { Some(*added) } else { None };
+        self.entries.iter().filter_map(added).collect()
     }
 
-    /// How a series that ends by its σ has ended.
+    /// How a series that goes on until enough is known has ended.
     pub fn ended(&self) -> Option<SeriesEnd> {
         self.entries.iter().find_map(|e| if let Entry::Ended(end) = e { Some(*end) } else { None })
     }
@@ -239,14 +270,22 @@ impl Journal {
     /// Frames that the session will have: as far as is known, and at most.
     pub fn planned(&self, plan: &Plan) -> [usize; 2] {
         let known = plan.steps_with(&self.chosen()).len();
-        let open = plan.until_sigma().is_some() && self.ended().is_none() && !self.finished();
+        let open = plan.is_open() && self.ended().is_none() && !self.finished();
         [known, if open { plan.most_steps().len() } else { known }]
     }
 
     /// Why it ended early, if that is the last thing that happened.
     pub fn why_stopped(&self) -> Option<String> {
         match self.entries.last() {
-            Some(Entry::Stopped { reason }) => Some(reason.clone()),
+            Some(Entry::Stopped { reason, .. }) => Some(reason.clone()),
+            _ => None,
+        }
+    }
+
+    /// The device that ended it, if one did and nothing happened since.
+    pub fn fault(&self) -> Option<&DeviceError> {
+        match self.entries.last() {
+            Some(Entry::Stopped { fault, .. }) => fault.as_deref(),
             _ => None,
         }
     }
@@ -259,6 +298,13 @@ impl Journal {
     /// Whether the last thing that happened is an early end.
     pub fn stopped(&self) -> bool {
         matches!(self.entries.last(), Some(Entry::Stopped { .. }))
+    }
+}
+
+impl Entry {
+    /// That a session ended early, and why.
+    pub fn stopped(failure: &Failure) -> Self {
+        Self::Stopped { reason: failure.to_string(), fault: failure.fault().cloned().map(Box::new) }
     }
 }
 

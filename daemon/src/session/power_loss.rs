@@ -178,7 +178,7 @@ fn a_disk_that_fills_up_at_any_operation_is_an_error_that_can_be_resumed() {
         let outcome = Session::create(&disk, &folder, &description()).and_then(|mut session| {
             let result = complete(&mut session);
             // As the engine does, whether or not the disk takes it.
-            result.inspect_err(|e| _ = session.record(Entry::Stopped { reason: e.to_string() }))
+            result.inspect_err(|e| _ = session.record(Entry::Stopped { reason: e.to_string(), fault: None }))
         });
         match outcome {
             Ok(()) => break,

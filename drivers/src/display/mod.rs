@@ -1,9 +1,11 @@
 //! Panels: LCDs as programmable light.
 
+mod curve;
 mod desktop;
 pub mod edid;
 pub mod kms;
 
+pub use curve::{POWER_LAW, PowerLaw, power_law};
 pub use desktop::desktop_warnings;
 
 use crate::{Clock, DeviceResult, Display};

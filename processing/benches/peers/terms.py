@@ -17,12 +17,16 @@ def main():
     height = (0.25 + 0.25 * np.cos(0.26 * x + 0.1 * y) * np.cos(1e-4 * x * y)).astype(np.float32)
     used = lambda: sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
     for workers in (1, 2):
-        begun, wall = used(), time.time()
-        power = np.ones_like(height)
-        for _ in range(TERMS):
-            scipy.fft.rfft2(power, workers=workers)
-            power *= height
-        print(f"{workers} threads: {used() - begun:.2f} CPU-seconds, {time.time() - wall:.2f} s")
+        # The least of several, as others use this machine too.
+        least = [np.inf, np.inf]
+        for _ in range(5):
+            begun, wall = used(), time.time()
+            power = np.ones_like(height)
+            for _ in range(TERMS):
+                scipy.fft.rfft2(power, workers=workers)
+                power *= height
+            least = [min(least[0], used() - begun), min(least[1], time.time() - wall)]
+        print(f"{workers} threads: {least[0]:.2f} CPU-seconds, {least[1]:.2f} s")
 
 
 main()

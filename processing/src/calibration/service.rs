@@ -13,7 +13,7 @@ use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Far more than corners that were picked are off, in px.
+/// How far corners are off that are picked on a page that shows where the pointer is, in px.
 const CORNER_SIGMA_PX: f64 = 0.5;
 
 /// What is known of the photographs.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
 
-/// A picture that is computed, not measured.
+/// A picture that no study draws: computed, or measured as a whole.
 pub struct Picture {
     /// Name of its files and on the command line.
     pub name: &'static str,
@@ -21,8 +21,25 @@ pub struct Picture {
     pub title: &'static str,
     /// What is to be seen.
     pub text: &'static str,
-    /// Draws it, as an SVG.
-    pub draw: fn() -> Result<String>,
+    /// Draws it.
+    pub draw: fn() -> Result<Drawn>,
+}
+
+/// A picture that was drawn.
+pub struct Drawn {
+    /// The picture, as an SVG.
+    pub svg: String,
+    /// On what it was measured; empty for what was computed.
+    pub measured: String,
+    /// What was measured, as JSON.
+    pub numbers: Option<String>,
+}
+
+impl From<String> for Drawn {
+    /// Computed, as an SVG.
+    fn from(svg: String) -> Self {
+        Self { svg, measured: String::new(), numbers: None }
+    }
 }
 
 /// What to chart, and where.
@@ -97,7 +114,12 @@ pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
     for p in request.pictures {
         progress.check()?;
         make_dir(&out.join(p.name))?;
-        let files = write_pictures(out, p.name, &(p.draw)()?)?;
+        let drawn = (p.draw)()?;
+        let mut files = write_pictures(out, p.name, &drawn.svg)?;
+        if let Some(numbers) = &drawn.numbers {
+            files.push(format!("{0}/{0}.json", p.name));
+            write_whole(&out.join(&files[2]), numbers.as_bytes())?;
+        }
         let text = p.text.to_owned();
         charted.put(Chart {
             name: p.name.into(),
@@ -105,7 +127,7 @@ pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
             title: p.title.into(),
             text,
             quick: false,
-            measured: String::new(),
+            measured: drawn.measured,
             files,
         });
     }

@@ -42,11 +42,13 @@
 //! ```
 
 mod folder;
+pub mod gpu;
 mod labels;
 mod machine;
 mod overview;
 mod page;
 mod pareto;
+mod peaks;
 mod picture;
 mod png;
 pub mod polarimetry;
@@ -63,9 +65,10 @@ mod trade;
 #[cfg(test)]
 mod tests;
 
-pub use folder::{Chart, Charted, Picture, Request, catalogue, chart};
+pub use folder::{Chart, Charted, Drawn, Picture, Request, catalogue, chart};
 pub use machine::Machine;
 pub use pareto::pareto_front;
+pub use peaks::peaks_picture;
 pub use png::png_from_svg;
 pub use raw::Record;
 pub use runner::{Effort, Plan, measure};

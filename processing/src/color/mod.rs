@@ -3,11 +3,13 @@
 //! Tables are those of the CIE as the colour-science package 0.4.7 publishes them (`data/LICENSE.txt`): observers in steps of
 //! 1 nm, illuminants in steps of 5 nm. Between the steps they are interpolated linearly.
 
+mod difference;
 mod illuminant;
 mod spectrum;
 #[cfg(test)]
 mod tests;
 
+pub use difference::{delta_e_2000, lab};
 pub use illuminant::{Illuminant, NAMES};
 pub use spectrum::Spectrum;
 

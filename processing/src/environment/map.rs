@@ -13,6 +13,9 @@ const MAX_PIXELS: usize = 32 << 20;
 /// of three lobes falls to -0.13 of a point's height, and maps that are given away have that.
 const NOISE: f32 = 0.2;
 
+/// Part of the light from which negative radiance is worth a warning.
+const TOLD: f64 = 1e-4;
+
 /// A lat-long environment: linear radiance, row 0 at the zenith (+z), the middle column towards +x, azimuth anticlockwise seen from
 /// above growing to the left.
 ///
@@ -25,6 +28,8 @@ pub struct Environment {
     pub height: usize,
     /// Linear radiance, row by row from the zenith.
     pub rgb: Vec<[f32; 3]>,
+    /// Light that was negative and became none, over all light (before solid angles).
+    pub negative: f64,
     /// Running sum over all pixels of what [`Self::sample`] draws them with.
     running: Vec<f64>,
 }
@@ -84,12 +89,17 @@ impl Environment {
             let problem = format!("has radiance {r}, {g}, {b} in column {}, row {}", i % width, i / width);
             return Err(Error::input(subject, problem, "give finite radiances that are not negative"));
         }
-        rgb.as_flattened_mut().iter_mut().for_each(|v| *v = v.max(0.0));
-        Ok(Self::tabled(width, height, rgb))
+        let mut sums = [0.0_f64; 2];
+        for value in rgb.as_flattened_mut() {
+            sums[usize::from(*value < 0.0)] += f64::from(value.abs());
+            *value = value.max(0.0);
+        }
+        let negative = if sums[1] > 0.0 { sums[1] / sums[0] } else { 0.0 };
+        Ok(Self { negative, ..Self::tabled(width, height, rgb) })
     }
 
     fn tabled(width: usize, height: usize, rgb: Vec<[f32; 3]>) -> Self {
-        let mut environment = Self { width, height, rgb, running: vec![] };
+        let mut environment = Self { width, height, rgb, negative: 0.0, running: vec![] };
         let mut weights = vec![0.0_f64; width * height];
         let all = &environment;
         weights.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -107,6 +117,13 @@ impl Environment {
         }
         environment.running = weights;
         environment
+    }
+
+    /// What is to be said about it.
+    pub fn warnings(&self) -> Vec<String> {
+        let part = 100.0 * self.negative;
+        let said = format!("radiance of the environment that is negative, {part:.2} % of its light, counts as none");
+        (self.negative > TOLD).then_some(said).into_iter().collect()
     }
 
     /// Pixel of a column and a row that may lie beyond the edges: columns wrap, rows go on beyond the pole.

@@ -1,6 +1,7 @@
 //! Surfaces under light from all around: environments, the exact reflection of a table over half vectors, and faster ways to it.
 
 mod azimuth;
+mod cosines;
 pub mod factor;
 mod grating;
 mod lamps;
@@ -15,6 +16,7 @@ mod table;
 mod tests;
 
 pub use azimuth::facing;
+pub(crate) use cosines::solid_angle;
 pub use grating::{Grating, Steps};
 pub use lamps::{Lamp, lamps};
 pub use map::Environment;
@@ -24,3 +26,4 @@ pub use prefilter::prefiltered;
 pub use reference::{Frame, Lights, geometry, normalized_error};
 pub use sampling::{Estimate, Sampler};
 pub use table::Table;
+pub(crate) use table::{LUT_REMEDY, Lut};

@@ -3,6 +3,7 @@
 //! `L(ωo) = 1/cos θo ∬ S_d(ωi + ωo) (1 + ωi·ωo)² Li(ωi) / cos θi dx dy` over the direction cosines x, y of ωi. With `ωi·ωo = x xo + y yo + z zo`
 //! the square is a sum of ten products of a function of ωi and one of ωo, and each is a correlation.
 
+use super::cosines::solid_angle;
 use super::{Environment, Frame, Table};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -42,15 +43,7 @@ pub(super) fn cells(environment: &Environment, frame: &Frame, size: usize) -> Ve
     let step = 2.0 / size as f64;
     let cell = |i: usize| {
         let [x, y] = [i % size, i / size].map(|k| cosine(size, k));
-        let mut solid = 0.0;
-        for k in 0..SLICES {
-            let x = x + ((k as f64 + 0.5) / SLICES as f64 - 0.5) * step;
-            let half = (1.0 - x * x).max(0.0).sqrt();
-            if half > 0.0 {
-                let angle = |y: f64| (y / half).clamp(-1.0, 1.0).asin();
-                solid += (angle(y + 0.5 * step) - angle(y - 0.5 * step)) * step / SLICES as f64;
-            }
-        }
+        let solid = solid_angle([x, y], [step; 2], SLICES);
         // A cell on the rim stands for its part above the horizon.
         let length = x.hypot(y).max(1.0) * (1.0 + 1e-9);
         let [x, y] = [x, y].map(|v| if length > 1.0 + 1e-8 { v / length } else { v });

@@ -73,35 +73,14 @@ impl Table {
     /// # Errors
     /// `Input`, which names the file, when it is no such table.
     pub fn read(path: &Path) -> Result<Self> {
-        let mut map = read_exr(path)?;
-        let remedy = "give the lut.exr of `nacre reconstruct lut`";
-        let number = |name: &str| map.attributes.get(name).and_then(|t| t.trim().parse::<f64>().ok());
-        let Some(extent) = number("extent") else {
-            return Err(Error::file(path, "does not say how far it reaches (attribute extent)", remedy));
-        };
-        let warp = number("warp").unwrap_or(1.0);
-        if !(1.0..=15.0).contains(&warp) {
-            return Err(Error::file(path, format!("is warped by {warp}"), remedy));
-        }
-        let (width, height) = (map.width, map.height);
-        if width != height {
-            return Err(Error::file(path, format!("is {width} x {height} entries, not square"), remedy));
-        }
-        let mut take = |name: &str| {
-            map.take(name, path)
-                .map_err(|_| Error::file(path, format!("has no channel {name}; a table has X, Y and Z"), remedy))
-        };
-        let [x, y, z] = [take("X")?, take("Y")?, take("Z")?];
-        if [&x, &y, &z].into_iter().flatten().any(|v| v.is_infinite()) {
-            return Err(Error::file(path, "holds infinite light", "make the table anew"));
-        }
-        let rgb = (0..x.len()).map(|i| linear_srgb([x[i], y[i], z[i]])).collect();
-        let table = Self::checked(&path.display().to_string(), width, extent, rgb)?;
+        let Lut { size, extent, warp, rgb, unknown, .. } = Lut::read(path)?;
+        let table = Self { size, extent, rgb, unknown };
         if warp == 1.0 {
             return Ok(table);
         }
         let even = |v: f64| v.signum() * (v.abs() / extent).powf(1.0 / warp) * extent;
-        Self::from_fn(width, extent, |h| table.at(h.map(even)).map(f64::from))
+        let even = Self::from_fn(size, extent, |h| table.at(h.map(even)).map(f64::from))?;
+        Ok(Self { unknown, ..even })
     }
 
     /// Side of a cell.
@@ -123,5 +102,57 @@ impl Table {
         let i = top * self.size + left;
         let [a, b, c, d] = [i, i + 1, i + self.size, i + self.size + 1].map(|i| self.rgb[i]);
         std::array::from_fn(|k| (1.0 - v) * ((1.0 - u) * a[k] + u * b[k]) + v * ((1.0 - u) * c[k] + u * d[k]))
+    }
+}
+
+/// What to give instead of a table that is none.
+pub(crate) const LUT_REMEDY: &str = "give the lut.exr of `nacre reconstruct lut`";
+
+/// A `lut.exr` as it was written.
+pub(crate) struct Lut {
+    pub size: usize,
+    pub extent: f64,
+    /// Entries are even in the `warp`-th root of the half vector over the extent.
+    pub warp: f64,
+    /// Of the light under which the entries are.
+    pub illuminant: String,
+    /// Linear sRGB; what is not known is dark.
+    pub rgb: Vec<[f32; 3]>,
+    /// Part of the entries that is not known.
+    pub unknown: f64,
+}
+
+impl Lut {
+    /// Reads and checks one.
+    ///
+    /// # Errors
+    /// `Input`, which names the file, when it is none.
+    pub(crate) fn read(path: &Path) -> Result<Self> {
+        let mut map = read_exr(path)?;
+        let refuse = |problem: String| Err(Error::file(path, problem, LUT_REMEDY));
+        let number = |name: &str| map.attributes.get(name).and_then(|t| t.trim().parse::<f64>().ok());
+        let Some(extent) = number("extent") else {
+            return refuse("does not say how far it reaches (attribute extent)".into());
+        };
+        let warp = number("warp").unwrap_or(1.0);
+        if !((1.0..=15.0).contains(&warp) && warp % 2.0 == 1.0) {
+            return refuse(format!("is warped by {warp}"));
+        }
+        let (width, height) = (map.width, map.height);
+        if width != height {
+            return refuse(format!("is {width} x {height} entries, not square"));
+        }
+        let illuminant = map.attributes.get("illuminant").cloned().unwrap_or_else(|| "E".into());
+        let mut take = |name: &str| {
+            map.take(name, path)
+                .map_err(|_| Error::file(path, format!("has no channel {name}; a table has X, Y and Z"), LUT_REMEDY))
+        };
+        let [x, y, z] = [take("X")?, take("Y")?, take("Z")?];
+        if [&x, &y, &z].into_iter().flatten().any(|v| v.is_infinite()) {
+            return refuse("holds infinite light".into());
+        }
+        let rgb = (0..x.len()).map(|i| linear_srgb([x[i], y[i], z[i]])).collect();
+        let Table { size, extent, rgb, unknown } = Table::checked(&path.display().to_string(), width, extent, rgb)?;
+        Ok(Self { size, extent, warp, illuminant, rgb, unknown })
     }
 }

@@ -7,9 +7,6 @@ use crate::geometry::{self, Camera, Geometry, Pose};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// File beside `frames.json` that says where camera and sample were.
-const GEOMETRY: &str = "geometry.json";
-
 /// Whether there is something to make maps of, without a look at any pixel.
 ///
 /// # Errors
@@ -36,8 +33,7 @@ pub(super) fn completed(settings: &Settings, frames: &LoadedFrames) -> Result<Se
     if settings.geometry.is_some() || settings.camera_mm.is_some() || settings.corners_px.is_some() {
         return Ok(settings.clone());
     }
-    let beside = frames.folder.join(GEOMETRY);
-    let geometry = if beside.is_file() { Some(geometry::load(&beside)?) } else { of_bench(frames) };
+    let geometry = geometry::beside(&frames.folder)?.or_else(|| of_bench(frames));
     Ok(Settings { geometry, ..settings.clone() })
 }
 

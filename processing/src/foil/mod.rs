@@ -22,11 +22,11 @@ pub use output::picture;
 pub use report::Report;
 pub use synthesize::{Dots, Shape, Synthesis, synthesize};
 
-use crate::Result;
-use crate::geometry::{Geometry, load};
+use crate::geometry::{self, Geometry};
 use crate::hdr::Source;
 use crate::image::OutputFolder;
 use crate::progress::Progress;
+use crate::{Error, Result};
 use std::path::Path;
 
 /// Refuses what [`reconstruct`] would refuse, without reading a pixel.
@@ -42,7 +42,12 @@ pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
 /// The geometry that was given, or lies beside the photograph.
 fn geometry_of(input: &Path, settings: &Settings) -> Result<Geometry> {
     let folder = if input.is_dir() { input } else { input.parent().unwrap_or(input) };
-    settings.geometry.clone().map_or_else(|| load(&folder.join("geometry.json")), Ok)
+    if let Some(given) = &settings.geometry {
+        return Ok(given.clone());
+    }
+    geometry::beside(folder)?.ok_or_else(|| {
+        Error::file(folder, "has no geometry.json", "give one (`nacre calibrate geometry` makes it), or put it there")
+    })
 }
 
 /// Measures the distribution in a photograph (a file, results of merged exposures, or exposures, which are merged first) and writes it into

@@ -3,6 +3,7 @@
 use super::compare::total_variation;
 use super::distribution::Distribution;
 use crate::map::{Kind, Map, Maps};
+use crate::random::Stream;
 use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -65,24 +66,6 @@ pub struct Made {
     pub warnings: Vec<String>,
 }
 
-/// Numbers without state, uniform in [0, 1).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        // SplitMix64 (Steele et al. 2014).
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        ((self.next() * n as f64) as usize).min(n - 1)
-    }
-}
-
 /// Draws maps.
 ///
 /// Dots are drawn in equal steps of the cumulated distribution and then shuffled, so that marginals come out nearer to it than
@@ -93,7 +76,7 @@ impl Random {
 pub fn synthesize(from: &Distribution, dots: &Dots) -> Result<Synthesis> {
     check(dots)?;
     let [width, height] = dots.size;
-    let mut random = Random(dots.seed ^ 0x5bf0_3635);
+    let mut random = Stream::of(dots.seed ^ 0x5bf0_3635);
     let (owner, count) = placed(dots, &mut random);
     let drawn = draw(from, count, &mut random);
     let mut planes = [vec![f32::NAN; width * height], vec![f32::NAN; width * height]];
@@ -163,7 +146,7 @@ fn check(dots: &Dots) -> Result<()> {
 }
 
 /// Which dot each pixel belongs to, from 1 on (0: none), and how many there are.
-fn placed(dots: &Dots, random: &mut Random) -> (Vec<u32>, usize) {
+fn placed(dots: &Dots, random: &mut Stream) -> (Vec<u32>, usize) {
     let [width, height] = dots.size;
     if let Shape::Square(side) = dots.shape {
         let across = width.div_ceil(side);
@@ -205,7 +188,7 @@ fn placed(dots: &Dots, random: &mut Random) -> (Vec<u32>, usize) {
 }
 
 /// Orientations (rad) and periods (µm), in random order.
-fn draw(from: &Distribution, count: usize, random: &mut Random) -> Vec<[f64; 2]> {
+fn draw(from: &Distribution, count: usize, random: &mut Stream) -> Vec<[f64; 2]> {
     let mut drawn = Vec::with_capacity(count);
     let (mut bin, mut sum) = (0, from.share[0]);
     let start = random.next();

@@ -10,7 +10,7 @@ use std::path::{Component, Path, PathBuf};
 const MAX_BYTES: u64 = 16 << 20;
 
 /// A checked set: every file exists inside the folder and all have one size, depth and number of channels.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct LoadedFrames {
     /// The `frames.json` itself, for messages.
     pub path: PathBuf,

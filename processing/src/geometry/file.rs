@@ -12,6 +12,18 @@ const MAX_BYTES: u64 = 1 << 20;
 const REMEDY: &str =
     "give a geometry.json as `nacre calibrate geometry` writes it; `nacre schema geometry` prints what is allowed";
 
+/// The geometry that lies beside photographs.
+const NAME: &str = "geometry.json";
+
+/// The geometry in the folder of photographs, if there is one.
+///
+/// # Errors
+/// As [`load`].
+pub fn beside(folder: &Path) -> Result<Option<Geometry>> {
+    let path = folder.join(NAME);
+    if path.is_file() { load(&path).map(Some) } else { Ok(None) }
+}
+
 /// Reads and checks a geometry.
 ///
 /// # Errors

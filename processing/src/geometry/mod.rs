@@ -15,7 +15,7 @@ mod pose;
 mod tests;
 
 pub use camera::Camera;
-pub use file::{load, parse, save, text};
+pub use file::{beside, load, parse, save, text};
 pub use pose::Pose;
 
 use crate::{Error, Result};

@@ -64,7 +64,7 @@ pub struct Compared {
 pub struct Comparison {
     /// As they lie, all of the first one's size.
     pub maps: Vec<(String, Maps)>,
-    /// How they agree; the first with itself is left out.
+    /// What each says, the first one too; how those after it agree with it.
     pub compared: Vec<Compared>,
     /// What was in doubt.
     pub warnings: Vec<String>,

@@ -72,48 +72,47 @@ impl Edits {
     /// # Errors
     /// `Input`, which names the edit.
     pub fn check(&self, maps: &Maps) -> Result<()> {
-        let edits = self;
-        if let Some(curve) = &edits.period {
+        if let Some(curve) = &self.period {
             curve.clone().checked()?;
         }
         let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
-        if *edits == (Edits { layout: edits.layout, ..Edits::default() }) {
+        if *self == (Edits { layout: self.layout, ..Edits::default() }) {
             return bad("edit", "changes nothing".into(), "say what to do; see --help");
         }
         let orientation = maps.maps.contains_key(&Kind::Orientation);
-        if !orientation && (edits.period.is_some() || edits.orientation_offset_deg.is_some()) {
+        if !orientation && (self.period.is_some() || self.orientation_offset_deg.is_some()) {
             return bad("orientation", "is not among the maps".into(), "give a folder with orientation.exr");
         }
-        let scaled = edits.scale.is_some() || edits.offset_um.is_some() || edits.clamp_um.is_some();
-        if scaled && edits.period.is_none() && !maps.maps.contains_key(&Kind::Period) {
+        let scaled = self.scale.is_some() || self.offset_um.is_some() || self.clamp_um.is_some();
+        if scaled && self.period.is_none() && !maps.maps.contains_key(&Kind::Period) {
             return bad(
                 "period",
                 "is not among the maps".into(),
                 "give a folder with period.exr, or a curve (--period)",
             );
         }
-        if let Some(copies) = edits.tile.filter(|c| !c.iter().all(|n| (1..=10_000).contains(n))) {
+        if let Some(copies) = self.tile.filter(|c| !c.iter().all(|n| (1..=10_000).contains(n))) {
             return bad("tile", format!("is {copies:?}"), "give 1 to 10000 copies along each side");
         }
-        match edits.orientation_offset_deg {
+        match self.orientation_offset_deg {
             Some(deg) if deg.is_nan() || deg.abs() > 1e6 => {
                 return bad("orientation offset", format!("is {deg}"), "give degrees");
             }
             _ => {}
         }
-        match edits.scale {
+        match self.scale {
             Some(f) if !(1e-6..=1e6).contains(&f) => {
                 return bad("scale", format!("is {f}"), "give 0.000001 to 1000000");
             }
             _ => {}
         }
-        match edits.offset_um {
+        match self.offset_um {
             Some(um) if um.is_nan() || um.abs() > 1e4 => {
                 return bad("offset", format!("is {um}"), "give at most 10000 µm");
             }
             _ => {}
         }
-        match edits.clamp_um {
+        match self.clamp_um {
             Some([a, b]) if !(a > 0.0 && a <= b && b <= 1e4) => {
                 bad("clamp", format!("is {a} to {b}"), "give the least and the most, above 0 and at most 10000 µm")
             }

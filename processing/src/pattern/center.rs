@@ -92,7 +92,7 @@ fn brightest(light: &[f32], width: usize, height: usize) -> Option<[f64; 2]> {
 
 impl Lobe {
     /// Another place that is nearly as bright, which may be the zero order instead: where, and what part of this one's brightness.
-    pub(super) fn rival(&self, light: &[f32], width: usize, height: usize) -> Option<([f64; 2], f64)> {
+    pub(crate) fn rival(&self, light: &[f32], width: usize, height: usize) -> Option<([f64; 2], f64)> {
         let sums = sums(light, width, height);
         let away = |i: &usize| {
             let off = [(i % width) as f64 - self.center[0], (i / width) as f64 - self.center[1]];

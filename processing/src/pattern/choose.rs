@@ -234,7 +234,7 @@ pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight]
             (kernel.steps(CHECK_PX / radius.max(INNER_PX)).taps(), *source)
         })
         .collect();
-    let of = |[x, y]: [usize; 2]| {
+    let of = |[x, y]: [usize; 2], shift: f32| {
         let sum = |du: f32, dv: f32| {
             let of_source = |(taps, s): &(Vec<_>, &Source)| {
                 let place = [grid.at(x), grid.at(y)].map(|h| (h / s.scale) as f32);
@@ -244,16 +244,19 @@ pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight]
         };
         let truth = sum(0.0, 0.0);
         let found = f64::from(table[(size - 1 - y) * size + x][1]);
-        let shift = moved as f32;
-        let displaced = 0.5 * ((sum(shift, 0.0) - truth).powi(2) + (sum(0.0, shift) - truth).powi(2));
+        let displaced = if shift == 0.0 {
+            0.0
+        } else {
+            0.5 * ((sum(shift, 0.0) - truth).powi(2) + (sum(0.0, shift) - truth).powi(2))
+        };
         [(found - truth).powi(2), displaced, truth * truth]
     };
     let add = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|c| a[c] + b[c]);
-    let all = |places: &(dyn Fn(usize) -> [usize; 2] + Sync)| {
-        (0..CHECKED).into_par_iter().map(|k| of(places(k))).reduce(|| [0.0; 3], add)
+    let all = |places: &(dyn Fn(usize) -> [usize; 2] + Sync), shift: f32| {
+        (0..CHECKED).into_par_iter().map(|k| of(places(k), shift)).reduce(|| [0.0; 3], add)
     };
     let relative = |square: f64, all: f64| (all > 0.0).then(|| (square / all).sqrt());
-    let ([off, displaced, light], [off_all, _, light_all]) = (all(&of_rim), all(&anywhere));
+    let ([off, displaced, light], [off_all, _, light_all]) = (all(&of_rim, moved as f32), all(&anywhere, 0.0));
     let worse = [relative(off, light), relative(off_all, light_all)].into_iter().flatten().reduce(f64::max);
     [worse.filter(|_| light > 0.0), relative(displaced, light)]
 }

@@ -1,6 +1,6 @@
 //! The photograph: a file, merged exposures, or exposures that are merged first.
 
-use super::geometry::Arrangement;
+use super::geometry::{Arrangement, Placement};
 use super::light::Light;
 use super::lookup::Photograph;
 use super::settings::{LightPhotograph, Settings, Wavelength};
@@ -38,6 +38,7 @@ struct Channels {
 pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
     settings.check()?;
     Source::check(input)?;
+    settings.light.as_ref().map_or(Ok(()), |light| Source::check(&light.path))?;
     with_frames(input, settings).and_then(|(settings, _)| settings.bands().map(drop))
 }
 
@@ -58,8 +59,14 @@ pub(super) fn photograph(input: &Path, settings: &Settings, progress: &dyn Progr
 ///
 /// # Errors
 /// `Input` for anything about the photograph.
-pub(super) fn light(photograph: &LightPhotograph, settings: &Settings, scale: f64) -> Result<Light> {
-    let all = channels(&photograph.path, settings.transfer)?;
+pub(super) fn light(
+    photograph: &LightPhotograph,
+    settings: &Settings,
+    scale: f64,
+    progress: &dyn Progress,
+) -> Result<Light> {
+    let source = Source::find(&photograph.path, progress)?;
+    let all = channels(&source.path, photograph.transfer.or(settings.transfer))?;
     let gray = all.planes.iter().position(|(name, _)| name == "Y");
     let planes = match gray {
         Some(k) => vec![all.planes[k].1.clone()],
@@ -95,9 +102,10 @@ fn with_frames(input: &Path, settings: &Settings) -> Result<(Settings, Option<f6
     let of_frames = set.geometry.filter(|_| settings.scale.is_none()).and_then(|g| {
         let pixel_um = g.pixel_um?;
         let baseline_mm = [g.baseline_mm, 0.0];
-        Some(Arrangement { camera_mm: g.distance_mm, flash_mm: g.distance_mm, baseline_mm, pixel_um })
+        let (camera_mm, flash_mm) = (g.distance_mm, g.distance_mm);
+        Some(Placement::Arranged(Arrangement { camera_mm, flash_mm, baseline_mm, pixel_um }))
     });
-    let geometry = settings.geometry.or(of_frames);
+    let geometry = settings.geometry.clone().or(of_frames);
     Ok((Settings { wavelength_nm, geometry, ..settings.clone() }, set.band_nm))
 }
 

@@ -97,9 +97,10 @@ pub fn lookup(photographs: &[Photograph], settings: &Settings) -> Result<Table> 
     let (lobe, lobe_elsewhere) = zero_order(first, settings)?;
     let (mut planes, mut places) = (vec![], vec![]);
     for p in photographs {
-        match (settings.geometry, settings.scale) {
+        match (&settings.geometry, settings.scale) {
             (Some(geometry), _) => {
-                let r = geometry.resample(&p.light, [p.width, p.height], lobe.center);
+                let size = [p.width, p.height];
+                let r = geometry.view(size, lobe.center)?.resample(&p.light, size);
                 planes.push(Plane::new(&r.light, r.width, r.height));
                 places.push((r.center, r.scale));
             }

@@ -19,7 +19,7 @@ mod table;
 mod tests;
 
 pub use choose::Choice;
-pub use geometry::Arrangement;
+pub use geometry::{Arrangement, Placement};
 pub use input::check_input;
 pub use light::{Light, LightReport};
 pub use lookup::{Photograph, Table, lookup};

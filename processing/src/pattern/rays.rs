@@ -3,7 +3,7 @@
 //! Radii are taken octave by octave: half the radius needs half as many rays and half as many samples along them for the same
 //! distance in pixels, so that all octaves together cost a third more than the outermost.
 
-use super::kernel::{Kernel, Steps, Weight};
+use super::kernel::{Kernel, Weight};
 use super::plane::Plane;
 use crate::image::catmull_rom;
 use pulp::Arch;
@@ -89,6 +89,13 @@ impl Octave {
         // Light at ln r − q: of the first row, the last weight needs the least radius.
         let least = first - (steps.first + taps as isize - 1) as f64 * step;
         let radii: Vec<f32> = (0..samples).map(|t| (least + t as f64 * step).exp() as f32).collect();
+        // Samples rise with the radius, weights with the wavelength, which falls with it.
+        let weights: Vec<Weight> = steps.weights.iter().rev().copied().collect();
+        let sums = weights.iter().scan(0.0, |sum, weight| {
+            *sum += weight[3];
+            Some(*sum)
+        });
+        let covered: Vec<f32> = std::iter::once(0.0).chain(sums).collect();
         let stride = layout.rays + 2 * HALO;
         let mut entries = vec![[0.0; 4]; layout.rows * stride];
         let blocks: Vec<Vec<[[f32; LANES]; 4]>> = (0..layout.rays / LANES)
@@ -98,7 +105,8 @@ impl Octave {
                 // From the zero order to where the photograph shows this half vector: to the other side, and rows go down.
                 let directions = std::array::from_fn(|k| [-angle(k).cos() as f32, angle(k).sin() as f32]);
                 let center = center.map(|c| c as f32);
-                let work = Work { plane, center, directions, radii: &radii, steps: &steps, rows: layout.rows, every };
+                let (radii, weights, covered) = (&radii, &weights, &covered);
+                let work = Work { plane, center, directions, radii, weights, covered, rows: layout.rows, every };
                 Arch::new().dispatch(|| work.run())
             })
             .collect();
@@ -143,7 +151,10 @@ struct Work<'a> {
     center: [f32; 2],
     directions: [[f32; 2]; LANES],
     radii: &'a [f32],
-    steps: &'a Steps,
+    /// As they meet samples that rise with the radius.
+    weights: &'a [Weight],
+    /// Coverage of the first so many of them together.
+    covered: &'a [f32],
     rows: usize,
     every: usize,
 }
@@ -159,21 +170,39 @@ impl Work<'_> {
                 [light[k], known[k]] = self.plane.at(self.center[0] + radius * x, self.center[1] + radius * y);
             }
         }
-        let taps = self.steps.weights.len();
+        // Where all is known, what is known needs no sum, and beyond the photograph nothing adds up.
+        let whole = known.iter().take_while(|lanes| lanes.iter().all(|k| *k == 1.0)).count();
+        let end = known.iter().rposition(|lanes| lanes.iter().any(|k| *k != 0.0)).map_or(0, |last| last + 1);
         let row = |i: usize| {
-            let (light, known) = (&light[i * self.every..][..taps], &known[i * self.every..][..taps]);
-            let mut sum = [[0.0_f32; LANES]; 4];
-            // Samples rise with the radius, weights with the wavelength, which falls with it.
-            for ((light, known), weight) in light.iter().zip(known).zip(self.steps.weights.iter().rev()) {
-                for k in 0..LANES {
-                    sum[0][k] += weight[0] * light[k];
-                    sum[1][k] += weight[1] * light[k];
-                    sum[2][k] += weight[2] * light[k];
-                    sum[3][k] += weight[3] * known[k];
+            let first = i * self.every;
+            let taps = end.saturating_sub(first).min(self.weights.len());
+            let sure = whole.saturating_sub(first).min(taps);
+            let (inside, border) = self.weights[..taps].split_at(sure);
+            let [x, y, z] = add_up(&light[first..][..sure], inside);
+            let mut sum = [x, y, z, [self.covered[sure]; LANES]];
+            // Few samples lie where some lanes are known and some are not.
+            for ((light, known), weight) in light[first + sure..].iter().zip(&known[first + sure..]).zip(border) {
+                for (sum, weight) in sum.iter_mut().zip(&weight[..3]) {
+                    sum.iter_mut().zip(light).for_each(|(sum, light)| *sum += weight * light);
                 }
+                sum[3].iter_mut().zip(known).for_each(|(sum, known)| *sum += weight[3] * known);
             }
             sum
         };
         (0..self.rows).map(row).collect()
     }
+}
+
+/// X, Y and Z of samples along some rays.
+#[inline(always)]
+fn add_up(light: &[[f32; LANES]], weights: &[Weight]) -> [[f32; LANES]; 3] {
+    let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    for (light, weight) in light.iter().zip(weights) {
+        for k in 0..LANES {
+            x[k] += weight[0] * light[k];
+            y[k] += weight[1] * light[k];
+            z[k] += weight[2] * light[k];
+        }
+    }
+    [x, y, z]
 }

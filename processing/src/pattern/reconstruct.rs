@@ -33,7 +33,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     progress.stage("adding up wavelengths", 1);
     let mut table = lookup(&channels, &settings)?;
     if let Some(photograph) = &settings.light {
-        let light = light(photograph, &settings, table.scale)?;
+        let light = light(photograph, &settings, table.scale, progress)?;
         table.spread(&light).map_err(|e| named(&photograph.path, e))?;
     }
     let added = begun.elapsed().as_secs_f64();

@@ -1,6 +1,6 @@
 //! What the user may choose.
 
-use super::geometry::Arrangement;
+use super::geometry::Placement;
 use crate::color::Observer;
 use crate::frames::{Channel, Transfer};
 use crate::{Error, Result};
@@ -21,7 +21,7 @@ pub struct Settings {
     /// Half vector per pixel of the photograph, for a camera and a flash that are far away (default: the geometry of `frames.json`).
     pub scale: Option<f64>,
     /// Where camera and flash stood, in place of `scale`: undoes cosine, inverse square, near field and G.
-    pub geometry: Option<Arrangement>,
+    pub geometry: Option<Placement>,
     /// Place of the zero order in pixels from the left and the top (default: found).
     pub center: Option<[f64; 2]>,
     /// Entries of a row and a column.
@@ -44,7 +44,7 @@ pub struct Settings {
     pub channel: Option<Channel>,
     /// How the photograph's values grow with light (default: linear; must be said for 8 bits).
     pub transfer: Option<Transfer>,
-    /// A photograph of the light's mirror image, for light that is no point. Not over REST: it names a file.
+    /// A photograph of the light's mirror image, for light that is no point. Over REST an upload stands for its files.
     #[serde(skip)]
     pub light: Option<LightPhotograph>,
     /// Replace results that are already there.
@@ -55,12 +55,14 @@ pub struct Settings {
 /// A photograph of a light's mirror image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightPhotograph {
-    /// Its file.
+    /// Its file, or a folder of merged exposures or of exposures, which are merged first.
     pub path: PathBuf,
     /// Half vector per pixel of it (default: that of the pattern's photograph).
     pub scale: Option<f64>,
     /// Its pixel that is put where the zero order is (default: the middle of its light).
     pub center: Option<[f64; 2]>,
+    /// How its values grow with light (default: as those of the pattern's photograph).
+    pub transfer: Option<Transfer>,
 }
 
 /// Wavelengths of a photograph.
@@ -156,7 +158,7 @@ impl Settings {
                 }
             }
         }
-        match (self.scale, self.geometry) {
+        match (self.scale, &self.geometry) {
             (Some(scale), None) => within("scale", scale, 1e-7, 1.0)?,
             (None, Some(geometry)) => geometry.check()?,
             (None, None) => {}
@@ -174,8 +176,12 @@ impl Settings {
         within("exponent", self.exponent, -10.0, 10.0)?;
         within("max-error", self.max_error, 1e-4, 1.0)?;
         self.transfer.map_or(Ok(()), Transfer::check_known)?;
-        if self.light.is_some() && self.warp != 1 {
-            return Err(Error::input("warp", "does not go with a photograph of the light", "give --warp 1"));
+        if let Some(light) = &self.light {
+            if self.warp != 1 {
+                return Err(Error::input("warp", "does not go with a photograph of the light", "give --warp 1"));
+            }
+            light.scale.map_or(Ok(()), |scale| within("scale of the light", scale, 1e-7, 1.0))?;
+            light.transfer.map_or(Ok(()), Transfer::check_known)?;
         }
         match self.method {
             MethodChoice::Auto => Ok(()),

@@ -111,15 +111,20 @@ impl Source<'_> {
     #[inline]
     pub(super) fn sum(&self, taps: &[(f32, Weight)], u: f32, v: f32) -> Weight {
         let center = self.center.map(|c| c as f32);
-        let mut sum = [0.0; 4];
-        for (factor, weight) in taps {
-            let [light, known] = self.plane.at(center[0] - factor * u, center[1] + factor * v);
-            for c in 0..3 {
-                sum[c] += weight[c] * light;
-            }
-            sum[3] += weight[3] * known;
-        }
-        sum
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let mut sum = [0.0; 4];
+                for (factor, weight) in taps {
+                    let [light, known] = self.plane.at(center[0] - factor * u, center[1] + factor * v);
+                    for c in 0..3 {
+                        sum[c] += weight[c] * light;
+                    }
+                    sum[3] += weight[3] * known;
+                }
+                sum
+            },
+        )
     }
 }
 

@@ -3,6 +3,7 @@
 
 use super::{Design, Fit, FrameNoise, Jones, JonesVector, NoiseModel, Stokes, StokesMaps};
 use crate::Result;
+use crate::random::mix;
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
@@ -211,12 +212,7 @@ fn random(seed: u64, stream: u64, i: usize) -> f64 {
 /// A number from 0 to 1 that depends on `seed` and `i` alone.
 pub fn uniform(seed: u64, i: u64) -> f64 {
     // SplitMix64, twice so that neighbouring seeds have nothing in common.
-    let mix = |mut z: u64| {
-        z = z.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
+    let mix = |z: u64| mix(z.wrapping_add(0x9e37_79b9_7f4a_7c15));
     (mix(mix(seed) ^ i) >> 11) as f64 / (1u64 << 53) as f64
 }
 

@@ -7,8 +7,8 @@ use std::f64::consts::PI;
 use std::sync::LazyLock;
 
 /// Points of the tables along cos θ and along the square root of α.
-const COSINES: usize = 33;
-const ALPHAS: usize = 17;
+pub(super) const COSINES: usize = 33;
+pub(super) const ALPHAS: usize = 17;
 
 /// Directions per point.
 const SAMPLES: usize = 4096;
@@ -33,6 +33,12 @@ struct Tables {
 }
 
 static TABLES: LazyLock<Tables> = LazyLock::new(Tables::new);
+
+/// The tables, over [`COSINES`] and, row by row, [`ALPHAS`] roots of α: `a`, `b`, and the means of `a + b` and of `b`.
+pub(super) fn tables() -> Vec<[f64; 4]> {
+    let t = &*TABLES;
+    (0..COSINES * ALPHAS).map(|k| [t.a[k], t.b[k], t.mean[k / COSINES], t.mean_b[k / COSINES]]).collect()
+}
 
 fn alpha_of(k: usize) -> f64 {
     (0.02 + 0.98 * (k as f64 / (ALPHAS - 1) as f64).powi(2)).min(1.0)

@@ -3,7 +3,6 @@
 use super::grating::{Grating, Groove};
 use super::lobes::{Above, Accuracy, lit, under};
 use super::material::{Memory, Notes, Place, add, both_ways};
-use super::random::Stream;
 use super::relief::Relief;
 use super::scene;
 use super::slits::{Comb, Lattice, radial};
@@ -13,6 +12,7 @@ use super::texture::Grooves;
 use super::vector::number;
 use crate::color::Observer;
 use crate::progress::Progress;
+use crate::random::Stream;
 use crate::surface::height::{self, Scale};
 use crate::surface::{Reflectance, Section, Slits, Window};
 use crate::{Error, Result};

@@ -13,11 +13,11 @@ use std::f64::consts::TAU;
 use super::spectrum::RANGE;
 
 /// Distance of the points of a table over `q · depth`, whose linear interpolation is right to 1e-5.
-const STEP: f64 = 0.01;
+pub(super) const STEP: f64 = 0.01;
 
 /// Rounds of balancing, at most, and how near to 1 sums are to be.
-const ROUNDS: usize = 200;
-const BALANCED: f64 = 1e-4;
+pub(super) const ROUNDS: usize = 200;
+pub(super) const BALANCED: f64 = 1e-4;
 
 /// More coupled directions than this are not balanced but scaled by their row: periods are then so long that they are nearly all there.
 const MOST_DIRECTIONS: usize = 48;
@@ -25,9 +25,9 @@ const MOST_DIRECTIONS: usize = 48;
 /// A cross-section with how it is to be computed.
 pub(super) struct Grating {
     /// Powers of the orders `-most..=most` over `q · depth`.
-    table: Vec<f32>,
-    most: i32,
-    depth_um: f64,
+    pub table: Vec<f32>,
+    pub most: i32,
+    pub depth_um: f64,
     /// Highest order that is looked at.
     pub orders: i32,
     /// Part of the light that the orders beyond have, at most.

@@ -1,20 +1,17 @@
 //! From a scene to files.
 
-use super::lobes::Accuracy;
+use super::gpu::{self, Card};
 use super::material::Notes;
 use super::output;
 use super::picture::{FEWEST, Picture, Pilot, SAMPLES};
-use super::ready::Ready;
 use super::scene::Scene;
+use super::sums::Sums;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// Part of the wanted error that sums over orders and wavelengths may take.
-const MODEL: f64 = 0.25;
 
 /// Seconds between two states that are kept.
 const KEEP: f64 = 10.0;
@@ -34,11 +31,13 @@ pub struct Settings {
     pub resume: bool,
     /// Measure what the sums are off by, against finer ones.
     pub check: bool,
+    /// On a graphics card, where there is one that does the scene.
+    pub gpu: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { samples: 256, max_error: 0.01, wavelengths: None, keep: None, resume: false, check: false }
+        Self { samples: 256, max_error: 0.01, wavelengths: None, keep: None, resume: false, check: false, gpu: false }
     }
 }
 
@@ -58,15 +57,18 @@ pub struct Prediction {
 pub struct Report {
     /// How.
     pub method: &'static str,
+    /// The graphics card, or "processor".
+    pub device: String,
     /// Pixels of a row, and rows.
     pub size: [usize; 2],
     /// Samples of each pixel.
     pub samples: usize,
     /// Root mean square of the pixels' standard errors over the mean luminance.
     pub noise: f64,
-    /// Relative error of the sums over orders and wavelengths that is predicted of the worst material.
+    /// What sums over orders and wavelengths are off by, from a look at some pixels with finer ones: root mean square over that of their
+    /// luminances.
     pub predicted_model_error: f64,
-    /// The same, measured against finer sums: root mean square over some pixels, over that of their luminances.
+    /// The same, measured against much finer sums of more pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured_model_error: Option<f64>,
     /// What was expected before.
@@ -92,39 +94,78 @@ const ASSUMPTIONS: [&str; 4] = [
     "linear sRGB of environments stands for spectra that are mixtures of three parts of D65",
 ];
 
+/// How far a rendering is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SoFar {
+    /// Passes that are done.
+    pub passes: usize,
+    /// Passes that are expected, from how the noise falls.
+    pub of: usize,
+    /// Root mean square of the pixels' standard errors over the mean luminance; NaN after one pass.
+    pub noise: f64,
+    /// Seconds that the rest takes.
+    pub seconds_left: f64,
+}
+
 /// Renders a scene whose files are sought in a folder.
 ///
 /// # Errors
 /// `Input` for what makes no sense; `Cancelled`; `Output` when the state cannot be kept.
 pub fn render(scene: &Scene, folder: &Path, settings: &Settings, progress: &dyn Progress) -> Result<(Picture, Report)> {
+    render_watched(scene, folder, settings, progress, &mut |_, _| {})
+}
+
+/// The same, and shows the picture after each pass; rendering waits meanwhile.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_watched(
+    scene: &Scene,
+    folder: &Path,
+    settings: &Settings,
+    progress: &dyn Progress,
+    watch: &mut dyn FnMut(&Picture, &SoFar),
+) -> Result<(Picture, Report)> {
     let begun = Instant::now();
     check(settings)?;
-    let accuracy = Accuracy::new(MODEL * settings.max_error, settings.wavelengths);
-    let ready = Ready::new(scene, folder, accuracy, progress)?;
+    let sums = Sums::new(scene, folder, settings, progress)?;
+    let ready = &sums.ready;
     let digest = output::digest(scene, settings);
     let mut picture = Picture::new(ready.size());
     if let Some(path) = settings.keep.as_ref().filter(|_| settings.resume) {
         picture = output::resumed(path, &digest, ready.size())?;
     }
-    let pilot = Pilot::new(&ready, progress)?;
     let most = (settings.samples / SAMPLES).max(1);
+    let (mut card, refused) = match settings.gpu.then(|| gpu::card(ready)) {
+        Some(Ok(card)) => (Some(card), None),
+        Some(Err(why)) => (None, Some(format!("rendered on the processor: {why}"))),
+        None => (None, None),
+    };
+    let pilot = match &mut card {
+        Some(card) => first_passes(card, &mut picture, most, progress)?,
+        None => Pilot::new(ready, progress)?,
+    };
     let passes = pilot.passes(settings.max_error).min(most);
     let predicted = Prediction {
         passes,
         noise: pilot.error_of_a_pass / (passes as f64).sqrt(),
         seconds: pilot.seconds_of_a_pass * passes.saturating_sub(picture.passes) as f64,
     };
-    let measured = if settings.check { Some(measured(scene, folder, &ready, settings, progress)?) } else { None };
+    let measured = if settings.check { Some(sums.checked(scene, folder, progress)?) } else { None };
     let passing = Instant::now();
     progress.stage("passes", passes as u64);
-    let mut kept = Instant::now();
-    while picture.passes < most {
-        let enough = picture.passes >= FEWEST.min(most);
-        if enough && (picture.passes >= 2 && picture.error() <= settings.max_error) {
-            break;
+    let (mut kept, first, mut noise) = (Instant::now(), picture.passes, picture.error());
+    while picture.passes < most && !(picture.passes >= FEWEST.min(most) && noise <= settings.max_error) {
+        match &mut card {
+            Some(card) => on_card(card, &mut picture, progress)?,
+            None => picture.add(ready, progress)?,
         }
-        picture.add(&ready, progress)?;
         progress.step();
+        noise = picture.error();
+        let of = if picture.passes < FEWEST { passes } else { expected(&picture, noise, settings.max_error, most) };
+        let pace = passing.elapsed().as_secs_f64() / (picture.passes - first) as f64;
+        let seconds_left = pace * of.saturating_sub(picture.passes) as f64;
+        watch(&picture, &SoFar { passes: picture.passes, of, noise, seconds_left });
         if let Some(path) = settings.keep.as_ref().filter(|_| kept.elapsed().as_secs_f64() > KEEP) {
             output::keep(path, &picture, &digest)?;
             kept = Instant::now();
@@ -134,16 +175,19 @@ pub fn render(scene: &Scene, folder: &Path, settings: &Settings, progress: &dyn 
         output::keep(path, &picture, &digest)?;
     }
     let mut warnings = ready.warnings.clone();
+    warnings.extend(refused);
+    warnings.extend(sums.warning());
     if picture.pixels.iter().all(|p| p.luminance <= 0.0) {
         warnings.push("nothing is lit".into());
     }
     let report = Report {
         method: "passes of 4 samples per pixel; exact orders in closed lobes under small lights, sums over orders and wavelengths or \
                  multiple importance sampling under environments",
+        device: card.map_or_else(|| "processor".into(), |card| card.name().to_owned()),
         size: ready.size(),
         samples: picture.passes * SAMPLES,
-        noise: if picture.passes > 1 { picture.error() } else { predicted.noise },
-        predicted_model_error: ready.notes.values().map(|n| n.predicted_error).fold(0.0, f64::max),
+        noise: if picture.passes > 1 { noise } else { predicted.noise },
+        predicted_model_error: sums.error,
         measured_model_error: measured,
         predicted,
         materials: ready.notes.clone(),
@@ -156,7 +200,35 @@ pub fn render(scene: &Scene, folder: &Path, settings: &Settings, progress: &dyn 
     Ok((picture, report))
 }
 
-fn check(settings: &Settings) -> Result<()> {
+/// Passes that an error takes when so many have this one: it falls with their root.
+fn expected(picture: &Picture, noise: f64, wanted: f64, most: usize) -> usize {
+    let passes = (picture.passes as f64 * (noise / wanted).powi(2)).ceil();
+    if passes.is_finite() { (passes as usize).clamp(picture.passes, most) } else { most }
+}
+
+/// Adds a pass of a card's.
+fn on_card(card: &mut Card, picture: &mut Picture, progress: &dyn Progress) -> Result<()> {
+    progress.check()?;
+    let pixels = card
+        .pass(picture.passes * SAMPLES, SAMPLES)
+        .map_err(|why| Error::input("gpu", why, "leave --gpu out to render on the processor"))?;
+    picture.add_pixels(&pixels);
+    Ok(())
+}
+
+/// The first passes of a card tell what the others will be like.
+fn first_passes(card: &mut Card, picture: &mut Picture, most: usize, progress: &dyn Progress) -> Result<Pilot> {
+    let begun = Instant::now();
+    let before = picture.passes;
+    while picture.passes < FEWEST.min(most) {
+        on_card(card, picture, progress)?;
+    }
+    let seconds = begun.elapsed().as_secs_f64() / (picture.passes - before).max(1) as f64;
+    let error = picture.error() * (picture.passes as f64).sqrt();
+    Ok(Pilot { error_of_a_pass: if error.is_finite() { error } else { 0.0 }, seconds_of_a_pass: seconds })
+}
+
+pub(super) fn check(settings: &Settings) -> Result<()> {
     if !(1..=1 << 20).contains(&settings.samples) {
         let problem = format!("are {}", settings.samples);
         return Err(Error::input("samples", problem, "give 1 to 1048576 samples per pixel"));
@@ -172,10 +244,4 @@ fn check(settings: &Settings) -> Result<()> {
         return Err(Error::input("resume", "needs a file that was kept", "add --keep FILE.exr"));
     }
     Ok(())
-}
-
-/// What sums over orders and wavelengths are off by: pixels rendered with the same numbers by chance, and sums a hundred times as exact.
-fn measured(scene: &Scene, folder: &Path, ready: &Ready, settings: &Settings, progress: &dyn Progress) -> Result<f64> {
-    let fine = Ready::new(scene, folder, Accuracy::new(1e-2 * MODEL * settings.max_error, None), progress)?;
-    super::picture::compared(ready, &fine, progress)
 }

@@ -19,12 +19,13 @@ const STRATA: usize = 4;
 
 /// A light ready to shine.
 pub(super) struct Lamp {
-    kind: Kind,
+    pub kind: Kind,
     /// Of its spectrum.
     pub seen: Seen,
 }
 
-enum Kind {
+/// What a light is.
+pub(super) enum Kind {
     Point { at: V3, intensity: f64, sigma: f64, beam: Option<(V3, f64)> },
     Far { towards: V3, illuminance: f64, sigma: f64 },
     Rectangle { center: V3, frame: [V3; 3], half: [f64; 2], luminance: f64 },
@@ -46,8 +47,8 @@ pub(super) struct Beam {
 pub(super) struct Sky {
     pub map: Environment,
     /// Directions of the map's axes.
-    frame: [V3; 3],
-    strength: f64,
+    pub frame: [V3; 3],
+    pub strength: f64,
     pub visible: bool,
     pub upsampling: Upsampling,
 }
@@ -182,6 +183,11 @@ impl Sky {
     pub(super) fn radiance(&self, towards: V3) -> [f64; 3] {
         let local = self.frame.map(|f| f.dot(&towards));
         self.map.radiance(local).map(|v| f64::from(v) * self.strength)
+    }
+
+    /// Distance of wave numbers, in 1/µm, at which sums over its spectrum alone are right.
+    pub(super) fn fine(&self) -> f64 {
+        self.upsampling.fine().min(0.05)
     }
 
     /// A direction, the radiance from there and its density per solid angle.

@@ -22,7 +22,7 @@ pub(super) struct Accuracy {
 
 impl Accuracy {
     pub(super) fn new(error: f64, bins: Option<usize>) -> Self {
-        let e = error.clamp(1e-6, 0.5);
+        let e = error.clamp(1e-9, 0.5);
         Self {
             error: e,
             step: PI * (2.0 / (2.0 / e).ln()).sqrt(),
@@ -244,8 +244,7 @@ pub(super) fn under(
     let pixel = PI / above.sky.map.height as f64;
     // d(mλ/a) = -m dν/(a ν²).
     let moved = pixel * groove.period_um * RANGE[0] * RANGE[0];
-    let fine = above.sky.upsampling.fine().min(0.05);
-    let step = accuracy.fixed.unwrap_or_else(|| moved.min(fine).max((RANGE[1] - RANGE[0]) / 96.0));
+    let step = accuracy.fixed.unwrap_or_else(|| moved.min(above.sky.fine()).max((RANGE[1] - RANGE[0]) / 96.0));
     // Each sample of a pass has its part of them.
     let count = ((RANGE[1] - RANGE[0]) / (step * SAMPLES as f64)).ceil().max(FEWEST) as usize;
     let step = (RANGE[1] - RANGE[0]) / count as f64;

@@ -4,12 +4,12 @@ use super::base::Surface;
 use super::diffraction::Diffraction;
 use super::grating::Scratch;
 use super::lobes::{Above, Accuracy};
-use super::random::Stream;
 use super::scene::{self, Blend};
 use super::spectrum::{Seen, xyz};
 use super::texture::{self, Over};
 use crate::color::Observer;
 use crate::progress::Progress;
+use crate::random::Stream;
 use crate::surface::Workspace;
 use crate::{Error, Result};
 use std::path::Path;
@@ -23,11 +23,11 @@ pub(super) struct Memory {
 
 /// A material.
 pub(super) struct Material {
-    base: Option<Base>,
-    diffraction: Option<Diffraction>,
-    coverage: Over<1>,
-    blend: Blend,
-    normals: Option<Over<3>>,
+    pub base: Option<Base>,
+    pub diffraction: Option<Diffraction>,
+    pub coverage: Over<1>,
+    pub blend: Blend,
+    pub normals: Option<Over<3>>,
     /// What there is to know about it.
     pub notes: Notes,
 }
@@ -46,10 +46,35 @@ pub struct Notes {
     pub warnings: Vec<String>,
 }
 
-struct Base {
-    albedo: Over<3>,
-    roughness: Over<1>,
-    specular: [f64; 3],
+/// What scatters.
+pub(super) struct Base {
+    pub albedo: Over<3>,
+    pub roughness: Over<1>,
+    pub specular: [f64; 3],
+}
+
+impl Base {
+    fn surface(&self, uv: [f64; 2]) -> Surface {
+        let [alpha] = self.roughness.at(uv);
+        Surface { albedo: self.albedo.at(uv), specular: self.specular, alpha }
+    }
+
+    /// X, Y, Z of what is seen of an environment; of light at a cosine a share counts.
+    pub(super) fn under(
+        &self,
+        place: &Place,
+        above: &Above,
+        random: &mut Stream,
+        share: impl Fn(f64) -> f64,
+    ) -> [f64; 3] {
+        let (surface, view) = (self.surface(place.uv), place.view);
+        let value = |light: [f64; 3], rgb: [f64; 3]| {
+            let f = surface.scattered(light, view);
+            xyz([0, 1, 2].map(|c| f[c] * rgb[c])).map(|v| v * share(light[2]))
+        };
+        let drawn = surface.sample(view, random.numbers());
+        both_ways(above, random, value, (drawn[2] > 0.0).then_some(drawn), |l| surface.density(l, view))
+    }
 }
 
 /// A place that is looked at.
@@ -130,11 +155,6 @@ impl Material {
         }
     }
 
-    fn surface(&self, base: &Base, uv: [f64; 2]) -> Surface {
-        let [alpha] = base.roughness.at(uv);
-        Surface { albedo: base.albedo.at(uv), specular: base.specular, alpha }
-    }
-
     /// X, Y, Z of what is seen of a light of illuminance 1 on what faces it; `light` is its direction in the frame, `width` its size in rad.
     pub(super) fn lit(
         &self,
@@ -151,14 +171,14 @@ impl Material {
         let [covered, below] = self.shares(place.uv, [view[2], light[2]]);
         let mut sum = [0.0; 3];
         if let Some(base) = self.base.as_ref().filter(|_| below > 0.0) {
-            let f = self.surface(base, place.uv).scattered(light, view);
+            let f = base.surface(place.uv).scattered(light, view);
             add(&mut sum, xyz([0, 1, 2].map(|c| f[c] * seen.rgb[c])), below);
         }
         if let Some(top) = self.diffraction.as_ref().filter(|_| covered > 0.0) {
             add(&mut sum, top.lit(place, light, (width, seen), accuracy, memory), covered);
             if self.base.is_some() && top.is_masked(place.uv) {
                 // What does not diffract is base.
-                let f = self.base.as_ref().map_or([0.0; 3], |b| self.surface(b, place.uv).scattered(light, view));
+                let f = self.base.as_ref().map_or([0.0; 3], |b| b.surface(place.uv).scattered(light, view));
                 add(&mut sum, xyz([0, 1, 2].map(|c| f[c] * seen.rgb[c])), 1.0 - below);
             }
         }
@@ -181,15 +201,8 @@ impl Material {
         }
         let masked = self.diffraction.as_ref().is_some_and(|d| d.is_masked(place.uv));
         if let Some(base) = &self.base {
-            let surface = self.surface(base, place.uv);
-            let value = |light: [f64; 3], rgb: [f64; 3]| {
-                let share = if masked { 1.0 } else { self.shares(place.uv, [view[2], light[2]])[1] };
-                let f = surface.scattered(light, view);
-                xyz([0, 1, 2].map(|c| f[c] * rgb[c])).map(|v| v * share)
-            };
-            let drawn = surface.sample(view, random.numbers());
-            let part = both_ways(above, random, value, (drawn[2] > 0.0).then_some(drawn), |l| surface.density(l, view));
-            add(&mut sum, part, 1.0);
+            let share = |cos: f64| if masked { 1.0 } else { self.shares(place.uv, [view[2], cos])[1] };
+            add(&mut sum, base.under(place, above, random, share), 1.0);
         }
         if let Some(top) = self.diffraction.as_ref().filter(|_| !masked) {
             let [covered, _] = self.shares(place.uv, [view[2]; 2]);

@@ -1,5 +1,6 @@
 //! Meshes from OBJ, PLY and glTF files.
 
+use super::files::inside;
 use super::mesh::{Corner, MOST_TRIANGLES, Raw};
 use super::vector::V3;
 use crate::{Error, Result};
@@ -119,7 +120,8 @@ fn gltf(bytes_of: &[u8], path: &Path) -> Result<Triangles> {
                 Some((_, text)) => base64::engine::general_purpose::STANDARD
                     .decode(text)
                     .map_err(|e| bad(format!("has a buffer that is no base64: {e}")))?,
-                None => bytes(&path.with_file_name("").join(uri))?,
+                None if inside(Path::new(uri)) => bytes(&path.with_file_name("").join(uri))?,
+                None => return Err(bad(format!("has a buffer outside of its folder: {uri}"))),
             },
         };
         buffers.push(data);

@@ -49,14 +49,36 @@ pub fn bytes(picture: &Picture, exposure: f64) -> Vec<u8> {
     picture.pixels.iter().flat_map(pixel).collect()
 }
 
+/// A picture as a PNG (sRGB).
+///
+/// # Errors
+/// What the encoder says.
+pub fn png(picture: &Picture, exposure: f64) -> std::io::Result<Vec<u8>> {
+    encode_png8(picture.width, picture.height, 3, &bytes(picture, exposure))
+}
+
 /// Writes a picture as a PNG (sRGB).
 ///
 /// # Errors
 /// `Output` when the system refuses.
 pub fn write_png(path: &Path, picture: &Picture, exposure: f64) -> Result<()> {
-    let bytes = bytes(picture, exposure);
-    let encoded = encode_png8(picture.width, picture.height, 3, &bytes).map_err(|error| Error::output(path, error))?;
+    let encoded = png(picture, exposure).map_err(|error| Error::output(path, error))?;
     write_whole(path, &encoded)
+}
+
+/// Reads the colours of what [`write_picture`] wrote; errors are left out.
+///
+/// # Errors
+/// `Input` for what is none.
+pub fn read_picture(path: &Path) -> Result<Picture> {
+    let mut map = read_exr(path)?;
+    let [r, g, b] = [map.take("R", path)?, map.take("G", path)?, map.take("B", path)?];
+    let pixel = |i: usize| {
+        let rgb = [r[i], g[i], b[i]];
+        Pixel { rgb: rgb.map(f64::from), luminance: xyz_of_linear_srgb(rgb)[1].into(), squares: 0.0 }
+    };
+    let pixels = (0..map.width * map.height).map(pixel).collect();
+    Ok(Picture { width: map.width, height: map.height, passes: 1, pixels })
 }
 
 /// What tells a scene and its accuracy from others.

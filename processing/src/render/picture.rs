@@ -1,11 +1,11 @@
 //! Passes over a picture, and how far it is from its limit.
 
 use super::material::Memory;
-use super::random::Stream;
 use super::ready::Ready;
 use crate::Result;
-use crate::color::linear_srgb;
+use crate::color::{linear_srgb, xyz_of_linear_srgb};
 use crate::progress::Progress;
+use crate::random::Stream;
 use rayon::prelude::*;
 
 /// Samples of a pixel in a pass: two by two places within it.
@@ -25,9 +25,9 @@ const PILOT: usize = 4096;
 pub struct Pixel {
     /// Mean of the passes, linear sRGB.
     pub rgb: [f64; 3],
-    /// Mean luminance, and the sum of its squared differences from it.
+    /// Mean luminance of the passes.
     pub luminance: f64,
-    /// The latter.
+    /// Sum of the squared differences of the passes' luminances from their mean.
     pub squares: f64,
 }
 
@@ -115,6 +115,33 @@ impl Picture {
         Ok(())
     }
 
+    /// Smaller by a whole number, so that no side is longer than `most`: to look at.
+    pub fn shrunk(&self, most: usize) -> Self {
+        let n = self.width.max(self.height).div_ceil(most.max(1)).max(1);
+        let [width, height] = [self.width, self.height].map(|side| side.div_ceil(n));
+        let block = |k: usize| {
+            let (x, y) = (k % width * n, k / width * n);
+            let (mut sum, mut count) = (Pixel::default(), 0.0);
+            for row in y..(y + n).min(self.height) {
+                for p in &self.pixels[row * self.width + x..row * self.width + (x + n).min(self.width)] {
+                    (0..3).for_each(|c| sum.rgb[c] += p.rgb[c]);
+                    sum.luminance += p.luminance;
+                    count += 1.0;
+                }
+            }
+            Pixel { rgb: sum.rgb.map(|v| v / count), luminance: sum.luminance / count, squares: 0.0 }
+        };
+        Self { width, height, passes: self.passes, pixels: (0..width * height).map(block).collect() }
+    }
+
+    /// Adds a pass that was made elsewhere, linear sRGB.
+    pub(super) fn add_pixels(&mut self, pass: &[[f32; 3]]) {
+        self.passes += 1;
+        for (pixel, rgb) in self.pixels.iter_mut().zip(pass) {
+            pixel.add(xyz_of_linear_srgb(*rgb).map(f64::from), self.passes);
+        }
+    }
+
     /// Root mean square of the pixels' standard errors over the mean luminance; NaN before the second pass.
     pub fn error(&self) -> f64 {
         let squares = self.pixels.iter().map(|p| p.error(self.passes).powi(2));
@@ -139,11 +166,6 @@ impl Pilot {
     pub(super) fn new(ready: &Ready, progress: &dyn Progress) -> Result<Self> {
         let [width, height] = ready.size();
         let count = PILOT.min(width * height);
-        let chosen = |k: usize| {
-            // One of each part of the picture.
-            let part = (width * height) as f64 / count as f64;
-            (((k as f64 + Stream::new(k, usize::MAX).next()) * part) as usize).min(width * height - 1)
-        };
         progress.stage("looking ahead", 1);
         let begun = std::time::Instant::now();
         let pixels: Vec<Pixel> = (0..count)
@@ -151,7 +173,8 @@ impl Pilot {
             .map_init(Memory::default, |memory, k| {
                 let mut pixel = Pixel::default();
                 if !progress.cancelled() {
-                    (0..FEWEST).for_each(|n| pixel.add(pass(ready, chosen(k), n, memory), n + 1));
+                    (0..FEWEST)
+                        .for_each(|n| pixel.add(pass(ready, chosen(k, count, width * height), n, memory), n + 1));
                 }
                 pixel
             })
@@ -171,24 +194,30 @@ impl Pilot {
     }
 }
 
-/// Root mean square difference of some pixels of two scenes that differ in their accuracy, over that of their luminances.
+/// One pixel of each of `count` parts of a picture, by chance.
+fn chosen(k: usize, count: usize, pixels: usize) -> usize {
+    let part = pixels as f64 / count as f64;
+    (((k as f64 + Stream::new(k, usize::MAX).next()) * part) as usize).min(pixels - 1)
+}
+
+/// Root mean square difference of some pixels of two scenes that differ in their accuracy, over that of the other's luminances; none where that
+/// is dark.
 ///
 /// # Errors
 /// `Cancelled`.
-pub(super) fn compared(one: &Ready, other: &Ready, progress: &dyn Progress) -> Result<f64> {
+pub(super) fn compared(one: &Ready, other: &Ready, count: usize, progress: &dyn Progress) -> Result<Option<f64>> {
     let [width, height] = one.size();
-    let count = PILOT.min(width * height);
+    let count = count.min(width * height);
     let pairs: Vec<[f64; 2]> = (0..count)
         .into_par_iter()
         .map_init(Memory::default, |memory, k| {
             if progress.cancelled() {
                 return [0.0; 2];
             }
-            let index = k * (width * height) / count;
-            [one, other].map(|ready| pass(ready, index, 0, memory)[1])
+            [one, other].map(|ready| pass(ready, chosen(k, count, width * height), 0, memory)[1])
         })
         .collect();
     progress.check()?;
     let [off, light] = pairs.iter().fold([0.0; 2], |[d, l], [a, b]| [d + (a - b).powi(2), l + b * b]);
-    Ok(if light > 0.0 { (off / light).sqrt() } else { 0.0 })
+    Ok((light > 0.0).then(|| (off / light).sqrt()))
 }

@@ -1,6 +1,7 @@
 //! Measured height fields in a scene: Stam's BRDF by the cheapest method that is as exact as asked for (see [`crate::surface`]).
 
 use super::lobes::{Accuracy, along, half_cos};
+use super::norm::Norm;
 use super::spectrum::{RANGE, Seen};
 use crate::Result;
 use crate::progress::{Progress, Silent};
@@ -8,12 +9,9 @@ use crate::surface::{Densities, HeightField, Reflectance, Workspace};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Sines of view along a side, and wave numbers, at which the albedo is known.
-const VIEWS: usize = 21;
-const NUMBERS: usize = 7;
-
-/// Most frequencies of a patch that the albedo is added up from, the brightest ones.
-const BRIGHTEST: usize = 2000;
+/// Longest coherence in µm that sums over lights from everywhere are made with, and that the albedo is taken with.
+const COARSE_UM: f64 = 32.0;
+const NORM_UM: f64 = 8.0;
 
 /// A height field ready for use.
 pub(super) struct Relief {
@@ -27,8 +25,7 @@ pub(super) struct Relief {
     reflectance: Reflectance,
     /// Directions of the patch's axes.
     turn: [f64; 2],
-    /// Albedo times cos θ over sines of view and wave numbers.
-    albedo: Vec<f64>,
+    norm: Norm,
     lossless: bool,
     /// Running sum over frequencies, by which samples are drawn.
     running: Vec<f64>,
@@ -54,7 +51,11 @@ impl Relief {
         let densities = Densities::new(field, coherence_um, error, 1e7, progress)?;
         let size = field.size_um();
         let short = 0.5 * size[0].min(size[1]);
-        let coarse = Densities::new(field, short.clamp(1.0, 1e4), error, 1e7, &Silent)?;
+        let short = |most: f64| Densities::new(field, short.clamp(1.0, most), error, 1e7, &Silent);
+        let (coarse, shortest) = (short(COARSE_UM)?, short(NORM_UM)?);
+        // Places half as wide as the patch's frequencies are apart, or a lobe's standard deviation if that is more.
+        let places = size.map(|s| (0.5 / s).max(0.5 * shortest.window.sigma));
+        let norm = Norm::new(&shortest, places, field.range_um(), progress)?;
         let bin = size.map(|s| 1.0 / s.min(64.0));
         let bins = bin.map(|b| (2.0 * RANGE[1] / b) as i32);
         let (sin, cos) = orientation.sin_cos();
@@ -66,7 +67,7 @@ impl Relief {
             bins,
             reflectance,
             turn: [cos, sin],
-            albedo: vec![],
+            norm,
             lossless,
             running: vec![],
             why,
@@ -93,39 +94,6 @@ impl Relief {
                 sum
             })
             .collect();
-        let mut kept: Vec<usize> = (0..count).filter(|k| raw[*k] > 1e-7 * sum).collect();
-        kept.sort_by(|a, b| raw[*b].total_cmp(&raw[*a]));
-        let all: f64 = kept.iter().map(|k| raw[*k]).sum();
-        kept.truncate(BRIGHTEST);
-        let share = kept.iter().map(|k| raw[*k]).sum::<f64>() / all;
-        self.albedo = (0..VIEWS * VIEWS * NUMBERS)
-            .into_par_iter()
-            .map_init(Workspace::default, |w, k| {
-                let at = |k: usize| (2.0 * k as f64 / (VIEWS - 1) as f64 - 1.0) * 0.999;
-                let [x, y] = [at(k % VIEWS), at(k / VIEWS % VIEWS)];
-                let shrink = (0.999 / x.hypot(y).max(1e-9)).min(1.0);
-                let view = [x * shrink, y * shrink];
-                let z = (1.0 - view[0] * view[0] - view[1] * view[1]).max(1e-9).sqrt();
-                let view = [view[0], view[1], z];
-                let number = wave_number(k / (VIEWS * VIEWS));
-                let mut sum = 0.0;
-                // Four places of each bin, as 1/cos θi is steep at the rim.
-                for (k, part) in kept.iter().flat_map(|k| (0..4).map(move |part| (*k, part))) {
-                    let f = self.frequency(k);
-                    let off = [part % 2, part / 2].map(|s| f64::from(s) * 0.5 - 0.25);
-                    let f = [f[0] + off[0] * self.bin[0], f[1] + off[1] * self.bin[1]];
-                    let light = [f[0] / number - view[0], f[1] / number - view[1]];
-                    let square = light[0] * light[0] + light[1] * light[1];
-                    if square < 1.0 {
-                        // A cell's own width keeps grazing light finite.
-                        let floor = (self.bin[0].max(self.bin[1]) / number).min(0.2);
-                        let light = [light[0], light[1], (1.0 - square).sqrt().max(floor * 0.25)];
-                        sum += self.coarse.at(f, TAU * number * (z + light[2]), w) * gain_cos(light, view);
-                    }
-                }
-                sum * 0.25 / share * self.bin[0] * self.bin[1]
-            })
-            .collect();
     }
 
     /// Frequency of a bin.
@@ -143,15 +111,7 @@ impl Relief {
 
     /// What a direction of view is divided by, times cos θ of view.
     fn norm(&self, view: [f64; 3], number: f64) -> f64 {
-        let place = |v: f64| ((v / 0.999).clamp(-1.0, 1.0) + 1.0) * 0.5 * (VIEWS - 1) as f64;
-        let (x, y) = (place(view[0]), place(view[1]));
-        let z = ((number - RANGE[0]) / (RANGE[1] - RANGE[0])).clamp(0.0, 1.0) * (NUMBERS - 1) as f64;
-        let (i, j, k) = ((x as usize).min(VIEWS - 2), (y as usize).min(VIEWS - 2), (z as usize).min(NUMBERS - 2));
-        let (u, v, w) = (x - i as f64, y - j as f64, z - k as f64);
-        let at = |i: usize, j: usize, k: usize| self.albedo[(k * VIEWS + j) * VIEWS + i];
-        let row = |j: usize, k: usize| at(i, j, k) * (1.0 - u) + at(i + 1, j, k) * u;
-        let plane = |k: usize| row(j, k) * (1.0 - v) + row(j + 1, k) * v;
-        let albedo = plane(k) * (1.0 - w) + plane(k + 1) * w;
+        let albedo = self.norm.at(view, number);
         if self.lossless { albedo.max(1e-9) } else { albedo.max(view[2]) }
     }
 
@@ -164,7 +124,7 @@ impl Relief {
             return 0.0;
         }
         let reflected = self.reflectance.at(half_cos(light, view), 1e3 / number);
-        density * number * number * reflected * gain_cos(light, view) * light[2] / self.norm(view, number)
+        density * number * number * reflected * gain(light, view) / self.norm(view, number)
     }
 
     /// BRDF times the cosine of a small light, summed up over its spectrum: X, Y, Z.
@@ -222,13 +182,9 @@ impl Relief {
     }
 }
 
-fn wave_number(k: usize) -> f64 {
-    RANGE[0] + (RANGE[1] - RANGE[0]) * k as f64 / (NUMBERS - 1) as f64
-}
-
-/// Stam's gain times the cosine of view: `(1 + ωi·ωo)² / (cos θi w²)`.
-fn gain_cos(light: [f64; 3], view: [f64; 3]) -> f64 {
+/// Stam's gain times both cosines: `(1 + ωi·ωo)² / w²`.
+fn gain(light: [f64; 3], view: [f64; 3]) -> f64 {
     let dot: f64 = (0..3).map(|k| light[k] * view[k]).sum();
     let w = light[2] + view[2];
-    (1.0 + dot).powi(2) / (light[2] * w * w)
+    (1.0 + dot).powi(2) / (w * w)
 }

@@ -24,10 +24,10 @@ const SOFT_NM: f64 = 12.0;
 /// A light's spectrum as an observer sees it.
 pub(super) struct Seen {
     /// X, Y, Z per wave number, at even wave numbers; that of Y adds up to 1.
-    table: Vec<[f64; 3]>,
+    pub table: Vec<[f64; 3]>,
     /// First wave number and distance of two.
-    first: f64,
-    step: f64,
+    pub first: f64,
+    pub step: f64,
     /// Distance of wave numbers at which sums over the spectrum alone are right.
     pub fine: f64,
     /// Linear sRGB of the light itself.

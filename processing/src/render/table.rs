@@ -2,8 +2,8 @@
 
 use super::scene::Spectrum;
 use super::spectrum::Seen;
-use crate::color::{Observer, linear_srgb};
-use crate::image::read_exr;
+use crate::color::Observer;
+use crate::environment::{LUT_REMEDY, Lut, solid_angle};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::path::Path;
@@ -12,21 +12,21 @@ use std::path::Path;
 const COARSE: usize = 192;
 
 /// Sines of view along a side at which the albedo is known.
-const VIEWS: usize = 81;
+pub(super) const VIEWS: usize = 81;
 
 /// A table ready for use.
 pub(super) struct Table {
-    size: usize,
-    extent: f64,
-    warp: i32,
+    pub size: usize,
+    pub extent: f64,
+    pub warp: f64,
     /// Linear sRGB, relative to the table's own light.
-    rgb: Vec<[f32; 3]>,
+    pub rgb: Vec<[f32; 3]>,
     /// Part of the entries that is not known and counts as dark.
     pub unknown: f64,
     /// Albedo times cos θ over sines of view.
-    albedo: Vec<[f64; 3]>,
-    scale: f64,
-    lossless: bool,
+    pub albedo: Vec<[f64; 3]>,
+    pub scale: f64,
+    pub lossless: bool,
     /// Running sum over coarse entries, and how many there are along a side.
     running: Vec<f64>,
     coarse: usize,
@@ -38,46 +38,21 @@ impl Table {
     /// # Errors
     /// `Input` for what is none.
     pub(super) fn read(path: &Path, observer: Observer, albedo: f64, lossless: bool) -> Result<Self> {
-        let remedy = "give a lut.exr as `nacre reconstruct lut` writes it";
-        let mut map = read_exr(path)?;
-        if map.width != map.height || map.width < 8 {
-            return Err(Error::file(path, format!("is {} × {}", map.width, map.height), remedy));
-        }
-        let number = |name: &str| map.attributes.get(name).and_then(|t| t.parse::<f64>().ok());
-        let (extent, warp) = (number("extent").unwrap_or(f64::NAN), number("warp").unwrap_or(1.0));
-        if !(extent > 0.0 && extent <= 2.0 && (1.0..=99.0).contains(&warp) && warp % 2.0 == 1.0) {
-            let problem = format!("has the extent {extent} and the warp {warp}");
-            return Err(Error::file(path, problem, remedy));
-        }
-        let name = map.attributes.get("illuminant").cloned().unwrap_or_else(|| "E".into());
-        let white = Seen::new("illuminant of the table", &Spectrum::Named(name), Path::new(""), observer, 1e-3)?.rgb;
-        let [x, y, z] = ["X", "Y", "Z"].map(|c| map.take(c, path));
-        let (x, y, z) = (x?, y?, z?);
-        let mut unknown = 0;
-        let rgb: Vec<[f32; 3]> = x
-            .iter()
-            .zip(&y)
-            .zip(&z)
-            .map(|((x, y), z)| {
-                if !(x.is_finite() && y.is_finite() && z.is_finite()) {
-                    unknown += 1;
-                    return [0.0; 3];
-                }
-                let rgb = linear_srgb([*x, *y, *z]);
-                [0, 1, 2].map(|c| (f64::from(rgb[c]) / white[c]) as f32)
-            })
-            .collect();
-        let part = f64::from(unknown) / rgb.len() as f64;
+        let lut = Lut::read(path)?;
+        let white = Spectrum::Named(lut.illuminant.clone());
+        let white = Seen::new("illuminant of the table", &white, Path::new(""), observer, 1e-3)?.rgb;
+        let relative = |p: &[f32; 3]| [0, 1, 2].map(|c| (f64::from(p[c]) / white[c]) as f32);
+        let rgb: Vec<[f32; 3]> = lut.rgb.iter().map(relative).collect();
         if rgb.iter().all(|v| v.iter().all(|c| *c <= 0.0)) {
-            return Err(Error::file(path, "is dark everywhere", remedy));
+            return Err(Error::file(path, "is dark everywhere", LUT_REMEDY));
         }
-        let size = map.width;
+        let size = lut.size;
         let mut table = Self {
             size,
-            extent,
-            warp: warp as i32,
+            extent: lut.extent,
+            warp: lut.warp,
             rgb,
-            unknown: part,
+            unknown: lut.unknown,
             albedo: vec![],
             scale: 1.0,
             lossless,
@@ -130,7 +105,7 @@ impl Table {
                 // places of each cell are looked at.
                 let weight = |i: [f64; 2], side: f64| {
                     let w = (1.0 - i[0] * i[0] - i[1] * i[1]).max(0.0).sqrt();
-                    (1.0 + i[0] * view[0] + i[1] * view[1] + w * z).powi(2) * solid_angle(i, side)
+                    (1.0 + i[0] * view[0] + i[1] * view[1] + w * z).powi(2) * solid_angle(i, [side; 2], 1)
                 };
                 for (k, value) in coarse.iter().enumerate() {
                     let i = [middle(k % n) - view[0], middle(k / n) - view[1]];
@@ -152,9 +127,9 @@ impl Table {
     }
 
     /// The table's own entry at a half vector, linear between entries; dark outside.
-    fn raw(&self, h: [f64; 2]) -> [f64; 3] {
+    pub(super) fn raw(&self, h: [f64; 2]) -> [f64; 3] {
         let place = |v: f64| {
-            let even = (v / self.extent).abs().powf(1.0 / f64::from(self.warp)).copysign(v);
+            let even = (v / self.extent).abs().powf(1.0 / self.warp).copysign(v);
             (even + 1.0) * 0.5 * self.size as f64 - 0.5
         };
         if h[0].abs() > self.extent || h[1].abs() > self.extent {
@@ -191,13 +166,15 @@ impl Table {
         }
         let dot: f64 = (0..3).map(|k| light[k] * view[k]).sum();
         let gain = self.scale * (1.0 + dot).powi(2);
-        let albedo = self.albedo_cos(view);
+        let whole = self.whole(view);
         let rgb = self.raw([light[0] + view[0], light[1] + view[1]]);
-        [0, 1, 2].map(|c| {
-            // What comes in at most goes out.
-            let whole = if self.lossless { albedo[c] } else { albedo[c].max(view[2]) };
-            rgb[c] * gain / whole.max(1e-9)
-        })
+        [0, 1, 2].map(|c| rgb[c] * gain / whole[c])
+    }
+
+    /// What light towards a direction of view is divided by, so that what comes in at most goes out.
+    pub(super) fn whole(&self, view: [f64; 3]) -> [f64; 3] {
+        let least = if self.lossless { 1e-9 } else { view[2].max(1e-9) };
+        self.albedo_cos(view).map(|albedo| albedo.max(least))
     }
 
     /// A direction of light for two numbers from 0 to 1; it may lie below the horizon.
@@ -228,35 +205,5 @@ impl Table {
         let k = y as usize * n + x as usize;
         let before = if k == 0 { 0.0 } else { self.running[k - 1] };
         (self.running[k] - before) / self.running[n * n - 1] / (cell * cell) * light[2]
-    }
-}
-
-/// Solid angle of the square of this side about a place in the disc of direction cosines, dx dy / cos θ: at the rim, where the cosine
-/// vanishes, the sum over x in closed form, of the part that is inside.
-fn solid_angle([x, y]: [f64; 2], side: f64) -> f64 {
-    let square = x * x + y * y;
-    if square < 0.81 {
-        return side * side / (1.0 - square).sqrt();
-    }
-    let radius = (1.0 - y * y).max(0.0).sqrt();
-    if radius == 0.0 {
-        return 0.0;
-    }
-    let angle = |x: f64| (x / radius).clamp(-1.0, 1.0).asin();
-    (angle(x + 0.5 * side) - angle(x - 0.5 * side)) * side
-}
-
-#[cfg(test)]
-mod tests {
-    use super::solid_angle;
-    use std::f64::consts::PI;
-
-    #[test]
-    fn squares_of_the_disc_make_a_hemisphere() {
-        let n = 400;
-        let side = 2.0 / f64::from(n);
-        let at = |k: i32| (f64::from(k) + 0.5) * side - 1.0;
-        let sum: f64 = (0..n * n).map(|i| solid_angle([at(i % n), at(i / n)], side)).sum();
-        assert!((sum / (2.0 * PI) - 1.0).abs() < 5e-4, "{sum}");
     }
 }

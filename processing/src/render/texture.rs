@@ -2,6 +2,7 @@
 
 use super::scene::{Color, Value};
 use super::vector::number;
+use crate::frames::Transfer;
 use crate::image::{Samples, read};
 use crate::map::{Kind, Maps};
 use crate::{Error, Result};
@@ -12,9 +13,9 @@ const MOST_PIXELS: usize = 64 << 20;
 
 /// A picture with N channels, row 0 on top (v = 1).
 pub(super) struct Picture<const N: usize> {
-    width: usize,
-    height: usize,
-    values: Vec<[f32; N]>,
+    pub width: usize,
+    pub height: usize,
+    pub values: Vec<[f32; N]>,
 }
 
 /// One value everywhere, or a picture.
@@ -74,7 +75,7 @@ fn picture<const N: usize>(path: &Path, color: bool, [low, high]: [f32; 2]) -> R
         Samples::F32(v) => v,
     };
     let integer = info.depth != crate::image::Depth::F32;
-    let decode = |v: f32| if color && integer { srgb_decode(v) } else { v };
+    let decode = |v: f32| if color && integer { Transfer::Srgb.decode(v) } else { v };
     let pixel = |p: &[f32]| -> [f32; N] {
         std::array::from_fn(|k| {
             let mean = p.iter().sum::<f32>() / p.len() as f32;
@@ -87,10 +88,6 @@ fn picture<const N: usize>(path: &Path, color: bool, [low, high]: [f32; 2]) -> R
         return Err(Error::file(path, problem, format!("give values from {low} to {high}")));
     }
     Ok(Picture { width: info.width, height: info.height, values })
-}
-
-fn srgb_decode(v: f32) -> f32 {
-    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
 /// A number or a grey picture.
@@ -138,9 +135,11 @@ pub(super) fn normals(file: &Path) -> Result<Over<3>> {
 
 /// Orientation (rad) and period (µm) as pictures; NaN where masked.
 pub(super) struct Grooves {
-    orientation: Option<Picture<1>>,
-    period: Option<Picture<1>>,
-    repeat: [f64; 2],
+    pub orientation: Option<Picture<1>>,
+    pub period: Option<Picture<1>>,
+    /// Standard deviation of the orientation, for eyes alone.
+    pub sigma: Option<Vec<f32>>,
+    pub repeat: [f64; 2],
     pub longest_um: f64,
 }
 
@@ -159,10 +158,11 @@ impl Grooves {
             Some(Picture { width, height, values })
         };
         let (orientation, period) = (of(Kind::Orientation), of(Kind::Period));
+        let sigma = maps.maps.get(&Kind::Orientation).map(|map| map.sigma.clone());
         let longest_um = period
             .as_ref()
             .map_or(0.0, |p| p.values.iter().filter(|v| v[0].is_finite()).fold(0.0_f64, |m, v| m.max(v[0].into())));
-        Ok(Self { orientation, period, repeat, longest_um })
+        Ok(Self { orientation, period, sigma, repeat, longest_um })
     }
 
     /// Whether it has orientations, and periods.

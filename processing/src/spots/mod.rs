@@ -20,6 +20,7 @@ mod scan;
 mod settings;
 mod signals;
 mod solve;
+mod survey;
 #[cfg(test)]
 mod tests;
 
@@ -35,3 +36,4 @@ pub use scan::{Found, Points, aperture, scan};
 pub use settings::Settings;
 pub use signals::{Carrier, Signals, carriers};
 pub use solve::{MAX_CARRIERS, Solver};
+pub use survey::{Decided, Survey};

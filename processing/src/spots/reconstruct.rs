@@ -1,6 +1,6 @@
 //! The whole job: a session of fringes to maps, pictures and a report in a new folder.
 
-use super::answer::Verdict;
+use super::answer::{Demands, Verdict};
 use super::input::Bench;
 use super::optics::Optics;
 use super::output::Output;
@@ -9,7 +9,7 @@ use super::pose::of_geometry;
 use super::report::{Counts, Report, Seconds};
 use super::scan::{Found, aperture, scan};
 use super::settings::Settings;
-use super::signals::{Signals, carriers};
+use super::signals::{Carrier, Signals, carriers};
 use super::solve::MAX_CARRIERS;
 use crate::frames::load;
 use crate::image::OutputFolder;
@@ -59,11 +59,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     progress.check()?;
     let points = |x: usize, y: usize| bench.geometry.point([x as f64, y as f64]);
     let mut optics = bench.optics.clone();
-    let mut demands = settings.demands();
-    // Harmonics that phases do not tell from the fringe itself are light in the wrong place.
-    let phases = shown.iter().map(|c| c.frames.len()).min().unwrap_or(3) as u32;
-    let alias = (signals.response.harmonic(phases - 1) / signals.response.harmonic(1)).abs();
-    demands.model_error = demands.model_error.hypot(0.3 * alias);
+    let demands = demands(settings, &shown, &signals);
     if settings.aperture_mm.is_none() {
         optics.aperture_mm = aperture(&signals, &optics, &points, demands);
     }
@@ -114,7 +110,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     report.assumptions.push(
         "first orders are there: in a grating whose depth puts them out, the second ones would be taken for them, at half the period".into(),
     );
-    report.warnings = warnings(&report, settings, alias);
+    report.warnings = warnings(&report, settings, alias(&shown, &signals));
     let total = begun.elapsed().as_secs_f64();
     report.seconds =
         Seconds { read, calibrate: calibrated - read, solve: solved - calibrated, write: total - solved, total };
@@ -152,6 +148,18 @@ pub fn reachable(optics: &Optics) -> Vec<Option<f64>> {
             Some(within)
         })
         .collect()
+}
+
+/// What a pixel's answer must be, where the panel answers as it does.
+pub(super) fn demands(settings: &Settings, shown: &[Carrier], signals: &Signals) -> Demands {
+    let usual = settings.demands();
+    Demands { model_error: usual.model_error.hypot(0.3 * alias(shown, signals)), ..usual }
+}
+
+/// Harmonics that phases do not tell from the fringe itself, which are light in the wrong place, as a part of it.
+fn alias(shown: &[Carrier], signals: &Signals) -> f64 {
+    let phases = shown.iter().map(|c| c.frames.len()).min().unwrap_or(3) as u32;
+    (signals.response.harmonic(phases - 1) / signals.response.harmonic(1)).abs()
 }
 
 fn counts(found: &Found) -> Counts {

@@ -2,7 +2,7 @@
 
 use super::optics::carrier;
 use super::response::Response;
-use crate::frames::{Frame, Linearizer, LoadedFrames};
+use crate::frames::{Frame, LinearFrame, Linearizer, LoadedFrames};
 use crate::polarimetry::NoiseModel;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -39,6 +39,15 @@ pub struct Signals {
     pub noise: [f64; 2],
     /// How the panel answers.
     pub response: Response,
+}
+
+/// Light of every `every`-th pixel of every `every`-th row of a frame.
+#[derive(Clone)]
+pub struct Sampled {
+    light: Vec<f32>,
+    bad: Vec<u8>,
+    /// Over all pixels, or over these.
+    mean: f64,
 }
 
 /// Frames of one frequency, with their phases.
@@ -114,20 +123,9 @@ impl Signals {
         let (width, height) = (frames.info.width, frames.info.height);
         let linearizer = Linearizer::new(frames)?;
         let set = &frames.set;
-        let parts = 2 * carriers.len();
-        let mut new = Self {
-            width,
-            height,
-            carriers: carriers.iter().map(|c| carrier(c.cycles_per_mm)).collect(),
-            components: vec![0.0; width * height * parts],
-            mean: vec![0.0; width * height],
-            bad: vec![0; width * height],
-            noise: [0.0; 2],
-            response: Response::default(),
-        };
+        let mut new = Self::none(width, height, carriers);
         let mut even = Vec::new();
         progress.stage("reading photographs", set.frames.len() as u64);
-        // Light per pixel relative to the first frame's exposure and gain.
         let unit = set.frames.first().map_or(1.0, Frame::scale);
         let used: Vec<usize> = carriers.iter().flat_map(|c| c.frames.iter().map(|f| f.0)).collect();
         for (i, frame) in set.frames.iter().enumerate() {
@@ -143,26 +141,73 @@ impl Signals {
                 progress.step();
                 continue;
             }
-            for (j, shared) in carriers.iter().enumerate() {
-                let Some((_, factors)) = shared.frames.iter().find(|f| f.0 == i) else { continue };
-                let factors = factors.map(|f| (f / unit) as f32);
-                let share = factors[0] / carriers.len() as f32;
-                let rows = new.components.par_chunks_mut(width * parts).zip(new.mean.par_chunks_mut(width));
-                rows.zip(new.bad.par_chunks_mut(width)).enumerate().for_each(|(y, ((row, mean), bad))| {
-                    let mut light = vec![0.0_f32; width];
-                    decoded.row(y, &mut light, bad);
-                    for ((pixel, mean), v) in row.chunks_exact_mut(parts).zip(mean).zip(light) {
-                        pixel[2 * j] += factors[1] * v;
-                        pixel[2 * j + 1] += factors[2] * v;
-                        *mean += share * v;
-                    }
-                });
-            }
+            new.add(carriers, i, unit, |y, light, bad| decoded.row(y, light, bad));
             progress.step();
         }
         new.noise = noise(frames, carriers, &linearizer);
         new.response = Response::from_even(&even);
         Ok(new)
+    }
+
+    /// The same of frames of which a sample of `width` × `height` pixels was kept, one for each frame of the set.
+    pub fn of_samples(
+        frames: &LoadedFrames,
+        linearizer: &Linearizer,
+        carriers: &[Carrier],
+        samples: &[Sampled],
+        [width, height]: [usize; 2],
+    ) -> Self {
+        let mut new = Self::none(width, height, carriers);
+        let unit = frames.set.frames.first().map_or(1.0, Frame::scale);
+        let mut even = Vec::new();
+        for (i, (frame, sampled)) in frames.set.frames.iter().zip(samples).enumerate() {
+            if let Some(fringes) = frame.fringes.filter(|f| f.cycles_per_mm == [0.0; 2]) {
+                even.push((fringes.phase, sampled.mean / unit));
+                continue;
+            }
+            new.add(carriers, i, unit, |y, light, bad| {
+                let row = y * width..(y + 1) * width;
+                light.copy_from_slice(&sampled.light[row.clone()]);
+                bad.iter_mut().zip(&sampled.bad[row]).for_each(|(b, s)| *b |= s);
+            });
+        }
+        new.noise = noise(frames, carriers, linearizer);
+        new.response = Response::from_even(&even);
+        new
+    }
+
+    fn none(width: usize, height: usize, carriers: &[Carrier]) -> Self {
+        Self {
+            width,
+            height,
+            carriers: carriers.iter().map(|c| carrier(c.cycles_per_mm)).collect(),
+            components: vec![0.0; width * height * 2 * carriers.len()],
+            mean: vec![0.0; width * height],
+            bad: vec![0; width * height],
+            noise: [0.0; 2],
+            response: Response::default(),
+        }
+    }
+
+    /// Adds frame `i`, whose rows `read` gives: light, and 1 where it is no number.
+    fn add(&mut self, carriers: &[Carrier], i: usize, unit: f64, read: impl Fn(usize, &mut [f32], &mut [u8]) + Sync) {
+        let (width, parts) = (self.width, 2 * carriers.len());
+        for (j, shared) in carriers.iter().enumerate() {
+            let Some((_, factors)) = shared.frames.iter().find(|f| f.0 == i) else { continue };
+            // Light per pixel relative to the first frame's exposure and gain.
+            let factors = factors.map(|f| (f / unit) as f32);
+            let share = factors[0] / carriers.len() as f32;
+            let rows = self.components.par_chunks_mut(width * parts).zip(self.mean.par_chunks_mut(width));
+            rows.zip(self.bad.par_chunks_mut(width)).enumerate().for_each(|(y, ((row, mean), bad))| {
+                let mut light = vec![0.0_f32; width];
+                read(y, &mut light, bad);
+                for ((pixel, mean), v) in row.chunks_exact_mut(parts).zip(mean).zip(light) {
+                    pixel[2 * j] += factors[1] * v;
+                    pixel[2 * j + 1] += factors[2] * v;
+                    *mean += share * v;
+                }
+            });
+        }
     }
 
     /// Standard deviation of a component of a pixel.
@@ -171,8 +216,26 @@ impl Signals {
     }
 }
 
+impl Sampled {
+    /// Every `every`-th pixel of a frame of this size, both ways, from the middle of the first such square on.
+    pub fn of(decoded: &LinearFrame<'_>, [width, height]: [usize; 2], every: usize) -> Self {
+        let [columns, rows] = sampled_size([width, height], every);
+        let (mut light, mut bad) = (vec![0.0; columns * rows], vec![0; columns * rows]);
+        for (y, (light, bad)) in light.chunks_mut(columns).zip(bad.chunks_mut(columns)).enumerate() {
+            decoded.strided(every / 2 + y * every, every / 2, every, light, bad);
+        }
+        let mean = light.iter().map(|v| f64::from(*v)).sum::<f64>() / (columns * rows) as f64;
+        Self { light, bad, mean }
+    }
+}
+
+/// How many pixels a sample of a picture has along a row and a column.
+pub fn sampled_size(size: [usize; 2], every: usize) -> [usize; 2] {
+    size.map(|side| (side - every / 2).div_ceil(every))
+}
+
 /// Mean light of a frame over all pixels.
-fn mean_light(decoded: &crate::frames::LinearFrame<'_>, width: usize, height: usize) -> f64 {
+fn mean_light(decoded: &LinearFrame<'_>, width: usize, height: usize) -> f64 {
     let row = |y: usize| {
         let (mut light, mut bad) = (vec![0.0_f32; width], vec![0_u8; width]);
         decoded.row(y, &mut light, &mut bad);

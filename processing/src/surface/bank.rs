@@ -3,10 +3,9 @@
 use super::expansion::Expansion;
 use super::geometry::Window;
 use super::height::HeightField;
-use super::transform::{Plan, Put, Real};
+use super::transform::{AT_ONCE, Plan, Plane, Real};
 use num_complex::Complex;
 use pulp::Arch;
-use rayon::prelude::*;
 
 /// Most memory of the transforms, in bytes.
 pub(super) const MOST_BYTES: usize = 3 << 30;
@@ -18,35 +17,63 @@ const LANES: usize = 8;
 const DARK: u32 = u32::MAX;
 
 /// Heights as the expansions take them: from -1 to 1.
-pub(super) struct Relief {
+pub(super) struct Relief<'a> {
     pub width: usize,
     pub height: usize,
     pub size_um: [f64; 2],
     /// Half the range in µm.
     pub half_um: f64,
-    pub t: Vec<f64>,
+    middle_um: f64,
+    um: &'a [f64],
 }
 
-impl Relief {
-    pub(super) fn new(field: &HeightField) -> Self {
+impl<'a> Relief<'a> {
+    pub(super) fn new(field: &'a HeightField) -> Self {
         let [low, high] = field.ends_um();
-        let (middle, half) = (0.5 * (low + high), (0.5 * (high - low)).max(1e-9));
-        let t = field.um.iter().map(|h| ((h - middle) / half).clamp(-1.0, 1.0)).collect();
-        Self { width: field.width, height: field.height, size_um: field.size_um(), half_um: half, t }
+        let (middle_um, half_um) = (0.5 * (low + high), (0.5 * (high - low)).max(1e-9));
+        let (width, height) = (field.width, field.height);
+        Self { width, height, size_um: field.size_um(), half_um, middle_um, um: &field.um }
+    }
+
+    /// What makes -1 to 1 of heights.
+    fn scale(&self) -> impl Fn(f64) -> f64 + use<> {
+        let (middle, by) = (self.middle_um, 1.0 / self.half_um);
+        move |h| ((h - middle) * by).clamp(-1.0, 1.0)
+    }
+
+    /// All heights from -1 to 1.
+    pub(super) fn scaled(&self) -> Vec<f64> {
+        self.um.iter().copied().map(self.scale()).collect()
+    }
+}
+
+/// Spatial frequencies that are wanted, in 1/µm.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// Largest to the right and up.
+    pub frequency: [f64; 2],
+    /// Largest length.
+    pub length: f64,
+}
+
+impl From<[f64; 2]> for Limits {
+    fn from(frequency: [f64; 2]) -> Self {
+        Self { frequency, length: f64::INFINITY }
     }
 }
 
 /// Frequencies of a patch up to a limit, in cycles per patch.
-pub(super) fn reach(relief: &Relief, frequency: [f64; 2]) -> [usize; 2] {
+pub(super) fn reach(relief: &Relief, limits: Limits) -> [usize; 2] {
     let count = |f: f64, um: f64, n: usize| ((f * um).ceil() as usize).min((n - 1) / 2);
-    [count(frequency[0], relief.size_um[0], relief.width), count(frequency[1], relief.size_um[1], relief.height)]
+    let [x, y] = limits.frequency;
+    [count(x, relief.size_um[0], relief.width), count(y, relief.size_um[1], relief.height)]
 }
 
-/// Bytes that a bank of so many terms of a patch this high needs while it is made.
-pub(super) fn bytes<T: Real>(reach: [usize; 2], height: usize, terms: usize) -> usize {
+/// Bytes that a bank of the terms of an expansion of a patch this high needs at most while it is made.
+pub(super) fn bytes<T: Real>(reach: [usize; 2], height: usize, expansion: &Expansion) -> usize {
     let plane = (2 * reach[0] + 1) * (2 * reach[1] + 1);
-    let rows = (reach[0] + 1) * height;
-    (2 * plane + rows) * terms.next_multiple_of(LANES) * 2 * size_of::<T>()
+    let rows = (2 * reach[0] + 1) * height * if expansion.is_real() { AT_ONCE } else { 1 };
+    (2 * plane * expansion.terms.next_multiple_of(LANES) + rows) * 2 * size_of::<T>()
 }
 
 /// Transforms of the terms of an expansion.
@@ -62,36 +89,39 @@ pub(super) struct Bank<T: Real> {
     values: Vec<T>,
 }
 
-/// Transforms of the terms of an expansion, each times its factor, for the frequencies up to `frequency` (1/µm): how many, and row by row from
-/// the lowest frequency.
+/// Transforms of the terms of an expansion, each times its factor, for the frequencies within limits, and how many these are to the right and up.
 pub(super) fn planes<T: Real>(
     relief: &Relief,
     expansion: &Expansion,
-    frequency: [f64; 2],
+    limits: Limits,
     mut step: impl FnMut(),
-) -> ([usize; 2], Vec<Vec<Complex<T>>>) {
-    let plan = Plan::<T>::new(relief.width, relief.height, reach(relief, frequency));
-    let mut planes: Vec<Vec<Complex<T>>> = Vec::with_capacity(expansion.terms);
+) -> ([usize; 2], Vec<Plane<T>>) {
+    let plan =
+        Plan::<T>::new(relief.width, relief.height, reach(relief, limits), relief.size_um.map(|um| limits.length * um));
+    let mut planes = Vec::with_capacity(expansion.terms);
+    let heights = |y: usize| &relief.um[y * relief.width..][..relief.width];
+    let scale = relief.scale();
     if expansion.is_real() {
-        let row = |y: usize, put: &mut Put| {
-            let t = &relief.t[y * relief.width..][..relief.width];
-            expansion.real_terms(t, put);
+        let stride = Plan::<T>::stride(relief.width);
+        let fill = |y: usize, first: usize, lines: &mut [Complex<T>]| {
+            expansion.pairs(heights(y), &scale, first, stride, lines);
         };
-        plan.series(expansion.terms, &row, |n, mut plane| {
-            let factor = expansion.factor(n);
-            let factor = Complex::new(T::of(factor.re), T::of(factor.im));
-            plane.iter_mut().for_each(|c| *c = *c * factor);
+        planes.push(Plane::constant(T::one()));
+        step();
+        plan.series(expansion.terms - 1, &fill, &|n| expansion.factor(n + 1), |plane| {
             planes.push(plane);
             step();
         });
     } else {
         for term in 0..expansion.terms {
             let node = expansion.node(term);
-            let turned = |t: &f64| {
-                let (sin, cos) = (node * t).sin_cos();
-                Complex::new(T::of(cos), T::of(-sin))
+            let fill = |y: usize, line: &mut [Complex<T>]| {
+                for (to, h) in line.iter_mut().zip(heights(y)) {
+                    let (sin, cos) = (node * scale(*h)).sin_cos();
+                    *to = Complex::new(T::of(cos), T::of(-sin));
+                }
             };
-            planes.push(plan.complex(relief.t.par_iter().map(turned).collect()));
+            planes.push(plan.complex(&fill));
             step();
         }
     }
@@ -117,38 +147,45 @@ impl<T: Real> Bank<T> {
     pub(super) fn new(
         relief: &Relief,
         expansion: Expansion,
-        frequency: [f64; 2],
+        limits: impl Into<Limits>,
         dark: f64,
         step: impl FnMut(),
     ) -> Self {
-        let (reach, planes) = planes(relief, &expansion, frequency, step);
-        Self::pack(expansion, (relief.size_um, relief.half_um), reach, &planes, dark)
+        let (reach, planes) = planes(relief, &expansion, limits.into(), step);
+        let row = |n: usize, iy: isize, out: &mut [Complex<T>]| planes[n].row(iy, out);
+        Self::pack(expansion, (relief.size_um, relief.half_um), reach, dark, row)
     }
 
-    /// Of transforms that are there, of a patch of this size and half this range of heights.
+    /// Of transforms that are there, of a patch of this size and half this range of heights: `row(term, iy, out)` gives a term's for a row
+    /// of frequencies, from the lowest.
     pub(super) fn pack(
         expansion: Expansion,
         (size_um, half_um): ([f64; 2], f64),
         reach: [usize; 2],
-        planes: &[Vec<Complex<T>>],
         dark: f64,
+        row: impl Fn(usize, isize, &mut [Complex<T>]),
     ) -> Self {
-        let [mx, my] = reach;
+        let reach = reach.map(|r| r as isize);
+        let across = 2 * reach[0] as usize + 1;
         let padded = expansion.terms.next_multiple_of(LANES);
-        let count = (2 * mx + 1) * (2 * my + 1);
+        let count = across * (2 * reach[1] as usize + 1);
         // All that is left out together holds less than `dark` of the light.
         let least = (dark / count as f64).sqrt() / expansion.terms as f64;
         let (mut slots, mut values) = (vec![DARK; count], vec![]);
-        for (k, slot) in slots.iter_mut().enumerate() {
-            if planes.iter().all(|p| p[k].norm_sqr().double() < least * least) {
-                continue;
+        let mut rows = vec![Complex::new(T::zero(), T::zero()); across * expansion.terms];
+        for (slots, iy) in slots.chunks_mut(across).zip(-reach[1]..) {
+            rows.chunks_mut(across).enumerate().for_each(|(n, out)| row(n, iy, out));
+            for (k, slot) in slots.iter_mut().enumerate() {
+                let terms = || rows[k..].iter().step_by(across);
+                if terms().all(|c| c.norm_sqr().double() < least * least) {
+                    continue;
+                }
+                *slot = (values.len() / (2 * padded)) as u32;
+                let padding = || std::iter::repeat_n(T::zero(), padded - expansion.terms);
+                values.extend(terms().map(|c| c.re).chain(padding()));
+                values.extend(terms().map(|c| c.im).chain(padding()));
             }
-            *slot = (values.len() / (2 * padded)) as u32;
-            let padding = || std::iter::repeat_n(T::zero(), padded - expansion.terms);
-            values.extend(planes.iter().map(|p| p[k].re).chain(padding()));
-            values.extend(planes.iter().map(|p| p[k].im).chain(padding()));
         }
-        let reach = [mx as isize, my as isize];
         Self { expansion, size_um, half_um, reach, slots, padded, values }
     }
 

@@ -192,6 +192,7 @@ pub fn map(
     let mut request = Request {
         q: [TAU * 1e3 / RANGE_NM[1] * light.z, TAU * 1e3 / RANGE_NM[0] * (1.0 + light.z)],
         frequency: [light.x, light.y].map(|c| (1.0 + c.abs()) * 1e3 / RANGE_NM[0]),
+        length: edge * 1e3 / RANGE_NM[0],
         densities: 0.0,
     };
     check_pitch(field, &request)?;
@@ -254,6 +255,7 @@ pub fn slice(
     let request = Request {
         q: [TAU * 1e3 / longest * least.min(most), TAU * 1e3 / shortest * most],
         frequency: [0, 1].map(|k| known().map(|p| p.tangent[k].abs()).fold(0.0, f64::max) * 1e3 / shortest),
+        length: known().map(|p| p.tangent[0].hypot(p.tangent[1])).fold(0.0, f64::max) * 1e3 / shortest,
         densities: (wavelengths_nm.len() * known().count()) as f64,
     };
     if known().next().is_none() {

@@ -108,6 +108,7 @@ pub fn check(
     let request = Request {
         q: [least, largest],
         frequency: [most * cos_phi.abs(), most * sin_phi.abs()],
+        length: most,
         densities: seen.len() as f64 * 1000.0,
     };
     let (model, choice) = prepare(field, quality, request, settings, progress)?;

@@ -1,6 +1,6 @@
 //! The cheapest method that is as exact as asked for.
 
-use super::bank::{Bank, MOST_BYTES, Relief, bytes, reach};
+use super::bank::{Bank, Limits, MOST_BYTES, Relief, bytes, reach};
 use super::engine::{Engine, Model, Request};
 use super::expansion::{Expansion, Kind};
 use super::geometry::Window;
@@ -18,8 +18,8 @@ use serde::Serialize;
 /// Lobes with this part of the light are to be as exact as asked for: an amplitude that is off by δ makes one of η off by 2δ/√η.
 pub(super) const FAINTEST: f64 = 1e-3;
 
-/// Parts of the wanted error: expansion, window, wavelengths.
-const EXPANSION: f64 = 0.25;
+/// Parts of the wanted error: an expansion's truncation and its rounding, window, wavelengths.
+const EXPANSION: [f64; 2] = [0.125; 2];
 pub(super) const WINDOW: f64 = 0.25;
 pub(super) const STEP: f64 = 0.25;
 const DARK: f64 = 0.1;
@@ -80,10 +80,12 @@ pub(super) fn of_lobes(amplitude: f64) -> f64 {
 }
 
 struct Chooser<'a> {
-    relief: &'a Relief,
+    relief: &'a Relief<'a>,
     request: Request,
     radius: f64,
     wanted: f64,
+    /// Parts of it for an expansion's truncation and its rounding.
+    parts: [f64; 2],
     /// The highest power that was asked for, whatever it is off by.
     order: Option<usize>,
     workers: f64,
@@ -92,21 +94,21 @@ struct Chooser<'a> {
 impl Chooser<'_> {
     /// The shortest expansion of a kind in this precision, if there is one that meets the wanted error and fits into memory.
     fn candidate(&self, method: Method, kind: Kind, bits: u32) -> Option<Candidate> {
-        let amplitude = EXPANSION * self.wanted / 2.0 * FAINTEST.sqrt() / 2.0;
+        let [truncation, most_rounding] = self.parts.map(|part| part * self.wanted / 2.0 * FAINTEST.sqrt());
         let [low, high] = self.request.q.map(|q| q * self.relief.half_um);
         let expansion = match self.order {
             Some(order) => Expansion::with_terms(kind, low, high, order + 1),
-            None => Expansion::new(kind, low, high, amplitude, epsilon(bits))?,
+            None => Expansion::new(kind, low, high, truncation, epsilon(bits))?,
         };
         let rounding = expansion.rounding(epsilon(bits));
-        if rounding > amplitude && self.order.is_none() {
+        if rounding > most_rounding && self.order.is_none() {
             return None;
         }
         let reach = reach(self.relief, self.request.wide(self.radius));
         let need = if bits == 32 {
-            bytes::<f32>(reach, self.relief.height, expansion.terms)
+            bytes::<f32>(reach, self.relief.height, &expansion)
         } else {
-            bytes::<f64>(reach, self.relief.height, expansion.terms)
+            bytes::<f64>(reach, self.relief.height, &expansion)
         };
         if need > MOST_BYTES {
             return None;
@@ -184,8 +186,15 @@ pub(super) fn prepare<'a>(
     let relief = Relief::new(field);
     let radius = window.radius(WINDOW * FAINTEST * settings.max_error);
     let workers = rayon::current_num_threads() as f64;
-    let chooser =
-        Chooser { relief: &relief, request, radius, wanted: settings.max_error, order: settings.order, workers };
+    let chooser = Chooser {
+        relief: &relief,
+        request,
+        radius,
+        wanted: settings.max_error,
+        parts: EXPANSION,
+        order: settings.order,
+        workers,
+    };
     let model = |engine, lattice| Model { engine, window, radius, lattice };
     if settings.method == Method::Reference {
         let choice = Choice {
@@ -231,8 +240,10 @@ pub(super) fn prepare<'a>(
             let repeats = repeats(relief.size_um, settings.coherence_um);
             choice.predicted_error += interpolation_error(repeats, linear);
             // Interpolation needs the next frequencies as well.
-            let margin = [0, 1].map(|k| wide[k] + 6.0 / relief.size_um[k]);
-            let bank = Bank::<f64>::new(&relief, candidate.expansion, margin, dark, step);
+            let more = relief.size_um.map(|um| 6.0 / um);
+            let frequency = [0, 1].map(|k| wide.frequency[k] + more[k]);
+            let limits = Limits { frequency, length: wide.length + more[0].hypot(more[1]) };
+            let bank = Bank::<f64>::new(&relief, candidate.expansion, limits, dark, step);
             choice.frequencies = Some(bank.bright());
             let pixels = [relief.width, relief.height];
             model(Engine::Pq(Box::new(Pq { bank, pixels, size_um: relief.size_um, repeats, linear })), None)
@@ -283,11 +294,11 @@ fn settle<T: Real>(
     lattice
 }
 
-/// The expansion of a set of terms: real functions, in single precision.
+/// The expansion of a set of terms: real functions, in single precision, whose truncation and rounding take these parts of the wanted error.
 ///
 /// # Errors
 /// `Input` for methods that are no such expansion, and depths that they cannot do.
-pub(super) fn expansion(relief: &Relief, request: Request, settings: &Settings) -> Result<Expansion> {
+pub(super) fn expansion(relief: &Relief, request: Request, settings: &Settings, parts: [f64; 2]) -> Result<Expansion> {
     let method = match settings.method {
         Method::Auto => Method::Chebyshev,
         Method::Chebyshev | Method::Taylor => settings.method,
@@ -296,8 +307,15 @@ pub(super) fn expansion(relief: &Relief, request: Request, settings: &Settings) 
             return Err(Error::input("method", problem, "give auto, chebyshev or taylor"));
         }
     };
-    let chooser =
-        Chooser { relief, request, radius: 0.0, wanted: settings.max_error, order: settings.order, workers: 1.0 };
+    let chooser = Chooser {
+        relief,
+        request,
+        radius: 0.0,
+        wanted: settings.max_error,
+        parts,
+        order: settings.order,
+        workers: 1.0,
+    };
     let kind = if method == Method::Taylor { Kind::Taylor } else { Kind::Chebyshev };
     let found = chooser.candidate(method, kind, 32);
     found.map(|c| c.expansion).ok_or_else(|| chooser.too_hard(method))

@@ -38,7 +38,8 @@ impl Densities {
         let settings = Settings { coherence_um, max_error, ..Settings::default() };
         let (_, window) = settings.check()?;
         let quality = Quality::of(field, coherence_um);
-        let request = Request { q: [0.0, 2.0 * TAU * 1e3 / RANGE_NM[0]], frequency: [2e3 / RANGE_NM[0]; 2], densities };
+        let length = 2e3 / RANGE_NM[0];
+        let request = Request { q: [0.0, TAU * length], frequency: [length; 2], length, densities };
         let (model, choice) = prepare(field, &quality, request, &settings, progress)?;
         let Model { engine, window: _, radius, lattice } = model;
         let engine = match engine {

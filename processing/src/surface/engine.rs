@@ -1,6 +1,6 @@
 //! A patch made ready: power densities for any pair of directions and any wavelength within a range.
 
-use super::bank::{Bank, Scratch};
+use super::bank::{Bank, Limits, Scratch};
 use super::geometry::Window;
 use super::lattice::Lattice;
 use super::pq::Pq;
@@ -13,14 +13,16 @@ pub(super) struct Request {
     pub q: [f64; 2],
     /// Largest spatial frequencies to the right and up, in 1/µm.
     pub frequency: [f64; 2],
+    /// Largest length of a spatial frequency: |ωi + ωr|/λ in the plane, at most 2/λ.
+    pub length: f64,
     /// How many densities.
     pub densities: f64,
 }
 
 impl Request {
     /// Largest spatial frequencies with the window's margin.
-    pub(super) fn wide(&self, radius: f64) -> [f64; 2] {
-        self.frequency.map(|f| f + radius)
+    pub(super) fn wide(&self, radius: f64) -> Limits {
+        Limits { frequency: self.frequency.map(|f| f + radius), length: self.length + radius }
     }
 }
 

@@ -23,13 +23,13 @@ impl Lattice {
     /// # Errors
     /// `Input` for patches with several periods, or none.
     pub(super) fn find(relief: &Relief) -> Result<Self> {
-        let plan = Plan::<f64>::new(relief.width, relief.height, [relief.width, relief.height]);
-        let plane = plan.real(&relief.t);
+        let plan = Plan::<f64>::new(relief.width, relief.height, [relief.width, relief.height], [f64::INFINITY; 2]);
+        let plane = plan.real(&relief.scaled());
         let [mx, my] = plan.reach().map(|m| m as isize);
         let mut peaks: Vec<([isize; 2], f64)> = (-my..=my)
             .flat_map(|iy| (-mx..=mx).map(move |ix| [ix, iy]))
             .filter(|at| *at != [0, 0])
-            .map(|at| (at, plane[plan.place(at[0], at[1])].norm_sqr()))
+            .map(|at| (at, plane.at(at).norm_sqr()))
             .collect();
         let all: f64 = peaks.iter().map(|p| p.1).sum();
         let refuse = |problem: String| {

@@ -31,6 +31,13 @@ pub(super) fn measured(field: &HeightField, model: &Model, request: &Request, me
                 let bins = (request.frequency[axis] * size[axis]).floor();
                 ((2.0 * ratio(k + 1, [0.569_840_291, 0.618_033_989][axis]) - 1.0) * bins).round() / size[axis]
             });
+            // Corners that no pair of directions reaches are moved to where one does.
+            let within = (request.length / anywhere[0].hypot(anywhere[1]).max(1e-9)).min(1.0);
+            let anywhere = if within < 1.0 {
+                [0, 1].map(|axis| (within * anywhere[axis] * size[axis]).trunc() / size[axis])
+            } else {
+                anywhere
+            };
             let place = bright.get(k % GROUP).copied().filter(|_| k % 4 != 3).unwrap_or(anywhere);
             let off = model.window.sigma * (ratio(k, 0.324_717_957) - 0.5);
             [place[0] + off, place[1] - 0.5 * off]
@@ -51,6 +58,9 @@ fn brightest(model: &Model, request: &Request, size: [f64; 2], q: f64, memory: &
     for iy in -bins[1]..=bins[1] {
         for ix in -bins[0]..=bins[0] {
             let place = [ix as f64 / size[0], iy as f64 / size[1]];
+            if place[0].hypot(place[1]) > request.length {
+                continue;
+            }
             all.push((model.density(place, q, memory), place));
         }
     }

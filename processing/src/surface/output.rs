@@ -4,6 +4,7 @@ use super::brdf::{Map, Slice, Views};
 use super::check::GratingCheck;
 use super::height::HeightField;
 use super::settings::{Normalisation, Settings};
+use crate::chart::peaks_picture;
 use crate::color::displayed;
 use crate::image::{Attribute, encode_png8, scalar_picture, write_exr, write_whole, write_whole_with};
 use crate::{Error, Result};
@@ -149,6 +150,14 @@ pub fn write_check(path: &Path, check: &GratingCheck) -> Result<()> {
         let _ = writeln!(csv, "{},{:.6},{:.4},{:e}", p.wavelength_nm, p.theta_r_deg, p.period_nm, p.relative);
     }
     write_whole(path, csv.as_bytes())
+}
+
+/// A picture of the peaks of a check (SVG) beside the grating equation.
+///
+/// # Errors
+/// `Output` when the system refuses.
+pub fn write_check_picture(path: &Path, check: &GratingCheck) -> Result<()> {
+    write_whole(path, peaks_picture(check).as_bytes())
 }
 
 /// Writes a height field as an EXR map (`height` in µm, attribute `pixel_um`) and, if a path is given, as a picture.

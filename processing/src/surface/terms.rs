@@ -10,6 +10,7 @@ use super::height::HeightField;
 use super::measured::measured;
 use super::settings::{Method, Settings};
 use super::spectral::RANGE_NM;
+use super::transform::Plane;
 use crate::image::{Attribute, OutputFolder, Precision, read_exr, write_exr_as};
 use crate::progress::Progress;
 use crate::text::read_text;
@@ -100,6 +101,7 @@ fn request(extent: f64) -> Request {
     Request {
         q: [0.0, 2.0 * TAU * 1e3 / RANGE_NM[0]],
         frequency: [extent * 1e3 / RANGE_NM[0]; 2],
+        length: (2_f64.sqrt() * extent).min(2.0) * 1e3 / RANGE_NM[0],
         // Only the transforms count.
         densities: 0.0,
     }
@@ -109,7 +111,7 @@ fn request(extent: f64) -> Request {
 pub struct TermSet {
     /// What they are.
     pub about: TermsAbout,
-    planes: Vec<Vec<Complex32>>,
+    planes: Vec<Plane<f32>>,
 }
 
 impl TermSet {
@@ -130,7 +132,10 @@ impl TermSet {
         let request = request(wanted.extent);
         choose::check_pitch(field, &request)?;
         let relief = Relief::new(field);
-        let expansion = choose::expansion(&relief, request, settings)?;
+        // Where half precision may do, its rounding gets most of the error. There is nothing else to leave some for.
+        let halved = wanted.precision == Some(Precision::Half) || of_lobes(HALF[0]) < 0.5 * settings.max_error;
+        let parts = if halved { [0.125; 2] } else { [0.75, 0.25] };
+        let expansion = choose::expansion(&relief, request, settings, parts)?;
         let wide = request.wide(Window::new(settings.coherence_um)?.radius(OUTSIDE));
         if let Some(side) = reach(&relief, wide).into_iter().find(|r| *r > MOST_REACH) {
             let problem = format!("has {} frequencies along one side", 2 * side + 1);
@@ -142,13 +147,12 @@ impl TermSet {
         let exact = of_lobes(expansion.error() + expansion.rounding(f64::from(f32::EPSILON)));
         let halves = Halves::new(&expansion, &planes);
         // The mean is nearly always the largest: where it is too much already, the others need no look.
-        let middle = planes.first().map_or(0, |p| p.len() / 2);
-        let hopeless = exact + of_lobes(halves.at(middle)) > settings.max_error;
+        let hopeless = exact + of_lobes(halves.middle()) > settings.max_error;
         let (precision, predicted_error) = match wanted.precision {
             Some(Precision::Float) => (Precision::Float, exact),
             None if hopeless => (Precision::Float, exact),
             wanted => {
-                let halved = exact + of_lobes(halves.most());
+                let halved = exact + of_lobes(halves.most(reach));
                 let met = wanted.is_some() || halved <= settings.max_error;
                 if met { (Precision::Half, halved) } else { (Precision::Float, exact) }
             }
@@ -175,15 +179,20 @@ impl TermSet {
     pub fn write(&self, folder: &OutputFolder, progress: &dyn Progress) -> Result<()> {
         progress.stage("writing", self.planes.len() as u64);
         let side = self.about.reach.map(|r| 2 * r + 1);
+        let mut values = vec![Complex32::ZERO; side[0] * side[1]];
         for (n, plane) in self.planes.iter().enumerate() {
+            // Pictures begin with the highest frequency.
+            let rows = values
+                .chunks_mut(side[0])
+                .zip((0..=2 * self.about.reach[1]).map(|y| self.about.reach[1] as isize - y as isize));
+            rows.for_each(|(row, iy)| plane.row(iy, row));
             let attributes = [
                 ("units", Attribute::Text("amplitude of an incident wave of amplitude 1".into())),
                 ("term", Attribute::Number(n as f64)),
             ];
             let path = folder.path(&file_of(n));
             write_exr_as(&path, self.about.precision, side, &["re", "im"], &attributes, &|c, y, row| {
-                // Planes begin with the lowest frequency, pictures with the highest.
-                let from = &plane[(side[1] - 1 - y) * side[0]..][..side[0]];
+                let from = &values[y * side[0]..][..side[0]];
                 row.iter_mut().zip(from).for_each(|(to, v)| *to = if c == 0 { v.re } else { v.im });
             })?;
             progress.step();
@@ -197,11 +206,11 @@ impl TermSet {
 struct Halves<'a> {
     /// Largest function of X of each term.
     most: Vec<f64>,
-    planes: &'a [Vec<Complex32>],
+    planes: &'a [Plane<f32>],
 }
 
 impl<'a> Halves<'a> {
-    fn new(expansion: &Expansion, planes: &'a [Vec<Complex32>]) -> Self {
+    fn new(expansion: &Expansion, planes: &'a [Plane<f32>]) -> Self {
         const SAMPLES: usize = 64;
         let mut most = vec![0.0_f64; expansion.terms];
         let mut here = vec![0.0; expansion.terms];
@@ -213,16 +222,23 @@ impl<'a> Halves<'a> {
     }
 
     /// Of a frequency, at most.
-    fn at(&self, k: usize) -> f64 {
-        let of =
-            |(m, plane): (&f64, &Vec<Complex32>)| m * (HALF[0] * f64::from(plane[k].norm_sqr().sqrt()) + 2.0 * HALF[1]);
+    fn of(&self, amplitude: impl Fn(&Plane<f32>) -> Complex32) -> f64 {
+        let of = |(m, plane): (&f64, &Plane<f32>)| {
+            m * (HALF[0] * f64::from(amplitude(plane).norm_sqr().sqrt()) + 2.0 * HALF[1])
+        };
         self.most.iter().zip(self.planes).map(of).sum()
     }
 
+    /// Of the mean.
+    fn middle(&self) -> f64 {
+        self.of(|plane| plane.at([0, 0]))
+    }
+
     /// Of all of them, at most; the opposite of a frequency has the same sizes.
-    fn most(&self) -> f64 {
-        let count = self.planes.first().map_or(0, Vec::len);
-        (0..count.div_ceil(2)).into_par_iter().map(|k| self.at(k)).reduce(|| 0.0, f64::max)
+    fn most(&self, reach: [usize; 2]) -> f64 {
+        let [mx, my] = reach.map(|r| r as isize);
+        let column = |ix: isize| (-my..=my).map(|iy| self.of(|plane| plane.at([ix, iy]))).fold(0.0, f64::max);
+        (0..=mx).into_par_iter().map(column).reduce(|| 0.0, f64::max)
     }
 }
 
@@ -253,7 +269,11 @@ impl Terms {
         let side = about.reach.map(|r| 2 * r + 1);
         let planes = (0..about.terms).map(|n| plane(&folder.join(file_of(n)), side)).collect::<Result<Vec<_>>>()?;
         let expansion = Expansion::with_terms(kind, 0.0, about.x_most, about.terms);
-        let bank = Bank::pack(expansion, (about.size_um, about.half_um), about.reach, &planes, 0.0);
+        let row = |n: usize, iy: isize, out: &mut [Complex32]| {
+            let from = (iy + about.reach[1] as isize) as usize * side[0];
+            out.copy_from_slice(&planes[n][from..][..side[0]]);
+        };
+        let bank = Bank::pack(expansion, (about.size_um, about.half_um), about.reach, 0.0, row);
         Ok(Self { about, bank })
     }
 

@@ -60,6 +60,7 @@ impl BenchConfig {
             ("panel.falloff", p.falloff, 0.0, 20.0),
             ("panel.ambient", p.ambient, 0.0, 10.0),
             ("panel.gamma", p.gamma, 0.2, 5.0),
+            ("panel.lag_ms", p.lag_ms, 0.0, 1000.0),
             ("filter.wavelength_nm", self.filter.wavelength_nm, 380.0, 780.0),
             ("filter.band_nm", self.filter.band_nm, 0.0, 200.0),
             ("camera.width", c.width.into(), 2.0, 16_384.0),

@@ -36,6 +36,7 @@ impl Default for PanelConfig {
             falloff: 2.0,
             ambient: 0.002,
             gamma: 2.2,
+            lag_ms: 0.0,
         }
     }
 }

@@ -185,6 +185,8 @@ pub struct PanelConfig {
     pub ambient: f64,
     /// What its luminance grows with: the code, of 8 bits, to this power.
     pub gamma: f64,
+    /// Time until a new pattern is there, in ms, although the panel says that it is there at once.
+    pub lag_ms: f64,
 }
 
 /// Colour filter in front of the camera, a Gaussian band.

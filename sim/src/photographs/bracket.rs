@@ -25,6 +25,23 @@ pub(super) struct Bracket<'a> {
     pub band_nm: f64,
 }
 
+/// The bracket of a scene: all that photograph have these fields.
+macro_rules! bracket {
+    ($scene:expr) => {
+        $crate::photographs::bracket::Bracket {
+            seed: $scene.seed,
+            width: $scene.width,
+            height: $scene.height,
+            exposures: &$scene.exposures,
+            full_scale_e: $scene.full_scale_e,
+            read_noise_e: $scene.read_noise_e,
+            wavelength_nm: $scene.wavelength_nm,
+            band_nm: $scene.band_nm,
+        }
+    };
+}
+pub(super) use bracket;
+
 /// Refuses exposures that make no sense.
 pub(super) fn check_exposures(exposures: &[f64]) -> Result<()> {
     if (1..=16).contains(&exposures.len()) && exposures.iter().all(|e| (1e-6..=1e6).contains(e)) {

@@ -4,7 +4,7 @@
 //! disc and the filter's band; each order is a Gaussian in direction cosines as wide as the coherence allows, and holds its
 //! share of the light. Nothing of the reconstruction's formulas is used.
 
-use super::bracket::{Bracket, check_exposures};
+use super::bracket::{bracket, check_exposures};
 use super::orders::{Orders, Surface};
 use nacre_processing::image::OutputFolder;
 use nacre_processing::{Error, Result};
@@ -255,21 +255,8 @@ impl FlashPhotograph {
     /// # Errors
     /// As [`Self::check`]; `Output`.
     pub fn write(&self, folder: &OutputFolder) -> Result<()> {
-        self.bracket().write(folder, &self.radiance()?, self.level)?;
+        bracket!(self).write(folder, &self.radiance()?, self.level)?;
         folder.write_json("scene.json", self)
-    }
-
-    fn bracket(&self) -> Bracket<'_> {
-        Bracket {
-            seed: self.seed,
-            width: self.width,
-            height: self.height,
-            exposures: &self.exposures,
-            full_scale_e: self.full_scale_e,
-            read_noise_e: self.read_noise_e,
-            wavelength_nm: self.wavelength_nm,
-            band_nm: self.band_nm,
-        }
     }
 }
 

@@ -4,7 +4,7 @@
 //! and orders up to the third, of the density of dots whose grating vector sends that order to the camera. Nothing is counted in bins, and
 //! nothing of the reconstruction's formulas is used.
 
-use super::bracket::{Bracket, check_exposures};
+use super::bracket::{bracket, check_exposures};
 use super::flash::{blurred, disc};
 use nacre_processing::geometry::{Camera, Geometry, Pose, Uncertainty, text};
 use nacre_processing::image::OutputFolder;
@@ -248,21 +248,8 @@ impl FoilPhotograph {
     /// # Errors
     /// As [`Self::check`]; `Output`.
     pub fn write(&self, folder: &OutputFolder) -> Result<()> {
-        self.bracket().write(folder, &self.radiance()?, self.level)?;
+        bracket!(self).write(folder, &self.radiance()?, self.level)?;
         folder.write("geometry.json", text(&self.geometry()).as_bytes())?;
         folder.write_json("scene.json", self)
-    }
-
-    fn bracket(&self) -> Bracket<'_> {
-        Bracket {
-            seed: self.seed,
-            width: self.width,
-            height: self.height,
-            exposures: &self.exposures,
-            full_scale_e: self.full_scale_e,
-            read_noise_e: self.read_noise_e,
-            wavelength_nm: self.wavelength_nm,
-            band_nm: self.band_nm,
-        }
     }
 }

@@ -3,7 +3,7 @@
 use super::common::{List, Optics, Surface, summary};
 use crate::Failure;
 use crate::console::Console;
-use nacre_processing::surface::output::{vacant, write_check};
+use nacre_processing::surface::output::{vacant, write_check, write_check_picture};
 use nacre_processing::surface::{Report, check};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -18,7 +18,8 @@ Examples:
 
 For each wavelength, the angle of the first order's peak gives a period, λ/(sin θi + sin θr); their mean and variance
 are compared with the period that the heights' spectrum shows. The gain is divided out and the peak interpolated.
---out writes FILE.csv (wavelength_nm, theta_r_deg, period_nm, relative) and FILE.json.")]
+--out writes FILE.csv (wavelength_nm, theta_r_deg, period_nm, relative), FILE.svg (a plot of them beside the
+equation) and FILE.json.")]
 pub struct Check {
     #[command(flatten)]
     surface: Surface,
@@ -36,7 +37,7 @@ pub struct Check {
     wavelengths: List,
     #[command(flatten)]
     optics: Optics,
-    /// The table of peaks; a report goes beside it.
+    /// The table of peaks; a plot and a report go beside it.
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
     /// Replace files that are there.
@@ -48,7 +49,11 @@ impl Check {
     /// Computes it, and writes it where asked.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let begun = Instant::now();
-        let files: Vec<PathBuf> = self.out.iter().flat_map(|out| [out.clone(), out.with_extension("json")]).collect();
+        let files: Vec<PathBuf> = self
+            .out
+            .iter()
+            .flat_map(|out| [out.clone(), out.with_extension("svg"), out.with_extension("json")])
+            .collect();
         vacant(&files, self.force)?;
         let settings = self.optics.settings([self.light, self.azimuth.unwrap_or(0.0)]);
         settings.check()?;
@@ -68,8 +73,9 @@ impl Check {
             seconds: begun.elapsed().as_secs_f64(),
             files: files.clone(),
         };
-        if let [csv, json] = files.as_slice() {
+        if let [csv, picture, json] = files.as_slice() {
             write_check(csv, &found)?;
+            write_check_picture(picture, &found)?;
             report.write(json)?;
         }
         let mut text = format!(

@@ -1,6 +1,7 @@
 //! What the products of a height field share.
 
 use crate::Failure;
+use crate::commands::said;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_processing::color::Observer;
@@ -182,10 +183,8 @@ pub fn summary<T: Serialize>(report: &Report<T>, middle: &str) -> String {
     if !middle.is_empty() {
         let _ = write!(text, "\n{middle}");
     }
-    for warning in &report.warnings {
-        let _ = write!(text, "\nwarning   {warning}");
-    }
-    let _ = write!(text, "\ntime      {:.2} s ({:.2} CPU-seconds expected)", report.seconds, c.predicted_s);
+    let said = said::lines(&[], &report.warnings);
+    let _ = write!(text, "\n{said}time      {:.2} s ({:.2} CPU-seconds expected)", report.seconds, c.predicted_s);
     for file in &report.files {
         let _ = write!(text, "\nwrote     {}", file.display());
     }

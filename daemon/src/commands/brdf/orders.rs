@@ -2,6 +2,7 @@
 
 use super::common::List;
 use crate::Failure;
+use crate::commands::said;
 use crate::console::Console;
 use nacre_processing::Error;
 use nacre_processing::image::write_whole;
@@ -149,14 +150,14 @@ impl Orders {
             warnings
                 .push("the period is near to the wavelengths, where scalar theory is off by tens of percent".into());
         }
-        let mut text = format!(
-            "orders    {} rows, efficiencies add up to {:.6} to {:.6}\nwrote     {}",
+        let text = format!(
+            "orders    {} rows, efficiencies add up to {:.6} to {:.6}\n{}wrote     {}",
             orders.len(),
             sums[0],
             sums[1],
+            said::lines(&[], &warnings),
             self.out.display()
         );
-        warnings.iter().for_each(|w| text += &format!("\nwarning   {w}"));
         let report = Report { method: self.method, period_um: self.period_um, depth_um, sums, warnings, orders };
         console.result(&text, &report);
         Ok(())

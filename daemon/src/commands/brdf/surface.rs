@@ -1,6 +1,7 @@
 //! `nacre brdf surface`.
 
 use crate::Failure;
+use crate::commands::said;
 use crate::console::Console;
 use clap::ValueEnum;
 use nacre_processing::Error;
@@ -117,14 +118,14 @@ impl Surface {
         let field = surface.field()?;
         write_height(&self.out, Some(&picture), &field)?;
         let quality = Quality::of(&field, 65.0);
-        let mut text = format!(
-            "surface   {0} × {0} pixels of {1:.5} µm\nwrote     {2}\nwrote     {3}",
+        let text = format!(
+            "surface   {0} × {0} pixels of {1:.5} µm\n{2}wrote     {3}\nwrote     {4}",
             surface.pixels,
             surface.pixel_um,
+            said::lines(&[], &quality.warnings),
             self.out.display(),
             picture.display()
         );
-        quality.warnings.iter().for_each(|w| text += &format!("\nwarning   {w}"));
         console.result(&text, &Report { surface: &surface, quality: &quality, files });
         Ok(())
     }

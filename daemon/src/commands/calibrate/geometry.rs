@@ -1,6 +1,6 @@
 //! `nacre calibrate geometry`.
 
-use super::shape;
+use super::{highlight, shape};
 use crate::Failure;
 use crate::commands::said::lines;
 use crate::commands::values::numbers;
@@ -25,7 +25,7 @@ Examples:
   nacre calibrate geometry geometry.json --sample-corners 210,150,840,160,835,700,205,690 --sample-mm 70,60 --out tile.json
   nacre calibrate geometry tile.json --panel-px 1920,1080 --panel-pixel-mm 0.2745 --panel-photo mirror.png \\
       --panel-board 9x6 --panel-square-px 120 --out panel.json
-  nacre calibrate geometry panel.json --highlight 512.3,400.1 --highlight 498.7,380.2,50 --lamp A --filter green.csv --out flash.json
+  nacre calibrate geometry panel.json --highlight mirror.png --highlight raised.png,50 --lamp A --filter green.csv --out flash.json
   nacre calibrate geometry photo.jpg --relative --known-mm 297 --known-px 100,520,1180,524 --camera-mm 500 --light-mm 200 \\
       --highlight 640,500 --out relative.json
 
@@ -117,10 +117,10 @@ struct PanelArgs {
 /// Where the light is, and its wavelength.
 #[derive(clap::Args)]
 struct Light {
-    /// Where the light's mirror image is seen, in pixels; the mirror's height (mm) and tilt about x and y (degrees). May be given
-    /// several times.
-    #[arg(long, value_name = "X,Y[,Z[,TX,TY]]", value_parser = highlight, allow_hyphen_values = true)]
-    highlight: Vec<Highlight>,
+    /// Where the light's mirror image is seen, in pixels, or a photograph in which it is found; the mirror's height (mm) and tilt about x
+    /// and y (degrees). May be given several times.
+    #[arg(long, value_name = "X,Y|PHOTO[,Z[,TX,TY]]", value_parser = highlight::parse, allow_hyphen_values = true)]
+    highlight: Vec<highlight::Given>,
     /// How far highlights may be off.
     #[arg(long, value_name = "PX", default_value_t = 0.5, allow_negative_numbers = true)]
     highlight_sigma_px: f64,
@@ -182,14 +182,6 @@ fn wavelength(text: &str) -> Result<[f64; 2], String> {
     pair(text).or_else(|_| numbers(text, "nm, or nm and how far off: 530,2").map(|[nm]: [f64; 1]| [nm, 0.5]))
 }
 
-fn highlight(text: &str) -> Result<Highlight, String> {
-    let wanted = "X,Y in pixels; X,Y,Z with the mirror's height; X,Y,Z,TX,TY with its tilt";
-    let all = numbers::<f64, 5>(text, wanted)
-        .or_else(|_| numbers::<f64, 3>(text, wanted).map(|[x, y, z]| [x, y, z, 0.0, 0.0]))
-        .or_else(|_| numbers::<f64, 2>(text, wanted).map(|[x, y]| [x, y, 0.0, 0.0, 0.0]))?;
-    Ok(Highlight { pixel: [all[0], all[1]], height_mm: all[2], tilt_deg: [all[3], all[4]] })
-}
-
 /// What is printed as JSON.
 #[derive(Serialize)]
 struct Printed<'a> {
@@ -223,8 +215,9 @@ impl Geometry {
     fn request(&self) -> Result<(Request, Option<Band>), Failure> {
         let [columns, rows] = self.board;
         let board = Board { columns, rows, square_mm: self.square_mm };
+        let (highlights, sigma_px) = highlight::found(&self.light.highlight, self.light.highlight_sigma_px)?;
         let camera = if self.ruler.relative {
-            CameraFrom::Ruler(self.ruler()?)
+            CameraFrom::Ruler(self.ruler(&highlights)?)
         } else if self.input.is_dir() {
             CameraFrom::Boards(self.input.clone(), board)
         } else {
@@ -238,17 +231,10 @@ impl Geometry {
             }
             _ => SampleFrom::Default,
         };
-        let known = Known { sigma_px: self.light.highlight_sigma_px, height_mm: self.light.light_height_mm };
+        let known = Known { sigma_px, height_mm: self.light.light_height_mm };
         let band = self.light.band()?;
         let wavelength_nm = self.light.wavelength;
-        let request = Request {
-            camera,
-            sample,
-            panel: self.panel()?,
-            highlights: self.light.highlight.clone(),
-            known,
-            wavelength_nm,
-        };
+        let request = Request { camera, sample, panel: self.panel()?, highlights, known, wavelength_nm };
         Ok((request, band))
     }
 
@@ -270,10 +256,10 @@ impl Geometry {
         Ok(Some((Pixels { pixel_mm, size_px }, from)))
     }
 
-    fn ruler(&self) -> Result<Ruler, Failure> {
+    fn ruler(&self, highlights: &[Highlight]) -> Result<Ruler, Failure> {
         let r = &self.ruler;
         let found = info(&self.input)?;
-        let [highlight] = self.light.highlight.as_slice() else {
+        let [highlight] = highlights else {
             return Err(Error::input("highlight", "is given several times", "give one with --relative").into());
         };
         // clap has seen to it that all are there.

@@ -2,6 +2,8 @@
 
 mod board;
 mod geometry;
+mod highlight;
+mod panel;
 
 use crate::Failure;
 use crate::console::Console;
@@ -14,6 +16,8 @@ pub enum Calibrate {
     Geometry(Box<geometry::Geometry>),
     /// A chessboard to print or to show on the panel.
     Board(board::BoardPicture),
+    /// The panel's tone curve, and whether a pattern is there when the panel says so, as the camera sees them.
+    Panel(panel::Panel),
 }
 
 /// Runs it.
@@ -21,6 +25,7 @@ pub fn run(command: &Calibrate, console: &Console) -> Result<(), Failure> {
     match command {
         Calibrate::Geometry(args) => args.run(console),
         Calibrate::Board(args) => args.run(console),
+        Calibrate::Panel(args) => args.run(console),
     }
 }
 

@@ -7,9 +7,12 @@ use crate::commands::values::{ChannelName, numbers, transfer};
 use crate::console::Console;
 use nacre_processing::color::Observer;
 use nacre_processing::frames::{Channel, Transfer};
-use nacre_processing::pattern::{self, Arrangement, LightPhotograph, MethodChoice, Report, Settings, Wavelength};
+use nacre_processing::geometry;
+use nacre_processing::pattern::{
+    self, Arrangement, LightPhotograph, MethodChoice, Placement, Report, Settings, Wavelength,
+};
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `nacre reconstruct lut`.
 #[derive(clap::Args)]
@@ -17,6 +20,7 @@ use std::path::PathBuf;
 Examples:
   nacre reconstruct lut hdr/ --wavelength 680 --scale 0.002 --out table
   nacre reconstruct lut hdr.exr --wavelength 680 --geometry bench.toml --illuminant D65 --out table
+  nacre reconstruct lut hdr.exr --wavelength 680 --geometry geometry.json --out table    as nacre calibrate geometry made it
   nacre reconstruct lut session --out table --illuminant FL2 --observer 1964 --max-error 0.002
   nacre reconstruct lut photo.exr --wavelength 610,540,460 --scale 0.002 --out table     white light, by channel
   nacre reconstruct lut hdr.exr --wavelength 680 --scale 0.002 --light mirror.exr --out table            a light that is no point
@@ -80,7 +84,7 @@ pub struct Lut {
     /// How values of a photograph grow with light; must be said for 8 bits.
     #[arg(long, value_name = "linear|srgb|gamma=NUMBER", value_parser = transfer)]
     transfer: Option<Transfer>,
-    /// Photograph of the mirror image of a light that is no point, which the table is spread with.
+    /// Photograph of the mirror image of a light that is no point, or exposures of it; the table is spread with it.
     #[arg(long, value_name = "PHOTO")]
     light: Option<PathBuf>,
     /// Half vector per pixel of that (default: that of the pattern's photograph).
@@ -89,6 +93,9 @@ pub struct Lut {
     /// Its pixel that is put where the zero order is (default: the middle of its light).
     #[arg(long, value_name = "auto|X,Y", requires = "light", default_value = "auto", value_parser = center)]
     light_center: Center,
+    /// How its values grow with light (default: as those of the pattern's photograph).
+    #[arg(long, value_name = "linear|srgb|gamma=NUMBER", requires = "light", value_parser = transfer)]
+    light_transfer: Option<Transfer>,
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
@@ -107,11 +114,19 @@ fn center(text: &str) -> Result<Center, String> {
     if text == "auto" { Ok(None) } else { numbers(text, "auto, or two numbers of pixels: X,Y").map(Some) }
 }
 
+/// A geometry.json, or an arrangement measured by hand.
+fn placement(path: &Path, remedy: &str) -> Result<Placement, Failure> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+        return Ok(Placement::Calibrated(Box::new(geometry::load(path)?)));
+    }
+    Ok(Placement::Arranged(toml_file::<Arrangement>(path, remedy)?))
+}
+
 impl Lut {
     /// Makes the table.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let remedy = "correct it; `nacre reconstruct lut --help` shows one";
-        let geometry = self.geometry.as_deref().map(|path| toml_file::<Arrangement>(path, remedy)).transpose()?;
+        let geometry = self.geometry.as_deref().map(|path| placement(path, remedy)).transpose()?;
         let settings = Settings {
             wavelength_nm: self.wavelength,
             scale: self.scale,
@@ -131,6 +146,7 @@ impl Lut {
                 path: path.clone(),
                 scale: self.light_scale,
                 center: self.light_center,
+                transfer: self.light_transfer,
             }),
             overwrite: self.force,
         };

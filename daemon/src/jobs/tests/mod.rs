@@ -33,6 +33,7 @@ fn spec(model: &str) -> Spec {
         id: ulid::Ulid::generate().to_string(),
         session: Some("s1".into()),
         upload: None,
+        light: None,
         method: Method::Polarization,
         options: None,
         model: model.into(),
@@ -122,6 +123,33 @@ async fn progress_shows_and_a_running_or_queued_job_is_cancelled() {
     // It was never begun, and the worker goes on.
     assert_eq!(jobs.retry(&queued).await.unwrap().attempts, 0);
     assert_eq!(reach(&jobs, &queued, JobState::Done).await.attempts, 1);
+    jobs.shutdown().await;
+}
+
+#[tokio::test]
+async fn a_job_is_forgotten_once_it_has_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let jobs = open(folder.path()).await;
+    let of_upload = |model: &str| Spec { session: None, upload: Some("u1".into()), ..spec(model) };
+    let [running, queued] =
+        [jobs.submit(of_upload("wait")).await, jobs.submit(of_upload("well")).await].map(|j| j.unwrap().id);
+    until(&jobs, &running, |job| job.state == JobState::Running).await;
+    for (id, state) in [(&running, JobState::Running), (&queued, JobState::Queued)] {
+        assert!(matches!(jobs.remove(id).await, Err(Refusal::State { state: s, .. }) if s == state));
+    }
+    assert_eq!((jobs.of_upload("u1").await.unwrap(), jobs.of_upload("u2").await.unwrap()), (2, 0));
+    // One that was cancelled before its turn leaves a delivery behind, which finds nothing.
+    jobs.cancel(&queued).await.unwrap();
+    jobs.remove(&queued).await.unwrap();
+    jobs.cancel(&running).await.unwrap();
+    reach(&jobs, &running, JobState::Cancelled).await;
+    jobs.remove(&running).await.unwrap();
+    assert!(matches!(jobs.remove(&running).await, Err(Refusal::Unknown(_))));
+    assert!(jobs.get(&running).await.unwrap().is_none() && jobs.log(&running).await.unwrap().is_none());
+    assert_eq!(jobs.of_upload("u1").await.unwrap(), 0);
+    let next = jobs.submit(spec("well")).await.unwrap().id;
+    reach(&jobs, &next, JobState::Done).await;
+    assert_eq!(jobs.list(9, None).await.unwrap().0.len(), 1);
     jobs.shutdown().await;
 }
 

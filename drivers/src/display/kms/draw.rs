@@ -81,6 +81,12 @@ fn fringes(pixels: &mut [u32], f: [f64; 2], phase: f64, panel: &Geometry, tone: 
         let [x, y] = f;
         return Err(format!("fringes of ({x}, {y}) cycles per mm at phase {phase} on pixels of {:.3} mm", pitch[0]));
     }
+    if f == [0.0; 2] {
+        // Even: to the code, which a calibration counts on.
+        let code = tone.nearest([Pattern::fringe(f, phase, [0.0; 2])]).first().copied().map_or(0, u32::from);
+        pixels.fill(code << 16 | code << 8 | code);
+        return Ok(());
+    }
     let codes = tone.codes(LEVELS);
     for (row, line) in pixels.chunks_mut(width).enumerate() {
         let y = (0.5 * (height as f64 - 1.0) - row as f64) * pitch[1];

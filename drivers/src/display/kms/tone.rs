@@ -54,13 +54,18 @@ impl Tone {
 
     /// The code whose luminance is nearest to each of `steps` + 1 even luminances from black to white.
     pub fn codes(&self, steps: usize) -> Vec<u8> {
+        self.nearest((0..=steps).map(|i| i as f64 / steps.max(1) as f64))
+    }
+
+    /// The codes whose luminances are nearest to these, from 0 to 1.
+    pub fn nearest(&self, wanted: impl IntoIterator<Item = f64>) -> Vec<u8> {
         let luminances: Vec<f64> = (0..=255).map(|code| self.luminance(code)).collect();
         let nearest = |wanted: f64| {
             let above = luminances.partition_point(|l| *l < wanted).min(255);
             let below = above.saturating_sub(1);
             if wanted - luminances[below] < luminances[above] - wanted { below } else { above }
         };
-        (0..=steps).map(|i| u8::try_from(nearest(i as f64 / steps.max(1) as f64)).unwrap_or(u8::MAX)).collect()
+        wanted.into_iter().map(|l| u8::try_from(nearest(l)).unwrap_or(u8::MAX)).collect()
     }
 }
 
@@ -79,6 +84,8 @@ mod tests {
                 assert!((tone.luminance(code) - wanted).abs() < 0.006, "{tone:?}: {wanted}");
             }
             assert_eq!((tone.codes(4)[0], tone.codes(4)[4]), (0, 255));
+            let all: Vec<u8> = (0..=255).collect();
+            assert_eq!(tone.nearest(all.iter().map(|code| tone.luminance(*code))), all);
         }
     }
 

@@ -1,9 +1,9 @@
 //! Intensity over the analyser's and the grating's angle (2018 paper, Fig. 14 and 15).
 
 use super::scene::ratio;
-use crate::chart::Picture;
 use crate::chart::style::{INK, SOFT};
 use crate::chart::svg::{Anchor, Area, Axes, Ruler, Svg, fill};
+use crate::chart::{Drawn, Picture};
 use crate::image::{encode_png8, viridis};
 use crate::polarimetry::synthetic::{Source, Synthetic};
 use crate::{Error, Result};
@@ -39,7 +39,7 @@ pub(super) fn picture() -> Picture {
     }
 }
 
-fn draw() -> Result<String> {
+fn draw() -> Result<Drawn> {
     let pitch = [SIDE + 86.0, SIDE + 84.0];
     let columns = 4;
     let mut svg = Svg::new(44.0 + columns as f64 * pitch[0], 104.0 + 4.0 * pitch[1] + 20.0);
@@ -52,7 +52,7 @@ fn draw() -> Result<String> {
             panel(&mut svg, Area::new(corner[0], corner[1], SIDE, SIDE), values, &title(case, row))?;
         }
     }
-    Ok(svg.finish(picture().title))
+    Ok(Drawn::from(svg.finish(picture().title)))
 }
 
 fn legend(svg: &mut Svg) {

@@ -43,6 +43,7 @@ pub fn factor(job: &Job<'_>, progress: &dyn Progress) -> Result<Report> {
     let mut report = factors.report(&table, job.settings.kind);
     if let Some(environment) = environment {
         progress.stage("measuring the picture's error", 0);
+        report.warnings.extend(environment.warnings());
         let (error, negative) = measured(&factors, &table, &job.settings, environment, progress)?;
         (report.picture_error, report.negative) = (Some(error), Some(negative));
         if negative > 0.02 {
@@ -55,7 +56,7 @@ pub fn factor(job: &Job<'_>, progress: &dyn Progress) -> Result<Report> {
     }
     factors.write(&folder, &table)?;
     report.seconds = begun.elapsed().as_secs_f64();
-    folder.write("report.json", serde_json::to_string_pretty(&report).unwrap_or_default().as_bytes())?;
+    folder.write_json("report.json", &report)?;
     folder.commit()?;
     Ok(report)
 }

@@ -1,5 +1,6 @@
 //! Low rank approximations of matrices.
 
+use crate::random::Stream;
 use nalgebra::DMatrix;
 
 /// How many more columns than terms the sketch has, and how often it is sharpened (Halko, Martinsson and Tropp 2011, section 4.5).
@@ -24,7 +25,8 @@ pub(super) struct Product {
 pub(super) fn decompose(matrix: &DMatrix<f64>, most: usize) -> Vec<Product> {
     let (rows, columns) = matrix.shape();
     let width = (most + MORE).min(rows).min(columns);
-    let mut q = DMatrix::from_fn(columns, width, |i, j| scatter(i * width + j));
+    let mut random = Stream::of(0);
+    let mut q = DMatrix::from_fn(columns, width, |_, _| 2.0 * random.next() - 1.0);
     q = (matrix * q).qr().q();
     for _ in 0..SHARPENED {
         let back = matrix.tr_mul(&q).qr().q();
@@ -83,13 +85,6 @@ pub(super) fn nonnegative(matrix: &DMatrix<f64>, rank: usize) -> Vec<Product> {
     products
 }
 
-/// An even distribution from -1 to 1.
-fn scatter(i: usize) -> f64 {
-    let mut x = (i as u64).wrapping_add(0x9e37_79b9_7f4a_7c15).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((x ^ (x >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -100,7 +95,9 @@ mod tests {
 
     #[test]
     fn discarded_values_are_the_error() {
-        let matrix = DMatrix::from_fn(60, 45, |i, j| scatter(i * 45 + j) / (1.0 + (i as f64 - j as f64).powi(2)));
+        let mut random = Stream::of(1);
+        let matrix =
+            DMatrix::from_fn(60, 45, |i, j| (2.0 * random.next() - 1.0) / (1.0 + (i as f64 - j as f64).powi(2)));
         let all = matrix.clone().svd(false, false).singular_values;
         for rank in [1, 5, 20] {
             let products = decompose(&matrix, rank);

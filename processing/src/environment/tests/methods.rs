@@ -78,7 +78,8 @@ fn filtering_beforehand_is_exact_along_the_normal_only() {
         println!("prefiltered up to {most}: {} corrected {}", of(false), of(true));
         errors.push((of(false), of(true)));
     }
-    assert!(errors[0].0 < 0.03 && errors[1].1 < 0.1, "{errors:?}");
+    // Measured: 0.8 % along the normal, which is the table read between its entries; 3.9 % to 11 degrees.
+    assert!(errors[0].0 < 0.012 && errors[1].1 < 0.05, "{errors:?}");
     assert!(errors[3].0 > 3.0 * errors[1].0, "{errors:?}");
     // A furnace along the normal.
     let white = Environment::of(64, 32, vec![[1.0; 3]; 2048]).unwrap();
@@ -130,7 +131,8 @@ fn adaptive_steps_are_those_that_are_needed() {
     let error = |steps| (normalized_error(&run(steps).0, &truth), run(steps).1);
     let [five, twenty, adaptive] = [Steps::Even(5.0), Steps::Even(20.0), Steps::Adaptive(1.0)].map(error);
     println!("5 nm {five:?}, 20 nm {twenty:?}, adaptive {adaptive:?}");
-    assert!(adaptive.0 < 0.02 && adaptive.1 < five.1);
+    // Measured: 0.9 %.
+    assert!(adaptive.0 < 0.012 && adaptive.1 < five.1);
 }
 
 #[test]
@@ -150,7 +152,8 @@ fn lamps_spread_in_the_table_are_the_full_integral() {
     }
     let off = normalized_error(&some, &truth);
     println!("lamps {off}");
-    assert!(off < 0.03, "{off}");
+    // Measured: 0.28 %.
+    assert!(off < 0.004, "{off}");
     // Without any lamp it is the environment as it was.
     let (none, same) = lamps(&Environment::of(8, 4, vec![[1.0; 3]; 32]).unwrap(), 10.0).unwrap();
     assert!(none.is_empty() && same.rgb == vec![[1.0; 3]; 32]);

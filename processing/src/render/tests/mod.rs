@@ -2,14 +2,15 @@
 
 mod bad_input;
 mod energy;
+mod folder;
 
 use super::grating::{Grating, Groove, Scratch};
 use super::lobes::Accuracy;
-use super::random::Stream;
 use super::ready::Ready;
 use super::*;
 use crate::image::{Attribute, write_exr};
 use crate::progress::Silent;
+use crate::random::Stream;
 use crate::surface::height::Profile;
 use crate::surface::{Reflectance, Section};
 use std::f64::consts::TAU;
@@ -138,7 +139,8 @@ fn a_point_lights_picture_is_the_brdf_pixel_by_pixel() {
         }
     }
     // Where an order passes the horizon, the others jump; powers are linear between 65 wave numbers and smear that.
-    assert!(worst < 1e-2 * brightest && brightest > 0.1, "{worst} of {brightest}");
+    // Measured: 0.24 % of the brightest.
+    assert!(worst < 4e-3 * brightest && brightest > 0.1, "{worst} of {brightest}");
 }
 
 #[test]
@@ -274,8 +276,53 @@ fn noise_and_sums_are_as_predicted() {
             render(&scene, Path::new(""), &Settings { check: true, ..settings(64, 0.02) }, &Silent).unwrap();
         let ratio = report.noise / report.predicted.noise;
         assert!((0.5..2.0).contains(&ratio), "{ratio}: {report:?}");
-        let measured = report.measured_model_error.unwrap();
-        assert!(measured < 2.0 * report.predicted_model_error, "{report:?}");
+        as_predicted(&report);
+    }
+}
+
+/// Sums are off by what was said, to a factor of two, and by no more than they were allowed.
+fn as_predicted(report: &Report) {
+    let (predicted, measured) = (report.predicted_model_error, report.measured_model_error.unwrap());
+    println!("sums off by {predicted:.2e} predicted, {measured:.2e} measured");
+    assert!(measured < 2.0 * predicted + 1e-7 && predicted < 2.0 * measured + 1e-7, "{report:?}");
+}
+
+#[test]
+fn sums_are_off_by_what_is_said_however_much_that_may_be() {
+    let shape = "[[shape]]\ntype = \"sphere\"\nradius = 40\nmaterial = \"a\"\n";
+    for (foil, light) in
+        [(FOIL.to_owned(), ""), (FOIL.replace("depth_um = 0.15", "depth_um = 1.2"), ""), (FOIL.to_owned(), SKY)]
+    {
+        for error in [0.2, 0.05, 0.01] {
+            let scene = Scene::parse(&format!("{STAGE}{shape}{light}{foil}")).unwrap();
+            let wanted = Settings { check: true, ..settings(4, error) };
+            let (_, report) = render(&scene, Path::new(""), &wanted, &Silent).unwrap();
+            as_predicted(&report);
+            assert!(report.measured_model_error.unwrap() < 0.5 * error, "{report:?}");
+        }
+    }
+}
+
+/// Where nothing but the far flank of a lobe is in view, the flank itself is what sums must hold.
+#[test]
+fn flanks_of_lobes_are_as_exact_as_lobes() {
+    // Middles of lobes have some 100.
+    for (beside, faint) in [(0.05, 1.0), (0.08, 1e-3)] {
+        let light = nalgebra::Vector3::new(0.4, beside, 0.9).normalize();
+        let more = format!(
+            "[material.a.diffraction]\ntype = \"grating\"\nperiod_um = 1.6\norientation_deg = 0\nrelief = {{ depth_um = 0.2 }}\ncoherence_um = 20\n\
+             [[light]]\ntype = \"directional\"\ndirection = [0.4, {beside}, 0.9]\nspectrum = \"E\"\n"
+        );
+        let scene = Scene::parse(&plane(0.0, 0.0, &more)).unwrap();
+        let (picture, report) = render(&scene, Path::new(""), &settings(4, 0.01), &Silent).unwrap();
+        let section = Section::Formula { profile: Profile::Sinusoid, depth_um: 0.2 };
+        let sigma = crate::surface::Window::new(20.0).unwrap().sigma;
+        let grating = Grating::new(&section, 1.6, sigma, Reflectance::Perfect, 1e-9);
+        let truth = brute(1.6, [[0.0, 0.0, 1.0], [light.x, light.y, light.z]], sigma, &grating).map(|v| v * light.z);
+        let found = mean(&picture);
+        let most = truth.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        assert!(most < faint && most > 1e-3 * faint, "{truth:?}");
+        assert!(truth.iter().zip(&found).all(|(t, f)| (t - f).abs() < 0.01 * most), "{truth:?} {found:?} {report:?}");
     }
 }
 

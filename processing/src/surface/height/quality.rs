@@ -243,14 +243,14 @@ fn periods(field: &HeightField) -> Vec<Peak> {
         .enumerate()
         .map(|(k, v)| (v - mean) * hann(k % w, w) * if h > 1 { hann(k / w, h) } else { 1.0 })
         .collect();
-    let plan = Plan::<f64>::new(w, h, [w / 2, h / 2]);
+    let plan = Plan::<f64>::new(w, h, [w / 2, h / 2], [f64::INFINITY; 2]);
     let plane = plan.real(&windowed);
     let [mx, my] = plan.reach();
     let (mx, my) = (mx as isize, my as isize);
     let power = |ix: isize, iy: isize| {
-        if ix.abs() > mx || iy.abs() > my { 0.0 } else { plane[plan.place(ix, iy)].norm_sqr() }
+        if ix.abs() > mx || iy.abs() > my { 0.0 } else { plane.at([ix, iy]).norm_sqr() }
     };
-    let all: f64 = plane.iter().map(|c| c.norm_sqr()).sum();
+    let all: f64 = (-my..=my).flat_map(|iy| (-mx..=mx).map(move |ix| [ix, iy])).map(|at| plane.at(at).norm_sqr()).sum();
     let mut found: Vec<(isize, isize, f64)> = vec![];
     for iy in 0..=my {
         for ix in if iy == 0 { 1 } else { -mx }..=mx {

@@ -132,7 +132,7 @@ fn kernel(effort: Effort) -> Study {
             width / 2
         ),
         knob: Axis::log("entries along a side", ""),
-        stress: Axis::log("standard deviation of the spots in half vectors", ""),
+        stress: Axis::log("σ of the spots", ""),
         time: "time of the two passes",
         predicted: "",
         settings: sizes.iter().map(setting).collect(),

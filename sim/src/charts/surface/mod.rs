@@ -1,5 +1,6 @@
 //! BRDFs of height fields: which expansion, how many wavelengths, and where scalar theory, approximations and methods fail.
 
+mod coherence;
 mod expansions;
 mod gems;
 mod stress;

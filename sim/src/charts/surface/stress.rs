@@ -1,6 +1,6 @@
 //! Where methods for BRDFs of height fields fail.
 
-use super::{gems, sums};
+use super::{coherence, gems, sums};
 use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
 use nacre_processing::color::linear_srgb;
 use nacre_processing::progress::Silent;
@@ -31,9 +31,19 @@ pub(super) struct Stress {
 
 /// All of them.
 pub(super) fn studies(_: Effort) -> Vec<Study> {
-    [rigorous(), incidence(), periods(), mirror(), orders(), period_only(), sums::steps(), sums::neighbours()]
-        .map(Stress::study)
-        .into()
+    [
+        rigorous(),
+        incidence(),
+        periods(),
+        mirror(),
+        orders(),
+        period_only(),
+        sums::steps(),
+        sums::neighbours(),
+        coherence::study(),
+    ]
+    .map(Stress::study)
+    .into()
 }
 
 impl Stress {
@@ -74,13 +84,13 @@ pub(super) fn plain(error: f64, begun: Instant) -> Outcome {
 }
 
 /// An outcome that says how exact it is.
-fn said(error: f64, predicted: f64, begun: Instant) -> Outcome {
+pub(super) fn said(error: f64, predicted: f64, begun: Instant) -> Outcome {
     let wrong = f64::from(u8::from(error.is_nan() || error > 5.0 * predicted));
     Outcome { wrong, predicted: Some(predicted), ..plain(error, begun) }
 }
 
 /// An outcome of what a method refuses.
-fn refused(begun: Instant) -> Outcome {
+pub(super) fn refused(begun: Instant) -> Outcome {
     Outcome { error: None, seconds: begun.elapsed().as_secs_f64(), masked: 1.0, wrong: 0.0, predicted: None }
 }
 
@@ -128,9 +138,10 @@ fn rigorous() -> Stress {
     }
 }
 
-const METHODS: [Method; 7] =
+pub(super) const METHODS: [Method; 7] =
     [Method::Auto, Method::Taylor, Method::Chebyshev, Method::Fft, Method::Nmm, Method::Pq, Method::PqLinear];
-const NAMES: [&str; 7] = ["auto", "Taylor (FLSS)", "Chebyshev", "transforms of exp", "nmm", "pq", "pq, linear"];
+pub(super) const NAMES: [&str; 7] =
+    ["auto", "Taylor (FLSS)", "Chebyshev", "transforms of exp", "nmm", "pq", "pq, linear"];
 
 fn blazed(pixels: usize, periods: f64) -> Result<HeightField> {
     let pixel_um = 2.5 * periods / pixels as f64;

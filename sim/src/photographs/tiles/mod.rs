@@ -13,7 +13,7 @@ mod tests;
 pub use pattern::{Grooves, Pattern, Periods};
 pub use score::Score;
 
-use super::bracket::{Bracket, check_exposures};
+use super::bracket::{bracket, check_exposures};
 use crate::random::{key, uniform};
 use nacre_processing::frames::Frame;
 use nacre_processing::geometry::{Camera, Geometry, Pose};
@@ -222,7 +222,7 @@ impl TilesPhotograph {
             photographs.push(self.radiance(*light));
         }
         let top = photographs.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
-        let (bracket, mut frames) = (self.bracket(), vec![]);
+        let (bracket, mut frames) = (bracket!(self), vec![]);
         for (k, (light, radiance)) in self.lights_mm.iter().zip(&photographs).enumerate() {
             let level = |i: usize| (radiance[i] / top + self.stray) * self.level;
             let taken = bracket.expose(folder, (&format!("{k:02}-"), k as u64), &level)?;
@@ -237,19 +237,6 @@ impl TilesPhotograph {
         folder.write("geometry.json", geometry::text(&self.geometry()).as_bytes())?;
         self.write_truth(folder)?;
         folder.write_json("scene.json", self)
-    }
-
-    fn bracket(&self) -> Bracket<'_> {
-        Bracket {
-            seed: self.seed,
-            width: self.width,
-            height: self.height,
-            exposures: &self.exposures,
-            full_scale_e: self.full_scale_e,
-            read_noise_e: self.read_noise_e,
-            wavelength_nm: self.wavelength_nm,
-            band_nm: self.band_nm,
-        }
     }
 
     /// Orientation and period of one tile.

@@ -1,0 +1,94 @@
+//! The picture of a rendering: `/api/v1/reconstructions/{id}/picture.png`, while it is made and afterwards.
+
+use super::problem::{Answer, Kind, Problem};
+use super::{App, At, Params, blocking, files, png};
+use axum::extract::State;
+use axum::response::{IntoResponse, Response};
+use nacre_processing::render::{self, Glimpse};
+use serde::Deserialize;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use utoipa::IntoParams;
+
+/// Most pixels of a picture that is exposed anew for whoever asks.
+const MOST_PIXELS: usize = 4 << 20;
+
+/// Longest side of such a picture.
+const SIDE: usize = 1024;
+
+/// What there is to see of the rendering under way. Jobs are done one at a time, so that one picture is kept.
+#[derive(Default)]
+pub struct Renders(Mutex<Option<(String, Arc<Glimpse>)>>);
+
+impl Renders {
+    fn locked(&self) -> MutexGuard<'_, Option<(String, Arc<Glimpse>)>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Keeps what a job shows, instead of what was before.
+    pub fn show(&self, id: &str, glimpse: Glimpse) {
+        *self.locked() = Some((id.into(), Arc::new(glimpse)));
+    }
+
+    /// Nothing is being rendered any more.
+    pub fn clear(&self) {
+        *self.locked() = None;
+    }
+
+    /// What a job shows.
+    pub fn of(&self, id: &str) -> Option<Arc<Glimpse>> {
+        self.locked().as_ref().filter(|shown| shown.0 == id).map(|shown| shown.1.clone())
+    }
+}
+
+/// How to look at a picture.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Look {
+    /// Brighter than its own exposure by so many stops, at most 1024 pixels wide; for pictures that are done.
+    #[param(minimum = -16, maximum = 16)]
+    stops: Option<f64>,
+}
+
+/// The picture of a rendering: what is there so far, about every second, and render.png once it is done.
+#[utoipa::path(get, path = "/api/v1/reconstructions/{id}/picture.png", tag = "reconstructions", operation_id = "picture",
+    params(("id" = String, Path), Look),
+    responses((status = 200, content(([u8] = "image/png"))), (status = 400, body = Problem), (status = 404, body = Problem)))]
+pub async fn picture(State(app): State<Arc<App>>, At(id): At<String>, Params(look): Params<Look>) -> Answer<Response> {
+    let stops = look.stops.unwrap_or(0.0);
+    if !(-16.0..=16.0).contains(&stops) {
+        return Err(Problem::bad(format!("stops are {stops}; give -16 to 16")));
+    }
+    let job = app.job(&id).await?;
+    if let Some(glimpse) = app.renders.of(&job.id) {
+        return Ok(png(Ok(glimpse.png.clone()))?.into_response());
+    }
+    let folder = app.result_folder(&job.id);
+    let Ok(done) = files::inside(&folder, "render.png") else {
+        return Err(Problem::not_found("picture yet").remedy("wait for the first pass of a rendering"));
+    };
+    if stops == 0.0 {
+        return files::send(&done, "image/png").await;
+    }
+    let bytes = blocking(move || exposed(&folder, stops)).await?;
+    Ok(png(Ok(bytes))?.into_response())
+}
+
+/// What a report says of its picture.
+#[derive(Deserialize)]
+struct Shown {
+    size: [usize; 2],
+    exposure: f64,
+}
+
+fn exposed(folder: &Path, stops: f64) -> Answer<Vec<u8>> {
+    let internal = |e: String| Problem::new(Kind::Internal, format!("the result cannot be read: {e}"));
+    let report = std::fs::read(folder.join("report.json")).map_err(|e| internal(e.to_string()))?;
+    let Shown { size, exposure } = serde_json::from_slice(&report).map_err(|e| internal(e.to_string()))?;
+    if size[0].saturating_mul(size[1]) > MOST_PIXELS {
+        return Err(Problem::bad("the picture has more than 4 Mpixel").remedy("expose render.exr elsewhere"));
+    }
+    let picture = render::read_picture(&folder.join("render.exr"))?.shrunk(SIDE);
+    render::png(&picture, exposure * stops.exp2()).map_err(|e| internal(e.to_string()))
+}

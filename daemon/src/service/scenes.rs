@@ -1,0 +1,69 @@
+//! Uploads of scenes: sent whole, started from, or made of the maps of a result.
+
+use super::problem::{Answer, Kind, Problem};
+use super::{App, blocking, files};
+use nacre_processing::image::OutputFolder;
+use nacre_processing::render::{Options, check_folder, gallery_scene, scene_of_maps};
+use std::path::Path;
+
+/// Endings of files that a scene may name, and its own.
+pub const EXTENSIONS: &[&str] = &[
+    "toml", "exr", "hdr", "png", "tif", "tiff", "jpg", "jpeg", "bmp", "obj", "ply", "gltf", "glb", "bin", "csv", "txt",
+    "asc", "dat",
+];
+
+/// What a scene can use of a result.
+const MAPS: [&str; 3] = ["orientation.exr", "period.exr", "lut.exr"];
+
+/// Puts into a folder what a scene begins with: one of the `gallery` by its name, or the maps of a `result` by its id.
+///
+/// # Errors
+/// `bad-request` for names that no scene has and results without maps; `not-found` for ids that nothing has.
+pub async fn begin(app: &App, part: &str, named: String, folder: &Path) -> Answer<()> {
+    let folder = folder.to_path_buf();
+    if part == "gallery" {
+        return blocking(move || from_gallery(&folder, &named)).await;
+    }
+    let results = app.place(&named).await?.results;
+    blocking(move || add_maps(&folder, &results)).await
+}
+
+fn from_gallery(folder: &Path, name: &str) -> Answer<()> {
+    let target = OutputFolder::begin(folder, true)?;
+    gallery_scene(&target, name)?;
+    // Whoever asked may have gone, and the folder with the request; it is not to come back.
+    if !folder.exists() {
+        return Err(Problem::bad("the upload stopped half-way"));
+    }
+    Ok(target.commit()?)
+}
+
+/// Files that are there stay.
+fn add_maps(folder: &Path, results: &Path) -> Answer<()> {
+    let found: Vec<&str> = MAPS.into_iter().filter(|name| results.join(name).is_file()).collect();
+    if found.is_empty() {
+        let remedy = "give a result that holds one, such as that of the method polarization";
+        return Err(Problem::bad(format!("the result holds none of {}", MAPS.join(", "))).remedy(remedy));
+    }
+    for name in found.into_iter().filter(|name| !folder.join(name).exists()) {
+        std::fs::copy(results.join(name), folder.join(name))
+            .map_err(|e| Problem::new(Kind::Internal, format!("{name} cannot be stored: {e}")))?;
+    }
+    Ok(())
+}
+
+/// Makes a scene of maps that came without one, and refuses what cannot be rendered; how many files and bytes there are.
+///
+/// # Errors
+/// `bad-request`, which names key or file.
+pub fn complete(folder: &Path) -> Answer<(usize, u64)> {
+    let toml = |name: &str| Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+    let scene = files::list(folder).iter().any(|(name, _)| toml(name));
+    if !scene && let Some(text) = scene_of_maps(folder)? {
+        std::fs::write(folder.join("scene.toml"), text)
+            .map_err(|e| Problem::new(Kind::Internal, format!("the scene cannot be stored: {e}")))?;
+    }
+    check_folder(folder, &Options::default())?;
+    let all = files::list(folder);
+    Ok((all.len(), all.iter().map(|file| file.1).sum()))
+}

@@ -1,0 +1,111 @@
+// Light from everywhere: gratings as sums over orders and wavelengths in their exact directions, all else looked up over directions of view.
+
+// Pixel of a column and a row that may lie beyond the edges: columns wrap, rows go on beyond the pole.
+fn sky_pixel(at: vec2<i32>, size: vec2<i32>) -> vec3<f32> {
+    var x = at.x;
+    var y = at.y;
+    if y < 0 || y >= size.y {
+        x += size.x / 2;
+        y = clamp(select(2 * size.y - 1 - y, -1 - y, y < 0), 0, size.y - 1);
+    }
+    return textureLoad(sky, vec2((x + 2 * size.x) % size.x, y), 0).xyz;
+}
+
+// Radiance from a direction of the scene, linear sRGB.
+fn sky_at(towards: vec3<f32>) -> vec3<f32> {
+    let d = vec3(dot(scene.sky_x.xyz, towards), dot(scene.sky_y.xyz, towards), dot(scene.sky_z.xyz, towards));
+    let size = vec2<i32>(textureDimensions(sky));
+    let across = length(d.xy);
+    // No angle has no tangent at the poles.
+    let azimuth = atan2(d.y, select(d.x, 1e-6, across < 1e-6));
+    let place = vec2(0.5 - azimuth / (2.0 * PI), atan2(across, d.z) / PI) * vec2<f32>(size) - 0.5;
+    let low = vec2<i32>(floor(place));
+    let t = place - floor(place);
+    let top = mix(sky_pixel(low, size), sky_pixel(low + vec2(1, 0), size), t.x);
+    let bottom = mix(sky_pixel(low + vec2(0, 1), size), sky_pixel(low + vec2(1, 1), size), t.x);
+    return mix(top, bottom, t.y);
+}
+
+// X, Y, Z per wave number of a colour of the sky.
+fn sky_seen(rgb: vec3<f32>, number: f32) -> vec3<f32> {
+    let last = f32(textureDimensions(sky_colors).x) - 1.0;
+    let x = (number - FIRST) / (LAST - FIRST) * last;
+    let red = smooth_at(sky_colors, vec2(x, 0.0)).xyz;
+    let green = smooth_at(sky_colors, vec2(x, 1.0)).xyz;
+    let blue = smooth_at(sky_colors, vec2(x, 2.0)).xyz;
+    return rgb.r * red + rgb.g * green + rgb.b * blue;
+}
+
+// Four numbers from 0 to 1 of a sample: even over samples (Roberts' R4 sequence), another start for each pixel (PCG hash).
+fn chance(pixel: vec2<f32>, sample: f32) -> vec4<f32> {
+    var state = u32(pixel.x) + 65536u * u32(pixel.y);
+    var start = vec4(0.0);
+    for (var k = 0; k < 4; k++) {
+        state = state * 747796405u + 2891336453u;
+        let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
+        start[k] = f32(((word >> 22u) ^ word) >> 8u) / 16777216.0;
+    }
+    return fract(start + sample * vec4(0.85667488, 0.73389185, 0.62870672, 0.53859725));
+}
+
+// Light of the sky that a grating sends towards a direction of view, X, Y, Z; u moves the wave numbers and blurs the lobes.
+fn grating_under(view: vec3<f32>, up: vec3<f32>, at: Groove, u: vec4<f32>) -> vec3<f32> {
+    // The first order moves by a pixel of the sky at most, over four samples together.
+    let pixel = PI / f32(textureDimensions(sky).y);
+    let apart = max(min(pixel * at.period * FIRST * FIRST, scene.sky_z.w), (LAST - FIRST) / 96.0);
+    let count = max(i32(ceil((LAST - FIRST) / (4.0 * apart))), 12);
+    let step = (LAST - FIRST) / f32(count);
+    let radius = sqrt(-2.0 * scene.grooves.w * log(max(u.y, 1e-12)));
+    let offset = radius * vec2(cos(2.0 * PI * u.z), sin(2.0 * PI * u.z));
+    var sum = vec3(0.0);
+    for (var k = 0; k < count; k++) {
+        let number = FIRST + step * (f32(k) + u.x);
+        let g = at.across / (number * at.period);
+        let ends = coupled(view, g);
+        let few = ends.y - ends.x < MOST;
+        if few {
+            balance_between(ends, number, view, g);
+        }
+        for (var n = ends.x; n <= ends.y; n++) {
+            var power = 0.0;
+            if few {
+                power = balanced_power(n, ends);
+            } else {
+                power = one_row(n, ends, number, view, g);
+            }
+            if power > 1e-6 {
+                let exact = -(view.xy + f32(n) * g);
+                let moved = exact + offset / number;
+                // No lobe reaches below the horizon.
+                let s = select(exact, moved, dot(moved, moved) < 1.0);
+                let light = vec3(s, sqrt(max(1.0 - dot(s, s), 0.0)));
+                let rgb = sky_at(scene.across.xyz * light.x + scene.along.xyz * light.y + up * light.z);
+                sum += sky_seen(rgb, number) * (power * step * reflectance(half_cos(view, light), number));
+            }
+        }
+    }
+    return sum;
+}
+
+// A texture over the sines of view.
+fn over_view(texture: texture_2d<f32>, view: vec3<f32>) -> vec3<f32> {
+    let size = vec2<f32>(textureDimensions(texture));
+    return smooth_at(texture, 0.5 * (view.xy + 1.0) * size - 0.5).xyz;
+}
+
+// What is seen of the sky, linear sRGB.
+fn under(view: vec3<f32>, up: vec3<f32>, at: Groove, u: vec4<f32>) -> vec3<f32> {
+    let kind = scene.what.x;
+    let masked = kind == 1.0 && at.sigma < 0.0;
+    let covered = select(scene.what.w, 0.0, kind == 0.0 || masked);
+    var sum = vec3(0.0);
+    if kind == 1.0 && covered > 0.0 {
+        sum = covered * linear_srgb(grating_under(view, up, at, u));
+    } else if kind == 2.0 && covered > 0.0 {
+        sum = covered * over_view(under_top, view);
+    }
+    if scene.albedo.w > 0.0 {
+        sum += (1.0 - covered) * over_view(under_base, view);
+    }
+    return sum;
+}

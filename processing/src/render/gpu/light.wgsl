@@ -1,0 +1,219 @@
+// A picture of one flat or cylindrical sample under small lights, or a flat one under a sky, linear sRGB: each run adds samples to what is there.
+
+@vertex
+fn corner(@builtin(vertex_index) k: u32) -> @builtin(position) vec4<f32> {
+    // One triangle that covers everything.
+    return vec4(select(-1.0, 3.0, k == 1u), select(-1.0, 3.0, k == 2u), 0.0, 1.0);
+}
+
+// What is seen of a colour, as the processor does it.
+fn linear_srgb(xyz: vec3<f32>) -> vec3<f32> {
+    return vec3(
+        3.2404542 * xyz.x - 1.5371385 * xyz.y - 0.4985314 * xyz.z,
+        -0.969266 * xyz.x + 1.8760108 * xyz.y + 0.041556 * xyz.z,
+        0.0556434 * xyz.x - 0.2040259 * xyz.y + 1.0572252 * xyz.z,
+    );
+}
+
+struct Beam {
+    towards: vec3<f32>,
+    width: f32,
+    illuminance: f32,
+    distance: f32,
+}
+
+fn beam(lamp: i32, point: vec3<f32>) -> Beam {
+    let place = scene.lights[4 * lamp];
+    let shine = scene.lights[4 * lamp + 1];
+    let aim = scene.lights[4 * lamp + 3];
+    if shine.y > 0.0 {
+        return Beam(place.xyz, max(place.w, 1e-6), shine.x, 1e30);
+    }
+    let d = place.xyz - point;
+    let distance = max(length(d), 1e-6);
+    let towards = d / distance;
+    var falls = 1.0;
+    if aim.w > 0.0 {
+        let angle = acos(clamp(-dot(towards, aim.xyz), -1.0, 1.0)) / aim.w;
+        falls = exp(-0.5 * angle * angle);
+    }
+    return Beam(towards, max(place.w / distance, 1e-6), shine.x * falls / (distance * distance), distance);
+}
+
+// What is seen of a light of illuminance 1 on what faces it.
+fn lit(view: vec3<f32>, light: vec3<f32>, width: f32, lamp: i32, at: Groove) -> vec3<f32> {
+    let white = scene.lights[4 * lamp + 2].xyz;
+    let kind = scene.what.x;
+    let covered = select(scene.what.w, 0.0, kind == 0.0);
+    var top = vec3(0.0);
+    if kind == 1.0 && at.sigma >= 0.0 && covered > 0.0 {
+        top = linear_srgb(grating_lit(view, light, width, lamp, at)) * light.z;
+    } else if kind == 2.0 && covered > 0.0 {
+        top = table_lit(view, light) * white;
+    }
+    if scene.albedo.w <= 0.0 {
+        return covered * top;
+    }
+    var below = 1.0 - covered;
+    if kind == 1.0 && at.sigma < 0.0 {
+        // What does not diffract is base.
+        below = 1.0;
+    } else if scene.specular.w > 0.0 {
+        let middle = 1.0 / 0.55;
+        let through = (1.0 - reflectance(view.z, middle)) * (1.0 - reflectance(light.z, middle));
+        below += covered * select(0.0, through, kind == 1.0);
+    }
+    return covered * top + below * rough_lit(view, light) * white;
+}
+
+// Colours of a hue in turns, and from dark to light: those of the maps' pictures.
+fn hue(turn: f32) -> vec3<f32> {
+    return clamp(abs(fract(turn + vec3(0.0, 2.0 / 3.0, 1.0 / 3.0)) * 6.0 - 3.0) - 1.0, vec3(0.0), vec3(1.0));
+}
+
+fn rising(t: f32) -> vec3<f32> {
+    // The sixth-order fit of viridis by M. Zucker (CC0).
+    let x = clamp(t, 0.0, 1.0);
+    var v = vec3(-5.435456, 4.6458526, 26.312435);
+    v = v * x + vec3(4.776385, -13.745145, -65.353033);
+    v = v * x + vec3(6.22827, 14.179933, 56.69055);
+    v = v * x + vec3(-4.6342305, -5.799101, -19.332441);
+    v = v * x + vec3(-0.33086183, 0.21484756, 0.095095165);
+    v = v * x + vec3(0.10509304, 1.4046135, 1.3845901);
+    return clamp(v * x + vec3(0.27772733, 0.0054073445, 0.3340998), vec3(0.0), vec3(1.0));
+}
+
+fn linear_of_srgb(v: vec3<f32>) -> vec3<f32> {
+    return select(pow((v + 0.055) / 1.055, vec3(2.4)), v / 12.92, v <= vec3(0.04045));
+}
+
+// Orientation, period or σ in place of light.
+fn overlay(at: Groove) -> vec3<f32> {
+    if at.sigma < 0.0 {
+        return vec3(0.02);
+    }
+    let show = scene.what.z;
+    if show == 1.0 {
+        return linear_of_srgb(hue(atan2(at.across.y, at.across.x) / PI));
+    }
+    let value = select(at.sigma, at.period, show == 2.0);
+    let ends = select(scene.range.zw, scene.range.xy, show == 2.0);
+    return linear_of_srgb(rising((value - ends.x) / max(ends.y - ends.x, 1e-9)));
+}
+
+// Where a ray meets the sample: distance, below 0 where it does not; directions of u and v; the normal towards the ray; place.
+struct Hit {
+    distance: f32,
+    across: vec3<f32>,
+    along: vec3<f32>,
+    up: vec3<f32>,
+    uv: vec2<f32>,
+}
+
+// A plane or disc seen by the camera.
+fn flat_sample(ray: vec3<f32>) -> Hit {
+    let slope = dot(ray, scene.normal.xyz);
+    let distance = dot(scene.center.xyz - scene.eye.xyz, scene.normal.xyz) / slope;
+    let p = scene.eye.xyz + ray * distance - scene.center.xyz;
+    let at = vec2(dot(p, scene.across.xyz), dot(p, scene.along.xyz));
+    let half = vec2(scene.center.w, scene.across.w);
+    let radius = length(at);
+    let inside = select(all(abs(at) <= half), radius >= scene.along.w && radius <= scene.normal.w, scene.normal.w > 0.0);
+    let met = abs(slope) > 1e-9 && distance > 0.0 && inside;
+    let up = scene.normal.xyz * -sign(slope);
+    return Hit(select(-1.0, distance, met), scene.across.xyz, scene.along.xyz, up, 0.5 + 0.5 * at / half);
+}
+
+// A part of a cylinder, beyond a distance: its axis is the normal, from the direction of `across` on.
+fn cylinder(start: vec3<f32>, ray: vec3<f32>, near: f32) -> Hit {
+    let axis = scene.normal.xyz;
+    let o = start - scene.center.xyz;
+    let a = o - axis * dot(o, axis);
+    let b = ray - axis * dot(ray, axis);
+    // From the place next to the axis half a chord to both sides.
+    let middle = -dot(a, b) / max(dot(b, b), 1e-12);
+    let off = a + b * middle;
+    let square = (scene.across.w * scene.across.w - dot(off, off)) / max(dot(b, b), 1e-12);
+    var found = Hit(-1.0, scene.across.xyz, axis, scene.along.xyz, vec2(0.0));
+    for (var k = 0; k < 2; k++) {
+        let distance = middle + (f32(2 * k) - 1.0) * sqrt(max(square, 0.0));
+        let p = o + ray * distance;
+        let height = dot(p, axis);
+        let angle = (atan2(dot(p, scene.along.xyz), dot(p, scene.across.xyz)) - scene.along.w) / (2.0 * PI);
+        let turn = fract(angle) * 2.0 * PI / -scene.normal.w;
+        if found.distance < 0.0 && square >= 0.0 && distance > near && abs(height) <= scene.center.w && turn <= 1.0 {
+            let n = normalize(p - axis * height);
+            found = Hit(distance, cross(axis, n), axis, n * -sign(dot(n, ray)), vec2(turn, 0.5 + 0.5 * height / scene.center.w));
+        }
+    }
+    return found;
+}
+
+// Whether a light does not reach a place, as its cylinder is in the way; what is flat shades nothing of itself.
+fn shaded(point: vec3<f32>, source: Beam) -> bool {
+    if scene.normal.w >= 0.0 {
+        return false;
+    }
+    let hit = cylinder(point, source.towards, 1e-3 * scene.across.w);
+    return hit.distance > 0.0 && hit.distance < source.distance;
+}
+
+// What is seen where there is nothing.
+fn beyond(ray: vec3<f32>) -> vec4<f32> {
+    if scene.sky_y.w > 0.0 {
+        return vec4(sky_at(ray), 1.0);
+    }
+    return vec4(0.0);
+}
+
+// Linear sRGB of a place of the picture, in pixels from its upper left corner; u are numbers by chance.
+fn seen_at(pixel: vec2<f32>, u: vec4<f32>) -> vec4<f32> {
+    let size = vec2(scene.right.w, scene.up.w);
+    let x = (2.0 * pixel.x - size.x) / size.y * scene.eye.w;
+    let y = (1.0 - 2.0 * pixel.y / size.y) * scene.eye.w;
+    let ray = normalize(scene.ahead.xyz + scene.right.xyz * x + scene.up.xyz * y);
+    var hit = Hit(-1.0, scene.across.xyz, scene.along.xyz, scene.normal.xyz, vec2(0.0));
+    if scene.normal.w < 0.0 {
+        hit = cylinder(scene.eye.xyz, ray, 0.0);
+    } else {
+        hit = flat_sample(ray);
+    }
+    if hit.distance < 0.0 {
+        return beyond(ray);
+    }
+    let point = scene.eye.xyz + ray * hit.distance;
+    let found = groove(hit.uv);
+    if scene.what.z > 0.0 {
+        return vec4(overlay(found), 1.0);
+    }
+    let view = vec3(dot(hit.across, -ray), dot(hit.along, -ray), dot(hit.up, -ray));
+    var sum = vec3(0.0);
+    for (var lamp = 0; lamp < min(i32(scene.what.y), 8); lamp++) {
+        let source = beam(lamp, point);
+        let light = vec3(dot(hit.across, source.towards), dot(hit.along, source.towards), dot(hit.up, source.towards));
+        if light.z > 0.0 && view.z > 0.0 && source.illuminance > 0.0 && !shaded(point, source) {
+            sum += lit(view, light, source.width, lamp, found) * source.illuminance;
+        }
+    }
+    if scene.sky_x.w > 0.0 && view.z > 0.0 {
+        sum += under(view, hit.up, found, u);
+    }
+    return vec4(sum, 1.0);
+}
+
+@fragment
+fn light(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let corner = floor(position.xy);
+    let count = i32(scene.samples.y);
+    var sum = vec4(0.0);
+    for (var k = 0; k < count; k++) {
+        // Even places within the pixel (Roberts' R2 sequence), the middle first.
+        let n = scene.samples.x + f32(k);
+        sum += seen_at(corner + fract(vec2(0.5) + n * vec2(0.75487767, 0.56984029)), chance(corner, n));
+    }
+    let mean = sum / max(f32(count), 1.0);
+    if scene.samples.z <= 0.0 {
+        return mean;
+    }
+    return mix(mean, textureLoad(before, vec2<i32>(corner), 0), scene.samples.z);
+}

@@ -1,0 +1,266 @@
+//! A scene as the shaders take it.
+
+use super::super::diffraction::Diffraction;
+use super::super::grating::{BALANCED, Grating, ROUNDS};
+use super::super::light::{Kind, Lamp, Sky};
+use super::super::lobes::Accuracy;
+use super::super::material::Material;
+use super::super::ready::{Camera, Ready};
+use super::super::scene::{Blend, Scene};
+use super::super::shape::Form;
+use super::super::texture::Over;
+use super::textures::{self, Texture};
+use super::under;
+use crate::progress::Progress;
+use crate::{Error, Result};
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Uniforms of four numbers each, in the order of `Scene` in scene.wgsl; lights follow, four of them each.
+pub const NAMES: [&str; 21] = [
+    "eye", "right", "up", "ahead", "center", "across", "along", "normal", "what", "same", "grooves", "relief", "sums",
+    "table", "albedo", "specular", "sky_x", "sky_y", "sky_z", "range", "samples",
+];
+
+/// Most lights.
+const LIGHTS: usize = 8;
+
+/// What shaders need for a scene.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    /// Pixels of a row, and rows.
+    pub size: [usize; 2],
+    /// Values of [`NAMES`], then the lights; lengths in mm, angles in rad, periods in µm, wave numbers in 1/µm.
+    pub uniforms: Vec<[f32; 4]>,
+    /// In the order of the shader's bindings, from 1.
+    pub textures: Vec<Texture>,
+}
+
+#[derive(Serialize)]
+struct Header<'a> {
+    size: [usize; 2],
+    uniforms: BTreeMap<&'a str, Vec<[f32; 4]>>,
+    textures: Vec<Layout<'a>>,
+}
+
+#[derive(Serialize)]
+struct Layout<'a> {
+    name: &'a str,
+    width: usize,
+    height: usize,
+    channels: usize,
+}
+
+impl Prepared {
+    /// Of a scene whose files are sought in a folder; sums are to be off by less than `error`, and maps are thinned out to `most` pixels along
+    /// a side.
+    ///
+    /// # Errors
+    /// `Input` for what makes no sense, and for scenes that the shaders do not do.
+    pub fn new(scene: &Scene, folder: &Path, error: f64, most: usize, progress: &dyn Progress) -> Result<Self> {
+        let ready = Ready::new(scene, folder, Accuracy::new(error, None), progress)?;
+        Self::of(&ready, most).map_err(|why| Error::input("scene", why, "render it with `nacre render`"))
+    }
+
+    /// Of a scene made ready, or why the shaders do not do it.
+    pub(in super::super) fn of(ready: &Ready, most: usize) -> std::result::Result<Self, String> {
+        let [shape] = ready.shapes.as_slice() else {
+            return Err(format!("it has {} shapes, not one", ready.shapes.len()));
+        };
+        if ready.skies.len() > 1 {
+            return Err(format!("it has {} environments, more than one", ready.skies.len()));
+        }
+        if ready.lamps.len() > LIGHTS {
+            return Err(format!("it has {} lights, more than {LIGHTS}", ready.lamps.len()));
+        }
+        if ready.accuracy.fixed.is_some() {
+            return Err("the number of wavelengths is given".into());
+        }
+        let material = ready.materials.get(shape.material).ok_or("its shape has no material")?;
+        let mut values = Values::default();
+        values.camera(&ready.camera)?;
+        values.shape(&shape.form)?;
+        values.material(material, ready)?;
+        for (k, lamp) in ready.lamps.iter().enumerate() {
+            values.lamp(k, lamp)?;
+        }
+        let diffraction = material.diffraction.as_ref();
+        let mut textures = textures::all(diffraction, &ready.lamps, most);
+        match ready.skies.first() {
+            Some(sky) => {
+                values.sky(sky);
+                textures.extend(under::all(sky, material, &shape.form, ready.camera.at)?);
+            }
+            None => textures.extend(under::none()),
+        }
+        Ok(Self { size: ready.camera.size, uniforms: values.list(), textures })
+    }
+
+    /// Sets which samples of a pixel are added, how many, and what part those before have in the result.
+    pub fn samples(&mut self, first: usize, count: usize, before: f32) {
+        if let Some(value) = self.uniforms.get_mut(NAMES.len() - 1) {
+            *value = [first as f32, count as f32, before, 0.0];
+        }
+    }
+
+    /// Longest period of a grating, in µm; 0 for others.
+    pub fn longest_um(&self) -> f32 {
+        let value = |name: &str| NAMES.iter().position(|n| *n == name).and_then(|k| self.uniforms.get(k).copied());
+        let [what, same] = ["what", "same"].map(|name| value(name).unwrap_or_default());
+        if what[0] != 1.0 {
+            return 0.0;
+        }
+        let maps = self.textures.iter().filter(|t| t.name == "maps").flat_map(|t| t.values.chunks_exact(4));
+        maps.fold(same[1], |longest, texel| longest.max(texel[1]))
+    }
+
+    /// Uniforms as the shader's buffer holds them.
+    pub fn uniform_bytes(&self) -> Vec<u8> {
+        bytemuck::cast_slice(&self.uniforms).to_vec()
+    }
+
+    /// For a browser: the length of a header in bytes (32 bits, little-endian), the header (JSON, padded with blanks to a multiple of 4), and
+    /// the textures' numbers (32-bit floats, little-endian), one after the other.
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut uniforms: BTreeMap<&str, Vec<[f32; 4]>> =
+            NAMES.into_iter().zip(&self.uniforms).map(|(name, value)| (name, vec![*value])).collect();
+        uniforms.insert("lights", self.uniforms.get(NAMES.len()..).unwrap_or(&[]).to_vec());
+        let layout = |t: &Texture| (t.name, t.width, t.height, t.channels);
+        let textures = self.textures.iter().map(layout);
+        let textures =
+            textures.map(|(name, width, height, channels)| Layout { name, width, height, channels }).collect();
+        let mut header = serde_json::to_vec(&Header { size: self.size, uniforms, textures }).unwrap_or_default();
+        header.resize(header.len().next_multiple_of(4), b' ');
+        let mut bytes = (header.len() as u32).to_le_bytes().to_vec();
+        bytes.extend(header);
+        bytes.extend(self.textures.iter().flat_map(|t| &t.values).flat_map(|v| v.to_le_bytes()));
+        bytes
+    }
+}
+
+/// Uniforms by name.
+#[derive(Default)]
+struct Values {
+    by_name: BTreeMap<&'static str, [f64; 4]>,
+    lights: [[f64; 4]; 4 * LIGHTS],
+}
+
+fn four(v: Vector3<f64>, w: f64) -> [f64; 4] {
+    [v.x, v.y, v.z, w]
+}
+
+fn flag(on: bool) -> f64 {
+    f64::from(u8::from(on))
+}
+
+impl Values {
+    fn set(&mut self, name: &'static str, value: [f64; 4]) {
+        self.by_name.insert(name, value);
+    }
+
+    fn camera(&mut self, camera: &Camera) -> std::result::Result<(), String> {
+        if camera.lens > 0.0 {
+            return Err("its camera has an aperture".into());
+        }
+        let [right, up, ahead] = camera.frame;
+        let [width, height] = camera.size.map(|n| n as f64);
+        self.set("eye", four(camera.at, camera.half));
+        self.set("right", four(right, width));
+        self.set("up", four(up, height));
+        self.set("ahead", four(ahead, 0.0));
+        Ok(())
+    }
+
+    fn shape(&mut self, form: &Form) -> std::result::Result<(), String> {
+        let (center, frame, [x, y, z, w]) = match form {
+            Form::Flat { center, frame, half, round } => {
+                let [inner, outer] = round.unwrap_or([0.0; 2]);
+                (center, frame, [half[0], half[1], inner, outer])
+            }
+            Form::Cylinder { center, frame, radius, half, arc } => {
+                (center, frame, [*half, *radius, arc[0], arc[0] - arc[1]])
+            }
+            _ => return Err("its shape is neither flat nor a cylinder".into()),
+        };
+        self.set("center", four(*center, x));
+        self.set("across", four(frame[0], y));
+        self.set("along", four(frame[1], z));
+        self.set("normal", four(frame[2], w));
+        Ok(())
+    }
+
+    fn material(&mut self, material: &Material, ready: &Ready) -> std::result::Result<(), String> {
+        let Over::Same([coverage]) = material.coverage else {
+            return Err("its coverage is a picture".into());
+        };
+        if material.normals.is_some() {
+            return Err("it has a map of normals".into());
+        }
+        let kind = match &material.diffraction {
+            None => 0.0,
+            Some(Diffraction::Grating { grating, same, maps, disc }) => {
+                let mapped = maps.as_ref().map_or([false; 2], |m| m.has());
+                let repeat = maps.as_ref().map_or([1.0; 2], |m| m.repeat);
+                let values = same.map(|v| v.unwrap_or(0.0));
+                self.set("same", [values[0], values[1], flag(mapped[0]), flag(mapped[1])]);
+                self.set("grooves", [repeat[0], repeat[1], flag(*disc), grating.sigma * grating.sigma]);
+                self.grating(grating);
+                1.0
+            }
+            Some(Diffraction::Table(table)) => {
+                self.set("table", [table.extent, table.warp, table.scale, flag(table.lossless)]);
+                2.0
+            }
+            Some(_) => return Err("its material is neither a grating nor a table".into()),
+        };
+        self.set("what", [kind, ready.lamps.len() as f64, 0.0, coverage]);
+        let accuracy = &ready.accuracy;
+        self.set("sums", [accuracy.step, accuracy.reach, ROUNDS as f64, BALANCED]);
+        let Some(base) = &material.base else { return Ok(()) };
+        let (Over::Same(albedo), Over::Same([roughness])) = (&base.albedo, &base.roughness) else {
+            return Err("its base is a picture".into());
+        };
+        self.set("albedo", [albedo[0], albedo[1], albedo[2], *roughness]);
+        let below = material.diffraction.is_some() && material.blend == Blend::Fresnel;
+        let [r, g, b] = base.specular;
+        self.set("specular", [r, g, b, flag(below)]);
+        Ok(())
+    }
+
+    fn grating(&mut self, grating: &Grating) {
+        let orders = f64::from(grating.orders);
+        self.set("relief", [textures::rows_per_q(grating), orders, orders, 0.0]);
+    }
+
+    fn sky(&mut self, sky: &Sky) {
+        let [x, y, z] = sky.frame;
+        self.set("sky_x", four(x, 1.0));
+        self.set("sky_y", four(y, flag(sky.visible)));
+        self.set("sky_z", four(z, sky.fine()));
+    }
+
+    fn lamp(&mut self, k: usize, lamp: &Lamp) -> std::result::Result<(), String> {
+        let seen = &lamp.seen;
+        let (place, strength, far, beam) = match &lamp.kind {
+            Kind::Point { at, intensity, sigma, beam } => {
+                let beam = beam.map_or([0.0; 4], |(axis, width)| four(axis, width));
+                (four(*at, *sigma), *intensity, false, beam)
+            }
+            Kind::Far { towards, illuminance, sigma } => (four(*towards, *sigma), *illuminance, true, [0.0; 4]),
+            Kind::Rectangle { .. } => return Err("it has a light with an area".into()),
+        };
+        let [r, g, b] = seen.rgb;
+        let rows = [place, [strength, flag(far), seen.first, seen.step], [r, g, b, seen.fine], beam];
+        if let Some(out) = self.lights.get_mut(4 * k..4 * k + 4) {
+            out.copy_from_slice(&rows);
+        }
+        Ok(())
+    }
+
+    fn list(&self) -> Vec<[f32; 4]> {
+        let named = NAMES.iter().map(|name| self.by_name.get(name).copied().unwrap_or_default());
+        named.chain(self.lights).map(|v| v.map(|c| c as f32)).collect()
+    }
+}

@@ -1,0 +1,116 @@
+//! What a flat sample shows of an environment. Every place of it has the same frame, so that all that is not a sum over a grating's orders
+//! depends on the direction of view alone: tables by the exact correlation ([`planar`]), the base by the processor's own samples.
+
+use super::super::diffraction::Diffraction;
+use super::super::light::Sky;
+use super::super::lobes::Above;
+use super::super::material::{Base, Material, Place, add};
+use super::super::scene::Blend;
+use super::super::shape::Form;
+use super::super::spectrum::RANGE;
+use super::super::table::Table;
+use super::super::texture::Over;
+use super::super::vector::V3;
+use super::textures::Texture;
+use crate::color::linear_srgb;
+use crate::environment::{self, Frame, planar};
+use crate::random::Stream;
+use rayon::prelude::*;
+
+/// Sines of view along a side for a table, at most; the correlation's memory grows with their square.
+const VIEWS: usize = 512;
+
+/// Samples of the base over all directions of view.
+const SAMPLES: usize = 1 << 20;
+
+/// Wave numbers at which the colours of the sky are known.
+const NUMBERS: usize = 256;
+
+/// Farthest sine of view that is looked at.
+const RIM: f64 = 0.999;
+
+/// The textures where there is no environment.
+pub(super) fn none() -> Vec<Texture> {
+    ["sky", "sky_colors", "under_top", "under_base"].map(|name| Texture::none(name, 4)).to_vec()
+}
+
+/// The textures of an environment over a flat sample seen from a place; or why shaders do not do it.
+pub(super) fn all(sky: &Sky, material: &Material, form: &Form, from: V3) -> Result<Vec<Texture>, String> {
+    let Form::Flat { center, frame, .. } = form else {
+        return Err("its shape under an environment is not flat".into());
+    };
+    let side = if (from - center).dot(&frame[2]) < 0.0 { -1.0 } else { 1.0 };
+    let frame = [frame[0], frame[1], frame[2] * side];
+    let [_, _, mut top, mut base] = none().try_into().map_err(|_| "report this")?;
+    if let Some(Diffraction::Table(of)) = &material.diffraction {
+        top = table(of, sky, &frame)?;
+    }
+    if let Some(of) = &material.base {
+        if material.diffraction.is_some() && material.blend == Blend::Fresnel {
+            return Err("its base lies below a Fresnel reflectance, under an environment".into());
+        }
+        base = self::base(of, sky, &frame);
+    }
+    let picture =
+        sky.map.rgb.iter().flat_map(|p| p.map(|v| (f64::from(v) * sky.strength) as f32).into_iter().chain([0.0]));
+    Ok(vec![Texture::new("sky", sky.map.width, 4, picture.collect()), colors(sky), top, base])
+}
+
+/// X, Y, Z per wave number of red, green and blue, a row for each.
+fn colors(sky: &Sky) -> Texture {
+    let number = |k: usize| RANGE[0] + (RANGE[1] - RANGE[0]) * k as f64 / (NUMBERS - 1) as f64;
+    let row = |c: usize| (0..NUMBERS).map(move |k| sky.upsampling.at(number(k))[c]);
+    let texel = |[x, y, z]: [f64; 3]| [x as f32, y as f32, z as f32, 0.0];
+    Texture::new("sky_colors", NUMBERS, 4, (0..3).flat_map(row).flat_map(texel).collect())
+}
+
+/// A texture over the sines of view at the middles of `size · size` cells; beyond the rim that of the rim.
+fn over_views(name: &'static str, size: usize, value: impl Fn(usize, [f64; 3]) -> [f64; 3] + Sync) -> Texture {
+    let at = |k: usize| (2 * k + 1) as f64 / size as f64 - 1.0;
+    let texel = |i: usize| {
+        let [x, y] = [at(i % size), at(i / size)];
+        let shrink = (RIM / x.hypot(y)).min(1.0);
+        let [x, y] = [x * shrink, y * shrink];
+        let [r, g, b] = value(i, [x, y, (1.0 - x * x - y * y).sqrt()]);
+        [r as f32, g as f32, b as f32, 0.0]
+    };
+    let texels: Vec<[f32; 4]> = (0..size * size).into_par_iter().map(texel).collect();
+    Texture::new(name, size, 4, texels.into_flattened())
+}
+
+fn table(of: &Table, sky: &Sky, frame: &[V3; 3]) -> Result<Texture, String> {
+    // Twice as fine as the table and the sky.
+    let size = ((2.0 * of.size as f64 / of.extent) as usize).max(2 * sky.map.height).clamp(64, VIEWS);
+    let [tangent, bitangent, normal] = frame.map(|v| sky.frame.map(|axis| axis.dot(&v)));
+    let even = environment::Table::from_fn(of.size, of.extent, |h| of.raw(h));
+    let found = even.and_then(|even| planar(&even, &sky.map, &Frame { tangent, bitangent, normal }, size));
+    let found = found.map_err(|error| error.to_string())?;
+    // The first row of the reflection is the uppermost, and it is dark outside of the disc: what is beyond the last whole cell is as that.
+    let inner = 1.0 - 2.0 / size as f64;
+    Ok(over_views("under_top", size, |_, [x, y, _]| {
+        let shrink = (inner / x.hypot(y)).min(1.0);
+        let [x, y] = [x * shrink, y * shrink];
+        let cell = |v: f64| ((0.5 * (v + 1.0) * size as f64) as usize).min(size - 1);
+        let (column, row) = (cell(x), cell(y));
+        let [u, v] = [column, row].map(|k| (2 * k + 1) as f64 / size as f64 - 1.0);
+        let view = [u, v, (1.0 - u * u - v * v).max(0.0).sqrt()];
+        let (rgb, whole) = (found.rgb[(size - 1 - row) * size + column], of.whole(view));
+        [0, 1, 2].map(|c| f64::from(rgb[c]) * view[2] * of.scale * sky.strength / whole[c])
+    }))
+}
+
+fn base(of: &Base, sky: &Sky, frame: &[V3; 3]) -> Texture {
+    // Six cells for as much as the roughness turns what is seen.
+    let alpha = if let Over::Same([alpha]) = &of.roughness { *alpha } else { 1.0 };
+    let size = ((6.0 / alpha) as usize).clamp(24, 192);
+    let count = SAMPLES / (size * size);
+    let above = Above { sky, frame, open: &|_| true };
+    over_views("under_base", size, |i, view| {
+        let place = Place { uv: [0.5; 2], view };
+        let mut sum = [0.0; 3];
+        for k in 0..count {
+            add(&mut sum, of.under(&place, &above, &mut Stream::new(i, k), |_| 1.0), 1.0 / count as f64);
+        }
+        linear_srgb(sum.map(|v| v as f32)).map(f64::from)
+    })
+}

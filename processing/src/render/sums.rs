@@ -1,0 +1,83 @@
+//! Sums over orders and wavelengths that are exact enough for what is in view, which a look at some pixels tells.
+//!
+//! What a sum leaves out is known of whole lobes. A picture may hold nothing but the far flanks of lobes, where the same rest is all
+//! that there is, or lobes under an environment, where it is next to nothing; so sums are compared with finer ones where they are looked at.
+
+use super::job::Settings;
+use super::lobes::Accuracy;
+use super::picture::compared;
+use super::ready::Ready;
+use super::scene::Scene;
+use crate::Result;
+use crate::progress::Progress;
+use std::path::Path;
+
+/// Part of the wanted error that sums may take.
+const MODEL: f64 = 0.25;
+
+/// Finer sums are asked for this part of the error, and for finer ones still so many times.
+const FINER: f64 = 1.0 / 16.0;
+const TRIES: usize = 4;
+
+/// Pixels that are looked at.
+const LOOKED_AT: usize = 1024;
+
+/// What a check looks at, and how much finer its sums are.
+const CHECKED: usize = 4096;
+const CHECK: f64 = 1e-2;
+
+/// A scene whose sums are exact enough.
+pub(super) struct Sums {
+    pub ready: Ready,
+    /// What they are off by: root mean square over some pixels, over that of their luminances; 0 in the dark.
+    pub error: f64,
+    /// What they were allowed.
+    pub allowed: f64,
+}
+
+impl Sums {
+    /// The coarsest sums whose error is allowed, or the finest that are tried. Sums over given wavelengths are taken as they are.
+    ///
+    /// # Errors
+    /// As [`Ready::new`].
+    pub(super) fn new(scene: &Scene, folder: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Self> {
+        let allowed = MODEL * settings.max_error;
+        let ready = |error: f64, wavelengths| Ready::new(scene, folder, Accuracy::new(error, wavelengths), progress);
+        let mut asked = allowed;
+        let mut coarse = ready(asked, settings.wavelengths)?;
+        for left in (0..TRIES).rev() {
+            if !coarse.sums() {
+                return Ok(Self { ready: coarse, error: 0.0, allowed });
+            }
+            let fine = ready(asked * FINER, None)?;
+            let error = compared(&coarse, &fine, LOOKED_AT, progress)?;
+            // What is dark may be a flank that neither has followed so far.
+            if error.is_some_and(|e| e <= allowed) || left == 0 || settings.wavelengths.is_some() {
+                return Ok(Self { ready: coarse, error: error.unwrap_or(0.0), allowed });
+            }
+            (coarse, asked) = (fine, asked * FINER);
+        }
+        Ok(Self { ready: coarse, error: f64::NAN, allowed })
+    }
+
+    /// The same error, against much finer sums of more pixels.
+    ///
+    /// # Errors
+    /// As [`Ready::new`].
+    pub(super) fn checked(&self, scene: &Scene, folder: &Path, progress: &dyn Progress) -> Result<f64> {
+        let fine = Ready::new(scene, folder, Accuracy::new(CHECK * self.ready.accuracy.error, None), progress)?;
+        Ok(compared(&self.ready, &fine, CHECKED, progress)?.unwrap_or(0.0))
+    }
+
+    /// What to know of them.
+    pub(super) fn warning(&self) -> Option<String> {
+        // Next to what is allowed is near enough: it is a part of the whole error only.
+        (self.error > 2.0 * self.allowed).then(|| {
+            format!(
+                "sums over orders and wavelengths are off by {:.2} %, {:.2} % are allowed: what is in view is far from any order",
+                100.0 * self.error,
+                100.0 * self.allowed
+            )
+        })
+    }
+}

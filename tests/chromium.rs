@@ -1,0 +1,188 @@
+//! Headless Chromium.
+
+#![allow(clippy::unwrap_used, clippy::missing_panics_doc, reason = "a test fails where anything is amiss")]
+
+use crate::http::{Answer, exchange};
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Chromium behind its driver, which speaks the W3C WebDriver protocol.
+pub struct Browser {
+    driver: Child,
+    address: SocketAddr,
+    session: String,
+    #[allow(dead_code, reason = "the profile lives as long as the browser")]
+    profile: tempfile::TempDir,
+}
+
+impl Browser {
+    /// None where there is no Chromium.
+    pub fn start() -> Option<Self> {
+        // It chooses its own port and says which: one that was free a moment ago may be another test's by now.
+        let driver = Command::new("chromedriver").arg("--port=0").stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let Ok(mut driver) = driver else {
+            println!("skipped: no chromedriver");
+            return None;
+        };
+        let mut lines = BufReader::new(driver.stdout.take().unwrap()).lines().map_while(Result::ok);
+        let port = lines
+            .find_map(|line| line.split_once("started successfully on port ")?.1.trim_end_matches('.').parse().ok());
+        let port: u16 = port.expect("chromedriver says no port");
+        // What it says later must not stop it.
+        std::thread::spawn(move || lines.for_each(drop));
+        let profile = tempfile::tempdir().unwrap();
+        let address = SocketAddr::from(([127, 0, 0, 1], port));
+        let mut browser = Self { driver, address, session: String::new(), profile };
+        let data = format!("--user-data-dir={}", browser.profile.path().display());
+        let args = [
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--no-first-run",
+            "--disable-dev-shm-usage",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+            "--window-size=1360,940",
+            &data,
+        ];
+        let wish = json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": { "args": args }, "goog:loggingPrefs": { "browser": "SEVERE" } } } });
+        let made = browser.call("POST", "", &wish);
+        browser.session = format!("/{}", made["sessionId"].as_str().unwrap());
+        Some(browser)
+    }
+
+    /// A request of the protocol, of this session.
+    pub fn call(&self, method: &str, path: &str, body: &Value) -> Value {
+        let path = format!("/session{}{path}", self.session);
+        let body = if method == "POST" { body.to_string() } else { String::new() };
+        let head = format!(
+            "{method} {path} HTTP/1.1\r\nHost: {}\r\nContent-Type: application/json\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{body}",
+            self.address,
+            body.len()
+        );
+        let answer: Answer = exchange(self.address, head.as_bytes(), Duration::from_secs(60));
+        answer.expect(200).json()["value"].clone()
+    }
+
+    /// Opens an address.
+    pub fn open(&self, url: &str) {
+        self.call("POST", "/url", &json!({ "url": url }));
+    }
+
+    /// The value of a script.
+    pub fn run(&self, script: &str) -> Value {
+        self.call("POST", "/execute/sync", &json!({ "script": script, "args": [] }))
+    }
+
+    /// Waits until a script's value is true.
+    pub fn until(&self, script: &str) {
+        let begun = Instant::now();
+        while self.run(&format!("try {{ return Boolean({script}) }} catch {{ return false }}")) != true {
+            if begun.elapsed() > Duration::from_secs(45) {
+                self.shot("failed");
+                panic!("never true: {script}; the page says: {}", self.run("return document.body.innerText"));
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Clicks as a person does: the element has to be there and in reach.
+    pub fn click(&self, css: &str) {
+        self.until(&format!("document.querySelector('{css}') && !document.querySelector('{css}').disabled"));
+        self.call("POST", &format!("/element/{}/click", self.element(css)), &json!({}));
+    }
+
+    /// What the protocol calls an element.
+    pub fn element(&self, css: &str) -> String {
+        let found = self.call("POST", "/element", &json!({ "using": "css selector", "value": css }));
+        found.as_object().unwrap().values().next().unwrap().as_str().unwrap().to_owned()
+    }
+
+    /// Chooses from a list.
+    pub fn choose(&self, id: &str, value: &str) {
+        self.run(&format!(
+            "const list = document.querySelector('#{id}'); list.value = '{value}'; list.dispatchEvent(new Event('change', {{ bubbles: true }}));"
+        ));
+    }
+
+    /// Opens the upload page for a kind of reconstruction.
+    pub fn upload_page(&self, url: &str, method: &str) {
+        self.open(&format!("{url}/#/upload"));
+        self.until("document.querySelector('#photographs')");
+        self.choose("method", method);
+    }
+
+    /// Gives a file to a file input.
+    pub fn attach(&self, css: &str, file: &str) {
+        self.call("POST", &format!("/element/{}/value", self.element(css)), &json!({ "text": file }));
+    }
+
+    /// What the screen shows of an element, as a PNG.
+    pub fn element_shot(&self, css: &str) -> Vec<u8> {
+        let text = self.call("GET", &format!("/element/{}/screenshot", self.element(css)), &Value::Null);
+        decoded(text.as_str().unwrap())
+    }
+
+    /// Where downloads go, without asking.
+    pub fn downloads_to(&self, folder: &Path) {
+        let params = json!({ "behavior": "allow", "downloadPath": folder });
+        let command = json!({ "cmd": "Browser.setDownloadBehavior", "params": params });
+        self.call("POST", "/goog/cdp/execute", &command);
+    }
+
+    /// Keeps a picture of the page in `target/screenshots`.
+    pub fn shot(&self, name: &str) {
+        let text = self.call("GET", "/screenshot", &Value::Null);
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/screenshots");
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join(format!("{name}.png")), decoded(text.as_str().unwrap())).unwrap();
+    }
+
+    /// The page as it is, light and dark.
+    pub fn both(&self, name: &str) {
+        for theme in ["light", "dark"] {
+            let set = "document.documentElement.dataset.theme";
+            if self.run(&format!(
+                "return {set} || (matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light')"
+            )) != theme
+            {
+                self.run("document.querySelector('#theme').click()");
+            }
+            std::thread::sleep(Duration::from_millis(400));
+            self.shot(&format!("{name}-{theme}"));
+        }
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        if !self.session.is_empty() && !std::thread::panicking() {
+            self.call("DELETE", "", &Value::Null);
+        }
+        let _ = self.driver.kill();
+        let _ = self.driver.wait();
+    }
+}
+
+/// Base64, as the driver sends pictures.
+fn decoded(text: &str) -> Vec<u8> {
+    let value = |c: u8| match c {
+        b'A'..=b'Z' => c - b'A',
+        b'a'..=b'z' => c - b'a' + 26,
+        b'0'..=b'9' => c - b'0' + 52,
+        b'+' => 62,
+        _ => 63,
+    };
+    let clean: Vec<u8> = text.bytes().filter(|c| *c != b'=').map(value).collect();
+    let four = |group: &[u8]| {
+        let bits = group.iter().fold(0_u32, |sum, v| (sum << 6) | u32::from(*v)) << (6 * (4 - group.len()));
+        bits.to_be_bytes()[1..group.len()].to_vec()
+    };
+    clean.chunks(4).flat_map(four).collect()
+}

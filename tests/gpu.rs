@@ -1,0 +1,192 @@
+//! Pictures of graphics cards, native (software Vulkan where there is no card) and in the browser, against the processor's.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+mod gpu {
+    pub mod scenes;
+}
+
+use gpu::scenes::{Chance, MATERIALS, Material, scene};
+use nacre_processing::image::read_exr;
+use nacre_processing::render::difference;
+use nacre_processing::render::gpu::{adapter, timed};
+use nacre_tests::chromium::Browser;
+use nacre_tests::http::{Service, begin, finished, plan};
+use nacre_tests::{Place, nacre};
+use std::path::Path;
+
+/// Largest mean CIEDE2000 over what is lit, of all views; that of one may be twice as much, as samples leave noise.
+const MOST: f64 = 1.0;
+
+/// Relative error of sums over orders and wavelengths: what `nacre render` takes by default.
+const SUMS: f64 = 0.0025;
+
+/// Views of each material.
+const VIEWS: usize = 10;
+
+fn seed() -> u64 {
+    let seed = std::env::var("NACRE_SEED").ok().and_then(|s| s.parse().ok());
+    let seed = seed.unwrap_or_else(|| std::time::UNIX_EPOCH.elapsed().unwrap().as_secs());
+    println!("NACRE_SEED={seed}");
+    seed
+}
+
+/// Linear sRGB, row by row.
+type Picture = Vec<[f32; 3]>;
+
+fn read(path: &Path) -> Picture {
+    let map = read_exr(path).unwrap();
+    let channel = |name: &str| map.channels[name].clone();
+    let [r, g, b] = ["R", "G", "B"].map(channel);
+    (0..r.len()).map(|i| [r[i], g[i], b[i]]).collect()
+}
+
+fn rendered(dir: &Path, text: &str, more: &[&str]) -> (Picture, serde_json::Value) {
+    let [scene, out] = ["a.toml", "a.exr"].map(|name| dir.join(name).to_str().unwrap().to_owned());
+    std::fs::write(&scene, text).unwrap();
+    let args = ["--json", "render", &scene, "--out", &out, "--force", "--samples"];
+    // Exit 1: the noise is what it is after so many samples.
+    let report = nacre(args.iter().chain(more)).json();
+    (read(Path::new(&out)), report)
+}
+
+/// Pixels along a side, and samples on the card and on the processor: as many as noise takes to stay well below what is asked.
+fn effort(material: &Material) -> [usize; 3] {
+    match material.name {
+        // What the processor draws by chance from a table has one colour each time.
+        "table under a sky" => [8, 256, 16_384],
+        // Edges within pixels.
+        "table in a cylinder" => [12, 512, 2048],
+        "maps" | "maps on a cylinder" => [12, 128, 512],
+        _ => [12, 64, 128],
+    }
+}
+
+#[test]
+fn a_card_renders_what_the_processor_renders() {
+    if let Err(why) = adapter() {
+        println!("skipped: {why}");
+        return;
+    }
+    let mut chance = Chance(seed());
+    let dir = tempfile::tempdir().unwrap();
+    gpu::scenes::files(dir.path());
+    for material in MATERIALS {
+        let (mut worst, mut sum) = (0.0_f64, 0.0);
+        let [side, fewer, more] = effort(&material);
+        for _ in 0..VIEWS {
+            let text = scene(material, side, &mut chance);
+            let parsed = toml::from_str(&text).unwrap();
+            // One program for all: drivers compile the shaders anew in each.
+            let picture = |samples, on_card| timed(&parsed, dir.path(), samples, SUMS, on_card).unwrap().pixels;
+            let found = difference(&picture(more, false), &picture(fewer, true));
+            assert!(found.lit > side * side / 12, "hardly anything is lit:\n{text}");
+            worst = worst.max(found.mean);
+            sum += found.mean / VIEWS as f64;
+            assert!(found.mean <= 2.0 * MOST, "ΔE2000 {} over {} pixels:\n{text}", found.mean, found.lit);
+        }
+        println!("{}: mean ΔE2000 {sum:.3}, worst view {worst:.3}", material.name);
+        assert!(sum <= MOST, "{}: {sum}", material.name);
+    }
+}
+
+#[test]
+fn the_command_renders_on_a_card() {
+    let dir = tempfile::tempdir().unwrap();
+    gpu::scenes::files(dir.path());
+    let text = scene(MATERIALS[0], 16, &mut Chance(1));
+    let (card, report) = rendered(dir.path(), &text, &["16", "--gpu"]);
+    match adapter() {
+        Ok(name) => assert_eq!(report["device"], name),
+        Err(why) => assert!(report["warnings"].to_string().contains(&why), "{report}"),
+    }
+    let (processor, report) = rendered(dir.path(), &text, &["16"]);
+    assert_eq!(report["device"], "processor");
+    // A tenth of the test's samples above leave three times its noise.
+    assert!(difference(&processor, &card).mean < 3.0 * MOST);
+}
+
+#[test]
+fn scenes_that_cards_do_not_do_go_to_the_processor() {
+    let dir = tempfile::tempdir().unwrap();
+    gpu::scenes::files(dir.path());
+    let light = "[[light]]\ntype = \"rectangle\"\ncenter = [0, 0, 400]\nnormal = [0, 0, -1]\nsize = [50, 50]\n";
+    let text = format!("{}{light}", scene(MATERIALS[0], 16, &mut Chance(1)));
+    let (_, report) = rendered(dir.path(), &text, &["16", "--gpu"]);
+    assert_eq!(report["device"], "processor");
+    assert!(report["warnings"].to_string().contains("a light with an area"), "{report}");
+}
+
+/// What `daemon/src/service/view.rs` makes of a result, in a pose.
+fn of_result(folder: &Path, normal: [f64; 3], up: [f64; 3], light: [f64; 3]) -> String {
+    format!(
+        "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = 14\nwidth = 32\nheight = 32\n\
+         [[shape]]\ntype = \"plane\"\nnormal = {normal:?}\nup = {up:?}\nsize = [100, 100]\nmaterial = \"sample\"\n\
+         [[light]]\ntype = \"point\"\nposition = {light:?}\nilluminance = {}\nsigma_mm = 10\n\
+         [material.sample]\ncoverage = 0.97\n[material.sample.base]\nalbedo = [0.02, 0.02, 0.02]\n\
+         [material.sample.diffraction]\ntype = \"grating\"\nrelief = {{ depth_um = 0.1 }}\nperiod_um = 1.0\nmaps = {:?}\nreflectance = \"aluminium\"\n",
+        1.0,
+        folder.join("orientation.exr")
+    )
+}
+
+#[test]
+fn the_browser_shows_what_the_processor_renders() {
+    let Some(browser) = Browser::start() else { return };
+    let mut chance = Chance(seed());
+    let place = Place::with_bench("", "camera = { width = 128, height = 128 }");
+    let service = Service::start(&place, &[]);
+    let url = format!("http://{}", service.address);
+    let id = begin(&service, &plan(8, 10.0));
+    finished(&service, &id);
+    service.until(&format!("/api/v1/sessions/{id}"), |s| s["has_results"] == true);
+    let dir = tempfile::tempdir().unwrap();
+    let map = service.get(&format!("/api/v1/reconstructions/{id}/maps/orientation.exr")).expect(200);
+    std::fs::write(dir.path().join("orientation.exr"), &map.body).unwrap();
+
+    browser.open(&format!("{url}/#/result/{id}"));
+    browser.click("#to-view");
+    let view = "document.querySelector('#view').viewer";
+    // Software takes seconds for a sample of the whole page.
+    browser.until(view);
+    browser.run(&format!("{view}.change({{ quality: 0.03 }}, false)"));
+    browser.until(&format!("{view}.painter.count >= {view}.enough()"));
+    browser.both("view");
+    let (mut worst, mut sum) = (0.0_f64, 0.0);
+    for _ in 0..VIEWS {
+        let [pan, tilt] = [(); 2].map(|()| chance.between(-35.0, 35.0));
+        let [azimuth, elevation] = [chance.between(0.0, 360.0), chance.between(45.0, 80.0)];
+        let script = format!(
+            "const v = {view}; v.change({{ pan: {pan}, tilt: {tilt}, azimuth: {azimuth}, elevation: {elevation}, quality: 0.0025 }}, false); \
+             for (let k = 0; k < 512; k++) v.painter.add(32, 32, 1); return Array.from(v.painter.pixels());"
+        );
+        let values: Vec<f32> =
+            browser.run(&script).as_array().unwrap().iter().map(|v| v.as_f64().unwrap() as f32).collect();
+        let browsers: Picture = values.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
+        let turned = |v| gpu::scenes::turned(v, tilt, pan);
+        let light = gpu::scenes::around(azimuth, elevation, 490.0);
+        let text = of_result(dir.path(), turned([0.0, 0.0, 1.0]), turned([0.0, 1.0, 0.0]), light);
+        let (processor, _) = rendered(dir.path(), &text, &["4096"]);
+        let found = difference(&processor, &browsers);
+        assert!(found.lit > 20, "hardly anything is lit:\n{text}");
+        worst = worst.max(found.mean);
+        sum += found.mean / VIEWS as f64;
+        assert!(found.mean <= 2.0 * MOST, "ΔE2000 {} over {} pixels:\n{text}", found.mean, found.lit);
+    }
+    println!("browser: mean ΔE2000 {sum:.3}, worst view {worst:.3}");
+    assert!(sum <= MOST, "{sum}");
+    // A link restores the view, and the maps can be seen in its place.
+    browser.run(&format!("{view}.change({{ pan: 12, tilt: -20, azimuth: 200, quality: 0.03 }})"));
+    browser.until("location.hash.includes('azimuth=200')");
+    let link = browser.run("return location.href").as_str().unwrap().to_owned();
+    browser.open("about:blank");
+    browser.open(&link);
+    browser.until(&format!("{view}.state.azimuth === 200 && {view}.painter.count >= {view}.enough()"));
+    browser.click("[data-key=orientation]");
+    browser.until(&format!("{view}.painter.count >= {view}.enough()"));
+    browser.both("view-orientation");
+    let said = browser.call("POST", "/se/log", &serde_json::json!({ "type": "browser" }));
+    let severe = |entry: &&serde_json::Value| entry["level"] == "SEVERE";
+    let errors: Vec<_> = said.as_array().unwrap().iter().filter(severe).collect();
+    assert!(errors.is_empty(), "{errors:?}");
+}

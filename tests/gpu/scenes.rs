@@ -1,0 +1,178 @@
+//! Scenes by chance, each with light in its lobes.
+
+use nacre_processing::image::{Attribute, write_exr};
+use std::f64::consts::TAU;
+use std::path::Path;
+
+/// Numbers by chance (SplitMix64).
+pub struct Chance(pub u64);
+
+impl Chance {
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        low + (high - low) * ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// A material, and the direction and period of a grating in it.
+#[derive(Clone, Copy)]
+pub struct Material {
+    pub name: &'static str,
+    pub text: &'static str,
+    pub groove: [f64; 2],
+    pub setting: Setting,
+}
+
+/// What a material is on, and under.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Setting {
+    /// A plane under a lamp.
+    Plane,
+    /// A disc under a lamp.
+    Disc,
+    /// Half a cylinder under a lamp, from the outside.
+    Outside,
+    /// The same from the inside.
+    Inside,
+    /// A plane under a sky.
+    Sky,
+}
+
+const BASE: &str = "[material.m]\ncoverage = 0.9\n[material.m.base]\nalbedo = [0.1, 0.05, 0.02]\nroughness = 0.3\n";
+
+const SINUSOID: &str = "type = \"grating\"\ncoherence_um = 10\nrelief = { depth_um = 0.15 }\norientation_deg = 30\nperiod_um = 1.5\nreflectance = \"aluminium\"";
+const MAPS: &str =
+    "type = \"grating\"\ncoherence_um = 10\nrelief = { depth_um = 0.1 }\nmaps = \"maps\"\nreflectance = \"silver\"";
+const TABLE: &str = "type = \"table\"\nfile = \"lut.exr\"\nalbedo = 0.8";
+
+pub const MATERIALS: [Material; 11] = [
+    Material { name: "sinusoid", text: SINUSOID, groove: [30.0, 1.5], setting: Setting::Plane },
+    Material {
+        name: "blazed",
+        text: "type = \"grating\"\ncoherence_um = 10\nrelief = { profile = \"blazed\", depth_um = 0.25 }\norientation_deg = 70\nperiod_um = 1.4\nreflectance = \"schlick=0.6\"",
+        groove: [70.0, 1.4],
+        setting: Setting::Plane,
+    },
+    Material {
+        name: "rectangular",
+        text: "type = \"grating\"\ncoherence_um = 10\nrelief = { profile = { rectangular = { duty = 0.4 } }, depth_um = 0.12 }\norientation_deg = 120\nperiod_um = 1.0",
+        groove: [120.0, 1.0],
+        setting: Setting::Plane,
+    },
+    Material { name: "maps", text: MAPS, groove: [45.0, 1.2], setting: Setting::Plane },
+    Material { name: "table", text: TABLE, groove: [0.0, 2.0], setting: Setting::Plane },
+    Material {
+        name: "disc",
+        text: "type = \"cd\"\ncoherence_um = 10\nrelief = { depth_um = 0.1 }\nperiod_um = 1.5\nreflectance = \"aluminium\"",
+        groove: [90.0, 1.5],
+        setting: Setting::Disc,
+    },
+    Material { name: "maps on a cylinder", text: MAPS, groove: [45.0, 1.2], setting: Setting::Outside },
+    Material { name: "table in a cylinder", text: TABLE, groove: [0.0, 2.0], setting: Setting::Inside },
+    Material { name: "sinusoid under a sky", text: SINUSOID, groove: [30.0, 1.5], setting: Setting::Sky },
+    Material { name: "maps under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::Sky },
+    Material { name: "table under a sky", text: TABLE, groove: [0.0, 2.0], setting: Setting::Sky },
+];
+
+/// A vector tilted about x, then turned about y, in degrees.
+pub fn turned([x, y, z]: [f64; 3], tilt: f64, pan: f64) -> [f64; 3] {
+    let [(s, c), (t, d)] = [tilt, pan].map(|deg| deg.to_radians().sin_cos());
+    let [y, z] = [c * y - s * z, s * y + c * z];
+    [t * z + d * x, y, d * z - t * x]
+}
+
+/// A place at an azimuth, an elevation (degrees) and a distance.
+pub fn around(azimuth: f64, elevation: f64, distance: f64) -> [f64; 3] {
+    let [(s, c), (t, d)] = [azimuth, elevation].map(|deg| deg.to_radians().sin_cos());
+    [distance * d * c, distance * d * s, distance * t]
+}
+
+/// A sample of a material in a picture of so many pixels a side, turned by chance, under a light such that a first order of a visible colour is seen in its middle.
+pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
+    let [tilt, pan] = [(); 2].map(|()| chance.between(-40.0, 40.0));
+    let frame = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|v| turned(v, tilt, pan));
+    let [u, v, n] = frame;
+    // The camera is on the z axis: its direction in the sample's frame.
+    let view = frame.map(|f| f[2]);
+    let [angle, period] = material.groove;
+    let um = chance.between(0.45, 0.65) / period;
+    let (sin, cos) = angle.to_radians().sin_cos();
+    let both = [[1.0, cos, sin], [-1.0, cos, sin]].map(|[s, x, y]| [s * um * x - view[0], s * um * y - view[1]]);
+    let length = |p: &[f64; 2]| p[0].hypot(p[1]);
+    // Of the two first orders, the one whose light is higher above the sample.
+    let [x, y] = if length(&both[0]) < length(&both[1]) { both[0] } else { both[1] };
+    let z = (1.0 - x * x - y * y).max(0.01).sqrt();
+    let light = [0, 1, 2].map(|k| 500.0 * (x * u[k] + y * v[k] + z * n[k]));
+    let sigma = chance.between(5.0, 15.0);
+    let spectrum = ["D65", "A", "E"][(chance.between(0.0, 3.0) as usize).min(2)];
+    let shape = match material.setting {
+        Setting::Plane | Setting::Sky => format!("type = \"plane\"\nnormal = {n:?}\nup = {v:?}\nsize = [110, 110]"),
+        Setting::Disc => format!("type = \"disc\"\nnormal = {n:?}\nup = {v:?}\ninner = 15\nouter = 55"),
+        // Its middle is where the plane's is, or opposite.
+        Setting::Outside | Setting::Inside => {
+            let out = if material.setting == Setting::Outside { 1.0 } else { -1.0 };
+            let (center, start) = (n.map(|c| -60.0 * out * c), [0, 1, 2].map(|k| out * n[k]));
+            format!(
+                "type = \"cylinder\"\ncenter = {center:?}\naxis = {v:?}\nstart = {start:?}\nradius = 60\nlength = 110\narc_deg = [-80, 80]"
+            )
+        }
+    };
+    let light = if material.setting == Setting::Sky {
+        let turn = chance.between(0.0, 360.0);
+        format!("type = \"environment\"\nfile = \"sky.exr\"\nup = [0.2, 0.4, 1]\nturn_deg = {turn}")
+    } else {
+        format!("type = \"point\"\nposition = {light:?}\nsigma_mm = {sigma}\nspectrum = \"{spectrum}\"")
+    };
+    format!(
+        "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = 14\nwidth = {side}\nheight = {side}\n\
+         [[shape]]\n{shape}\nmaterial = \"m\"\n\
+         [[light]]\n{light}\n\
+         {BASE}[material.m.diffraction]\n{}\n",
+        material.text
+    )
+}
+
+/// The files that materials name: maps of squares with a masked one, and a table of blurred orders.
+pub fn files(folder: &Path) {
+    const SIDE: usize = 64;
+    let square = |x: usize, y: usize| (x / 8 + 3 * (y / 8)) % 11;
+    let masked = |x: usize, y: usize| square(x, y) == 10;
+    std::fs::create_dir_all(folder.join("maps")).unwrap();
+    let map = |name: &str, channel: &str, value: &(dyn Fn(usize) -> f64 + Sync)| {
+        write_exr(&folder.join("maps").join(name), SIDE, SIDE, &[channel, "mask"], &[], &|c, y, row| {
+            for (x, out) in row.iter_mut().enumerate() {
+                *out = match (c, masked(x, y)) {
+                    (0, false) => value(square(x, y)) as f32,
+                    (0, true) => f32::NAN,
+                    (_, masked) => f32::from(u8::from(!masked)),
+                };
+            }
+        })
+        .unwrap();
+    };
+    map("orientation.exr", "orientation", &|k| (0.7 + 0.06 * (k as f64 - 5.0)).rem_euclid(TAU / 2.0));
+    map("period.exr", "period", &|k| 1.1 + 0.03 * k as f64);
+    let attributes = [("extent", Attribute::Number(1.0))];
+    write_exr(&folder.join("lut.exr"), 128, 128, &["X", "Y", "Z"], &attributes, &|c, y, row| {
+        for (x, out) in row.iter_mut().enumerate() {
+            let h = [(x as f64 + 0.5) / 64.0 - 1.0, 1.0 - (y as f64 + 0.5) / 64.0];
+            // Colours of the first orders along x, and a zero order.
+            let order =
+                |at: f64, width: f64| (-0.5 * (((h[0].abs() - at) / width).powi(2) + (h[1] / 0.1).powi(2))).exp();
+            *out = (order(0.0, 0.05) + order(0.22 + 0.05 * (2.0 - c as f64), 0.05)) as f32;
+        }
+    })
+    .unwrap();
+    write_exr(&folder.join("sky.exr"), 64, 32, &["R", "G", "B"], &[], &|c, y, row| {
+        for (x, out) in row.iter_mut().enumerate() {
+            let (polar, azimuth) = (TAU / 2.0 * (y as f64 + 0.5) / 32.0, TAU * (0.5 - (x as f64 + 0.5) / 64.0));
+            // Bluer above, and a lamp of 10°.
+            let lamp = (-0.5 * ((polar - 1.2).powi(2) + (azimuth - 0.5).powi(2)) / 0.03).exp();
+            *out = (0.3 + 0.1 * c as f64 * polar.cos() + 5.0 * lamp) as f32;
+        }
+    })
+    .unwrap();
+}

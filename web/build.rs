@@ -1,0 +1,87 @@
+//! Translates the shaders to what browsers run: WGSL to GLSL ES 300 (WebGL2), as a script with the names of what they take.
+
+use naga::back::glsl;
+use naga::proc::BoundsCheckPolicies;
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{AddressSpace, Module, ShaderStage, TypeInner};
+use std::error::Error;
+use std::fmt::Write;
+use std::path::Path;
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+const SOURCES: &str = "../processing/src/render/gpu";
+
+fn main() -> Result<()> {
+    println!("cargo::rerun-if-changed={SOURCES}");
+    println!("cargo::rerun-if-changed=build.rs");
+    let light = read(&["scene", "grating", "surface", "environment", "light"])?;
+    let display = read(&["display"])?;
+    let mut script = String::from("// Made from the shaders by the build; see processing/src/render/gpu.\n");
+    script += &format!("export const VERTEX = {};\n", text(&translated(&light, ShaderStage::Vertex, "corner")?.0));
+    script += &format!("export const LIGHT = {};\n", stage(&light, "light")?);
+    script += &format!("export const DISPLAY = {};\n", stage(&display, "display")?);
+    let out = std::env::var("OUT_DIR")?;
+    std::fs::write(Path::new(&out).join("shaders.js"), script)?;
+    Ok(())
+}
+
+fn read(names: &[&str]) -> Result<String> {
+    let mut all = String::new();
+    for name in names {
+        all += &std::fs::read_to_string(format!("{SOURCES}/{name}.wgsl")).map_err(|e| format!("{name}.wgsl: {e}"))?;
+    }
+    Ok(all)
+}
+
+/// A string of JavaScript.
+fn text(source: &str) -> String {
+    format!("{source:?}")
+}
+
+/// A fragment stage as an object: its source, and what its block of uniforms, their members and its textures are called.
+fn stage(source: &str, entry: &str) -> Result<String> {
+    let (glsl, textures, block, members) = translated(source, ShaderStage::Fragment, entry)?;
+    Ok(format!("{{ source: {}, block: {}, members: {members}, textures: {textures} }}", text(&glsl), text(&block)))
+}
+
+/// GLSL, names of textures, name of the block of uniforms, its members with their sizes in vectors of four.
+fn translated(source: &str, shader_stage: ShaderStage, entry: &str) -> Result<(String, String, String, String)> {
+    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
+    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+    let info = validator.validate(&module).map_err(|e| e.emit_to_string(source))?;
+    let version = glsl::Version::new_gles(300);
+    let options = glsl::Options { version, writer_flags: glsl::WriterFlags::empty(), ..glsl::Options::default() };
+    let pipeline = glsl::PipelineOptions { shader_stage, entry_point: entry.into(), multiview: None };
+    let mut out = String::new();
+    let policies = BoundsCheckPolicies::default();
+    let found = glsl::Writer::new(&mut out, &module, &info, &options, &pipeline, policies)?.write()?;
+    let called =
+        |handle: naga::Handle<naga::GlobalVariable>| module.global_variables[handle].name.clone().unwrap_or_default();
+    let mut named: Vec<(String, &String)> =
+        found.texture_mapping.iter().map(|(name, mapping)| (called(mapping.texture), name)).collect();
+    named.sort();
+    let mut textures = String::from("{");
+    for (name, glsl) in named {
+        write!(textures, " {name}: {glsl:?},")?;
+    }
+    textures += " }";
+    let block = found.uniforms.values().next().cloned().unwrap_or_default();
+    Ok((out, textures, block, members(&module)?))
+}
+
+/// Members of the one block of uniforms: `[["eye", 1], …]`.
+fn members(module: &Module) -> Result<String> {
+    let (_, block) =
+        module.global_variables.iter().find(|(_, g)| g.space == AddressSpace::Uniform).ok_or("no uniforms")?;
+    let TypeInner::Struct { members, span } = &module.types[block.ty].inner else {
+        return Err("uniforms are no struct".into());
+    };
+    let ends = members.iter().skip(1).map(|m| m.offset).chain([*span]);
+    let mut list = String::from("[");
+    for (member, end) in members.iter().zip(ends) {
+        let name = member.name.as_deref().unwrap_or_default();
+        write!(list, "[{name:?}, {}], ", (end - member.offset) / 16)?;
+    }
+    Ok(list + "]")
+}

@@ -1,0 +1,105 @@
+// Renderings: their options, the picture while it is made, its exposure, the report.
+
+import { picture, show } from "./api.js";
+import { warned } from "./assetreports.js";
+import { check, facts, field, figures, h, number, panel, say, settle } from "./dom.js";
+import { complain } from "./feedback.js";
+import { duration, fixed, percent, plain } from "./format.js";
+
+/** What the service exposes anew, in pixels. */
+const MOST_EXPOSED = 4 * 1024 * 1024;
+
+/** The fields, as an earlier rendering left them if there is one; `options()` is what the service takes. */
+export function renderFields(given = {}) {
+  const error = number({ id: "render-error", value: 100 * (given.max_error ?? 0.01), min: 0.001, max: 100 });
+  const samples = number({ id: "render-samples", value: given.samples ?? 256, min: 1, max: 1048576, step: 1 });
+  const wavelengths = number({ id: "render-wavelengths", value: given.wavelengths ?? "", min: 3, max: 10000, step: 1 });
+  const measured = check("Measure what sums over orders and wavelengths are off by", { id: "render-check", checked: given.check ?? false });
+  const one = (input) => (Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null);
+  const element = h("div", { class: "stack" },
+    h("div", { class: "fields" },
+      field("Noise asked for (%)", error, { hint: "Half of it takes four times as long" }),
+      field("Most samples per pixel", samples, { hint: "Ends there whatever the noise" }),
+      field("Wavelengths", wavelengths, { hint: "Empty: as many as needed" })),
+    measured);
+  return {
+    element,
+    options: () => ({ samples: one(samples) ?? 256, max_error: Number(((one(error) ?? 1) / 100).toPrecision(12)), wavelengths: one(wavelengths), check: measured.box.checked }),
+  };
+}
+
+/** The panel of the picture so far; `update(job)` with each state of the job. */
+export function soFar(job, signal) {
+  const path = `/reconstructions/${job.id}/picture.png`;
+  const image = h("img", { id: "so-far", alt: "The picture so far", hidden: true });
+  const empty = h("p", { class: "empty" }, "The picture appears with its first pass.");
+  const about = h("div");
+  const wanted = job.options?.max_error ?? 0.01;
+  let shown = 0;
+  let asking = false;
+  /** @param {Job} job */
+  async function update({ so_far: now }) {
+    if (!now || asking || now.passes === shown) return;
+    asking = true;
+    try {
+      const { blob } = await picture(path, { signal });
+      show(image, blob);
+      empty.hidden = true;
+      shown = now.passes;
+      about.replaceChildren(figures([
+        [`noise; ${plain(100 * wanted)} % asked for`, now.noise === null ? "not known yet" : percent(now.noise, 2)],
+        [`of about ${now.of} passes`, String(now.passes)],
+        ["to go", `about ${duration(Math.max(1, Math.round(now.seconds_left)))}`],
+      ]));
+    } catch (problem) {
+      // Between the last look and the result there is none.
+      if (problem.status !== 404) complain(problem);
+    } finally {
+      asking = false;
+    }
+  }
+  return { element: panel("Picture so far", null, h("div", { class: "stack" }, h("div", { class: "well" }, image, empty), about)), update };
+}
+
+/** A slider that shows a finished picture brighter or darker; none for pictures too large for it. */
+export function exposure(job, image, signal) {
+  const [width, height] = job.report.size;
+  if (width * height > MOST_EXPOSED) return null;
+  const stops = h("output", { for: "exposure" }, "as rendered");
+  const slider = h("input", { type: "range", id: "exposure", min: -6, max: 6, step: 0.25, value: 0, oninput: () => {
+    say(stops, slider.valueAsNumber === 0 ? "as rendered" : `${slider.valueAsNumber > 0 ? "+" : ""}${fixed(slider.valueAsNumber, 2)} stops`);
+    load();
+  } });
+  const load = settle(120, async () => {
+    const wanted = slider.value;
+    try {
+      const { blob } = await picture(`/reconstructions/${job.id}/picture.png?stops=${wanted}`, { signal });
+      if (wanted === slider.value) show(image, blob);
+    } catch (problem) {
+      complain(problem);
+    }
+  });
+  return h("div", { class: "row exposure" }, h("label", { for: "exposure" }, "Exposure"), slider, stops);
+}
+
+/** A rendering's report. */
+export function reportOfRender(report) {
+  const { predicted, materials, settings, warnings = [] } = report;
+  const measured = report.measured_model_error ?? null;
+  return h("div", { class: "stack" }, warned(warnings),
+    figures([
+      [`noise; ${plain(100 * settings.max_error)} % asked for`, percent(report.noise, 2)],
+      [measured === null ? "sums off by, as predicted" : "sums off by, measured", percent(measured ?? report.predicted_model_error, 2)],
+      ["samples per pixel", String(report.samples)],
+    ]),
+    facts([
+      ["Size", `${report.size[0]} × ${report.size[1]}`],
+      ...Object.entries(materials).map(([name, notes]) => /** @type {[string, Child]} */ ([`Material ${name}`, notes.method])),
+      ["Expected", `noise ${percent(predicted.noise, 2)} after ${predicted.passes} passes in ${duration(predicted.seconds)}`],
+      ["Sums off by", measured === null ? null : `${percent(report.predicted_model_error, 2)} by prediction`],
+      ["Wavelengths", settings.wavelengths === null ? "as many as needed" : plain(settings.wavelengths)],
+      ["Exposure", `linear light times ${plain(Number(report.exposure.toPrecision(4)))}`],
+      ["Took", `${duration(report.seconds)}, of which passes ${duration(report.seconds_of_passes)}`],
+    ]),
+    h("details", {}, h("summary", {}, "Taken for granted"), h("ul", {}, (report.assumptions ?? []).map((a) => h("li", { class: "soft" }, a)))));
+}

@@ -1,0 +1,19 @@
+// A view in a file of its own: what the file holds, shown.
+
+import { h } from "./dom.js";
+import { parseView } from "./painter.js";
+import { stateOf, viewer } from "./viewer.js";
+
+/** Shows the view of the page. */
+export async function start() {
+  const main = /** @type {HTMLElement} */ (document.getElementById("main"));
+  const { title = "", state = "" } = main.dataset;
+  try {
+    const packed = Uint8Array.from(atob(document.getElementById("data")?.textContent ?? ""), (c) => c.charCodeAt(0));
+    const buffer = await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+    main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, title)));
+    viewer(main, { view: parseView(buffer), state: stateOf(state), name: title, signal: new AbortController().signal });
+  } catch (problem) {
+    main.append(h("p", { class: "message", role: "alert" }, problem.message));
+  }
+}

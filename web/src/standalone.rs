@@ -1,0 +1,87 @@
+//! A view as one file that opens from disk: scripts, styles and data inside.
+
+use crate::asset;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use std::io::Write;
+
+/// Scripts of the viewer. A page from disk may load no module files: they are data addresses that an import map names.
+const MODULES: [&str; 14] = [
+    "comparing",
+    "dom",
+    "format",
+    "layer",
+    "legend",
+    "painter",
+    "pointing",
+    "ruler",
+    "shaders",
+    "standalone",
+    "turning",
+    "turntable",
+    "viewer",
+    "zip",
+];
+
+const STYLES: [&str; 3] = ["base", "layout", "pages"];
+
+/// Text of a file of the page.
+fn text(name: &str) -> String {
+    asset(&format!("/assets/{name}")).map(|a| String::from_utf8_lossy(a.bytes).into_owned()).unwrap_or_default()
+}
+
+/// Text as HTML shows it, also within quotation marks.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// A page that shows a view: a title, the bytes of `Prepared` (see the daemon's `view`), and what follows the question mark in the viewer's
+/// own links.
+///
+/// # Errors
+/// None that memory does not have.
+pub fn standalone(title: &str, view: &[u8], state: &str) -> std::io::Result<Vec<u8>> {
+    let mut packed = GzEncoder::new(vec![], Compression::fast());
+    packed.write_all(view)?;
+    let data = STANDARD.encode(packed.finish()?);
+    let module = |name: &&str| {
+        // Within the map modules have bare names.
+        let source = text(&format!("{name}.js")).replace("from \"./", "from \"nacre/");
+        format!("\"nacre/{name}.js\": \"data:text/javascript;base64,{}\"", STANDARD.encode(source))
+    };
+    let imports: Vec<String> = MODULES.iter().map(module).collect();
+    let styles: String = STYLES.iter().map(|name| text(&format!("{name}.css"))).collect();
+    let (title, state, imports) = (escaped(title), escaped(state), imports.join(", "));
+    let page = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title} · Nacre</title>\n<style>{styles}</style>\n\
+         <script type=\"importmap\">{{\"imports\": {{{imports}}}}}</script>\n</head>\n<body>\n\
+         <main id=\"main\" data-title=\"{title}\" data-state=\"{state}\"></main>\n\
+         <script type=\"text/plain\" id=\"data\">{data}</script>\n\
+         <script type=\"module\">import {{ start }} from \"nacre/standalone.js\"; start();</script>\n</body>\n</html>\n"
+    );
+    Ok(page.into_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_loaded_and_nothing_breaks_out() {
+        let page = standalone("a \"<b>\"", b"1234", "x=\"><script>").expect("memory");
+        let page = String::from_utf8(page).expect("text");
+        for module in MODULES {
+            assert!(!text(&format!("{module}.js")).is_empty(), "{module}");
+            for line in text(&format!("{module}.js")).lines().filter(|l| l.starts_with("import ")) {
+                let from = line.split("from \"./").nth(1).and_then(|l| l.split(".js").next()).expect(line);
+                assert!(MODULES.contains(&from), "{module} needs {from}");
+            }
+        }
+        assert!(!page.contains("<b>") && !page.contains("\"><script>"));
+        assert!(!page.contains("src=") && !page.contains("href="));
+    }
+}

@@ -1,0 +1,100 @@
+// What the service answers, as far as the page reads it; the whole of it is in its OpenAPI document. Nothing of it is served.
+
+interface Devices {
+    activity: "idle" | "manual" | "session";
+    session: string | null;
+    simulated: boolean;
+    stage: { id: string; analyser_deg: number | null; limits_deg: Point; speed_deg_s: number; by_hand: boolean; halts: boolean };
+    camera: {
+        id: string; width: number; height: number; exposure_ms: number; gain: number; exposure_range_ms: Point; gain_range: Point;
+        black: number; white: number; warnings: string[];
+    };
+    display: { id: string; size_mm: Point; pattern: Pattern };
+    flash: { id: string; on: boolean; max_on_s: number } | null;
+    interlocks: { id: string; holds: boolean | null }[];
+}
+
+type Pattern = "black" | { disc?: { center_mm: Point; diameter_mm: number } };
+
+/** Uploaded photographs of the mirror image of a light that is no point. */
+interface LightUpload {
+    upload: string;
+    scale: number | null;
+    center: Point | null;
+    transfer: string | { gamma: number } | null;
+}
+
+/** What a device did not do as it was asked. */
+interface Fault {
+    device: string;
+    command: string;
+    expected: string;
+    got: string;
+    remedy: string;
+    class: "retry" | "lost" | "stop" | "setup";
+}
+
+interface Session {
+    id: string;
+    name: string;
+    sample: string;
+    operator: string;
+    notes: string;
+    kind: string;
+    created: number;
+    bytes: number;
+    state: string;
+    frames_planned: number;
+    frames_committed: number;
+    stage: string | null;
+    eta_s: number | null;
+    error: string | null;
+    fault: Fault | null;
+    has_results: boolean;
+    ended?: string | null;
+    timing?: { wall_s: number } | null;
+    // A plan and what a series knows so far differ with the kind of session.
+    sigma?: any;
+    plan?: any;
+}
+
+interface Frame {
+    file: string;
+    role: string;
+    analyser_deg: number | null;
+    exposure_s: number;
+    gain?: number;
+    sequence: number;
+    dropped: number;
+}
+
+/** A reconstruction; report and options differ with the method. */
+interface Job {
+    id: string;
+    method: string;
+    session: string | null;
+    upload: string | null;
+    state: "queued" | "running" | "done" | "failed" | "cancelled" | "set_aside";
+    progress: number;
+    stage: string | null;
+    attempts: number;
+    created: number;
+    error: string | null;
+    options?: any;
+    report?: any;
+    so_far?: { passes: number; of: number; noise: number | null; seconds_left: number } | null;
+}
+
+/** What a calibration of a camera found. */
+interface CalibrationReport {
+    rms_px: number | null;
+    photographs: { file: string; rms_px: number | null; unused_because: string | null }[];
+    warnings: string[];
+    geometry: {
+        camera: { focal_px: Point; center_px: Point; distortion: number[] };
+        sample: { translation_mm: [number, number, number] };
+        image_px: Point | null;
+        wavelength_nm: number | null;
+        sigma: { focal_px?: Point | null; center_px?: Point | null; distortion?: number[] | null; sample_mm?: [number, number, number] | null };
+    };
+}
