@@ -10,6 +10,9 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+/// Longer than anything takes on two cores that also do something else: a page drawn by software takes seconds a frame.
+const PATIENCE: Duration = Duration::from_secs(150);
+
 /// Chromium behind its driver, which speaks the W3C WebDriver protocol.
 pub struct Browser {
     driver: Child,
@@ -54,6 +57,8 @@ impl Browser {
         let wish = json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": { "args": args }, "goog:loggingPrefs": { "browser": "SEVERE" } } } });
         let made = browser.call("POST", "", &wish);
         browser.session = format!("/{}", made["sessionId"].as_str().unwrap());
+        let most = PATIENCE.as_millis();
+        browser.call("POST", "/timeouts", &json!({ "script": most, "pageLoad": most }));
         Some(browser)
     }
 
@@ -66,7 +71,7 @@ impl Browser {
             self.address,
             body.len()
         );
-        let answer: Answer = exchange(self.address, head.as_bytes(), Duration::from_secs(60));
+        let answer: Answer = exchange(self.address, head.as_bytes(), PATIENCE);
         answer.expect(200).json()["value"].clone()
     }
 
@@ -84,7 +89,7 @@ impl Browser {
     pub fn until(&self, script: &str) {
         let begun = Instant::now();
         while self.run(&format!("try {{ return Boolean({script}) }} catch {{ return false }}")) != true {
-            if begun.elapsed() > Duration::from_secs(45) {
+            if begun.elapsed() > PATIENCE {
                 self.shot("failed");
                 panic!("never true: {script}; the page says: {}", self.run("return document.body.innerText"));
             }

@@ -1,4 +1,4 @@
-// The options of a lookup table: wavelength, scale, light, observer, size.
+// The options of a lookup table: wavelength, scale or distances, light, observer, size, error, sums.
 
 import { field, h, number, select } from "./dom.js";
 import { send } from "./api.js";
@@ -6,6 +6,9 @@ import { send } from "./api.js";
 const NAMES = { E: "E (equal energy)", A: "A (tungsten)", "A-inverse": "Inverse of A", D65: "D65 (daylight)" };
 export const LIGHTS = ["E", "A", "A-inverse", "D65", ...Array.from({ length: 12 }, (_, i) => `FL${i + 1}`), "LED-B1", "LED-B3"].map((name) => [name, NAMES[name] ?? name]);
 const CHANNELS = [["", "That of the wavelength"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]];
+// `method` as the service takes it, by name and value.
+const SUMS = [["auto", "The cheapest that is exact enough"], ["rays", "Along rays, so many pixels apart"], ["single", "Each entry by itself, samples so many pixels apart"], ["fixed", "In steps of so many nm, as in the paper"]];
+const GEOMETRY = [["camera_mm", "Surface to camera (mm)"], ["flash_mm", "Surface to flash (mm)"], ["pixel_um", "A pixel on the surface (µm)"]];
 const OBSERVERS = [["1931", "CIE 1931, 2°"], ["1964", "CIE 1964, 10°"]];
 
 /** The fields, as an earlier table left them if there is one; `options()` is what the service takes. `inputs()` uploads the photograph of a light
@@ -27,6 +30,18 @@ export function tableFields(given = {}, { planned = false, light: earlier = null
   const shape = h("input", { type: "file", id: "table-shape", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr" });
   const shapeScale = number({ id: "table-shape-scale", value: earlier?.scale ?? "", min: 0 });
   const shapeValues = select([["", "As those of the pattern"], ["linear", "Linear"], ["srgb", "sRGB"]], typeof earlier?.transfer === "string" ? earlier.transfer : "", { id: "table-shape-values" });
+  const distances = GEOMETRY.map(([name]) => number({ id: `table-${name.replace("_", "-")}`, value: given.geometry?.[name] ?? "", min: 0 }));
+  const baseline = [0, 1].map((k) => number({ id: `table-baseline-${"xy"[k]}`, value: given.geometry?.baseline_mm?.[k] ?? "" }));
+  const warp = number({ id: "table-warp", value: given.warp ?? 1, min: 1, max: 9, step: 2 });
+  const error = number({ id: "table-error", value: 100 * (given.max_error ?? 0.01), min: 0 });
+  const earlierSums = typeof given.method === "object" ? Object.entries(given.method)[0] : [given.method ?? "auto", ""];
+  const sums = select(SUMS, earlierSums[0], { id: "table-sums", onchange: paint });
+  const step = number({ id: "table-step", value: earlierSums[1] || 1, min: 0 });
+  const stepField = field("So many", step);
+  function paint() {
+    stepField.hidden = sums.value === "auto";
+  }
+  paint();
   const element = h("div", { class: "fields" },
     field("Light", light), field("Observer", observer),
     field("Wavelength of the photograph (nm)", wavelength, { hint: "Empty: as the session says" }),
@@ -36,6 +51,10 @@ export function tableFields(given = {}, { planned = false, light: earlier = null
     field("Size (entries)", size), field("Extent", extent, { hint: "Empty: as far as was measured" }),
     field("Exponent", exponent, { hint: "4 is exact for shallow gratings" }),
     field("Zero order, from the left (pixels)", center[0], { hint: "Empty: the brightest lobe" }), field("Zero order, from the top (pixels)", center[1]),
+    GEOMETRY.map(([, label], k) => field(label, distances[k], k === 0 ? { hint: "With the next four in place of the half vector per pixel, for what is near" } : {})),
+    field("Flash right of the camera (mm)", baseline[0]), field("Flash above the camera (mm)", baseline[1]),
+    field("Warp of the entries", warp, { hint: "Odd; above 1 they lie closer in the middle" }),
+    field("Error at the rim that is asked for (%)", error), field("Sums", sums), stepField,
     !planned && [
       field("Photograph of a light that is no point", shape, { hint: earlier ? "Empty: the same light as before" : "Its mirror image, or exposures of that. Empty: a point" }),
       field("Half vector per pixel of the light", shapeScale, { hint: "Empty: that of the pattern" }), field("Values of the light", shapeValues)]);
@@ -44,7 +63,7 @@ export function tableFields(given = {}, { planned = false, light: earlier = null
   return {
     element,
     options: () => {
-      /** @type {Record<string, unknown>} */
+      /** @type {Record<string, any>} */
       const options = { ...given, illuminant: light.value, observer: observer.value };
       for (const [name, input] of Object.entries(values())) {
         if (Number.isFinite(input.valueAsNumber)) options[name] = input.valueAsNumber;
@@ -60,7 +79,15 @@ export function tableFields(given = {}, { planned = false, light: earlier = null
       const place = center.map((input) => input.valueAsNumber);
       if (place.every(Number.isFinite)) options.center = place;
       else delete options.center;
-      if ("scale" in options) delete options.geometry;
+      const lengths = distances.map((input) => input.valueAsNumber);
+      // A distance that is missing is for the service to refuse.
+      if (lengths.some(Number.isFinite)) {
+        options.geometry = Object.fromEntries(GEOMETRY.map(([name], k) => [name, Number.isFinite(lengths[k]) ? lengths[k] : 0]));
+        options.geometry.baseline_mm = baseline.map((input) => input.valueAsNumber || 0);
+      } else if (given.geometry?.camera_mm !== undefined || "scale" in options) delete options.geometry; // A calibrated one has no fields here, and stays until a scale is given.
+      options.warp = warp.valueAsNumber || 1;
+      options.max_error = error.valueAsNumber / 100;
+      options.method = sums.value === "auto" ? "auto" : { [sums.value]: step.valueAsNumber };
       return options;
     },
     inputs: async (signal) => {
