@@ -94,25 +94,20 @@ fn the_gallery_is_made_by_one_command() {
     let skin = dir.path().join("skin.exr").to_str().unwrap().to_owned();
     let fingers = ["--period-um", "1.1", "--depth-um", "0.3", "--pixels", "64", "--pixel-um", "0.08"];
     nacre(["brdf", "surface", "fingers", "--out", &skin].into_iter().chain(fingers)).expect(0);
-    let gallery = ["render", "--gallery", out.to_str().unwrap(), "--samples", "4"];
-    nacre(gallery.into_iter().chain(["--skin", &skin])).expect(0);
-    for name in [
-        "cd",
-        "phone",
-        "tv",
-        "star-paper",
-        "kinematic-tile",
-        "logo",
-        "emblem",
-        "spiral-foil",
-        "rolled",
-        "snake",
-        "snake-measured",
-    ] {
+    nacre(["render", "--gallery", out.to_str().unwrap(), "--samples", "4"]).expect(0);
+    let measured = dir.path().join("measured");
+    let gallery = ["render", "--gallery", measured.to_str().unwrap(), "--samples", "1", "--skin", &skin];
+    let wrong = nacre(gallery.into_iter().chain(["--scenes", "snail"])).expect(2);
+    assert!(wrong.stderr().contains("snail") && !measured.exists(), "{}", wrong.stderr());
+    nacre(gallery.into_iter().chain(["--scenes", "snake-measured,snake-measured-room"])).expect(0);
+    let names =
+        ["cd", "phone", "tv", "star-paper", "kinematic-tile", "logo", "emblem", "spiral-foil", "rolled", "snake"];
+    for (out, name) in names.map(|name| (&out, name)).into_iter().chain([(&measured, "snake-measured")]) {
         for suffix in ["", "-room"] {
             for ending in ["toml", "exr", "png"] {
                 assert!(out.join(format!("{name}{suffix}.{ending}")).is_file(), "{name}{suffix}.{ending}");
             }
         }
     }
+    assert!(!measured.join("cd.toml").exists());
 }

@@ -112,6 +112,54 @@ fn a_mosaic_of_periods_is_measured() {
     assert!(both.iter().all(|i| sigma[*i] / longer[*i] > 0.0098), "the wavelength's σ is in that of the periods");
 }
 
+/// Discs tell which of the two gratings that few fringes leave is there.
+#[test]
+fn discs_decide_between_gratings() {
+    let seed = fresh();
+    println!("seed {seed}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let text = |name: &str| path(name).to_str().unwrap().to_owned();
+    std::fs::write(path("bench.toml"), bench(seed).replace("96", "64")).unwrap();
+    let centers: Vec<String> = (0..24).map(|k| format!("[{}, {}]", 80 * (k % 6) - 200, 80 * (k / 6) - 120)).collect();
+    let plan = format!(
+        "kind = \"spots\"\nextras = [\"display_black\"]\n\
+         spots = {{ centers_mm = [{}], diameter_mm = 80, fringes = {{ count = 5, phases = 3 }} }}\n\
+         reconstruct = {{ method = \"spots\" }}\n",
+        centers.join(", ")
+    );
+    std::fs::write(path("plan.toml"), plan).unwrap();
+    let args = ["--json", "capture", &text("plan.toml"), "--sim", "--bench", &text("bench.toml"), "--out", &text("s")];
+    let with = nacre(args.map(str::to_owned)).expect(0).json()["report"].take();
+    // The same photographs without those of the discs.
+    let frames = std::fs::read_to_string(path("s/frames.json")).unwrap();
+    let mut frames: Value = serde_json::from_str(&frames).unwrap();
+    frames["frames"].as_array_mut().unwrap().retain(|f| f["spot"].is_null());
+    std::fs::write(path("s/frames.json"), frames.to_string()).unwrap();
+    let again = ["--json", "reconstruct", "spots", &text("s"), "--out", &text("without")];
+    let without = nacre(again.map(str::to_owned)).expect(0).json();
+    let pixels = |report: &Value, what: &str| report["pixels"][what].as_u64().unwrap();
+    println!("with discs {}, {}; without {}", with["pixels"], with["discs"], without["pixels"]);
+    assert!(without["discs"].is_null() && with["discs"]["discs"] == 24, "{with}");
+    let decided = with["discs"]["decided"].as_u64().unwrap();
+    assert!(
+        decided > 0 && pixels(&with, "ambiguous") + decided == pixels(&without, "ambiguous"),
+        "seed {seed}: {with}"
+    );
+    // Of what they leave next to nothing is wrong, and of what they masked much was.
+    let truth = channel(&truth(&path("bench.toml"), &path("truth")), "period");
+    let off = |folder: &str| {
+        let found = channel(&read_exr(&path(folder).join("period.exr")).unwrap(), "period");
+        let span = |at: usize| (6 * at).saturating_sub(12)..(6 * at + 18).min(384);
+        let near = |i: usize| span(i / 64).flat_map(move |y| span(i % 64).map(move |x| y * 384 + x));
+        let wrong = |i: &usize| found[*i].is_finite() && near(*i).all(|k| (found[*i] / truth[k] - 1.0).abs() > 0.05);
+        (0..found.len()).filter(wrong).count()
+    };
+    let [left, before] = ["s/results", "without"].map(off);
+    println!("{left} pixels are off with discs, {before} without");
+    assert!(before >= 20 && left * 5 <= before, "seed {seed}: {left} of {before}");
+}
+
 #[test]
 fn what_is_no_spot_scan_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,6 @@
 //! How near to the best iteration a deconvolution stops by itself, over scenes, blurs, noises, and point spread functions that are
-//! right, too narrow and too wide: `cargo run --release --example stopping`.
+//! right, too narrow and too wide; and how near it would be, were it told the photograph without its noise and stopped where the
+//! estimate, blurred, is closest to that: `cargo run --release --example stopping`.
 
 use nacre_processing::bokeh::deconvolution::{Deconvolution, Image, Iterations, Method, Noise, Psf, deconvolve};
 use nacre_processing::progress::Silent;
@@ -68,48 +69,82 @@ fn scene(kind: usize) -> Vec<f64> {
     (0..ALL * ALL).map(one).collect()
 }
 
-/// Blurred with a Gaussian, by the definition.
-fn blurred(image: &[f64], sigma: f64) -> Vec<f64> {
+/// A square of this side blurred with a Gaussian, by the definition.
+fn blurred(image: &[f64], side: usize, sigma: f64) -> Vec<f64> {
     let reach = (5.0 * sigma).ceil() as i64;
     let taps: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
     let sum: f64 = taps.iter().sum();
     let pass = |image: &[f64], step: usize| -> Vec<f64> {
         let at = |i: usize| {
-            let place = (i / step % ALL) as i64;
+            let place = (i / step % side) as i64;
             let tap = |(k, tap): (i64, &f64)| {
-                let to = (place + k).clamp(0, ALL as i64 - 1);
+                let to = (place + k).clamp(0, side as i64 - 1);
                 tap * image[(i as i64 + (to - place) * step as i64) as usize]
             };
             (-reach..=reach).zip(&taps).map(tap).sum::<f64>() / sum
         };
         (0..image.len()).map(at).collect()
     };
-    pass(&pass(image, 1), ALL)
+    pass(&pass(image, 1), side)
 }
 
 fn cropped(image: &[f64]) -> Vec<f64> {
     (0..SIDE * SIDE).map(|i| image[(i / SIDE + MARGIN) * ALL + i % SIDE + MARGIN]).collect()
 }
 
-/// Error where it stops over the least error.
-fn ratio(light: &[f32], truth: &[f64], psf: &Psf, noise: Noise, method: &Method) -> nacre_processing::Result<[f64; 3]> {
-    let image = Image { width: SIDE, height: SIDE, light };
-    let error = |light: &[f32]| {
-        let square: f64 = light.iter().zip(truth).map(|(f, t)| (f64::from(*f) - t).powi(2)).sum();
-        (square / truth.len() as f64).sqrt()
-    };
+/// A photograph, and what it was made of.
+struct Photograph<'a> {
+    truth: &'a [f64],
+    /// Blurred, before the noise, and by how much.
+    soft: &'a [f64],
+    sigma: f64,
+    light: &'a [f32],
+}
+
+/// Root mean square of a difference.
+fn rms(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let (square, count) = pairs.fold((0.0, 0.0), |(sum, n), (a, b)| (sum + (a - b).powi(2), n + 1.0));
+    (square / f64::max(count, 1.0)).sqrt()
+}
+
+/// How far what is predicted is from the photograph without its noise, apart from its edges.
+fn astray(light: &[f32], photograph: &Photograph) -> f64 {
+    let estimate: Vec<f64> = light.iter().map(|v| f64::from(*v)).collect();
+    let again = blurred(&estimate, SIDE, photograph.sigma);
+    let edge = (3.0 * photograph.sigma).ceil() as usize;
+    let inner = |i: &usize| [i % SIDE, i / SIDE].iter().all(|k| (edge..SIDE - edge).contains(k));
+    rms((0..SIDE * SIDE).filter(inner).map(|i| (again[i], photograph.soft[i])))
+}
+
+/// Where it stopped, and errors over the least error.
+struct Stopped {
+    at: usize,
+    best_at: usize,
+    ratio: f64,
+    /// Of a stop that is told the photograph without its noise.
+    told: f64,
+}
+
+fn stopped(photograph: &Photograph, psf: &Psf, noise: Noise, method: &Method) -> nacre_processing::Result<Stopped> {
+    let image = Image { width: SIDE, height: SIDE, light: photograph.light };
+    let error = |light: &[f32]| rms(light.iter().map(|v| f64::from(*v)).zip(photograph.truth.iter().copied()));
     let mut steps = Deconvolution::new(&image, psf, Some(noise), method)?;
-    let (mut best, mut at) = (f64::INFINITY, 0);
+    let (mut best, mut best_at) = (f64::INFINITY, 0);
+    let (mut nearest, mut told) = (f64::INFINITY, f64::INFINITY);
     for k in 1..=LONGEST {
         steps.compare();
         steps.update();
-        let now = error(&steps.light());
+        let light = steps.light();
+        let (now, off) = (error(&light), astray(&light, photograph));
         if now < best {
-            (best, at) = (now, k);
+            (best, best_at) = (now, k);
+        }
+        if off < nearest {
+            (nearest, told) = (off, now);
         }
     }
     let found = deconvolve(&image, psf, Some(noise), method, Iterations::Auto(LONGEST), &Silent)?;
-    Ok([error(&found.light) / best, found.iterations as f64, at as f64])
+    Ok(Stopped { at: found.iterations, best_at, ratio: error(&found.light) / best, told: told / best })
 }
 
 #[allow(clippy::print_stdout)]
@@ -118,29 +153,35 @@ fn main() -> nacre_processing::Result<()> {
         [("noise known", true, 1.0), ("noise known, plain", false, 1.0), ("noise 10 % too small", true, 0.81)]
     {
         for width in [0.8, 0.9, 1.0, 1.1, 1.25] {
-            let (mut sum, mut worst, mut above, mut count) = (0.0, 0.0_f64, vec![], 0.0);
+            let (mut sum, mut worst, mut above, mut told) = (0.0, 0.0_f64, vec![], 0);
+            let mut count = 0;
             for (kind, label) in SCENES.iter().enumerate() {
                 let sharp = scene(kind);
                 let truth = cropped(&sharp);
                 for sigma in [1.2, 2.5, 4.0] {
-                    let soft = cropped(&blurred(&sharp, sigma));
+                    let soft = cropped(&blurred(&sharp, ALL, sigma));
                     for full in [300.0, 3000.0, 30_000.0] {
                         let floor = (READ_NOISE_E / full).powi(2);
                         let noisy = |(i, v): (usize, &f64)| (v + (v / full + floor).sqrt() * normal(7, i)) as f32;
                         let light: Vec<f32> = soft.iter().enumerate().map(noisy).collect();
                         let noise = Noise { shot: off / full, floor: off * floor };
                         let method = Method { accelerate, ..Method::default() };
-                        let [r, at, best] = ratio(&light, &truth, &Psf::gaussian(sigma * width)?, noise, &method)?;
-                        (sum, worst, count) = (sum + r, worst.max(r), count + 1.0);
-                        if r > 1.1 {
-                            above.push(format!("{label} σ {sigma} {full} e⁻: {r:.2} ({at} for {best})"));
+                        let photograph = Photograph { truth: &truth, soft: &soft, sigma, light: &light };
+                        let Stopped { at, best_at, ratio, told: by_truth } =
+                            stopped(&photograph, &Psf::gaussian(sigma * width)?, noise, &method)?;
+                        (sum, worst, count) = (sum + ratio, worst.max(ratio), count + 1);
+                        told += usize::from(by_truth > 1.1);
+                        if ratio > 1.1 {
+                            above.push(format!(
+                                "{label} σ {sigma} {full} e⁻: {ratio:.2} ({at} for {best_at}); told {by_truth:.2}"
+                            ));
                         }
                     }
                 }
             }
             println!(
-                "{name}, PSF {width} as wide: mean {:.3}, worst {worst:.2}, {} of {count} above 1.1",
-                sum / count,
+                "{name}, PSF {width} as wide: mean {:.3}, worst {worst:.2}, {} of {count} above 1.1; {told}, were it told",
+                sum / f64::from(count),
                 above.len()
             );
             if accelerate && off == 1.0 && width == 1.0 {

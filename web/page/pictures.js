@@ -3,7 +3,7 @@
 import { get, makeDownload, picture, post, send, show } from "./api.js";
 import { facts, field, figures, h, panel, say, segments, select, svg } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
-import { bytes, duration, fixed, percent, plain, significant, words } from "./format.js";
+import { bytes, count, duration, fixed, percent, plain, significant, words } from "./format.js";
 import { boardFields, foilFields, mapFields } from "./assetforms.js";
 import { reportOfCalibration, reportOfFoil, reportOfMap, warned } from "./assetreports.js";
 import { bokehFields } from "./bokehform.js";
@@ -199,7 +199,7 @@ function reportOfTable(report) {
 
 /** A spot scan's report. */
 function reportOfSpots(report) {
-  const { pixels, seconds = {}, warnings = [], mirror_offset_deg: mirror } = report;
+  const { pixels, seconds = {}, warnings = [], mirror_offset_deg: mirror, discs } = report;
   const all = report.width * report.height;
   const percents = (value) => (value === null ? "unknown" : percent(value, 2));
   return h("div", { class: "stack" }, warned(warnings),
@@ -215,6 +215,7 @@ function reportOfSpots(report) {
       ["No order in reach", percent(pixels.no_order / all, 1)],
       ["No single grating", percent(pixels.unexplained / all, 1)],
       ["Two gratings", percent(pixels.ambiguous / all, 1)],
+      ["Discs", discs && `${discs.discs}: decided ${count(discs.decided)} pixels, contradicted ${count(discs.contradicted)}`],
       ["Dark or saturated", percent((pixels.dark + pixels.unusable) / all, 1)],
       ["Mirror direction", mirror && `${fixed(mirror[0], 3)}°, ${fixed(mirror[1], 3)}° from the geometry`],
       ["Aperture", `${fixed(report.aperture_mm, 1)} mm`],

@@ -52,7 +52,7 @@ export function methodsOf(form) {
   const one = form.angles === "none" || (form.angles === "list" && !/[\s,;]/.test(form.list.trim()));
   if (!one || form.kind === "polarization") return [];
   const merged = ["several", "bracket"].includes(exposingOf(form)) ? ["hdr", "lut", "bokeh"] : [];
-  const names = { exposures: merged, flash: [...merged, "flash"], spots: form.lights === "fringes" ? ["spots"] : [] }[form.kind] ?? [];
+  const names = { exposures: merged, flash: [...merged, "flash"], spots: form.lights === "discs" ? [] : ["spots"] }[form.kind] ?? [];
   return names.map((name) => [name, METHODS[name]]);
 }
 

@@ -5,7 +5,9 @@ use crate::commands::said;
 use crate::console::Console;
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
-use nacre_processing::render::{Report, Scene, Settings, exposure, gallery_skin, render, write_picture, write_png};
+use nacre_processing::render::{
+    Report, Scene, Settings, exposure, gallery, gallery_scene, gallery_skin, render, write_picture, write_png,
+};
 use nacre_processing::surface::height::{self, Scale};
 use nacre_processing::surface::output::vacant;
 use std::fmt::Write;
@@ -20,6 +22,7 @@ Examples:
   nacre render foil.toml --out foil.exr --keep foil.state.exr          Ctrl-C, and later the same with --resume
   nacre render foil.toml --out turning --frames 36 --turn light       a folder of 36 pictures
   nacre render --gallery gallery                                       scenes to start from, rendered
+  nacre render --gallery gallery --scenes cd,cd-room                   only these
   nacre render --gallery gallery --skin elaphe.png --pixel-um 0.08 --range-um 0.43
 
 A scene (nacre schema scene):
@@ -55,6 +58,9 @@ pub struct Args {
     /// Write scenes to start from into this folder, and render them.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "out", "frames", "keep"])]
     gallery: Option<PathBuf>,
+    /// With --gallery: only these scenes, such as cd,cd-room.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "gallery")]
+    scenes: Vec<String>,
     /// With --gallery: the snake once more, with the skin that this height field measures (image, EXR or text, as for nacre brdf map).
     #[arg(long, value_name = "FILE", requires = "gallery")]
     skin: Option<PathBuf>,
@@ -116,7 +122,7 @@ const MOST_FRAMES: usize = 10_000;
 /// Renders.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     if let Some(folder) = &args.gallery {
-        return gallery(args, folder, console);
+        return render_gallery(args, folder, console);
     }
     let (Some(scene), Some(out)) = (&args.scene, &args.out) else {
         return Err(Error::input("scene", "is none", "give a scene and --out FILE.exr").into());
@@ -204,15 +210,22 @@ fn animation(
     args.judge(noise)
 }
 
-fn gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), Failure> {
+fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), Failure> {
     let scale = Scale { pixel_um: args.pixel_um, range_um: args.range_um };
     let skin = args.skin.as_ref().map(|path| height::read(path, &scale)).transpose()?;
     let target = OutputFolder::begin(folder, args.force)?;
-    let mut scenes = nacre_processing::render::gallery(&target)?;
-    if let Some(skin) = &skin {
+    let measured = skin.map(|skin| gallery_skin(&target, &skin)).transpose()?;
+    let measured = measured.iter().flatten().map(|name| (*name).to_owned());
+    let scenes: Vec<String> = if args.scenes.is_empty() {
         // First, so that a skin that is too coarse is refused before the others are rendered.
-        scenes.splice(0..0, gallery_skin(&target, skin)?.map(str::to_owned));
-    }
+        measured.chain(gallery(&target)?).collect()
+    } else {
+        let measured: Vec<String> = measured.collect();
+        for name in args.scenes.iter().filter(|name| !measured.contains(name)) {
+            gallery_scene(&target, name)?;
+        }
+        args.scenes.clone()
+    };
     let (mut reports, mut text, mut noise) = (vec![], String::new(), 0.0_f64);
     for name in scenes {
         let path = target.path(&format!("{name}.toml"));

@@ -67,6 +67,8 @@ pub struct Grating {
     pub residual: f64,
     /// Weight of both first orders over that of all light.
     pub first: f64,
+    /// Light of the orders from −3 to 3, the mirrored light in the middle, where the panel is white.
+    pub weights: [f32; 7],
 }
 
 /// What became of a pixel: a grating, and where two explain it, both.

@@ -8,6 +8,7 @@
 mod answer;
 mod carriers;
 mod choose;
+mod discs;
 mod input;
 mod optics;
 mod output;
@@ -27,6 +28,7 @@ mod tests;
 pub use answer::{Answer, Demands, Grating, Solution, Verdict};
 pub use carriers::{Search, frequencies};
 pub use choose::{LEAST_FRINGES, Prediction, Request, Setting, cheapest, predict};
+pub use discs::Told;
 pub use optics::{Landing, Optics, Place, carrier};
 pub use polarization::{Helped, Orientations};
 pub use reconstruct::{check_input, reachable, reconstruct};

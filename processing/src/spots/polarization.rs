@@ -122,6 +122,7 @@ mod tests {
             mirror_offset: [0.0; 2],
             residual: 1.0,
             first: 0.6,
+            weights: [0.0; 7],
         }
     }
 

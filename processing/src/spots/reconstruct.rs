@@ -1,6 +1,7 @@
 //! The whole job: a session of fringes to maps, pictures and a report in a new folder.
 
 use super::answer::{Demands, Verdict};
+use super::discs;
 use super::input::Bench;
 use super::optics::Optics;
 use super::output::Output;
@@ -65,6 +66,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     }
     let calibrated = begun.elapsed().as_secs_f64();
     let mut found = scan(&signals, &optics, &points, demands, progress)?;
+    let discs = discs::told(&frames, &optics, &points, &mut found, progress)?;
     let polarization = orientations.and_then(|o| o.help(&mut found));
     let solved = begun.elapsed().as_secs_f64();
     progress.stage("writing", 1);
@@ -100,6 +102,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
         residual: median(resolved().map(|g| g.residual).collect()),
         aperture_mm: optics.aperture_mm,
         response: signals.response,
+        discs,
         polarization,
         seconds: Seconds::default(),
     };

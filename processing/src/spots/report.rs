@@ -46,6 +46,9 @@ pub struct Report {
     pub aperture_mm: f64,
     /// How the panel answers.
     pub response: Response,
+    /// What photographs of discs did, where there are at least four.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub discs: Option<super::discs::Told>,
     /// What the map of polarization did, where one was given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub polarization: Option<super::polarization::Helped>,

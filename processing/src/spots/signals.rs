@@ -244,14 +244,19 @@ fn mean_light(decoded: &LinearFrame<'_>, width: usize, height: usize) -> f64 {
     (0..height).into_par_iter().map(row).sum::<f64>() / (width * height) as f64
 }
 
-/// Variance of a component per mean light, and without light.
-fn noise(frames: &LoadedFrames, carriers: &[Carrier], linearizer: &Linearizer) -> [f64; 2] {
+/// Variance of a frame's light per light, and without light, as a part of white.
+pub fn frame_noise(frames: &LoadedFrames, linearizer: &Linearizer) -> [f64; 2] {
     let first = frames.set.frames.first();
     // A small sensor where nothing is known, so that σ errs to the large side.
     let assumed = NoiseModel { full_scale_e: 5000.0, read_noise_e: 10.0 };
     let model = frames.set.noise.unwrap_or(assumed);
     let frame = model.frame(first.and_then(|f| f.gain).unwrap_or(1.0), 1.0, linearizer.step());
+    [frame.shot, frame.floor]
+}
+
+/// Variance of a component per mean light, and without light.
+fn noise(frames: &LoadedFrames, carriers: &[Carrier], linearizer: &Linearizer) -> [f64; 2] {
     let variance = carriers.iter().map(|c| c.variance).sum::<f64>() / carriers.len().max(1) as f64;
     // The frame that is subtracted has the floor's variance too, but it is the same for all phases, so that it drops out.
-    [variance * frame.shot, variance * frame.floor]
+    frame_noise(frames, linearizer).map(|v| variance * v)
 }

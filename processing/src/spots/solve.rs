@@ -179,6 +179,7 @@ impl Solver<'_> {
             mirror_offset: state.offset,
             residual,
             first: first / state.weights.iter().sum::<f64>().max(1e-12),
+            weights: state.weights.map(|w| w as f32),
         })
     }
 

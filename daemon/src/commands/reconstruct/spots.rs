@@ -125,6 +125,14 @@ fn summary(report: &Report) -> String {
         );
     }
     let _ = writeln!(text, "panel     exponent {:.3} of the assumed one", report.response.power);
+    if let Some(d) = &report.discs {
+        let said = d.residual.map_or("unknown".into(), |r| format!("{r:.2}"));
+        let _ = writeln!(
+            text,
+            "discs     {} photographs, {} pixels decided, {} contradicted; residual {said}",
+            d.discs, d.decided, d.contradicted
+        );
+    }
     if let Some(h) = &report.polarization {
         let _ = writeln!(
             text,
