@@ -143,10 +143,12 @@ struct Case {
 }
 
 /// Devices, their faults, and after how many commands each comes: a few from the first to the last, or all of them for the devices that
-/// `NACRE_EVERY_STEP` names (`all`, or `relay,bulk`).
+/// `NACRE_EVERY_STEP` names (`all`, `relay,bulk`, or `relay:garbage`).
 fn cases(whole: &[(String, Vec<u8>)]) -> Vec<Case> {
     let every = std::env::var("NACRE_EVERY_STEP").unwrap_or_default();
-    let every = |device: &str| every.split(',').any(|named| named == "all" || named == device);
+    let every = |device: &str, fault: &str| {
+        every.split(',').any(|named| ["all", device, &format!("{device}:{fault}")].contains(&named))
+    };
     let mut cases = vec![];
     for (device, faults, some) in [
         ("elliptec", &WIRE[..], &[0, 7, 16, 30][..]),
@@ -157,8 +159,9 @@ fn cases(whole: &[(String, Vec<u8>)]) -> Vec<Case> {
         ("camera", &["silent", "lost", "wrong_size", "damaged"], &[0, 9, 20]),
         ("display", &["silent", "lost", "other_pattern"], &[0, 2, 4]),
     ] {
-        let steps = if every(device) { (0..commands(device, faults[0], whole)).collect() } else { some.to_vec() };
+        let all = faults.iter().any(|f| every(device, f)).then(|| commands(device, faults[0], whole));
         for (fault, once) in faults.iter().flat_map(|fault| [(fault, true), (fault, false)]) {
+            let steps = all.filter(|_| every(device, fault)).map_or(some.to_vec(), |all| (0..all).collect());
             cases.extend(steps.iter().map(|after| Case { device, fault, after: *after, once }));
         }
     }
@@ -212,8 +215,13 @@ fn every_fault_at_every_step_is_passed_over_or_named_and_the_session_completed()
     assert!(named * 3 > outcomes.len() && named * 10 < 9 * outcomes.len());
 }
 
-/// Takes a session; returns what the user was told, if it did not end well.
+/// Takes a session; returns what the user was told, if it did not end well. One that ends for a device that has no fault is taken once more:
+/// on a machine with much to do another emulator may be late.
 fn session_with(case: Case, whole: &[(String, Vec<u8>)]) -> Option<String> {
+    session(case, whole, true).unwrap_or_else(|| session(case, whole, false).unwrap_or_default())
+}
+
+fn session(case: Case, whole: &[(String, Vec<u8>)], again: bool) -> Option<Option<String>> {
     let Case { device, fault, after, once } = case;
     let name = format!("{device} {fault} after {after}{}", if once { " once" } else { "" });
     let place = Place::with_bench(PLAN, BENCH);
@@ -254,6 +262,10 @@ fn session_with(case: Case, whole: &[(String, Vec<u8>)]) -> Option<String> {
                 "display" => "simulated panel",
                 other => other,
             };
+            if again && !stderr.contains(says) {
+                println!("{name}, taken again: {stderr}");
+                return None;
+            }
             assert!(stderr.contains(says), "{name}: {stderr}");
             Some(stderr.trim().trim_start_matches("nacre: ").to_owned())
         }
@@ -269,7 +281,7 @@ fn session_with(case: Case, whole: &[(String, Vec<u8>)]) -> Option<String> {
         }
     }
     assert!(data(&place.path("s")) == whole, "{name}: the data differ ({stderr})");
-    told
+    Some(told)
 }
 
 /// Device, fault, and what happens at each step, as a table.

@@ -110,6 +110,17 @@ pub struct Deconvolution {
     iterations: usize,
 }
 
+/// How far the blurred estimate is from the photograph.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Misfit {
+    /// Mean of the squares over their variances: 1 where it is the noise's and nothing was fitted yet, 0 where no noise was given.
+    pub found: f64,
+    /// What noise leaves of that: the share of the degrees of freedom that were not spent.
+    pub expected: f64,
+    /// Squared error that another photograph is expected to be predicted with, over the mean variance and but for a constant (Mallows 1973).
+    pub cost: f64,
+}
+
 /// What acceleration remembers.
 struct Leaps {
     /// The last two estimates; [`Deconvolution::estimate`] is the point that was extrapolated from them.
@@ -169,22 +180,21 @@ impl Deconvolution {
             far: 0.0,
         });
         let shifted = image.light.iter().filter(|v| v.is_finite()).map(|v| v + weights.shift);
-        let freedom = Freedom::new(psf.power(Freedom::frequencies()), shifted, weights.shift);
+        let freedom = Freedom::new(psf.power(Freedom::frequencies()), shifted, &weights);
         let ratio = plane();
         let size = [width, height];
         let iterations = 0;
         Ok(Self { blur, margin, size, known, weights, measured, ratio, gain, estimate, leaps, freedom, iterations })
     }
 
-    /// Blurs the estimate and compares it with the photograph. Returns the mean squared misfit over the variance, 1 where it is the
-    /// noise's and nothing was fitted yet, and the share of the degrees of freedom that were not spent; the first makes sense only
-    /// where a noise was given (it is 0 without).
-    pub fn compare(&mut self) -> [f64; 2] {
+    /// Blurs the estimate and compares it with the photograph.
+    pub fn compare(&mut self) -> Misfit {
         let (measured, weights) = (&self.measured, self.weights);
         let count = weights.slope + weights.rest > 0.0;
-        let works = self.ratio.bands().map(|out| Ratio { measured, out, weights, count, misfit: 0.0 });
-        let [misfit, _] = self.blur.apply(&self.estimate, false, works);
-        [misfit / self.known as f64, self.freedom.left()]
+        let works = self.ratio.bands().map(|out| Ratio { measured, out, weights, count, misfit: [0.0; 2] });
+        let [weighted, plain] = self.blur.apply(&self.estimate, false, works).map(|sum| sum / self.known as f64);
+        let [expected, unspent] = self.freedom.left();
+        Misfit { found: weighted, expected, cost: plain / self.freedom.variance() - 2.0 * unspent }
     }
 
     /// Improves the estimate, by what the last [`Self::compare`] found.

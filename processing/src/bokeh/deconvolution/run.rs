@@ -1,6 +1,6 @@
 //! All iterations.
 
-use super::{Deconvolution, Image, Method, Noise, Psf};
+use super::{Deconvolution, Image, Method, Misfit, Noise, Psf};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use schemars::JsonSchema;
@@ -64,17 +64,16 @@ pub fn deconvolve(
     }
     let mut run = Deconvolution::new(image, psf, noise, method)?;
     progress.stage("deconvolving", most as u64);
-    let mut last = [f64::INFINITY, 1.0];
+    let none = Misfit { found: f64::INFINITY, expected: 1.0, cost: f64::INFINITY };
+    let mut last = none;
     let mut converged = !auto;
     while run.iterations() < most {
         progress.check()?;
         let now = run.compare();
-        // Mallows' Cp but for a constant.
-        let cost = |[misfit, left]: [f64; 2]| misfit - 2.0 * left;
-        if auto && cost(now) >= cost(last) {
+        if auto && now.cost >= last.cost {
             // An extrapolation may have gone too far.
             if run.settle() {
-                last = [f64::INFINITY, 1.0];
+                last = none;
                 continue;
             }
             converged = true;
@@ -84,6 +83,6 @@ pub fn deconvolve(
         last = now;
         progress.step();
     }
-    let [misfit, expected] = last;
+    let Misfit { found: misfit, expected, .. } = last;
     Ok(Deconvolved { light: run.light(), iterations: run.iterations(), converged, misfit, expected })
 }

@@ -27,8 +27,8 @@ pub(super) struct Ratio<'a> {
     pub weights: Weights,
     /// Whether misfits are wanted.
     pub count: bool,
-    /// Sum of the squared misfits over their variances.
-    pub misfit: f64,
+    /// Sums of the squared misfits over their variances, and of the squared misfits.
+    pub misfit: Sums,
 }
 
 impl Rows for Ratio<'_> {
@@ -46,17 +46,26 @@ impl Rows for Ratio<'_> {
         }
         let one = |measured: f32, blurred: f32| {
             let (expected, known) = (expected(blurred), if measured == 0.0 { 0.0 } else { 1.0 });
-            known * (measured - expected) * (measured - expected) / (slope * expected + rest)
+            let square = known * (measured - expected) * (measured - expected);
+            [square / (slope * expected + rest), square]
         };
         let ((measured, left), (blurred, over)) = (measured.as_chunks::<LANES>(), blurred.as_chunks::<LANES>());
-        let mut lanes = [0.0_f32; LANES];
+        let (mut weighted, mut plain) = ([0.0_f32; LANES], [0.0_f32; LANES]);
         for (measured, blurred) in measured.iter().zip(blurred) {
             for lane in 0..LANES {
-                lanes[lane] += one(measured[lane], blurred[lane]);
+                let [over_variance, square] = one(measured[lane], blurred[lane]);
+                weighted[lane] += over_variance;
+                plain[lane] += square;
             }
         }
-        let tail = left.iter().zip(over).map(|(measured, blurred)| one(*measured, *blurred));
-        self.misfit += f64::from(lanes.iter().sum::<f32>() + tail.sum::<f32>());
+        for (measured, blurred) in left.iter().zip(over) {
+            let [over_variance, square] = one(*measured, *blurred);
+            weighted[0] += over_variance;
+            plain[0] += square;
+        }
+        for (sum, lanes) in self.misfit.iter_mut().zip([weighted, plain]) {
+            *sum += f64::from(lanes.iter().sum::<f32>());
+        }
     }
 }
 
@@ -66,7 +75,7 @@ impl Work for Ratio<'_> {
     }
 
     fn sums(&self) -> Sums {
-        [self.misfit, 0.0]
+        self.misfit
     }
 }
 

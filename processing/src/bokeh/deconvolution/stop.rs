@@ -4,9 +4,11 @@
 //! its freedom must lie closer to the data than the noise alone, and how much closer is known: were the light even, an iteration
 //! would leave of each frequency of the misfit the share `1 - κ |H|²`, whatever is in it, with `H` the transfer of the point spread
 //! function. The sum of what is left is the number of degrees of freedom that were not spent. The estimate is then expected to
-//! predict another photograph best where `misfit / n - 2 · left / n` is least (Mallows 1973), and the first iteration that does not
+//! predict another photograph best where `Σ misfit² - 2 · Σ variance · left` is least (Mallows 1973), and the first iteration that does not
 //! lower it any more is the last; where it began at an extrapolated point, it is tried once more from the estimate itself. That
 //! depends on differences of the misfit, so that noise known to a few per cent is enough.
+
+use super::steps::Weights;
 
 /// Frequencies along each axis.
 const FREQUENCIES: usize = 32;
@@ -20,8 +22,10 @@ type Left = Vec<f64>;
 /// Degrees of freedom that were not spent yet.
 pub(super) struct Freedom {
     power: Vec<f64>,
-    /// How much of the photograph has each speed.
-    shares: [f64; 6],
+    /// How much of the photograph, and of its variance, has each speed.
+    shares: [[f64; 6]; 2],
+    /// Mean variance.
+    variance: f64,
     /// Of the estimate, of the one before, and of the point the next one starts from.
     now: [Left; 6],
     before: [Left; 6],
@@ -30,19 +34,21 @@ pub(super) struct Freedom {
 
 impl Freedom {
     /// `power` of the point spread function, see [`Psf::power`](super::Psf), and the light of the pixels with the shift.
-    pub(super) fn new(power: Vec<f64>, shifted: impl Iterator<Item = f32>, shift: f32) -> Self {
-        let mut shares = [0.0; 6];
-        let mut count = 0.0;
+    pub(super) fn new(power: Vec<f64>, shifted: impl Iterator<Item = f32>, weights: &Weights) -> Self {
+        let mut shares = [[0.0; 6]; 2];
+        let Weights { shift, slope, rest } = *weights;
         for light in shifted {
             let speed = f64::from((1.0 - shift / light.max(f32::MIN_POSITIVE)).clamp(0.0, 1.0));
             let nearest = SPEEDS.windows(2).take_while(|pair| speed > 0.5 * (pair[0] + pair[1])).count();
-            shares[nearest] += 1.0;
-            count += 1.0;
+            shares[0][nearest] += 1.0;
+            shares[1][nearest] += f64::from(slope * light.max(0.0) + rest);
         }
+        let sums = shares.map(|s| s.iter().sum::<f64>().max(f64::MIN_POSITIVE));
         let all: [Left; 6] = std::array::from_fn(|_| vec![1.0; power.len()]);
         Self {
             power,
-            shares: shares.map(|s| s / f64::max(count, 1.0)),
+            variance: sums[1] / sums[0],
+            shares: [0, 1].map(|of| shares[of].map(|s| s / sums[of])),
             now: all.clone(),
             before: all.clone(),
             start: all,
@@ -54,10 +60,16 @@ impl Freedom {
         FREQUENCIES
     }
 
-    /// Share that the next iteration starts with.
-    pub(super) fn left(&self) -> f64 {
+    /// Mean variance of the photograph.
+    pub(super) fn variance(&self) -> f64 {
+        self.variance
+    }
+
+    /// Share that the next iteration starts with, of pixels and of variance.
+    pub(super) fn left(&self) -> [f64; 2] {
         let mean = |left: &Left| left.iter().sum::<f64>() / left.len().max(1) as f64;
-        self.shares.iter().zip(&self.start).map(|(share, left)| share * mean(left)).sum()
+        let means = self.start.each_ref().map(mean);
+        self.shares.map(|shares| shares.iter().zip(means).map(|(share, left)| share * left).sum())
     }
 
     /// The next iteration starts from the estimate itself.
