@@ -1,7 +1,7 @@
 //! Sessions through the real drivers, down to the bytes: emulated devices turn the simulated bench's analyser and switch its
 //! flash, and what is captured equals what the simulated devices give.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout)]
 
 use nacre_tests::{BENCH, BenchProcess, PLAN, Place, Run, data, light, nacre};
 use std::fmt::Write;

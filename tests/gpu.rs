@@ -168,14 +168,10 @@ fn the_browser_shows_what_the_processor_renders() {
             "{view}.change({{ pan: {pan}, tilt: {tilt}, azimuth: {azimuth}, elevation: {elevation}, quality: 0.0025 }}, false)"
         ));
         // A few at a time, and read: what takes long in one call is broken off.
-        let values = (0..16)
-            .map(|_| {
-                browser.run(&format!(
-                    "const p = {view}.painter; for (let k = 0; k < 32; k++) p.add(32, 32, 1); return Array.from(p.pixels());"
-                ))
-            })
-            .last()
-            .unwrap();
+        let add = format!(
+            "const p = {view}.painter; for (let k = 0; k < 32; k++) p.add(32, 32, 1); return Array.from(p.pixels());"
+        );
+        let values = (0..16).fold(serde_json::Value::Null, |_, _| browser.run(&add));
         let values: Vec<f32> = values.as_array().unwrap().iter().map(|v| v.as_f64().unwrap() as f32).collect();
         let browsers: Picture = values.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
         let turned = |v| gpu::scenes::turned(v, tilt, pan);
