@@ -27,7 +27,7 @@ const JUMP: f64 = 3.5;
 const INSIDE: usize = 1000;
 
 /// And their neighbours, if at least so many do.
-const FLAT: usize = 20_000;
+const FLAT: usize = 6000;
 
 /// At most `count` pixels, evenly over the image, that are bright enough to have a polarization.
 pub fn cloud(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: usize) -> Vec<CloudPoint> {

@@ -121,7 +121,7 @@ impl Asked {
 }
 
 /// Pixels that models are fitted to and compared on.
-pub(crate) const CLOUD: usize = 100_000;
+pub(crate) const CLOUD: usize = 30_000;
 
 /// Orientations alone, with models fitted to and compared on so many pixels: for charts.
 pub(crate) fn orient_with(

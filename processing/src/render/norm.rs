@@ -22,6 +22,10 @@ const FINE: f64 = 2.0;
 const VIEWS: [usize; 2] = [33, 121];
 const NUMBERS: [usize; 2] = [12, 48];
 
+/// In views whose cosine is less, gains change within cells beyond this radius of the disc of direction cosines: they are integrated over.
+const FLAT: f64 = 0.35;
+const RIM: f64 = 0.9;
+
 /// A power density changes its course within half a turn of the deepest place's phase: linear between so many nodes of it.
 const NODES_PER_TURN: f64 = 16.0;
 const MOST_NODES: usize = 400;
@@ -71,22 +75,32 @@ impl Norm {
                     return 0.0;
                 }
                 let number = RANGE[0] + (RANGE[1] - RANGE[0]) * (k / (views * views)) as f64 / (numbers - 1) as f64;
-                places.albedo(norm.view(k % (views * views)), number) as f32
+                norm.node(&places, k % (views * views), number) as f32
             })
             .collect();
         progress.check()?;
         Ok(norm)
     }
 
-    /// Direction of a node; beyond the rim, that of the rim.
-    fn view(&self, k: usize) -> [f64; 3] {
+    /// Value at a node. Beyond the rim, where cubics near to it need values as well, it goes on as it came.
+    fn node(&self, places: &Places, k: usize, number: f64) -> f64 {
         let at = |k: usize| 2.0 * k as f64 / (self.views - 1) as f64 - 1.0;
         let [x, y] = [at(k % self.views), at(k / self.views)];
-        let shrink = 1.0 / x.hypot(y).max(1.0);
-        let [x, y] = [x * shrink, y * shrink];
-        let z = (1.0 - x * x - y * y).max(0.0);
-        let scale = (1.0 + z).sqrt();
-        [x * scale, y * scale, z]
+        let radius = x.hypot(y);
+        let of = |to: f64| {
+            let [x, y] = [x, y].map(|v| v * to / radius.max(1e-9));
+            let z = (1.0 - x * x - y * y).max(0.0);
+            let scale = (1.0 + z).sqrt();
+            places.albedo([x * scale, y * scale, z], number)
+        };
+        let beyond = radius - 1.0;
+        if beyond <= 0.0 {
+            of(radius)
+        } else if beyond < 6.0 / (self.views - 1) as f64 {
+            2.0 * of(1.0) - of(1.0 - beyond)
+        } else {
+            0.0
+        }
     }
 
     /// Albedo times cos θ of view.
@@ -149,6 +163,7 @@ impl Places {
     /// `∬ (1 + ωi·ωo)² / w² · P(f, q) ν² / cos θi dx dy`, which is the albedo times cos θ of view before anything is divided.
     fn albedo(&self, view: [f64; 3], number: f64) -> f64 {
         let (turn, sides) = (1.0 / number, self.sides.map(|s| s / number));
+        let flat = view[2] < FLAT;
         let mut sum = 0.0;
         for (f, power) in self.frequency.iter().zip(self.power.chunks_exact(self.nodes)) {
             let [x, y] = [f[0] * turn - view[0], f[1] * turn - view[1]];
@@ -156,16 +171,53 @@ impl Places {
             if square > 1.2 {
                 continue;
             }
-            let solid = solid_angle([x, y], sides, 1);
-            let z = (1.0 - square).max(0.0).sqrt();
-            let w = z + view[2];
-            let q = TAU * number * w * self.per_q;
-            let k = (q as usize).min(self.nodes - 2);
-            let share = q - k as f64;
-            let density = f64::from(power[k]) * (1.0 - share) + f64::from(power[k + 1]) * share;
-            let gain = (1.0 + x * view[0] + y * view[1] + z * view[2]) / w;
-            sum += density * gain * gain * solid;
+            let value = |x: f64, y: f64, z: f64| {
+                let w = (z + view[2]).max(1e-6);
+                let gain = (1.0 + x * view[0] + y * view[1] + z * view[2]) / w;
+                self.density(power, TAU * number * w) * gain * gain
+            };
+            sum += if flat && square > RIM * RIM {
+                at_rim([x, y], sides, value)
+            } else {
+                value(x, y, (1.0 - square).max(0.0).sqrt()) * solid_angle([x, y], sides, 1)
+            };
         }
         sum * number * number / self.share
     }
+
+    /// Power density of a place, from its nodes.
+    fn density(&self, power: &[f32], q: f64) -> f64 {
+        let q = q * self.per_q;
+        let k = (q as usize).min(self.nodes - 2);
+        let share = q - k as f64;
+        // What a shallow phase diffracts grows with its square.
+        let share = if k == 0 { share * share } else { share };
+        f64::from(power[k]) * (1.0 - share) + f64::from(power[k + 1]) * share
+    }
+}
+
+/// Integral over the solid angle of the part of a cell of the disc of direction cosines that is above the horizon: over x by Gauss
+/// in the angle whose sine it is, in which nothing is singular, over y in slices.
+fn at_rim([x, y]: [f64; 2], sides: [f64; 2], value: impl Fn(f64, f64, f64) -> f64) -> f64 {
+    const SLICES: usize = 2;
+    const GAUSS: [(f64, f64); 2] = [(-0.577_350_269_189_625_8, 0.5), (0.577_350_269_189_625_8, 0.5)];
+    let step = sides[1] / SLICES as f64;
+    let mut sum = 0.0;
+    for k in 0..SLICES {
+        let y = y + (k as f64 + 0.5) * step - 0.5 * sides[1];
+        let radius = (1.0 - y * y).max(0.0).sqrt();
+        if radius == 0.0 {
+            continue;
+        }
+        let angle = |x: f64| (x / radius).clamp(-1.0, 1.0).asin();
+        let (from, to) = (angle(x - 0.5 * sides[0]), angle(x + 0.5 * sides[0]));
+        if to > from {
+            let at = |(node, weight): (f64, f64)| {
+                let (sin, cos) = (0.5 * (from + to) + 0.5 * (to - from) * node).sin_cos();
+                weight * value(radius * sin, y, radius * cos)
+            };
+            sum += GAUSS.map(at).iter().sum::<f64>() * (to - from) * step;
+        }
+    }
+    sum
 }

@@ -128,9 +128,9 @@ impl Ready {
             warnings.extend(made.notes.warnings.iter().map(|w| format!("material {name}: {w}")));
             materials.push(made);
             if !skies.is_empty() && matches!(of.diffraction, Some(scene::Diffraction::Heightfield { .. })) {
-                // Measured in white skies to 75° of view, on one patch.
+                // Measured in white skies on two patches: 0.5 % to 80° of view, 4 % at 88°, 10 % at 89.5°.
                 warnings.push(format!(
-                    "material {name}: under an environment the energy of height fields is right to about 1 % per colour"
+                    "material {name}: under an environment height fields give back up to 10 % too much or too little at grazing views"
                 ));
             }
             names.push(name);

@@ -13,6 +13,9 @@ use std::f64::consts::TAU;
 const COARSE_UM: f64 = 32.0;
 const NORM_UM: f64 = 8.0;
 
+/// Running sums by which samples are drawn.
+const COURSES: usize = 8;
+
 /// A height field ready for use.
 pub(super) struct Relief {
     densities: Densities,
@@ -27,8 +30,8 @@ pub(super) struct Relief {
     turn: [f64; 2],
     norm: Norm,
     lossless: bool,
-    /// Running sum over frequencies, by which samples are drawn.
-    running: Vec<f64>,
+    /// Running sums over frequencies, by which samples are drawn, for each of some [`COURSES`] of q, from flat views to steep ones.
+    running: Vec<Vec<f64>>,
     /// How densities are computed, in words.
     pub why: String,
     /// The error that is predicted of lobes with a thousandth of the light.
@@ -79,21 +82,25 @@ impl Relief {
     }
 
     fn prepare(&mut self) {
-        let middle = TAU * 0.5 * (RANGE[0] + RANGE[1]) * 1.8;
         let count = ((2 * self.bins[0] + 1) * (2 * self.bins[1] + 1)) as usize;
-        let raw: Vec<f64> = (0..count)
-            .into_par_iter()
-            .map_init(Workspace::default, |w, k| self.coarse.at(self.frequency(k), middle, w))
-            .collect();
-        let floor = 1e-3 * raw.iter().sum::<f64>() / count as f64;
-        let mut sum = 0.0;
-        self.running = raw
-            .iter()
-            .map(|v| {
-                sum += v + floor;
-                sum
-            })
-            .collect();
+        let course = |k: usize| {
+            let q = 2.0 * TAU * RANGE[1] * (k as f64 + 0.5) / COURSES as f64;
+            let at = |w: &mut Workspace, k: usize| self.coarse.at(self.frequency(k), q, w);
+            let raw: Vec<f64> = (0..count).into_par_iter().map_init(Workspace::default, at).collect();
+            let floor = 1e-3 * raw.iter().sum::<f64>() / count as f64;
+            let sum = |sum: &mut f64, v: &f64| {
+                *sum += v + floor;
+                Some(*sum)
+            };
+            raw.iter().scan(0.0, sum).collect()
+        };
+        self.running = (0..COURSES).map(course).collect();
+    }
+
+    /// The running sum at the q of the mirror's direction: a surface that is seen flat is nearly a mirror.
+    fn running(&self, view: [f64; 3], number: f64) -> &[f64] {
+        let k = (view[2] * number / RANGE[1] * COURSES as f64) as usize;
+        &self.running[k.min(COURSES - 1)]
     }
 
     /// Frequency of a bin.
@@ -152,14 +159,24 @@ impl Relief {
         self.value(self.own(light), self.own(view), number, w, true)
     }
 
-    /// A direction of light at a wave number; it may lie below the horizon.
-    pub(super) fn sample(&self, view: [f64; 3], number: f64, u: [f64; 2]) -> Option<[f64; 3]> {
+    /// A direction of light at a wave number; it may lie below the horizon. Most are where the patch's spectrum is, the others near to the
+    /// horizon, the more the flatter the view, where the gain is.
+    pub(super) fn sample(&self, view: [f64; 3], number: f64, [u, v]: [f64; 2]) -> Option<[f64; 3]> {
         let view = self.own(view);
-        let last = self.running.len() - 1;
-        let wanted = u[0] * self.running[last];
-        let k = self.running.partition_point(|r| *r <= wanted).min(last);
-        let before = if k == 0 { 0.0 } else { self.running[k - 1] };
-        let within = [((wanted - before) / (self.running[k] - before)).clamp(0.0, 1.0), u[1]];
+        let rim = rim_share(view);
+        if u < rim {
+            let (sin, cos) = (TAU * v).sin_cos();
+            let z = rim_height(view, u / rim);
+            let flat = (1.0 - z * z).max(0.0).sqrt();
+            return Some([flat * cos, flat * sin, z]);
+        }
+        let u = [((u - rim) / (1.0 - rim)).min(1.0), v];
+        let running = self.running(view, number);
+        let last = running.len() - 1;
+        let wanted = u[0] * running[last];
+        let k = running.partition_point(|r| *r <= wanted).min(last);
+        let before = if k == 0 { 0.0 } else { running[k - 1] };
+        let within = [((wanted - before) / (running[k] - before)).clamp(0.0, 1.0), u[1]];
         let f = self.frequency(k);
         let [x, y] = [0, 1].map(|i| (f[i] + (within[i] - 0.5) * self.bin[i]) / number - view[i]);
         let square = x * x + y * y;
@@ -170,16 +187,31 @@ impl Relief {
     /// Density of [`Self::sample`] per solid angle.
     pub(super) fn density(&self, light: [f64; 3], view: [f64; 3], number: f64) -> f64 {
         let (light, view) = (self.own(light), self.own(view));
+        let rim = rim_share(view);
+        let z = view[2].max(1e-6);
+        let horizon = rim * z * (1.0 + z) / (TAU * (light[2] + z).powi(2));
         let at = [0, 1].map(|k| ((light[k] + view[k]) * number / self.bin[k]).round() as i64);
         let [w, h] = self.bins.map(i64::from);
         if at[0].abs() > w || at[1].abs() > h {
-            return 0.0;
+            return horizon;
         }
         let k = ((at[1] + h) * (2 * w + 1) + at[0] + w) as usize;
-        let before = if k == 0 { 0.0 } else { self.running[k - 1] };
-        let share = (self.running[k] - before) / self.running[self.running.len() - 1];
-        share / (self.bin[0] * self.bin[1]) * number * number * light[2]
+        let running = self.running(view, number);
+        let before = if k == 0 { 0.0 } else { running[k - 1] };
+        let share = (running[k] - before) / running[running.len() - 1];
+        horizon + (1.0 - rim) * share / (self.bin[0] * self.bin[1]) * number * number * light[2]
     }
+}
+
+/// Part of the directions that are drawn near to the horizon.
+fn rim_share(view: [f64; 3]) -> f64 {
+    0.5 * (1.0 - view[2])
+}
+
+/// Cosine of a direction whose density per solid angle is as `1 / w²`.
+fn rim_height([_, _, z]: [f64; 3], u: f64) -> f64 {
+    let z = z.max(1e-6);
+    (1.0 / (1.0 / z - u / (z * (1.0 + z))) - z).clamp(0.0, 1.0)
 }
 
 /// Stam's gain times both cosines: `(1 + ωi·ωo)² / w²`.

@@ -25,6 +25,7 @@ use crate::{Error, Result};
 use blur::Blur;
 use plane::Plane;
 use rayon::prelude::*;
+use std::ops::Range;
 use steps::{Inverse, Leap, Ratio, Update, Weights};
 use stop::Freedom;
 
@@ -97,7 +98,10 @@ pub struct Deconvolution {
     /// Pixels by which the estimate reaches beyond the photograph.
     margin: [usize; 2],
     size: [usize; 2],
-    /// Pixels that are known.
+    /// Columns and rows whose misfits count: what is blurred from beyond the edges can be anything, so that misfits there are smaller
+    /// than freedom that was spent says.
+    counted: [Range<usize>; 2],
+    /// Pixels that are known among them.
     known: usize,
     weights: Weights,
     /// Light with the shift of [`Weights`], 0 where it is not known.
@@ -127,8 +131,6 @@ struct Leaps {
     now: Plane,
     before: Plane,
     step: Plane,
-    /// How far the last extrapolation went, in steps.
-    far: f32,
 }
 
 impl Deconvolution {
@@ -177,22 +179,26 @@ impl Deconvolution {
             now: estimate.clone(),
             before: estimate.clone(),
             step: plane(),
-            far: 0.0,
         });
-        let shifted = image.light.iter().filter(|v| v.is_finite()).map(|v| v + weights.shift);
-        let freedom = Freedom::new(psf.power(Freedom::frequencies()), shifted, &weights);
+        let counted = match noise {
+            Some(_) => [(width, margin[0], right), (height, margin[1], up)].map(inner),
+            None => [0..0, 0..0],
+        };
+        let [columns, rows] = &counted;
+        let pixels = rows.clone().flat_map(|y| &measured.row(y)[columns.clone()]).filter(|v| **v != 0.0);
+        let known = pixels.clone().count();
+        let freedom = Freedom::new(psf.power(Freedom::frequencies()), pixels.copied(), &weights);
         let ratio = plane();
         let size = [width, height];
         let iterations = 0;
-        Ok(Self { blur, margin, size, known, weights, measured, ratio, gain, estimate, leaps, freedom, iterations })
+        Ok(Self { blur, margin, size, counted, known, weights, measured, ratio, gain, estimate, leaps, freedom, iterations })
     }
 
     /// Blurs the estimate and compares it with the photograph.
     pub fn compare(&mut self) -> Misfit {
-        let (measured, weights) = (&self.measured, self.weights);
-        let count = weights.slope + weights.rest > 0.0;
-        let works = self.ratio.bands().map(|out| Ratio { measured, out, weights, count, misfit: [0.0; 2] });
-        let [weighted, plain] = self.blur.apply(&self.estimate, false, works).map(|sum| sum / self.known as f64);
+        let (measured, weights, counted) = (&self.measured, self.weights, &self.counted);
+        let works = self.ratio.bands().map(|out| Ratio { measured, out, weights, counted, misfit: [0.0; 2] });
+        let [weighted, plain] = self.blur.apply(&self.estimate, false, works).map(|sum| sum / self.known.max(1) as f64);
         let [expected, unspent] = self.freedom.left();
         Misfit { found: weighted, expected, cost: plain / self.freedom.variance() - 2.0 * unspent }
     }
@@ -201,7 +207,7 @@ impl Deconvolution {
     pub fn update(&mut self) {
         let gain = self.gain.as_ref();
         self.iterations += 1;
-        let Some(Leaps { now, before, step, far: last }) = &mut self.leaps else {
+        let Some(Leaps { now, before, step }) = &mut self.leaps else {
             self.blur.apply(&self.ratio, true, self.estimate.bands().map(|estimate| Update { estimate, gain }));
             self.freedom.spend(0.0);
             return;
@@ -213,7 +219,6 @@ impl Deconvolution {
         let [across, square] = self.blur.apply(&self.ratio, true, works);
         // The first step has none before it.
         let far = if square > 0.0 { (across / square).clamp(0.0, 1.0) as f32 } else { 0.0 };
-        *last = far;
         let (now, before) = (&*now, &*before);
         self.estimate.bands().for_each(|mut band| {
             for y in band.first..band.first + band.rows() {
@@ -225,29 +230,24 @@ impl Deconvolution {
         self.freedom.spend(far.into());
     }
 
-    /// Goes back from an extrapolated point to the estimate it came from, and forgets in which direction that was going. False
-    /// where nothing was extrapolated.
-    pub fn settle(&mut self) -> bool {
-        let Some(leaps) = self.leaps.as_mut().filter(|leaps| leaps.far > 0.0) else { return false };
-        leaps.far = 0.0;
-        self.estimate.values.copy_from_slice(&leaps.now.values);
-        leaps.step.values.fill(0.0);
-        self.freedom.settle();
-        true
-    }
-
     /// Iterations that were done.
     pub fn iterations(&self) -> usize {
         self.iterations
     }
 
-    /// The estimate, as large as the photograph.
+    /// What [`Self::compare`] blurs, as large as the photograph.
     pub fn light(&self) -> Vec<f32> {
-        let plane = self.leaps.as_ref().map_or(&self.estimate, |leaps| &leaps.now);
         let [x, y] = self.margin;
-        let rows = (0..self.size[1]).flat_map(|row| &plane.row(row + y)[x..x + self.size[0]]);
+        let rows = (0..self.size[1]).flat_map(|row| &self.estimate.row(row + y)[x..x + self.size[0]]);
         rows.copied().collect()
     }
+}
+
+/// Places along an axis whose misfits count: `length` from `start` on, but for what the point spread function reaches of it from
+/// either end, or an eighth of it.
+fn inner((length, start, reach): (usize, usize, usize)) -> Range<usize> {
+    let edge = reach.min(length / 8);
+    start + edge..start + length - edge
 }
 
 /// Refuses what cannot be deconvolved; the number of known pixels and their mean.

@@ -9,11 +9,14 @@ use serde::{Deserialize, Serialize};
 /// Most iterations.
 pub const MAX_ITERATIONS: usize = 10_000;
 
+/// So many iterations are tried after the best one, which may be a local minimum.
+const PATIENCE: usize = 20;
+
 /// How many iterations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Iterations {
-    /// Until another one would fit more noise than structure, at most so many.
+    /// As many as find more structure than noise, at most so many.
     Auto(usize),
     /// So many.
     Count(usize),
@@ -31,11 +34,12 @@ impl Default for Iterations {
 pub struct Deconvolved {
     /// Light, as many values as the photograph has.
     pub light: Vec<f32>,
-    /// Iterations that were done.
+    /// Iterations that led to it.
     pub iterations: usize,
-    /// Whether they ended because another one would have fitted noise; true for a number that was asked for.
+    /// Whether they ended because more would have fitted noise; true for a number that was asked for.
     pub converged: bool,
-    /// Mean squared misfit over the variance of the noise, before the last iteration.
+    /// Mean squared misfit over the variance of the noise, of `light` or, where a number was asked for, before the last iteration; apart
+    /// from the edges.
     pub misfit: f64,
     /// What noise alone would leave of it.
     pub expected: f64,
@@ -64,25 +68,38 @@ pub fn deconvolve(
     }
     let mut run = Deconvolution::new(image, psf, noise, method)?;
     progress.stage("deconvolving", most as u64);
-    let none = Misfit { found: f64::INFINITY, expected: 1.0, cost: f64::INFINITY };
-    let mut last = none;
-    let mut converged = !auto;
+    if auto {
+        return likeliest(&mut run, most, progress);
+    }
+    let mut last = None;
     while run.iterations() < most {
         progress.check()?;
-        let now = run.compare();
-        if auto && now.cost >= last.cost {
-            // An extrapolation may have gone too far.
-            if run.settle() {
-                last = none;
-                continue;
-            }
-            converged = true;
-            break;
-        }
+        last = Some(run.compare());
         run.update();
-        last = now;
         progress.step();
     }
-    let Misfit { found: misfit, expected, .. } = last;
-    Ok(Deconvolved { light: run.light(), iterations: run.iterations(), converged, misfit, expected })
+    let (misfit, expected) = last.map_or((0.0, 0.0), |last| (last.found, last.expected));
+    Ok(Deconvolved { light: run.light(), iterations: most, converged: true, misfit, expected })
+}
+
+/// Of the first iterations, at most so many, the one whose estimate is expected to predict another photograph best.
+fn likeliest(run: &mut Deconvolution, most: usize, progress: &dyn Progress) -> Result<Deconvolved> {
+    let mut least = f64::INFINITY;
+    let mut best = Deconvolved { light: vec![], iterations: 0, converged: false, misfit: 0.0, expected: 0.0 };
+    run.compare();
+    while run.iterations() < most {
+        progress.check()?;
+        run.update();
+        let Misfit { found: misfit, expected, cost } = run.compare();
+        let iterations = run.iterations();
+        if cost < least || best.light.is_empty() {
+            least = cost;
+            best = Deconvolved { light: run.light(), iterations, converged: false, misfit, expected };
+        } else if iterations >= best.iterations + PATIENCE {
+            best.converged = true;
+            break;
+        }
+        progress.step();
+    }
+    Ok(best)
 }

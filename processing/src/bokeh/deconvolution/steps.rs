@@ -25,8 +25,8 @@ pub(super) struct Ratio<'a> {
     pub measured: &'a Plane,
     pub out: Band<'a>,
     pub weights: Weights,
-    /// Whether misfits are wanted.
-    pub count: bool,
+    /// Columns and rows whose misfits are wanted.
+    pub counted: &'a [Range<usize>; 2],
     /// Sums of the squared misfits over their variances, and of the squared misfits.
     pub misfit: Sums,
 }
@@ -41,9 +41,11 @@ impl Rows for Ratio<'_> {
         for x in 0..n {
             out[x] = measured[x] / expected(blurred[x]);
         }
-        if !self.count {
+        let [columns, rows] = self.counted;
+        if !rows.contains(&y) {
             return;
         }
+        let (measured, blurred) = (&measured[columns.clone()], &blurred[columns.clone()]);
         let one = |measured: f32, blurred: f32| {
             let (expected, known) = (expected(blurred), if measured == 0.0 { 0.0 } else { 1.0 });
             let square = known * (measured - expected) * (measured - expected);

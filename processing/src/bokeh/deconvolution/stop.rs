@@ -4,9 +4,9 @@
 //! its freedom must lie closer to the data than the noise alone, and how much closer is known: were the light even, an iteration
 //! would leave of each frequency of the misfit the share `1 - κ |H|²`, whatever is in it, with `H` the transfer of the point spread
 //! function. The sum of what is left is the number of degrees of freedom that were not spent. The estimate is then expected to
-//! predict another photograph best where `Σ misfit² - 2 · Σ variance · left` is least (Mallows 1973), and the first iteration that does not
-//! lower it any more is the last; where it began at an extrapolated point, it is tried once more from the estimate itself. That
-//! depends on differences of the misfit, so that noise known to a few per cent is enough.
+//! predict another photograph best where `Σ misfit² - 2 · Σ variance · left` is least (Mallows 1973). Iterations go on for a while after
+//! that, since it may fall again, and the best one is taken. It depends on differences of the misfit, so that noise known to a
+//! few per cent is enough. Pixels near to the edges do not count: what lies beyond can be anything and takes up their misfit.
 
 use super::steps::Weights;
 
@@ -70,11 +70,6 @@ impl Freedom {
         let mean = |left: &Left| left.iter().sum::<f64>() / left.len().max(1) as f64;
         let means = self.start.each_ref().map(mean);
         self.shares.map(|shares| shares.iter().zip(means).map(|(share, left)| share * left).sum())
-    }
-
-    /// The next iteration starts from the estimate itself.
-    pub(super) fn settle(&mut self) {
-        self.start = self.now.clone();
     }
 
     /// An iteration, followed by an extrapolation so many times as far as the estimate went.
