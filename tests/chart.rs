@@ -121,4 +121,18 @@ fn the_service_lists_charts_and_gives_their_files() {
     for wrong in ["first/maps/none.png", "../../secret", "first/..%2f..%2f../secret", "%2e%2e/x/secret"] {
         service.get(&format!("/api/v1/charts/{wrong}")).expect(404);
     }
+
+    // Deleted when that is confirmed, and nothing beside it.
+    std::os::unix::fs::symlink(&folder, place.path("data/charts/link")).unwrap();
+    for wrong in ["none", "damaged", "link", "..", "%2e%2e", "..%2fcharts%2ffirst"] {
+        service.get(&format!("/api/v1/charts/{wrong}/deletion")).expect(404);
+        service.send("DELETE", &format!("/api/v1/charts/{wrong}?token=x"), &[], b"").expect(404);
+    }
+    let deletion = service.get("/api/v1/charts/first/deletion").expect(200).json();
+    assert!(deletion["files"].as_u64().unwrap() >= 3 && deletion["bytes"].as_u64().unwrap() > 1000, "{deletion}");
+    service.send("DELETE", "/api/v1/charts/first?token=x", &[], b"").expect(409);
+    let token = deletion["token"].as_str().unwrap();
+    service.send("DELETE", &format!("/api/v1/charts/first?token={token}"), &[], b"").expect(204);
+    assert!(!folder.exists() && place.path("data/secret").exists() && place.path("data/charts/damaged").exists());
+    assert!(service.get("/api/v1/charts").expect(200).json()["items"].as_array().unwrap().is_empty());
 }

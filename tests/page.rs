@@ -143,6 +143,22 @@ fn a_study_is_read_by_keyboard() {
     let digits = (2.0 - error.log10().floor()).max(0.0) as usize;
     assert!(first.contains(&format!("{error:.digits$} °")), "{first}\n{error}");
     browser.both("charts");
+
+    // A chart is found by words, and a folder of them deleted when that is confirmed.
+    let search = |words: &str| {
+        browser.run(&format!(
+            "const s = document.querySelector('#search'); s.value = '{words}'; s.dispatchEvent(new Event('input'))"
+        ));
+    };
+    search("no such thing");
+    browser.until("document.body.innerText.includes('No chart matches')");
+    search("ANGLES");
+    browser.until("!document.querySelector('.charts > section').hidden");
+    browser.click("button[aria-label^=Delete]");
+    browser.until("document.querySelector('dialog[open]')?.innerText.includes('gone for good')");
+    browser.click("dialog[open] button.danger");
+    browser.until("document.body.innerText.includes('No charts yet')");
+    service.get("/api/v1/charts/today/deletion").expect(404);
 }
 
 #[test]

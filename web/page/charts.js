@@ -1,8 +1,9 @@
 // #/charts: how fast, how exact, and where it breaks, as `nacre chart` has measured it.
 
-import { get, makeDownload, picture, show } from "./api.js";
-import { field, h, panel, select } from "./dom.js";
-import { complain, problemMessage } from "./feedback.js";
+import { get, makeDownload, picture, query, send, show } from "./api.js";
+import { field, h, panel, say, select } from "./dom.js";
+import { complain, confirmed, problemMessage, tell } from "./feedback.js";
+import { bytes } from "./format.js";
 import { studyView } from "./study.js";
 
 /**
@@ -25,6 +26,11 @@ export async function chartsPage(main, { id, signal }) {
     const folders = select(items.map((i) => [i.folder, i.folder]), chosen.folder, { onchange: (e) => { location.hash = `#/charts/${encodeURIComponent(e.target.value)}`; } });
     head.append(field("Folder", folders));
   }
+  const search = h("input", { id: "search", type: "search", placeholder: "Method, knob, scene", oninput: () => filter() });
+  const remove = h("button", { type: "button", "aria-label": `Delete the charts in ${chosen.folder}`, onclick: () => erase() }, "Delete");
+  const said = h("p", { class: "soft", role: "status" });
+  head.append(field("Search", search), remove);
+  list.before(said);
   const seen = new IntersectionObserver((entries) => {
     for (const { isIntersecting, target } of entries) {
       if (!isIntersecting) continue;
@@ -62,5 +68,30 @@ export async function chartsPage(main, { id, signal }) {
     return panel(chart.title, quick, h("p", { class: "soft" }, chart.text), interactive, drawn, h("p", { class: "row downloads" }, links),
       chart.measured && h("p", { class: "soft" }, h("small", {}, chart.measured)));
   }
-  list.append(...chosen.charts.map(section));
+
+  /** Shows the charts whose words hold all that are sought. */
+  function filter() {
+    const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const hold = ({ name, group, title, text }) => words.every((word) => `${name} ${group} ${title} ${text}`.toLowerCase().includes(word));
+    chosen.charts.forEach((chart, i) => { sections[i].hidden = !hold(chart); });
+    const left = sections.filter((s) => !s.hidden).length;
+    say(said, left === sections.length ? "" : left ? `${left} of ${sections.length} charts` : "No chart matches.");
+  }
+
+  async function erase() {
+    const path = `/charts/${encodeURIComponent(chosen.folder)}`;
+    try {
+      const { token, bytes: size, files } = await get(`${path}/deletion`, { signal });
+      if (!(await confirmed(`Delete the charts in “${chosen.folder}”?`, `${files} files, ${bytes(size)}, with the measurements behind them. They are gone for good.`, "Delete"))) return;
+      await send(`${path}${query({ token })}`, { method: "DELETE" });
+      tell(`The charts in “${chosen.folder}” are deleted.`);
+      if (location.hash === "#/charts") dispatchEvent(new HashChangeEvent("hashchange"));
+      else location.hash = "#/charts";
+    } catch (problem) {
+      complain(problem);
+    }
+  }
+
+  const sections = chosen.charts.map(section);
+  list.append(...sections);
 }

@@ -7,7 +7,7 @@ use axum::extract::State;
 use axum::response::Response;
 use nacre_processing::chart::{Chart, catalogue};
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use utoipa::ToSchema;
 
@@ -51,6 +51,21 @@ fn folders(place: &Path) -> Vec<ChartFolder> {
         }
     };
     names.into_iter().filter_map(open).take(MOST).collect()
+}
+
+/// A folder of charts that is listed.
+///
+/// # Errors
+/// `not-found` for anything else, also for what no `nacre chart` has made.
+pub fn existing(place: &Path, folder: &str) -> Answer<PathBuf> {
+    let path = place.join(folder);
+    let plain = Path::new(folder).components().eq([Component::Normal(folder.as_ref())]);
+    let listed = || catalogue(&path).is_ok_and(|charted| !charted.charts.is_empty());
+    if plain && std::fs::symlink_metadata(&path).is_ok_and(|m| m.is_dir()) && listed() {
+        Ok(path)
+    } else {
+        Err(Problem::not_found("such folder of charts"))
+    }
 }
 
 /// A file of a chart: SVG, PNG, CSV, JSON or the raw measurements.

@@ -1,7 +1,7 @@
 //! What is deleted, and how that is confirmed.
 
 use super::problem::{Answer, Kind, Problem};
-use super::{App, At, Params, blocking, files};
+use super::{App, At, Params, blocking, charts, files};
 use crate::catalogue::SessionRow;
 use crate::session::Session;
 use axum::Json;
@@ -94,6 +94,32 @@ pub async fn reconstruction(
     // First from the queue, which refuses while it is worked on.
     app.jobs.remove(&id).await?;
     blocking(move || folders.iter().try_for_each(|f| removed(f))).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// What a deletion removes, and the token that confirms it.
+#[utoipa::path(get, path = "/api/v1/charts/{folder}/deletion", tag = "charts", operation_id = "charts_deletion",
+    params(("folder" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
+pub async fn of_charts(State(app): State<Arc<App>>, At(folder): At<String>) -> Answer<Json<Deletion>> {
+    let (place, name) = (app.config.data.join("charts"), folder.clone());
+    let files = blocking(move || Answer::Ok(files::list(&charts::existing(&place, &name)?))).await?;
+    let token = app.deletion_token(&format!("charts/{folder}"));
+    Ok(Json(Deletion { token, bytes: files.iter().map(|f| f.1).sum(), files: files.len() }))
+}
+
+/// Deletes a folder of charts, with the measurements behind them.
+#[utoipa::path(delete, path = "/api/v1/charts/{folder}", tag = "charts", operation_id = "delete_charts",
+    params(("folder" = String, Path), Confirmation),
+    responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn charts_folder(
+    State(app): State<Arc<App>>,
+    At(folder): At<String>,
+    Params(query): Params<Confirmation>,
+) -> Answer<StatusCode> {
+    let (place, name) = (app.config.data.join("charts"), folder.clone());
+    let path = blocking(move || charts::existing(&place, &name)).await?;
+    confirmed(&app, &format!("charts/{folder}"), &query)?;
+    blocking(move || removed(&path)).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 

@@ -95,6 +95,8 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(view::file))
         .routes(routes!(charts::list))
         .routes(routes!(charts::file))
+        .routes(routes!(deletion::charts_folder))
+        .routes(routes!(deletion::of_charts))
         .routes(routes!(display::state))
         .routes(routes!(display::show))
         .routes(routes!(display::link))

@@ -175,11 +175,7 @@ impl Deconvolution {
                 }),
             }
         }
-        let leaps = method.accelerate.then(|| Leaps {
-            now: estimate.clone(),
-            before: estimate.clone(),
-            step: plane(),
-        });
+        let leaps = method.accelerate.then(|| Leaps { now: estimate.clone(), before: estimate.clone(), step: plane() });
         let counted = match noise {
             Some(_) => [(width, margin[0], right), (height, margin[1], up)].map(inner),
             None => [0..0, 0..0],
@@ -191,7 +187,21 @@ impl Deconvolution {
         let ratio = plane();
         let size = [width, height];
         let iterations = 0;
-        Ok(Self { blur, margin, size, counted, known, weights, measured, ratio, gain, estimate, leaps, freedom, iterations })
+        Ok(Self {
+            blur,
+            margin,
+            size,
+            counted,
+            known,
+            weights,
+            measured,
+            ratio,
+            gain,
+            estimate,
+            leaps,
+            freedom,
+            iterations,
+        })
     }
 
     /// Blurs the estimate and compares it with the photograph.
