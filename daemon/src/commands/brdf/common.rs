@@ -178,7 +178,11 @@ pub fn summary<T: Serialize>(report: &Report<T>, middle: &str) -> String {
     let c = report.choice;
     let terms = c.terms.map_or(String::new(), |n| format!(", {n} terms"));
     let _ = write!(text, "\nmethod    {}{terms}, {} bits: {}", name(c.method), c.bits, c.why);
-    let measured = c.measured_error.map_or("not measured".into(), |e| format!("{:.4} % measured", 100.0 * e));
+    let measured = match c.measured_error {
+        None => "not measured".into(),
+        Some(e) if e < 1e-6 => "under 0.0001 % measured".into(),
+        Some(e) => format!("{:.4} % measured", 100.0 * e),
+    };
     let _ = write!(text, "\nquality   error at most {:.3} % ({measured})", 100.0 * report.error_estimate);
     if !middle.is_empty() {
         let _ = write!(text, "\n{middle}");
