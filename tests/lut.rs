@@ -53,6 +53,10 @@ fn a_table_puts_each_wavelength_where_its_orders_lie() {
     let center: Vec<f64> = report["center"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
     assert!((center[0] - 150.4).abs() < 0.02 && (center[1] - 148.7).abs() < 0.02, "{center:?}");
     let table = read_exr(&out.join("lut.exr")).unwrap();
+    // The observer's own numbers at 545 nm (CIE 1931: 0.3597, 0.9803, 0.0134).
+    let white: Vec<f64> = table.attributes["white"].split(' ').map(|v| v.parse().unwrap()).collect();
+    let off = white.iter().zip([0.367, 1.0, 0.0137]).map(|(found, truth)| (found - truth).abs());
+    assert!(white.len() == 3 && off.fold(0.0, f64::max) < 0.002, "{white:?}");
     let (mut square, mut all) = (0.0, 0.0);
     for y in 0..256 {
         for x in 0..256 {

@@ -1,6 +1,6 @@
 //! Lights by name.
 
-use super::Spectrum;
+use super::{Observer, Spectrum, VISIBLE_NM};
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -81,6 +81,20 @@ impl Illuminant {
         }
         let spectrum = Spectrum::parse(table(name)?).ok()?;
         Some(Self { name: name.into(), spectrum })
+    }
+
+    /// X, Y and Z of what is white under it, Y being 1; none where an observer sees nothing of it.
+    pub fn white(&self, observer: Observer) -> Option<[f64; 3]> {
+        // Lines in a CSV file may be narrow.
+        const STEP_NM: f64 = 0.1;
+        let steps = ((VISIBLE_NM[1] - VISIBLE_NM[0]) / STEP_NM) as usize;
+        let mut sum = [0.0; 3];
+        for k in 0..=steps {
+            let nm = VISIBLE_NM[0] + STEP_NM * k as f64;
+            let power = self.spectrum.at(nm);
+            sum.iter_mut().zip(observer.at(nm)).for_each(|(s, seen)| *s += seen * power);
+        }
+        (sum[1] > 0.0).then(|| sum.map(|v| v / sum[1]))
     }
 
     /// A built-in light, or else one from a CSV file.

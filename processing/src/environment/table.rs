@@ -116,6 +116,8 @@ pub(crate) struct Lut {
     pub warp: f64,
     /// Of the light under which the entries are.
     pub illuminant: String,
+    /// X, Y and Z of what is white under it, where the table says so.
+    pub white: Option<[f64; 3]>,
     /// Linear sRGB; what is not known is dark.
     pub rgb: Vec<[f32; 3]>,
     /// Part of the entries that is not known.
@@ -143,6 +145,10 @@ impl Lut {
             return refuse(format!("is {width} x {height} entries, not square"));
         }
         let illuminant = map.attributes.get("illuminant").cloned().unwrap_or_else(|| "E".into());
+        let white = map.attributes.get("white").and_then(|text| {
+            let numbers: Vec<f64> = text.split_whitespace().filter_map(|v| v.parse().ok()).collect();
+            <[f64; 3]>::try_from(numbers).ok().filter(|v| v.iter().all(|v| (0.0..=100.0).contains(v)) && v[1] > 0.0)
+        });
         let mut take = |name: &str| {
             map.take(name, path)
                 .map_err(|_| Error::file(path, format!("has no channel {name}; a table has X, Y and Z"), LUT_REMEDY))
@@ -153,6 +159,6 @@ impl Lut {
         }
         let rgb = (0..x.len()).map(|i| linear_srgb([x[i], y[i], z[i]])).collect();
         let Table { size, extent, rgb, unknown } = Table::checked(&path.display().to_string(), width, extent, rgb)?;
-        Ok(Self { size, extent, warp, illuminant, rgb, unknown })
+        Ok(Self { size, extent, warp, illuminant, white, rgb, unknown })
     }
 }

@@ -5,7 +5,7 @@ use super::report::Coverage;
 use super::settings::Settings;
 use super::table::Grid;
 use crate::Result;
-use crate::color::displayed;
+use crate::color::{Illuminant, displayed};
 use crate::image::{Attribute, OutputFolder, scalar_picture, write_exr, write_png8};
 use rayon::prelude::*;
 use std::fmt::Write;
@@ -54,8 +54,12 @@ impl Output<'_> {
         let size = self.size();
         let units = "X Y Z under this light, 1 for a photograph that is 1 everywhere (exponent 0); NaN where nothing was measured; \
                      coverage is the part that was measured";
+        let light = Illuminant::of(&self.settings.illuminant)?;
+        let white = light.white(self.settings.observer).unwrap_or([0.0, 1.0, 0.0]);
         let attributes = [
             ("units", Attribute::Text(units.into())),
+            // What is white under this light, for those who do not have its file.
+            ("white", Attribute::Text(white.map(|v| format!("{v:.6}")).join(" "))),
             ("extent", Attribute::Text(self.table.extent.to_string())),
             ("warp", Attribute::Text(self.settings.warp.to_string())),
             ("illuminant", Attribute::Text(self.settings.illuminant.clone())),

@@ -1,8 +1,6 @@
 //! Tables over half vectors (2017 TOG): `f = S(ωi + ωo) (1 + ωi·ωo)² / (cos θi cos θo)` per channel of linear sRGB.
 
-use super::scene::Spectrum;
-use super::spectrum::Seen;
-use crate::color::Observer;
+use crate::color::{Illuminant, Observer, linear_srgb};
 use crate::environment::{LUT_REMEDY, Lut, solid_angle};
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -39,8 +37,17 @@ impl Table {
     /// `Input` for what is none.
     pub(super) fn read(path: &Path, observer: Observer, albedo: f64, lossless: bool) -> Result<Self> {
         let lut = Lut::read(path)?;
-        let white = Spectrum::Named(lut.illuminant.clone());
-        let white = Seen::new("illuminant of the table", &white, Path::new(""), observer, 1e-3)?.rgb;
+        // What a table says is not a file to be opened: it may come from anywhere.
+        let white = match (Illuminant::named(&lut.illuminant), lut.white) {
+            (Some(light), _) => light.white(observer),
+            (None, white) => white,
+        };
+        let Some(white) = white else {
+            let name: String = lut.illuminant.chars().take(60).collect();
+            let problem = format!("is of a light {name:?} and does not say what is white under it");
+            return Err(Error::file(path, problem, "make the table again, or under a light that is built in"));
+        };
+        let white = linear_srgb(white.map(|v| v as f32)).map(f64::from);
         let relative = |p: &[f32; 3]| [0, 1, 2].map(|c| (f64::from(p[c]) / white[c]) as f32);
         let rgb: Vec<[f32; 3]> = lut.rgb.iter().map(relative).collect();
         if rgb.iter().all(|v| v.iter().all(|c| *c <= 0.0)) {

@@ -63,3 +63,33 @@ fn what_makes_no_sense_is_named() {
         }
     }
 }
+
+/// A table comes from anywhere: what it calls its light is no file to be opened.
+#[test]
+fn the_light_of_a_table_is_no_path() {
+    let dir = tempfile::tempdir().unwrap();
+    let secret = dir.path().join("secret.csv");
+    std::fs::write(&secret, "400,1\n700,1\nsecret words\n").unwrap();
+    let table = |white: Option<&str>| {
+        let text = |v: &str| Attribute::Text(v.into());
+        let mut attributes = vec![("extent", text("1")), ("illuminant", text(secret.to_str().unwrap()))];
+        attributes.extend(white.map(|w| ("white", text(w))));
+        write_exr(&dir.path().join("lut.exr"), 32, 32, &["X", "Y", "Z"], &attributes, &|c, _, row| {
+            row.fill([1.1, 1.0, 0.4][c]);
+        })
+        .unwrap();
+        let material = "[material.a.diffraction]\ntype = \"table\"\nfile = \"lut.exr\"\nlossless = true\n";
+        let scene = Scene::parse(&plane(0.0, 0.0, &format!("{material}{SKY}"))).unwrap();
+        render(&scene, dir.path(), &settings(256, 0.01), &Silent)
+    };
+    for white in [None, Some("1 0 1"), Some("1 1"), Some("nan 1 1"), Some("words")] {
+        let said = table(white).map(drop).unwrap_err().to_string();
+        assert!(
+            said.contains("lut.exr") && said.contains("white under it") && !said.contains("secret words"),
+            "{said}"
+        );
+    }
+    // White under its own light: gray in the sky's.
+    let found = mean(&table(Some("1.1 1 0.4")).unwrap().0);
+    assert!(found.iter().all(|v| (v - 1.0).abs() < 0.03), "{found:?}");
+}
