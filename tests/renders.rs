@@ -70,14 +70,16 @@ fn a_scene_is_rendered_as_on_the_command_line() {
     let albedo = albedo(&place, 0.05);
     let sent = upload(&service, &[("foil.toml", SCENE.as_bytes()), ("albedo.exr", &albedo)]).expect(201).json();
     assert_eq!(sent["files"], 2);
-    let job = rendered(&service, &sent, &json!({ "samples": 64, "max_error": 0.2, "check": true }));
+    let job = rendered(&service, &sent, &json!({ "samples": 64, "max_error": 0.2, "check": true, "spectral_nm": 40 }));
     let done = ended(&service, &job);
     assert_eq!((&done["state"], &done["so_far"]), (&json!("done"), &Value::Null), "{done}");
 
     std::fs::write(place.path("foil.toml"), SCENE).unwrap();
     let [scene, out] = [place.text("foil.toml"), place.text("out.exr")];
-    let told = nacre(["--json", "render", &scene, "--out", &out, "--samples", "64", "--max-error", "0.2", "--check"]);
+    let asked = ["--samples", "64", "--max-error", "0.2", "--check", "--spectral", "40"];
+    let told = nacre(["--json", "render", &scene, "--out", &out].into_iter().chain(asked));
     let (report, told) = (&done["report"], told.expect(0).json());
+    assert_eq!((&report["spectral"]["bands"], &report["spectral"]["noise"]), (&json!(11), &told["spectral"]["noise"]));
     for key in ["samples", "noise", "size", "materials", "measured_model_error", "predicted_model_error", "warnings"] {
         assert_eq!(report[key], told[key], "{key}");
     }
@@ -88,7 +90,7 @@ fn a_scene_is_rendered_as_on_the_command_line() {
         let map = read_exr(&place.path(name)).unwrap();
         map.channels.into_iter().map(|(n, p)| (n, p.iter().map(|v| v.to_bits()).collect())).collect()
     };
-    assert!(bits("rest.exr") == bits("out.exr"));
+    assert!(bits("rest.exr") == bits("out.exr") && bits("out.exr").len() == 15);
     let png = std::fs::read(place.path("out.png")).unwrap();
     assert!(file("render.png") == png && service.get(&format!("{job}/picture.png")).expect(200).body == png);
 

@@ -14,17 +14,19 @@ export function renderFields(given = {}) {
   const error = number({ id: "render-error", value: 100 * (given.max_error ?? 0.01), min: 0.001, max: 100 });
   const samples = number({ id: "render-samples", value: given.samples ?? 256, min: 1, max: 1048576, step: 1 });
   const wavelengths = number({ id: "render-wavelengths", value: given.wavelengths ?? "", min: 3, max: 10000, step: 1 });
+  const spectral = number({ id: "render-spectral", value: given.spectral_nm ?? "", min: 1, max: 100 });
   const measured = check("Measure what sums over orders and wavelengths are off by", { id: "render-check", checked: given.check ?? false });
   const one = (input) => (Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null);
   const element = h("div", { class: "stack" },
     h("div", { class: "fields" },
       field("Noise asked for (%)", error, { hint: "Half of it takes four times as long" }),
       field("Most samples per pixel", samples, { hint: "Ends there whatever the noise" }),
-      field("Wavelengths", wavelengths, { hint: "Empty: as many as needed" })),
+      field("Wavelengths", wavelengths, { hint: "Empty: as many as needed" }),
+      field("Spectra: bands so far apart (nm)", spectral, { hint: "Empty: colours only" })),
     measured);
   return {
     element,
-    options: () => ({ samples: one(samples) ?? 256, max_error: Number(((one(error) ?? 1) / 100).toPrecision(12)), wavelengths: one(wavelengths), check: measured.box.checked }),
+    options: () => ({ samples: one(samples) ?? 256, max_error: Number(((one(error) ?? 1) / 100).toPrecision(12)), wavelengths: one(wavelengths), check: measured.box.checked, spectral_nm: one(spectral) }),
   };
 }
 
@@ -84,7 +86,7 @@ export function exposure(job, image, signal) {
 
 /** A rendering's report. */
 export function reportOfRender(report) {
-  const { predicted, materials, settings, warnings = [] } = report;
+  const { predicted, materials, settings, spectral = null, warnings = [] } = report;
   const measured = report.measured_model_error ?? null;
   return h("div", { class: "stack" }, warned(warnings),
     figures([
@@ -98,6 +100,7 @@ export function reportOfRender(report) {
       ["Expected", `noise ${percent(predicted.noise, 2)} after ${predicted.passes} passes in ${duration(predicted.seconds)}`],
       ["Sums off by", measured === null ? null : `${percent(report.predicted_model_error, 2)} by prediction`],
       ["Wavelengths", settings.wavelengths === null ? "as many as needed" : plain(settings.wavelengths)],
+      ["Spectra", spectral ? `${spectral.bands} bands from ${spectral.range_nm[0]} to ${spectral.range_nm[1]} nm in render.exr, noise ${percent(spectral.noise, 2)} at most` : null],
       ["Exposure", `linear light times ${plain(Number(report.exposure.toPrecision(4)))}`],
       ["Took", `${duration(report.seconds)}, of which passes ${duration(report.seconds_of_passes)}`],
     ]),

@@ -21,6 +21,7 @@ Examples:
   nacre render cd.toml --out cd.exr --max-error 0.003 --samples 4096
   nacre render foil.toml --out foil.exr --keep foil.state.exr          Ctrl-C, and later the same with --resume
   nacre render foil.toml --out turning --frames 36 --turn light       a folder of 36 pictures
+  nacre render cd.toml --out cd.exr --spectral 10                      with 41 bands from 380 to 780 nm
   nacre render --gallery gallery                                       scenes to start from, rendered
   nacre render --gallery gallery --scenes cd,cd-room                   only these
   nacre render --gallery gallery --skin elaphe.png --pixel-um 0.08 --range-um 0.43
@@ -47,7 +48,7 @@ A scene (nacre schema scene):
   period_um = 1.5
   reflectance = \"aluminium\"
 
-Writes FILE.exr (R G B, linear sRGB, and the standard error of the luminance) and FILE.png.")]
+Writes FILE.exr (R G B, linear sRGB, the standard error of the luminance, and spectra with --spectral) and FILE.png.")]
 pub struct Args {
     /// The scene (TOML); its files are sought beside it.
     #[arg(required_unless_present = "gallery")]
@@ -98,6 +99,9 @@ pub struct Args {
     /// Render on a graphics card; on the processor where there is none, or none that does the scene.
     #[arg(long)]
     gpu: bool,
+    /// A spectrum per pixel too, in bands so far apart (1 to 100 nm): channels S0.550,000000nm and so on of the EXR.
+    #[arg(long, value_name = "NM", conflicts_with_all = ["keep", "frames", "gallery", "gpu"])]
+    spectral: Option<f64>,
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
@@ -145,6 +149,7 @@ impl Args {
             resume: self.resume,
             check: self.check,
             gpu: self.gpu,
+            spectral_nm: self.spectral,
         }
     }
 
@@ -258,6 +263,12 @@ fn summary(report: &Report) -> String {
     let _ = write!(text, "\nquality   noise {:.2e} of the mean ({:.2e} expected)", report.noise, p.noise);
     let measured = report.measured_model_error.map_or("not measured".into(), |e| format!("{e:.2e} measured"));
     let _ = write!(text, "; sums off by {:.2e} predicted ({measured})", report.predicted_model_error);
+    if let Some(s) = &report.spectral {
+        let [from, to] = s.range_nm;
+        let (bands, seconds, noise) = (s.bands, s.seconds, s.noise);
+        let _ =
+            write!(text, "\nspectra   {bands} bands from {from} to {to} nm, noise {noise:.2e} at most, {seconds:.2} s");
+    }
     let _ = write!(
         text,
         "\n{}time      {:.2} s ({:.2} expected of the passes, {:.2} taken)",

@@ -48,7 +48,7 @@ pub struct Request {
     /// a session's maps or uploaded ones: `{"rotate_deg": 30, "resample": 2, "tile": [4, 3], "size": [w, h], "layout": "repeat" | "mirror" |
     /// "brick", "orientation_offset_deg": 5, "period": {"quadratic": [0.8, 1.6]} | {"sine_squared": [0.8, 1.6]} | {"table": [[deg, um],
     /// …]}, "scale": 1.05, "offset_um": -0.02, "clamp_um": [0.7, 2]}`. Of `render`, for an uploaded scene: `{"samples": 256, "max_error":
-    /// 0.01, "wavelengths": null, "check": false}`.
+    /// 0.01, "wavelengths": null, "check": false, "spectral_nm": 10}`.
     #[schema(value_type = Option<Object>)]
     options: Option<serde_json::Value>,
     /// `auto`, `sinusoid`, `prenormalized`, `circle` or `curve`.

@@ -6,7 +6,7 @@ use super::material::{Memory, Notes, Place, add, both_ways};
 use super::relief::Relief;
 use super::scene;
 use super::slits::{Comb, Lattice, radial};
-use super::spectrum::{RANGE, Seen, xyz};
+use super::spectrum::Seen;
 use super::table::Table;
 use super::texture::Grooves;
 use super::vector::number;
@@ -209,7 +209,7 @@ impl Diffraction {
             Self::Lattice(lattice) => lattice.lit(pair, (width, seen), accuracy),
             Self::Table(table) => {
                 let rgb = table.scattered(light, place.view);
-                return xyz([0, 1, 2].map(|c| rgb[c] * seen.rgb[c]));
+                return seen.reflected(rgb);
             }
             Self::Relief(relief) => return relief.lit(pair, seen, accuracy, &mut memory.workspace),
         };
@@ -226,7 +226,8 @@ impl Diffraction {
         memory: &mut Memory,
     ) -> [f64; 3] {
         let view = place.view;
-        let spectrum = RANGE[1] - RANGE[0];
+        let [least, most] = above.sky.upsampling.range();
+        let spectrum = most - least;
         match self {
             Self::Grating { grating, .. } => match self.groove(place.uv) {
                 Some(groove) => under(above, (grating, groove), view, random.numbers(), accuracy, &mut memory.scratch),
@@ -239,7 +240,7 @@ impl Diffraction {
                 let mut sum = [0.0; 3];
                 let shift = random.next();
                 for k in 0..COUNT {
-                    let number = RANGE[0] + spectrum * (k as f64 + shift) / COUNT as f64;
+                    let number = least + spectrum * (k as f64 + shift) / COUNT as f64;
                     let (from, power) = lattice.sample(view, number, random.numbers());
                     let rgb = above.radiance(from);
                     let colors = above.sky.upsampling.at(number);
@@ -252,7 +253,7 @@ impl Diffraction {
             Self::Table(table) => {
                 let value = |light: [f64; 3], rgb: [f64; 3]| {
                     let f = table.scattered(light, view);
-                    xyz([0, 1, 2].map(|c| f[c] * rgb[c]))
+                    above.sky.upsampling.seen([0, 1, 2].map(|c| f[c] * rgb[c]))
                 };
                 let drawn = table.sample(view, random.numbers());
                 both_ways(above, random, value, drawn, |l| if l[2] > 0.0 { table.density(l, view) } else { 0.0 })
@@ -262,7 +263,7 @@ impl Diffraction {
                 let mut sum = [0.0; 3];
                 let shift = random.next();
                 for k in 0..COUNT {
-                    let number = RANGE[0] + spectrum * (k as f64 + shift) / COUNT as f64;
+                    let number = least + spectrum * (k as f64 + shift) / COUNT as f64;
                     let colors = above.sky.upsampling.at(number);
                     let workspace = &mut memory.workspace;
                     let value = |light: [f64; 3], rgb: [f64; 3]| {

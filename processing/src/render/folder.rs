@@ -5,6 +5,7 @@ use super::output::{exposure, png, write_picture, write_png};
 use super::picture::Picture;
 use super::ready;
 use super::scene::Scene;
+use super::spectral;
 use crate::image::OutputFolder;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -31,19 +32,21 @@ pub struct Options {
     pub wavelengths: Option<usize>,
     /// Measure what the sums over orders and wavelengths are off by, against finer ones.
     pub check: bool,
+    /// Spectra too, in bands so many nm apart.
+    pub spectral_nm: Option<f64>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        let Settings { samples, max_error, wavelengths, check, .. } = Settings::default();
-        Self { samples, max_error, wavelengths, check }
+        let Settings { samples, max_error, wavelengths, check, spectral_nm, .. } = Settings::default();
+        Self { samples, max_error, wavelengths, check, spectral_nm }
     }
 }
 
 impl Options {
     fn settings(&self) -> Settings {
-        let Self { samples, max_error, wavelengths, check } = *self;
-        Settings { samples, max_error, wavelengths, check, ..Settings::default() }
+        let Self { samples, max_error, wavelengths, check, spectral_nm } = *self;
+        Settings { samples, max_error, wavelengths, check, spectral_nm, ..Settings::default() }
     }
 }
 
@@ -75,6 +78,7 @@ pub fn check_folder(input: &Path, options: &Options) -> Result<Scene> {
     let scene = Scene::read(&scene_in(input)?)?;
     ready::check(&scene)?;
     scene.check_files(input)?;
+    options.spectral_nm.map_or(Ok(()), |step| spectral::check(&scene, step))?;
     Ok(scene)
 }
 

@@ -5,6 +5,7 @@ use super::material::Notes;
 use super::output;
 use super::picture::{FEWEST, Picture, Pilot, SAMPLES};
 use super::scene::Scene;
+use super::spectral::{self, SpectralReport};
 use super::sums::Sums;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -33,11 +34,22 @@ pub struct Settings {
     pub check: bool,
     /// On a graphics card, where there is one that does the scene.
     pub gpu: bool,
+    /// Spectra too, in bands so many nm apart.
+    pub spectral_nm: Option<f64>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { samples: 256, max_error: 0.01, wavelengths: None, keep: None, resume: false, check: false, gpu: false }
+        Self {
+            samples: 256,
+            max_error: 0.01,
+            wavelengths: None,
+            keep: None,
+            resume: false,
+            check: false,
+            gpu: false,
+            spectral_nm: None,
+        }
     }
 }
 
@@ -71,6 +83,9 @@ pub struct Report {
     /// The same, measured against much finer sums of more pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured_model_error: Option<f64>,
+    /// The spectra, if they were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spectral: Option<SpectralReport>,
     /// What was expected before.
     pub predicted: Prediction,
     /// How each material is computed.
@@ -128,6 +143,7 @@ pub fn render_watched(
 ) -> Result<(Picture, Report)> {
     let begun = Instant::now();
     check(settings)?;
+    settings.spectral_nm.map_or(Ok(()), |step| spectral::check(scene, step))?;
     let sums = Sums::new(scene, folder, settings, progress)?;
     let ready = &sums.ready;
     let digest = output::digest(scene, settings);
@@ -155,7 +171,7 @@ pub fn render_watched(
     let passing = Instant::now();
     progress.stage("passes", passes as u64);
     let (mut kept, first, mut noise) = (Instant::now(), picture.passes, picture.error());
-    while picture.passes < most && !(picture.passes >= FEWEST.min(most) && noise <= settings.max_error) {
+    while !picture.is_enough(most, settings.max_error) {
         match &mut card {
             Some(card) => on_card(card, &mut picture, progress)?,
             None => picture.add(ready, progress)?,
@@ -180,21 +196,30 @@ pub fn render_watched(
     if picture.pixels.iter().all(|p| p.luminance <= 0.0) {
         warnings.push("nothing is lit".into());
     }
+    let (device, seconds_of_passes) =
+        (card.map_or_else(|| "processor".into(), |card| card.name().to_owned()), passing.elapsed().as_secs_f64());
+    let (size, materials) = (ready.size(), ready.notes.clone());
+    let mut spectral = None;
+    if let Some(step) = settings.spectral_nm {
+        let (bands, about) = spectral::spectra(sums.ready, (scene, folder), step, settings, progress)?;
+        (picture.bands, spectral) = (bands, Some(about));
+    }
     let report = Report {
         method: "passes of 4 samples per pixel; exact orders in closed lobes under small lights, sums over orders and wavelengths or \
                  multiple importance sampling under environments",
-        device: card.map_or_else(|| "processor".into(), |card| card.name().to_owned()),
-        size: ready.size(),
+        device,
+        size,
         samples: picture.passes * SAMPLES,
         noise: if picture.passes > 1 { noise } else { predicted.noise },
         predicted_model_error: sums.error,
         measured_model_error: measured,
+        spectral,
         predicted,
-        materials: ready.notes.clone(),
+        materials,
         warnings,
         assumptions: ASSUMPTIONS.to_vec(),
         seconds: begun.elapsed().as_secs_f64(),
-        seconds_of_passes: passing.elapsed().as_secs_f64(),
+        seconds_of_passes,
         files: vec![],
     };
     Ok((picture, report))

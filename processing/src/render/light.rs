@@ -1,9 +1,9 @@
 //! Lights, as a place on a surface sees them.
 
+use super::eye::Eye;
 use super::scene::{self, REMEDY};
 use super::spectrum::{Seen, Upsampling};
 use super::vector::{V3, across, direction, number, place, turned};
-use crate::color::Observer;
 use crate::environment::Environment;
 use crate::{Error, Result};
 use std::path::Path;
@@ -59,7 +59,7 @@ impl Lamp {
         name: &str,
         light: &scene::Light,
         folder: &Path,
-        observer: Observer,
+        eye: Eye,
         (angle, error): (f64, f64),
     ) -> Result<Option<Self>> {
         let key = |what: &str| format!("{name}.{what}");
@@ -99,7 +99,7 @@ impl Lamp {
             }
             scene::Light::Environment { .. } => return Ok(None),
         };
-        let seen = Seen::new(&key("spectrum"), spectrum, folder, observer, error)?;
+        let seen = Seen::new(&key("spectrum"), spectrum, folder, eye, error)?;
         Ok(Some(Self { kind, seen }))
     }
 
@@ -150,7 +150,7 @@ impl Sky {
         name: &str,
         light: &scene::Light,
         folder: &Path,
-        observer: Observer,
+        eye: Eye,
         (angle, error): (f64, f64),
     ) -> Result<Option<Self>> {
         let scene::Light::Environment { file, color, luminance, up, turn_deg, visible } = light else {
@@ -174,7 +174,7 @@ impl Sky {
         let second = z.cross(&first);
         let x = first * cos + second * sin;
         let frame = [x, z.cross(&x), z].map(|v| turned(v, angle));
-        let upsampling = Upsampling::new(observer, error)?;
+        let upsampling = Upsampling::new(eye, error)?;
         Ok(Some(Self { map, frame, strength, visible: *visible, upsampling }))
     }
 

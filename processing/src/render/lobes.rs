@@ -244,16 +244,18 @@ pub(super) fn under(
     let pixel = PI / above.sky.map.height as f64;
     // d(mλ/a) = -m dν/(a ν²).
     let moved = pixel * groove.period_um * RANGE[0] * RANGE[0];
+    let [least, most] = above.sky.upsampling.range();
     let step = accuracy.fixed.unwrap_or_else(|| moved.min(above.sky.fine()).max((RANGE[1] - RANGE[0]) / 96.0));
-    // Each sample of a pass has its part of them.
-    let count = ((RANGE[1] - RANGE[0]) / (step * SAMPLES as f64)).ceil().max(FEWEST) as usize;
-    let step = (RANGE[1] - RANGE[0]) / count as f64;
+    // Each sample of a pass has its part of them; a part of the spectrum takes fewer.
+    let fewest = (FEWEST * (most - least) / (RANGE[1] - RANGE[0])).ceil().max(4.0);
+    let count = ((most - least) / (step * SAMPLES as f64)).ceil().max(fewest) as usize;
+    let step = (most - least) / count as f64;
     // Box and Muller: an offset of the lobes.
     let radius = grating.sigma * (-2.0 * u[1].max(1e-12).ln()).sqrt();
     let offset = [radius * (TAU * u[2]).cos(), radius * (TAU * u[2]).sin()];
     let mut sum = [0.0; 3];
     for k in 0..count {
-        let number = RANGE[0] + step * (k as f64 + u[0]);
+        let number = least + step * (k as f64 + u[0]);
         let colors = above.sky.upsampling.at(number);
         let shift = offset.map(|o| o / number);
         grating.orders(view, groove, number, scratch, |order| {

@@ -5,7 +5,7 @@ use super::diffraction::Diffraction;
 use super::grating::Scratch;
 use super::lobes::{Above, Accuracy};
 use super::scene::{self, Blend};
-use super::spectrum::{Seen, xyz};
+use super::spectrum::Seen;
 use super::texture::{self, Over};
 use crate::color::Observer;
 use crate::progress::Progress;
@@ -70,7 +70,7 @@ impl Base {
         let (surface, view) = (self.surface(place.uv), place.view);
         let value = |light: [f64; 3], rgb: [f64; 3]| {
             let f = surface.scattered(light, view);
-            xyz([0, 1, 2].map(|c| f[c] * rgb[c])).map(|v| v * share(light[2]))
+            above.sky.upsampling.seen([0, 1, 2].map(|c| f[c] * rgb[c])).map(|v| v * share(light[2]))
         };
         let drawn = surface.sample(view, random.numbers());
         both_ways(above, random, value, (drawn[2] > 0.0).then_some(drawn), |l| surface.density(l, view))
@@ -172,14 +172,14 @@ impl Material {
         let mut sum = [0.0; 3];
         if let Some(base) = self.base.as_ref().filter(|_| below > 0.0) {
             let f = base.surface(place.uv).scattered(light, view);
-            add(&mut sum, xyz([0, 1, 2].map(|c| f[c] * seen.rgb[c])), below);
+            add(&mut sum, seen.reflected(f), below);
         }
         if let Some(top) = self.diffraction.as_ref().filter(|_| covered > 0.0) {
             add(&mut sum, top.lit(place, light, (width, seen), accuracy, memory), covered);
             if self.base.is_some() && top.is_masked(place.uv) {
                 // What does not diffract is base.
                 let f = self.base.as_ref().map_or([0.0; 3], |b| b.surface(place.uv).scattered(light, view));
-                add(&mut sum, xyz([0, 1, 2].map(|c| f[c] * seen.rgb[c])), 1.0 - below);
+                add(&mut sum, seen.reflected(f), 1.0 - below);
             }
         }
         sum

@@ -13,6 +13,7 @@ mod base;
 mod compare;
 mod describe;
 mod diffraction;
+mod eye;
 mod files;
 mod folder;
 mod gallery;
@@ -34,6 +35,7 @@ mod relief;
 mod scene;
 mod shape;
 mod slits;
+mod spectral;
 mod spectrum;
 mod sums;
 mod table;
@@ -48,7 +50,8 @@ pub use gallery::{GALLERY, gallery, gallery_scene, gallery_skin, scene_of_maps};
 pub use job::{Prediction, Report, Settings, SoFar, render, render_watched};
 pub use material::Notes;
 pub use output::{bytes, exposure, png, read_picture, write_picture, write_png};
-pub use picture::{Picture, Pixel, SAMPLES};
+pub use picture::{Band, Picture, Pixel, SAMPLES};
 pub use scene::{
     Base, Blend, Camera, Color, Diffraction, Light, Material, Relief, Scene, Shape, Spectrum, Turn, Value,
 };
+pub use spectral::SpectralReport;

@@ -11,18 +11,33 @@ use std::path::Path;
 /// What the brighter twentieth of what is lit starts at, of white before it is compressed.
 const KEY: f64 = 0.8;
 
-/// Writes a picture as an EXR: R, G, B (linear sRGB) and `error`, the standard error of the luminance.
+/// Name of a band's channel (Fichet et al. 2021, An OpenEXR layout for spectral images): unpolarised radiance at a wavelength.
+fn channel(nm: f64) -> String {
+    format!("S0.{}nm", format!("{nm:.6}").replace('.', ","))
+}
+
+/// Writes a picture as an EXR: R, G, B (linear sRGB), `error`, the standard error of the luminance, and its spectra, if there are any.
 ///
 /// # Errors
 /// `Output` when the system refuses.
 pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
-    let attributes = [
+    let mut attributes = vec![
         ("units", Attribute::Text("radiance, linear sRGB (D65 is white, Y of a light's own unit); error of Y".into())),
         ("samples", Attribute::Number((picture.passes * SAMPLES) as f64)),
     ];
     let width = picture.width;
+    let bands: Vec<String> = picture.bands.iter().map(|band| channel(band.nm)).collect();
+    if !bands.is_empty() {
+        attributes.push(("spectralLayoutVersion", Attribute::Text("1.0".into())));
+        attributes.push(("emissiveUnits", Attribute::Text("a.u. per nm, a light of luminance 1 has Y = 1".into())));
+    }
+    let channels: Vec<&str> = ["R", "G", "B", "error"].into_iter().chain(bands.iter().map(String::as_str)).collect();
     write_whole_with(path, |file| {
-        write_exr(file, width, picture.height, &["R", "G", "B", "error"], &attributes, &|c, y, row| {
+        write_exr(file, width, picture.height, &channels, &attributes, &|c, y, row| {
+            if let Some(band) = c.checked_sub(4) {
+                row.copy_from_slice(&picture.bands[band].radiance[y * width..(y + 1) * width]);
+                return;
+            }
             for (out, pixel) in row.iter_mut().zip(&picture.pixels[y * width..]) {
                 *out = if c < 3 { pixel.rgb[c] } else { pixel.error(picture.passes) } as f32;
             }
@@ -78,7 +93,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         Pixel { rgb: rgb.map(f64::from), luminance: xyz_of_linear_srgb(rgb)[1].into(), squares: 0.0 }
     };
     let pixels = (0..map.width * map.height).map(pixel).collect();
-    Ok(Picture { width: map.width, height: map.height, passes: 1, pixels })
+    Ok(Picture { width: map.width, height: map.height, passes: 1, pixels, bands: vec![] })
 }
 
 /// What tells a scene and its accuracy from others.
@@ -132,5 +147,5 @@ pub(super) fn resumed(path: &Path, digest: &str, [width, height]: [usize; 2]) ->
     if let Some(i) = planes.iter().find_map(|p| p.iter().position(|v| !v.is_finite())) {
         return Err(Error::file(path, format!("has no number in column {}, row {}", i % width, i / width), remedy));
     }
-    Ok(Picture { width, height, passes, pixels })
+    Ok(Picture { width, height, passes, pixels, bands: vec![] })
 }

@@ -3,7 +3,7 @@
 use super::material::Memory;
 use super::ready::Ready;
 use crate::Result;
-use crate::color::{linear_srgb, xyz_of_linear_srgb};
+use crate::color::xyz_of_linear_srgb;
 use crate::progress::Progress;
 use crate::random::Stream;
 use rayon::prelude::*;
@@ -23,9 +23,9 @@ const PILOT: usize = 4096;
 /// A pixel after some passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pixel {
-    /// Mean of the passes, linear sRGB.
+    /// Mean of the passes, linear sRGB (or three bands of a spectrum).
     pub rgb: [f64; 3],
-    /// Mean luminance of the passes.
+    /// Mean luminance of the passes (or mean of the bands).
     pub luminance: f64,
     /// Sum of the squared differences of the passes' luminances from their mean.
     pub squares: f64,
@@ -42,17 +42,27 @@ pub struct Picture {
     pub passes: usize,
     /// Row by row from the top.
     pub pixels: Vec<Pixel>,
+    /// A spectrum per pixel, if it was asked for.
+    pub bands: Vec<Band>,
+}
+
+/// What a band of the spectrum sees of a picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Band {
+    /// Its wavelength, in nm.
+    pub nm: f64,
+    /// Mean spectral radiance, per nm, in units in which a light's luminance is the observer's Y; row by row from the top.
+    pub radiance: Vec<f32>,
 }
 
 impl Pixel {
     /// Adds the `n`-th pass (Welford 1962).
-    fn add(&mut self, xyz: [f64; 3], n: usize) {
-        let rgb = linear_srgb(xyz.map(|v| v as f32));
+    fn add(&mut self, (rgb, luminance): ([f64; 3], f64), n: usize) {
         let share = 1.0 / n as f64;
-        (0..3).for_each(|c| self.rgb[c] += (f64::from(rgb[c]) - self.rgb[c]) * share);
-        let off = xyz[1] - self.luminance;
+        (0..3).for_each(|c| self.rgb[c] += (rgb[c] - self.rgb[c]) * share);
+        let off = luminance - self.luminance;
         self.luminance += off * share;
-        self.squares += off * (xyz[1] - self.luminance);
+        self.squares += off * (luminance - self.luminance);
     }
 
     /// Standard error of the luminance after some passes.
@@ -93,7 +103,7 @@ fn relative(squares: impl Iterator<Item = f64>, luminances: impl Iterator<Item =
 impl Picture {
     /// A picture before its first pass.
     pub(super) fn new([width, height]: [usize; 2]) -> Self {
-        Self { width, height, passes: 0, pixels: vec![Pixel::default(); width * height] }
+        Self { width, height, passes: 0, pixels: vec![Pixel::default(); width * height], bands: vec![] }
     }
 
     /// Adds a pass.
@@ -107,7 +117,7 @@ impl Picture {
                 return;
             }
             for (k, pixel) in pixels.iter_mut().enumerate() {
-                pixel.add(pass(ready, tile * TILE + k, n, memory), n + 1);
+                pixel.add(ready.eye.kept(pass(ready, tile * TILE + k, n, memory)), n + 1);
             }
         });
         progress.check()?;
@@ -131,15 +141,21 @@ impl Picture {
             }
             Pixel { rgb: sum.rgb.map(|v| v / count), luminance: sum.luminance / count, squares: 0.0 }
         };
-        Self { width, height, passes: self.passes, pixels: (0..width * height).map(block).collect() }
+        let pixels = (0..width * height).map(block).collect();
+        Self { width, height, passes: self.passes, pixels, bands: vec![] }
     }
 
     /// Adds a pass that was made elsewhere, linear sRGB.
     pub(super) fn add_pixels(&mut self, pass: &[[f32; 3]]) {
         self.passes += 1;
         for (pixel, rgb) in self.pixels.iter_mut().zip(pass) {
-            pixel.add(xyz_of_linear_srgb(*rgb).map(f64::from), self.passes);
+            pixel.add((rgb.map(f64::from), xyz_of_linear_srgb(*rgb)[1].into()), self.passes);
         }
+    }
+
+    /// Whether it has as many passes as are allowed, or as an error takes.
+    pub(super) fn is_enough(&self, most: usize, error: f64) -> bool {
+        self.passes >= most || (self.passes >= FEWEST && self.error() <= error)
     }
 
     /// Root mean square of the pixels' standard errors over the mean luminance; NaN before the second pass.
@@ -173,8 +189,8 @@ impl Pilot {
             .map_init(Memory::default, |memory, k| {
                 let mut pixel = Pixel::default();
                 if !progress.cancelled() {
-                    (0..FEWEST)
-                        .for_each(|n| pixel.add(pass(ready, chosen(k, count, width * height), n, memory), n + 1));
+                    let at = chosen(k, count, width * height);
+                    (0..FEWEST).for_each(|n| pixel.add(ready.eye.kept(pass(ready, at, n, memory)), n + 1));
                 }
                 pixel
             })

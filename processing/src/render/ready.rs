@@ -1,12 +1,13 @@
 //! A scene made ready for rays, and the light that comes along one.
 
 use super::diffraction::Diffraction;
+use super::eye::{Bands, Eye};
 use super::light::{Lamp, Sky};
 use super::lobes::{Above, Accuracy};
 use super::material::{Material, Memory, Notes, Place};
 use super::scene::{self, REMEDY, Scene};
 use super::shape::{Form, Hit, Placed, Ray};
-use super::spectrum::xyz;
+use super::spectrum::Upsampling;
 use super::vector::{V3, across, number, place, turned};
 use crate::progress::Progress;
 use crate::random::Stream;
@@ -27,6 +28,7 @@ pub(super) struct Ready {
     pub lamps: Vec<Lamp>,
     pub skies: Vec<Sky>,
     pub accuracy: Accuracy,
+    pub eye: Eye,
     /// How each material is computed.
     pub notes: BTreeMap<String, Notes>,
     pub warnings: Vec<String>,
@@ -110,11 +112,12 @@ impl Ready {
         let lights = angle("turn.light_deg", turn.light_deg)?;
         let camera = Camera::new(camera, angle("turn.view_deg", turn.view_deg)?)?;
         progress.stage("reading the scene", (shape.len() + light.len() + material.len()) as u64);
+        let eye = Eye::from(*observer);
         let (mut lamps, mut skies) = (vec![], vec![]);
         for (k, light) in light.iter().enumerate() {
             let name = format!("light[{k}]");
-            lamps.extend(Lamp::new(&name, light, folder, *observer, (lights, accuracy.error))?);
-            skies.extend(Sky::new(&name, light, folder, *observer, (lights, accuracy.error))?);
+            lamps.extend(Lamp::new(&name, light, folder, eye, (lights, accuracy.error))?);
+            skies.extend(Sky::new(&name, light, folder, eye, (lights, accuracy.error))?);
             progress.step();
             progress.check()?;
         }
@@ -165,7 +168,25 @@ impl Ready {
         if lamps.is_empty() && skies.is_empty() {
             warnings.push("there is no light".into());
         }
-        Ok(Self { camera, shapes, materials, lamps, skies, accuracy, notes, warnings })
+        Ok(Self { camera, shapes, materials, lamps, skies, accuracy, eye, notes, warnings })
+    }
+
+    /// Looks at the same with other eyes: three bands of the spectrum.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(super) fn look(&mut self, scene: &Scene, folder: &Path, bands: Bands) -> Result<()> {
+        self.eye.bands = Some(bands);
+        let angle = scene.turn.light_deg.to_radians();
+        self.lamps.clear();
+        for (k, light) in scene.light.iter().enumerate() {
+            let name = format!("light[{k}]");
+            self.lamps.extend(Lamp::new(&name, light, folder, self.eye, (angle, self.accuracy.error))?);
+        }
+        for sky in &mut self.skies {
+            sky.upsampling = Upsampling::new(self.eye, self.accuracy.error)?;
+        }
+        Ok(())
     }
 
     /// Whether any material adds up orders or wavelengths.
@@ -195,8 +216,8 @@ impl Ready {
         let Some((hit, material)) = self.meet(&ray, [0.0, f64::INFINITY]) else {
             let mut sum = [0.0; 3];
             for sky in self.skies.iter().filter(|s| s.visible) {
-                let rgb = xyz(sky.radiance(ray.along));
-                (0..3).for_each(|c| sum[c] += rgb[c]);
+                let seen = sky.upsampling.seen(sky.radiance(ray.along));
+                (0..3).for_each(|c| sum[c] += seen[c]);
             }
             return sum;
         };

@@ -3,6 +3,7 @@
 mod bad_input;
 mod energy;
 mod folder;
+mod spectral;
 
 use super::grating::{Grating, Groove, Scratch};
 use super::lobes::Accuracy;
