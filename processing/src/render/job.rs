@@ -77,8 +77,8 @@ pub struct Report {
     pub samples: usize,
     /// Root mean square of the pixels' standard errors over the mean luminance.
     pub noise: f64,
-    /// What sums over orders and wavelengths are off by, from a look at some pixels with finer ones: root mean square over that of their
-    /// luminances.
+    /// What sums over orders and wavelengths are off by, from a look at some pixels with finer ones: root mean square over their mean
+    /// luminance, as noise is.
     pub predicted_model_error: f64,
     /// The same, measured against much finer sums of more pixels.
     #[serde(skip_serializing_if = "Option::is_none")]

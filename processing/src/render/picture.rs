@@ -216,8 +216,8 @@ fn chosen(k: usize, count: usize, pixels: usize) -> usize {
     (((k as f64 + Stream::new(k, usize::MAX).next()) * part) as usize).min(pixels - 1)
 }
 
-/// Root mean square difference of some pixels of two scenes that differ in their accuracy, over that of the other's luminances; none where that
-/// is dark.
+/// Root mean square difference of some pixels of two scenes that differ in their accuracy, over the mean luminance, as noise is; none in the
+/// dark.
 ///
 /// # Errors
 /// `Cancelled`.
@@ -234,6 +234,6 @@ pub(super) fn compared(one: &Ready, other: &Ready, count: usize, progress: &dyn 
         })
         .collect();
     progress.check()?;
-    let [off, light] = pairs.iter().fold([0.0; 2], |[d, l], [a, b]| [d + (a - b).powi(2), l + b * b]);
-    Ok((light > 0.0).then(|| (off / light).sqrt()))
+    let [off, light] = pairs.iter().fold([0.0; 2], |[d, l], [a, b]| [d + (a - b).powi(2), l + b]);
+    Ok((light > 0.0).then(|| (off * count as f64).sqrt() / light))
 }

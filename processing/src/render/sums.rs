@@ -29,7 +29,7 @@ const CHECK: f64 = 1e-2;
 /// A scene whose sums are exact enough.
 pub(super) struct Sums {
     pub ready: Ready,
-    /// What they are off by: root mean square over some pixels, over that of their luminances; 0 in the dark.
+    /// What they are off by: root mean square over some pixels, over their mean luminance; 0 in the dark.
     pub error: f64,
     /// What they were allowed.
     pub allowed: f64,

@@ -7,6 +7,7 @@ mod flash;
 mod hdr;
 mod lut;
 mod photographs;
+mod render;
 pub mod spots;
 mod surface;
 
@@ -25,6 +26,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     all.extend(spots::studies(effort));
     all.extend(flash::studies(effort));
     all.extend(environment::studies(effort));
+    all.extend(render::studies(effort));
     all
 }
 

@@ -4,6 +4,8 @@ mod method;
 mod scene;
 mod sphere;
 
+pub(super) use scene::Last;
+
 use nacre_processing::chart::{Axis, Effort, Outcome, Run, Scene, Setting, Study};
 
 /// All of them.
