@@ -22,7 +22,7 @@ export function renderFields(given = {}) {
       field("Noise asked for (%)", error, { hint: "Half of it takes four times as long" }),
       field("Most samples per pixel", samples, { hint: "Ends there whatever the noise" }),
       field("Wavelengths", wavelengths, { hint: "Empty: as many as needed" }),
-      field("Spectra: bands so far apart (nm)", spectral, { hint: "Empty: colours only" })),
+      field("Spectral bands (nm)", spectral, { hint: "How far apart; empty: colours only" })),
     measured);
   return {
     element,
@@ -100,7 +100,7 @@ export function reportOfRender(report) {
       ["Expected", `noise ${percent(predicted.noise, 2)} after ${predicted.passes} passes in ${duration(predicted.seconds)}`],
       ["Sums off by", measured === null ? null : `${percent(report.predicted_model_error, 2)} by prediction`],
       ["Wavelengths", settings.wavelengths === null ? "as many as needed" : plain(settings.wavelengths)],
-      ["Spectra", spectral ? `${spectral.bands} bands from ${spectral.range_nm[0]} to ${spectral.range_nm[1]} nm in render.exr, noise ${percent(spectral.noise, 2)} at most` : null],
+      ["Spectra", spectral ? `${spectral.bands} bands from ${spectral.range_nm[0]} to ${spectral.range_nm[1]} nm in render.exr, ${spectral.noise === null ? "noise unknown after one pass" : `noise ${percent(spectral.noise, 2)} at most`}` : null],
       ["Exposure", `linear light times ${plain(Number(report.exposure.toPrecision(4)))}`],
       ["Took", `${duration(report.seconds)}, of which passes ${duration(report.seconds_of_passes)}`],
     ]),

@@ -265,9 +265,9 @@ fn summary(report: &Report) -> String {
     let _ = write!(text, "; sums off by {:.2e} predicted ({measured})", report.predicted_model_error);
     if let Some(s) = &report.spectral {
         let [from, to] = s.range_nm;
-        let (bands, seconds, noise) = (s.bands, s.seconds, s.noise);
-        let _ =
-            write!(text, "\nspectra   {bands} bands from {from} to {to} nm, noise {noise:.2e} at most, {seconds:.2} s");
+        let (bands, seconds) = (s.bands, s.seconds);
+        let noise = s.noise.map_or("unknown noise".into(), |noise| format!("noise {noise:.2e} at most"));
+        let _ = write!(text, "\nspectra   {bands} bands from {from} to {to} nm, {noise}, {seconds:.2} s");
     }
     let _ = write!(
         text,

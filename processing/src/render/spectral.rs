@@ -4,7 +4,7 @@
 
 use super::eye::Bands;
 use super::job::Settings;
-use super::picture::{Band, FEWEST, Picture, SAMPLES};
+use super::picture::{Band, Picture, SAMPLES};
 use super::ready::Ready;
 use super::scene::{Diffraction, Scene};
 use crate::progress::Progress;
@@ -31,8 +31,8 @@ pub struct SpectralReport {
     pub bands: usize,
     /// Samples of each pixel, at most, for three bands at a time.
     pub samples: usize,
-    /// Largest noise of three bands: root mean square of the standard errors of their mean over the mean.
-    pub noise: f64,
+    /// Largest noise of three bands: root mean square of the standard errors of their mean over the mean; unknown after a single pass.
+    pub noise: Option<f64>,
     /// Seconds that it took.
     pub seconds: f64,
 }
@@ -77,7 +77,7 @@ pub(super) fn spectra(
     let (step, nm) = wavelengths(step_nm);
     let most = (settings.samples / SAMPLES).max(1);
     progress.stage("bands", nm.len().div_ceil(3) as u64);
-    let (mut bands, mut noise, mut passes) = (vec![], 0.0_f64, 0);
+    let (mut bands, mut noise, mut passes) = (vec![], None, 0);
     for three in nm.chunks(3) {
         ready.look(scene, folder, Bands { first_nm: three[0], step_nm: step })?;
         let mut picture = Picture::new(ready.size());
@@ -87,8 +87,8 @@ pub(super) fn spectra(
         for (k, nm) in three.iter().enumerate() {
             bands.push(Band { nm: *nm, radiance: picture.pixels.iter().map(|p| p.rgb[k] as f32).collect() });
         }
-        if picture.passes >= FEWEST {
-            noise = noise.max(picture.error());
+        if picture.passes > 1 {
+            noise = Some(picture.error().max(noise.unwrap_or(0.0)));
         }
         passes = passes.max(picture.passes);
         progress.step();

@@ -5,6 +5,8 @@ mod bracket;
 mod flash;
 mod foil;
 mod orders;
+#[cfg(test)]
+mod render_tests;
 mod tiles;
 
 pub use bokeh::BokehPhotograph;

@@ -117,6 +117,17 @@ fn files_hold_spectra_as_others_read_them() {
 }
 
 #[test]
+fn noise_is_told_from_the_second_pass_on() {
+    let scene = Scene::parse(&stage(GRATING, LAMP)).unwrap();
+    let noise = |samples| {
+        let (_, report) = render(&scene, Path::new(""), &spectral(50.0, samples), &Silent).unwrap();
+        report.spectral.unwrap().noise
+    };
+    assert_eq!(noise(4), None);
+    assert!(noise(8).is_some_and(|n| n > 1e-3));
+}
+
+#[test]
 fn spectra_that_make_no_sense_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
