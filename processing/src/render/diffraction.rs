@@ -153,6 +153,12 @@ impl Diffraction {
         let section = Section::Formula { profile: relief.profile, depth_um };
         let grating = Grating::new(&section, longest_um, sigma, reflectance.clone(), accuracy.error);
         notes.orders = Some(grating.orders);
+        if let Some((order, theory, factor)) = grating.doubtful(longest_um) {
+            let percent = 100.0 * theory;
+            notes.warnings.push(format!(
+                "weak orders are uncertain: so that no light is lost, order {order:+} has {factor:.2} times the {percent:.1} % of scalar theory (at {longest_um} µm, along the normal, 550 nm)"
+            ));
+        }
         notes.predicted_error += grating.left_out;
         notes.method = format!(
             "exact orders, balanced: ±{} hold all but {:.2e} of the light at any direction; exact ones cost what a first-order theory's cost",

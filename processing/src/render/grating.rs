@@ -106,6 +106,23 @@ impl Grating {
         Self { table, most, depth_um: 0.0, orders: most, left_out: 0.0, sigma, reflectance }
     }
 
+    /// The order whose power the balance changes most, seen along the normal at 550 nm, of those that have a hundredth of the light: with
+    /// scalar theory's power and the factor. None where no such factor is further from 1 than a tenth.
+    ///
+    /// Light that scalar theory loses at grazing directions is given back along the chain of coupled directions. Where nearly all light goes to
+    /// one order, as on blazed gratings, that changes the weak ones by much, and nobody knows how well.
+    pub(super) fn doubtful(&self, period_um: f64) -> Option<(i32, f64, f64)> {
+        let mut found: Option<(i32, f64, f64)> = None;
+        let groove = Groove { across: [1.0, 0.0], period_um };
+        self.orders([0.0, 0.0, 1.0], groove, 1.0 / 0.55, &mut Scratch::default(), |o| {
+            let (theory, off) = (o.power / o.factor.max(1e-12), o.factor.ln().abs());
+            if theory >= 0.01 && off > 1.1_f64.ln() && found.is_none_or(|f| off > f.2.ln().abs()) {
+                found = Some((o.order, theory, o.factor));
+            }
+        });
+        found
+    }
+
     /// Power of an order in scalar theory for `q = 2πν(cos θi + cos θr)`.
     #[inline]
     pub(super) fn power(&self, order: i32, q: f64) -> f64 {

@@ -141,3 +141,19 @@ fn balanced_orders_are_reciprocal_and_near_to_scalar_theory() {
         }
     });
 }
+
+#[test]
+fn orders_that_the_balance_changes_by_much_are_told() {
+    let doubtful = |profile: Profile, depth_um: f64| {
+        let section = Section::Formula { profile, depth_um };
+        Grating::new(&section, 5.0, 0.01, Reflectance::Perfect, 1e-6).doubtful(5.0)
+    };
+    // Symmetric and shallow: every factor is near 1.
+    assert_eq!(doubtful(Profile::Sinusoid, 0.15), None);
+    // Nearly all light goes to the first order; the weak ones beside it get what others lose.
+    let (order, theory, factor) = doubtful(Profile::Blazed, 0.2).unwrap();
+    assert!(
+        order.abs() <= 3 && (0.01..0.1).contains(&theory) && !(0.8..1.25).contains(&factor),
+        "{order} {theory} {factor}"
+    );
+}
