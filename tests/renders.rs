@@ -227,14 +227,14 @@ fn scenes_start_from_the_gallery_or_from_a_result() {
     let session = begin(&service, &plan(4, 10.0));
     finished(&service, &session);
     let upload = sent(&[("result", "", session.as_bytes())]).expect(201).json();
-    let done = ended(&service, &rendered(&service, &upload, &json!({ "samples": 16 })));
+    let done = ended(&service, &rendered(&service, &upload, &json!({ "samples": 16, "max_error": 0.5 })));
     assert_eq!(done["state"], "done", "{done}");
     // The same maps in a scene of one's own.
     let scene = SCENE
         .replace("\"albedo.exr\"", "[0.05, 0.05, 0.05]")
         .replace("orientation_deg = 90", "maps = \"orientation.exr\"");
     let upload = sent(&[("result", "", session.as_bytes()), ("file", "own.toml", scene.as_bytes())]).expect(201).json();
-    let done = ended(&service, &rendered(&service, &upload, &json!({ "samples": 16 })));
+    let done = ended(&service, &rendered(&service, &upload, &json!({ "samples": 16, "max_error": 0.5 })));
     assert!(done["state"] == "done" && done["report"]["size"] == json!([48, 40]), "{done}");
     sent(&[("result", "", b"../../x")]).expect(404);
     let job = done["id"].as_str().unwrap();
