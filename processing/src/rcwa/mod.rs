@@ -1,6 +1,6 @@
-//! Rigorous diffraction by a sinusoidal grating: Maxwell's equations without the scalar or thin-grating assumption.
+//! Rigorous diffraction by gratings: Maxwell's equations without the scalar or thin-grating assumption.
 //!
-//! The surface is `h(x) = d/2 · cos(2πx/Λ)`, d peak to peak; below it lies the metal (or a dielectric), above it air or
+//! A metal's surface is `h(x) = d/2 · cos(2πx/Λ)`, d peak to peak; below it lies the metal (or a dielectric), above it air or
 //! film. Light comes from above in the plane across the grooves (no conical incidence). Two independent methods share
 //! one set of types:
 //!
@@ -11,7 +11,8 @@
 //! - [`coordinates`]: the same equations in coordinates that follow the surface (Chandezon's method). A smooth profile
 //!   has no stairs there and converges exponentially.
 //!
-//! [`solve`] takes the wanted error, and uses the cheapest setting whose predicted error meets it.
+//! [`solve`] takes the wanted error, and uses the cheapest setting whose predicted error meets it. [`conductor`] takes any smooth cross-section
+//! of a perfect conductor: what scalar theory is compared with.
 //!
 //! Conventions: fields go as `exp(-iωt)`, so absorbing media have a positive imaginary index and a delay is a positive
 //! phase; amplitudes refer to the mean plane of the surface.
@@ -27,6 +28,7 @@
 //! ```
 
 mod adaptive;
+mod conductor;
 mod coordinates;
 mod eigen;
 mod ratio;
@@ -39,6 +41,7 @@ use num_complex::Complex;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 pub use adaptive::{Method, Solution, solve};
+pub use conductor::conductor;
 pub use coordinates::coordinates;
 pub use ratio::{RatioTable, contrast, phase_offset, ratio};
 pub use slices::slices;

@@ -218,3 +218,33 @@ fn coordinates_agree_with_point_matching() {
         }
     }
 }
+
+/// Against Chandezon's method for a metal that reflects all, and energy where the cross-section is none of its.
+#[test]
+fn perfect_conductors_lose_nothing_and_agree_with_coordinates() {
+    let silver = Complex::new(0.0, 400.0);
+    for (period, depth, angle) in [(1.0, 0.1, 0.0), (1.6, 0.2, -0.5), (2.5, 0.2, 0.9)] {
+        for polarization in BOTH {
+            let found = conductor(&[[depth / 2.0, 0.0]], period, &green(angle), polarization, 16).unwrap();
+            let metal = Grating { below: silver, ..foil(period, depth) };
+            let wanted = coordinates(&metal, &green(angle), polarization, 16).unwrap();
+            assert!((found.total() - 1.0).abs() < 1e-9, "{polarization:?} {period}: {}", found.total() - 1.0);
+            for (a, b) in found.reflected.iter().zip(&wanted.reflected) {
+                // What is left is the metal's impedance of 1/400.
+                assert!((a.efficiency - b.efficiency).abs() < 0.01, "{polarization:?} {period} {depth}: {a:?} {b:?}");
+            }
+        }
+    }
+    let teeth = [[0.0, -0.06], [0.01, -0.025], [0.0, -0.01]];
+    for polarization in BOTH {
+        let there = conductor(&teeth, 1.6, &green(0.4), polarization, 20).unwrap();
+        // Teeth converge, slower than sinusoids.
+        let coarse = conductor(&teeth, 1.6, &green(0.4), polarization, 10).unwrap();
+        let lost = [coarse.total() - 1.0, there.total() - 1.0];
+        assert!(lost[1].abs() < 1e-5 && lost[1].abs() < 0.1 * lost[0].abs(), "{polarization:?}: {lost:?}");
+        let back = conductor(&teeth, 1.6, &green(-(0.4_f64.sin() - 0.35).asin()), polarization, 20).unwrap();
+        let [a, b] = [there.reflected(-1).efficiency, back.reflected(-1).efficiency];
+        assert!((a - b).abs() < 1e-5 && a > 0.01, "{polarization:?}: {a} {b}");
+    }
+    assert!(conductor(&[[f64::NAN, 0.0]], 1.0, &green(0.0), Polarization::Te, 5).is_err());
+}

@@ -1,6 +1,6 @@
 //! What diffracts, by its kind.
 
-use super::grating::{Grating, Groove};
+use super::grating::{BalancedOrders, Grating, Groove};
 use super::lobes::{Above, Accuracy, lit, under};
 use super::material::{Memory, Notes, Place, add, both_ways};
 use super::relief::Relief;
@@ -16,11 +16,15 @@ use crate::random::Stream;
 use crate::surface::height::{self, Scale};
 use crate::surface::{Reflectance, Section, Slits, Window};
 use crate::{Error, Result};
+use std::f64::consts::FRAC_PI_4;
 use std::path::Path;
 
 /// Longest period of a grating, in µm, and deepest.
 const PERIODS: [f64; 2] = [0.05, 200.0];
 const DEPTHS: [f64; 2] = [0.0, 5.0];
+
+/// Light in wrong orders from which reports warn.
+const STEEP: f64 = 0.05;
 
 /// What diffracts.
 pub(super) enum Diffraction {
@@ -153,10 +157,12 @@ impl Diffraction {
         let section = Section::Formula { profile: relief.profile, depth_um };
         let grating = Grating::new(&section, longest_um, sigma, reflectance.clone(), accuracy.error);
         notes.orders = Some(grating.orders);
-        if let Some((order, theory, factor)) = grating.doubtful(longest_um) {
-            let percent = 100.0 * theory;
+        let theory = BalancedOrders::theory_error(&section, longest_um, FRAC_PI_4);
+        notes.theory_error = Some(theory);
+        if theory > STEEP {
             notes.warnings.push(format!(
-                "weak orders are uncertain: so that no light is lost, order {order:+} has {factor:.2} times the {percent:.1} % of scalar theory (at {longest_um} µm, along the normal, 550 nm)"
+                "grooves of {depth_um} µm every {longest_um} µm are steep for scalar theory: about {:.0} % of the light is in wrong orders, more where it grazes or grooves are finer",
+                100.0 * theory
             ));
         }
         notes.predicted_error += grating.left_out;

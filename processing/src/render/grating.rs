@@ -5,10 +5,14 @@
 //! incoming direction can go to, that is not 1: orders below the horizon are missing, and w is another one for each. The directions that a
 //! grating couples at one wavelength are finitely many, and as many incoming as outgoing ones: `s + n λ/a` with a length below 1 (s across the
 //! normal). Their square matrix of powers is scaled by a factor per row and a factor per column until all rows and columns add up to 1 (Sinkhorn
-//! and Knopp 1967): what is left is reciprocal, for its factors belong to directions, and without loss. Near the normal factors are near 1.
+//! and Knopp 1967): what is left is reciprocal, for its factors belong to directions, and without loss. Of all such matrices it is the one nearest
+//! to scalar theory's in relative entropy, and nearer to what Maxwell's equations say of a perfect conductor than scalar theory is itself
+//! (`docs/charts.md`, `render-orders`).
 
 use crate::surface::{Reflectance, Section, most_orders};
-use std::f64::consts::TAU;
+use crate::{Error, Result};
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::ops::RangeInclusive;
 
 use super::spectrum::RANGE;
 
@@ -21,6 +25,9 @@ pub(super) const BALANCED: f64 = 1e-4;
 
 /// More coupled directions than this are not balanced but scaled by their row: periods are then so long that they are nearly all there.
 const MOST_DIRECTIONS: usize = 48;
+
+/// Distance over which slopes count, an eighth of a wavelength: light does not see what is finer.
+const WALL_UM: f64 = 0.07;
 
 /// A cross-section with how it is to be computed.
 pub(super) struct Grating {
@@ -43,6 +50,66 @@ pub(super) struct Groove {
     /// Direction of the grating vector.
     pub across: [f64; 2],
     pub period_um: f64,
+}
+
+/// An order of a lossless grating, as scalar theory and as renderings have it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BalancedOrder {
+    /// Its number: `sin θi + sin θr = m λ/Λ`, with the directions of light and view.
+    pub order: i32,
+    /// Part of the light in scalar theory, with its gain; all orders together may have more or less than 1.
+    pub scalar: f64,
+    /// The same, balanced.
+    pub balanced: f64,
+}
+
+/// A lossless grating, whose orders are looked up.
+pub struct BalancedOrders {
+    grating: Grating,
+    period_um: f64,
+}
+
+impl BalancedOrders {
+    /// Prepares a cross-section.
+    ///
+    /// # Errors
+    /// `Input` for a period or depth that makes no sense.
+    pub fn new(section: &Section, period_um: f64) -> Result<Self> {
+        check("period", period_um, 0.01..=200.0, "µm")?;
+        check("depth", section.depth_um(), 0.0..=20.0, "µm")?;
+        Ok(Self { grating: Grating::new(section, period_um, 1.0, Reflectance::Perfect, 0.0), period_um })
+    }
+
+    /// The orders between light and a direction of view across the grooves, either of which is at an angle (rad), by rising number.
+    ///
+    /// # Errors
+    /// `Input` for numbers that make no sense.
+    pub fn at(&self, angle: f64, wavelength_nm: f64) -> Result<Vec<BalancedOrder>> {
+        check("angle", angle, -FRAC_PI_2..=FRAC_PI_2, "rad")?;
+        check("wavelength", wavelength_nm, 1e3 / RANGE[1]..=1e3 / RANGE[0], "nm")?;
+        let groove = Groove { across: [1.0, 0.0], period_um: self.period_um };
+        let view = [angle.sin(), 0.0, angle.cos()];
+        let mut found = vec![];
+        self.grating.orders(view, groove, 1e3 / wavelength_nm, &mut Scratch::default(), |o| {
+            found.push(BalancedOrder { order: o.order, scalar: o.power / o.factor, balanced: o.power });
+        });
+        found.sort_by_key(|o| o.order);
+        Ok(found)
+    }
+
+    /// Part of the light that balanced orders of a perfect conductor have in a wrong order, about: `0.3 ⟨h'²⟩ / cos θ`, as charted against
+    /// Maxwell's equations (`render-orders`). Walls count as steep as they are over [`WALL_UM`].
+    pub fn theory_error(section: &Section, period_um: f64, angle: f64) -> f64 {
+        (0.3 * section.mean_square_slope(period_um, WALL_UM) / angle.cos().max(0.05)).min(1.0)
+    }
+}
+
+fn check(name: &str, value: f64, range: RangeInclusive<f64>, unit: &str) -> Result<()> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    let wanted = format!("give {} to {} {unit}", range.start(), range.end());
+    Err(Error::input(format!("grating, {name}"), format!("found {value}"), wanted))
 }
 
 /// Memory of one thread.
@@ -104,23 +171,6 @@ impl Grating {
         let row: Vec<f32> = (-most..=most).map(|m| powers[m.unsigned_abs() as usize] as f32).collect();
         let table = [row.as_slice(), row.as_slice()].concat();
         Self { table, most, depth_um: 0.0, orders: most, left_out: 0.0, sigma, reflectance }
-    }
-
-    /// The order whose power the balance changes most, seen along the normal at 550 nm, of those that have a hundredth of the light: with
-    /// scalar theory's power and the factor. None where no such factor is further from 1 than a tenth.
-    ///
-    /// Light that scalar theory loses at grazing directions is given back along the chain of coupled directions. Where nearly all light goes to
-    /// one order, as on blazed gratings, that changes the weak ones by much, and nobody knows how well.
-    pub(super) fn doubtful(&self, period_um: f64) -> Option<(i32, f64, f64)> {
-        let mut found: Option<(i32, f64, f64)> = None;
-        let groove = Groove { across: [1.0, 0.0], period_um };
-        self.orders([0.0, 0.0, 1.0], groove, 1.0 / 0.55, &mut Scratch::default(), |o| {
-            let (theory, off) = (o.power / o.factor.max(1e-12), o.factor.ln().abs());
-            if theory >= 0.01 && off > 1.1_f64.ln() && found.is_none_or(|f| off > f.2.ln().abs()) {
-                found = Some((o.order, theory, o.factor));
-            }
-        });
-        found
     }
 
     /// Power of an order in scalar theory for `q = 2πν(cos θi + cos θr)`.

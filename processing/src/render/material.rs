@@ -42,6 +42,10 @@ pub struct Notes {
     pub orders: Option<i32>,
     /// Relative error that is predicted of its model.
     pub predicted_error: f64,
+    /// Part of a grating's light that scalar theory, balanced, has in a wrong order: about, at 45°, against Maxwell's equations for a perfect
+    /// conductor. No sampling mends it, so that it is no part of what is met.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub theory_error: Option<f64>,
     /// What is to be known.
     pub warnings: Vec<String>,
 }

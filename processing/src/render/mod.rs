@@ -47,6 +47,7 @@ mod vector;
 pub use compare::{Difference, difference};
 pub use folder::{Glimpse, Options, check_folder, render_folder};
 pub use gallery::{GALLERY, gallery, gallery_scene, gallery_skin, scene_of_maps};
+pub use grating::{BalancedOrder, BalancedOrders};
 pub use job::{Prediction, Report, Settings, SoFar, render, render_watched};
 pub use material::Notes;
 pub use output::{bytes, exposure, png, read_picture, write_picture, write_png};

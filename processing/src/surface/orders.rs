@@ -14,6 +14,9 @@ use std::path::Path;
 const MAX_BYTES: u64 = 4 << 20;
 const MAX_POINTS: usize = 100_000;
 
+/// Places at which slopes are looked at.
+const SLOPES: u32 = 4096;
+
 /// A cross-section over one period.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Section {
@@ -85,6 +88,30 @@ impl Section {
                 ends[1] - ends[0]
             }
         }
+    }
+
+    /// Height in µm at a place, in periods from 0 to 1.
+    fn height(&self, t: f64) -> f64 {
+        match self {
+            Self::Formula { profile: Profile::Sinusoid, depth_um } => 0.5 * depth_um * (1.0 + (TAU * t).cos()),
+            Self::Formula { profile: Profile::Blazed, depth_um } => depth_um * t,
+            Self::Formula { profile: Profile::Rectangular { duty }, depth_um } if t < *duty => *depth_um,
+            Self::Formula { .. } => 0.0,
+            Self::Lines(points) => {
+                let k = points.partition_point(|p| p[0] <= t);
+                let (Some(first), Some(from)) = (points.first(), points.get(k.saturating_sub(1))) else { return 0.0 };
+                let to = points.get(k).copied().unwrap_or([1.0, first[1]]);
+                from[1] + (to[1] - from[1]) * ((t - from[0]) / (to[0] - from[0]).max(1e-12)).clamp(0.0, 1.0)
+            }
+        }
+    }
+
+    /// Mean square slope, from heights that are `apart_um` apart, so that a wall has a finite one: for a period in µm.
+    pub fn mean_square_slope(&self, period_um: f64, apart_um: f64) -> f64 {
+        let apart = apart_um / period_um;
+        let places = (0..SLOPES).map(|k| (f64::from(k) + 0.5) / f64::from(SLOPES));
+        let sum: f64 = places.map(|t| (self.height((t + apart).fract()) - self.height(t)).powi(2)).sum();
+        sum / f64::from(SLOPES) / (apart_um * apart_um)
     }
 
     /// `c_m = ∫₀¹ exp(-i q h(t) - 2πi m t) dt` for the orders `-most..=most`, with q in 1/µm.
@@ -248,5 +275,20 @@ mod tests {
         }
         std::fs::write(&path, "x_um,height_um\n1,0\n2,0.25\n").unwrap();
         assert_eq!(Section::read(&path, 2.0).unwrap(), Section::Lines(vec![[0.0, 0.0], [0.5, 0.25]]));
+    }
+
+    /// Closed forms; a wall is as steep as it is over the distance that is looked at.
+    #[test]
+    fn slopes_are_those_of_the_formulas() {
+        let of = |profile| Section::Formula { profile, depth_um: 0.2 }.mean_square_slope(2.0, 0.05);
+        let cases = [
+            (of(Profile::Sinusoid), 0.5 * (0.5 * TAU * 0.1_f64).powi(2)),
+            (of(Profile::Blazed), 0.975 * 0.1_f64.powi(2) + (0.2 * 0.975_f64).powi(2) / (0.05 * 2.0)),
+            (of(Profile::Rectangular { duty: 0.3 }), 2.0 * 0.04 / (0.05 * 2.0)),
+            (Section::Lines(vec![[0.0, 0.0], [0.5, 0.2]]).mean_square_slope(2.0, 0.002), 0.2_f64.powi(2)),
+        ];
+        for (found, wanted) in cases {
+            assert!((found / wanted - 1.0).abs() < 0.03, "{found} {wanted}");
+        }
     }
 }

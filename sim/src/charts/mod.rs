@@ -6,6 +6,7 @@ mod environment;
 mod flash;
 mod hdr;
 mod lut;
+mod maxwell;
 mod photographs;
 mod render;
 pub mod spots;
@@ -27,6 +28,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     all.extend(flash::studies(effort));
     all.extend(environment::studies(effort));
     all.extend(render::studies(effort));
+    all.extend(maxwell::studies(effort));
     all
 }
 

@@ -143,17 +143,18 @@ fn balanced_orders_are_reciprocal_and_near_to_scalar_theory() {
 }
 
 #[test]
-fn orders_that_the_balance_changes_by_much_are_told() {
-    let doubtful = |profile: Profile, depth_um: f64| {
-        let section = Section::Formula { profile, depth_um };
-        Grating::new(&section, 5.0, 0.01, Reflectance::Perfect, 1e-6).doubtful(5.0)
+fn steep_grooves_are_told() {
+    let notes = |relief: &str| {
+        let text = format!(
+            "[material.a.diffraction]\ntype = \"grating\"\nperiod_um = 1.6\norientation_deg = 0\nrelief = {{ {relief} }}\n{SKY}"
+        );
+        let scene = Scene::parse(&plane(0.0, 0.0, &text)).unwrap();
+        Ready::new(&scene, Path::new(""), Accuracy::new(0.01, None), &Silent).unwrap().notes["a"].clone()
     };
-    // Symmetric and shallow: every factor is near 1.
-    assert_eq!(doubtful(Profile::Sinusoid, 0.15), None);
-    // Nearly all light goes to the first order; the weak ones beside it get what others lose.
-    let (order, theory, factor) = doubtful(Profile::Blazed, 0.2).unwrap();
-    assert!(
-        order.abs() <= 3 && (0.01..0.1).contains(&theory) && !(0.8..1.25).contains(&factor),
-        "{order} {theory} {factor}"
-    );
+    // 0.3 ⟨h'²⟩ / cos 45° of a sinusoid.
+    let shallow = notes("depth_um = 0.1");
+    let wanted = 0.3 * 0.5 * (std::f64::consts::PI * 0.1 / 1.6).powi(2) * 2.0_f64.sqrt();
+    assert!((shallow.theory_error.unwrap() / wanted - 1.0).abs() < 0.02 && shallow.warnings.is_empty(), "{shallow:?}");
+    let steep = notes("depth_um = 0.4, profile = \"blazed\"");
+    assert!(steep.theory_error.unwrap() > 0.1 && steep.warnings.iter().any(|w| w.contains("steep")), "{steep:?}");
 }
