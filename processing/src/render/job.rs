@@ -20,7 +20,7 @@ const KEEP: f64 = 10.0;
 /// What the user may choose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Most samples of a pixel.
+    /// Most samples of a pixel, on average over those with light: noisy ones get more, calm ones less.
     pub samples: usize,
     /// Error at which passes end: root mean square of the pixels' standard errors over the mean luminance.
     pub max_error: f64,
@@ -73,7 +73,7 @@ pub struct Report {
     pub device: String,
     /// Pixels of a row, and rows.
     pub size: [usize; 2],
-    /// Samples of each pixel.
+    /// Samples of a pixel, on average over those with light.
     pub samples: usize,
     /// Root mean square of the pixels' standard errors over the mean luminance.
     pub noise: f64,
@@ -161,10 +161,10 @@ pub fn render_watched(
         Some(card) => first_passes(card, &mut picture, most, progress)?,
         None => Pilot::new(ready, progress)?,
     };
-    let passes = pilot.passes(settings.max_error).min(most);
+    let passes = pilot.passes(settings.max_error, most);
     let predicted = Prediction {
         passes,
-        noise: pilot.error_of_a_pass / (passes as f64).sqrt(),
+        noise: pilot.noise(passes),
         seconds: pilot.seconds_of_a_pass * passes.saturating_sub(picture.passes) as f64,
     };
     let measured = if settings.check { Some(sums.checked(scene, folder, progress)?) } else { None };
@@ -178,7 +178,10 @@ pub fn render_watched(
         }
         progress.step();
         noise = picture.error();
-        let of = if picture.passes < FEWEST { passes } else { expected(&picture, noise, settings.max_error, most) };
+        let of = match picture.passes < 2 * FEWEST {
+            true => passes.max(picture.passes),
+            false => expected(&picture, noise, settings.max_error, most),
+        };
         let pace = passing.elapsed().as_secs_f64() / (picture.passes - first) as f64;
         let seconds_left = pace * of.saturating_sub(picture.passes) as f64;
         watch(&picture, &SoFar { passes: picture.passes, of, noise, seconds_left });
@@ -205,7 +208,7 @@ pub fn render_watched(
         (picture.bands, spectral) = (bands, Some(about));
     }
     let report = Report {
-        method: "passes of 4 samples per pixel; exact orders in closed lobes under small lights, sums over orders and wavelengths or \
+        method: "passes of 4 samples per pixel, most where noise is; exact orders in closed lobes under small lights, sums over orders and wavelengths or \
                  multiple importance sampling under environments",
         device,
         size,
@@ -249,8 +252,7 @@ fn first_passes(card: &mut Card, picture: &mut Picture, most: usize, progress: &
         on_card(card, picture, progress)?;
     }
     let seconds = begun.elapsed().as_secs_f64() / (picture.passes - before).max(1) as f64;
-    let error = picture.error() * (picture.passes as f64).sqrt();
-    Ok(Pilot { error_of_a_pass: if error.is_finite() { error } else { 0.0 }, seconds_of_a_pass: seconds })
+    Ok(Pilot::of(&picture.pixels, seconds, true))
 }
 
 pub(super) fn check(settings: &Settings) -> Result<()> {

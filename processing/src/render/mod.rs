@@ -9,6 +9,7 @@
 //! make them, summed up over as many wavelengths as their displacement needs; under environments, they are sums over orders and wavelengths.
 //! Height fields and tables are evaluated as they are, and under environments drawn by multiple importance sampling.
 
+mod allot;
 mod base;
 mod compare;
 mod describe;

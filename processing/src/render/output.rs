@@ -11,6 +11,9 @@ use std::path::Path;
 /// What the brighter twentieth of what is lit starts at, of white before it is compressed.
 const KEY: f64 = 0.8;
 
+/// Channels of a picture that is kept; `passes` holds how many passes a pixel has.
+const STATE: [&str; 5] = ["R", "G", "B", "Y", "squares"];
+
 /// Name of a band's channel (Fichet et al. 2021, An OpenEXR layout for spectral images): unpolarised radiance at a wavelength.
 fn channel(nm: f64) -> String {
     format!("S0.{}nm", format!("{nm:.6}").replace('.', ","))
@@ -39,7 +42,7 @@ pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
                 return;
             }
             for (out, pixel) in row.iter_mut().zip(&picture.pixels[y * width..]) {
-                *out = if c < 3 { pixel.rgb[c] } else { pixel.error(picture.passes) } as f32;
+                *out = if c < 3 { pixel.rgb[c] } else { pixel.error() } as f32;
             }
         })
     })
@@ -90,7 +93,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
     let [r, g, b] = [map.take("R", path)?, map.take("G", path)?, map.take("B", path)?];
     let pixel = |i: usize| {
         let rgb = [r[i], g[i], b[i]];
-        Pixel { rgb: rgb.map(f64::from), luminance: xyz_of_linear_srgb(rgb)[1].into(), squares: 0.0 }
+        Pixel { rgb: rgb.map(f64::from), luminance: xyz_of_linear_srgb(rgb)[1].into(), squares: 0.0, passes: 1 }
     };
     let pixels = (0..map.width * map.height).map(pixel).collect();
     Ok(Picture { width: map.width, height: map.height, passes: 1, pixels, bands: vec![] })
@@ -112,10 +115,18 @@ pub(super) fn keep(path: &Path, picture: &Picture, digest: &str) -> Result<()> {
     let attributes =
         [("scene", Attribute::Text(digest.into())), ("passes", Attribute::Text(picture.passes.to_string()))];
     let width = picture.width;
+    // Each number in two parts: passes are alloted by them, so that one that is gone on with must not differ.
+    let channels = STATE.map(|name| [name.to_owned(), format!("{name}.rest")]);
+    let names: Vec<&str> = channels.iter().flatten().map(String::as_str).chain(["passes"]).collect();
     write_whole_with(path, |file| {
-        write_exr(file, width, picture.height, &["R", "G", "B", "Y", "squares"], &attributes, &|c, y, row| {
+        write_exr(file, width, picture.height, &names, &attributes, &|c, y, row| {
             for (out, p) in row.iter_mut().zip(&picture.pixels[y * width..]) {
-                *out = [p.rgb[0], p.rgb[1], p.rgb[2], p.luminance, p.squares][c] as f32;
+                let values = [p.rgb[0], p.rgb[1], p.rgb[2], p.luminance, p.squares];
+                *out = match values.get(c / 2) {
+                    Some(v) if c % 2 == 0 => *v as f32,
+                    Some(v) => (v - f64::from(*v as f32)) as f32,
+                    None => p.passes as f32,
+                };
             }
         })
     })
@@ -136,12 +147,14 @@ pub(super) fn resumed(path: &Path, digest: &str, [width, height]: [usize; 2]) ->
         return Err(Error::file(path, format!("is {} × {}", map.width, map.height), remedy));
     }
     let mut planes = vec![];
-    for name in ["R", "G", "B", "Y", "squares"] {
+    for name in STATE {
         planes.push(map.take(name, path)?);
+        planes.push(map.take(&format!("{name}.rest"), path)?);
     }
+    planes.push(map.take("passes", path)?);
     let pixel = |i: usize| {
-        let v = |c: usize| f64::from(planes[c][i]);
-        Pixel { rgb: [v(0), v(1), v(2)], luminance: v(3), squares: v(4) }
+        let v = |c: usize| f64::from(planes[2 * c][i]) + f64::from(planes[2 * c + 1][i]);
+        Pixel { rgb: [v(0), v(1), v(2)], luminance: v(3), squares: v(4), passes: planes[2 * STATE.len()][i] as u32 }
     };
     let pixels: Vec<Pixel> = (0..width * height).map(pixel).collect();
     if let Some(i) = planes.iter().find_map(|p| p.iter().position(|v| !v.is_finite())) {

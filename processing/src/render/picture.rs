@@ -1,5 +1,6 @@
 //! Passes over a picture, and how far it is from its limit.
 
+use super::allot::{allot, weights};
 use super::material::Memory;
 use super::ready::Ready;
 use crate::Result;
@@ -17,8 +18,8 @@ const TILE: usize = 64;
 /// Fewest passes whose differences tell an error.
 pub(super) const FEWEST: usize = 4;
 
-/// Pixels of a pilot.
-const PILOT: usize = 4096;
+/// Places that a pilot looks at.
+const PILOT: usize = 1024;
 
 /// A pixel after some passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,6 +30,8 @@ pub struct Pixel {
     pub luminance: f64,
     /// Sum of the squared differences of the passes' luminances from their mean.
     pub squares: f64,
+    /// Passes that it has.
+    pub passes: u32,
 }
 
 /// A picture that gets better with each pass.
@@ -38,7 +41,7 @@ pub struct Picture {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Passes that are in it.
+    /// Rounds of passes that are in it: as many passes each as there are pixels with light.
     pub passes: usize,
     /// Row by row from the top.
     pub pixels: Vec<Pixel>,
@@ -56,21 +59,23 @@ pub struct Band {
 }
 
 impl Pixel {
-    /// Adds the `n`-th pass (Welford 1962).
-    fn add(&mut self, (rgb, luminance): ([f64; 3], f64), n: usize) {
-        let share = 1.0 / n as f64;
+    /// Adds a pass (Welford 1962).
+    pub(super) fn add(&mut self, (rgb, luminance): ([f64; 3], f64)) {
+        self.passes += 1;
+        let share = 1.0 / f64::from(self.passes);
         (0..3).for_each(|c| self.rgb[c] += (rgb[c] - self.rgb[c]) * share);
         let off = luminance - self.luminance;
         self.luminance += off * share;
         self.squares += off * (luminance - self.luminance);
     }
 
-    /// Standard error of the luminance after some passes.
-    pub fn error(&self, passes: usize) -> f64 {
-        if passes < 2 {
+    /// Standard error of the luminance.
+    pub fn error(&self) -> f64 {
+        if self.passes < 2 {
             return f64::NAN;
         }
-        (self.squares.max(0.0) / (passes * (passes - 1)) as f64).sqrt()
+        let passes = f64::from(self.passes);
+        (self.squares.max(0.0) / (passes * (passes - 1.0))).sqrt()
     }
 }
 
@@ -106,22 +111,33 @@ impl Picture {
         Self { width, height, passes: 0, pixels: vec![Pixel::default(); width * height], bands: vec![] }
     }
 
-    /// Adds a pass.
+    /// Adds a round of passes: one to each pixel at first, then more where noise is.
     ///
     /// # Errors
     /// `Cancelled` when it is to stop; the picture is then of no use.
     pub(super) fn add(&mut self, ready: &Ready, progress: &dyn Progress) -> Result<()> {
-        let n = self.passes;
-        self.pixels.par_chunks_mut(TILE).enumerate().for_each_init(Memory::default, |memory, (tile, pixels)| {
-            if progress.cancelled() {
-                return;
-            }
-            for (k, pixel) in pixels.iter_mut().enumerate() {
-                pixel.add(ready.eye.kept(pass(ready, tile * TILE + k, n, memory)), n + 1);
+        let counts = match self.passes < FEWEST {
+            true => vec![1; self.pixels.len()],
+            false => allot(&self.pixels, self.width, self.passes),
+        };
+        self.add_passes(ready, &counts, progress)
+    }
+
+    /// Adds so many passes to each pixel.
+    pub(super) fn add_passes(&mut self, ready: &Ready, counts: &[u8], progress: &dyn Progress) -> Result<()> {
+        let tiles = self.pixels.par_chunks_mut(TILE).zip(counts.par_chunks(TILE)).enumerate();
+        tiles.for_each_init(Memory::default, |memory, (tile, (pixels, counts))| {
+            for (k, (pixel, count)) in pixels.iter_mut().zip(counts).enumerate() {
+                for _ in 0..*count {
+                    if progress.cancelled() {
+                        return;
+                    }
+                    pixel.add(ready.eye.kept(pass(ready, tile * TILE + k, pixel.passes as usize, memory)));
+                }
             }
         });
         progress.check()?;
-        self.passes = n + 1;
+        self.passes += 1;
         Ok(())
     }
 
@@ -139,7 +155,7 @@ impl Picture {
                     count += 1.0;
                 }
             }
-            Pixel { rgb: sum.rgb.map(|v| v / count), luminance: sum.luminance / count, squares: 0.0 }
+            Pixel { rgb: sum.rgb.map(|v| v / count), luminance: sum.luminance / count, ..sum }
         };
         let pixels = (0..width * height).map(block).collect();
         Self { width, height, passes: self.passes, pixels, bands: vec![] }
@@ -149,7 +165,7 @@ impl Picture {
     pub(super) fn add_pixels(&mut self, pass: &[[f32; 3]]) {
         self.passes += 1;
         for (pixel, rgb) in self.pixels.iter_mut().zip(pass) {
-            pixel.add((rgb.map(f64::from), xyz_of_linear_srgb(*rgb)[1].into()), self.passes);
+            pixel.add((rgb.map(f64::from), xyz_of_linear_srgb(*rgb)[1].into()));
         }
     }
 
@@ -160,53 +176,86 @@ impl Picture {
 
     /// Root mean square of the pixels' standard errors over the mean luminance; NaN before the second pass.
     pub fn error(&self) -> f64 {
-        let squares = self.pixels.iter().map(|p| p.error(self.passes).powi(2));
+        let squares = self.pixels.iter().map(|p| p.error().powi(2));
         relative(squares, self.pixels.iter().map(|p| p.luminance))
     }
 }
 
 /// What some pixels tell about all of them.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Pilot {
-    /// Error of a picture of one pass; of n passes that is its n-th part's root.
-    pub error_of_a_pass: f64,
-    /// Seconds of a pass.
+pub(super) struct Pilot {
+    /// Variances of their passes, over the square of their mean luminance.
+    variances: Vec<f64>,
+    /// What they get of the passes.
+    weights: Vec<f64>,
+    /// Part of them that has light.
+    lit: f64,
+    /// Whether all pixels get the same.
+    even: bool,
+    /// Seconds of a round.
     pub seconds_of_a_pass: f64,
 }
 
 impl Pilot {
-    /// Renders a few thousand pixels, drawn by chance, four times.
+    /// Renders a few thousand pixels, two by two at places drawn by chance, four times.
     ///
     /// # Errors
     /// `Cancelled`.
     pub(super) fn new(ready: &Ready, progress: &dyn Progress) -> Result<Self> {
         let [width, height] = ready.size();
-        let count = PILOT.min(width * height);
+        let count = PILOT.min(width * height / 4).max(1);
         progress.stage("looking ahead", 1);
         let begun = std::time::Instant::now();
-        let pixels: Vec<Pixel> = (0..count)
-            .into_par_iter()
-            .map_init(Memory::default, |memory, k| {
-                let mut pixel = Pixel::default();
-                if !progress.cancelled() {
-                    let at = chosen(k, count, width * height);
-                    (0..FEWEST).for_each(|n| pixel.add(ready.eye.kept(pass(ready, at, n, memory)), n + 1));
-                }
-                pixel
-            })
-            .collect();
+        let pixel = |memory: &mut Memory, k: usize| {
+            let first = chosen(k / 4, count, width * height);
+            let (x, y) = ((first % width + k % 2).min(width - 1), (first / width + k / 2 % 2).min(height - 1));
+            let mut pixel = Pixel::default();
+            if !progress.cancelled() {
+                (0..FEWEST).for_each(|n| pixel.add(ready.eye.kept(pass(ready, y * width + x, n, memory))));
+            }
+            pixel
+        };
+        let pixels: Vec<Pixel> = (0..4 * count).into_par_iter().map_init(Memory::default, pixel).collect();
         progress.check()?;
         progress.step();
-        let seconds = begun.elapsed().as_secs_f64() * (width * height) as f64 / (count * FEWEST) as f64;
-        let squares = pixels.iter().map(|p| p.squares / (FEWEST - 1) as f64);
-        let error = relative(squares, pixels.iter().map(|p| p.luminance));
-        Ok(Self { error_of_a_pass: error, seconds_of_a_pass: seconds })
+        let seconds = begun.elapsed().as_secs_f64() * (width * height) as f64 / (pixels.len() * FEWEST) as f64;
+        Ok(Self::of(&pixels, seconds, false))
     }
 
-    /// Passes that an error takes.
-    pub(super) fn passes(&self, error: f64) -> usize {
-        let wanted = (self.error_of_a_pass / error).powi(2).ceil();
-        if wanted.is_finite() { (wanted as usize).max(FEWEST) } else { usize::MAX }
+    /// Of pixels that have been rendered, four side by side each.
+    pub(super) fn of(pixels: &[Pixel], seconds_of_a_pass: f64, even: bool) -> Self {
+        let count = pixels.len().max(1) as f64;
+        let mean = pixels.iter().map(|p| p.luminance).sum::<f64>() / count;
+        let over = |p: &Pixel| p.error().powi(2) * f64::from(p.passes) / (mean * mean);
+        let variances: Vec<f64> =
+            pixels.iter().map(|p| Some(over(p)).filter(|v| v.is_finite()).unwrap_or(0.0)).collect();
+        // As in a picture, the others tell where noise is.
+        let others = |four: &[f64]| -> Vec<f64> {
+            let sum: f64 = four.iter().sum();
+            four.iter().map(|v| ((sum - v).max(0.0) / (four.len().max(2) - 1) as f64).sqrt()).collect()
+        };
+        let weights = weights(&variances.chunks(4).flat_map(others).collect::<Vec<_>>());
+        let lit = pixels.iter().filter(|p| p.luminance > 0.0).count() as f64 / count;
+        Self { variances, weights, lit, even, seconds_of_a_pass }
+    }
+
+    /// Noise of the picture after some rounds.
+    pub(super) fn noise(&self, rounds: usize) -> f64 {
+        let count = self.variances.len() as f64;
+        let first = rounds.min(FEWEST) as f64;
+        let passes = (first + rounds.saturating_sub(FEWEST) as f64 * self.lit) * count;
+        let share = passes / self.weights.iter().sum::<f64>().max(1e-300);
+        let of = |(v, w): (&f64, &f64)| v / if self.even { rounds as f64 } else { (w * share).max(first).max(1.0) };
+        (self.variances.iter().zip(&self.weights).map(of).sum::<f64>() / count.max(1.0)).sqrt()
+    }
+
+    /// Rounds that an error takes, at most so many.
+    pub(super) fn passes(&self, error: f64, most: usize) -> usize {
+        let (mut low, mut high) = (FEWEST.min(most), most);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if self.noise(middle) <= error { high = middle } else { low = middle + 1 }
+        }
+        low
     }
 }
 

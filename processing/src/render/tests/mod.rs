@@ -1,5 +1,6 @@
 //! Pictures against closed forms, energy, symmetry, and input that makes no sense.
 
+mod allot;
 mod bad_input;
 mod energy;
 mod folder;
