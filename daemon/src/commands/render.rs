@@ -75,7 +75,7 @@ pub struct Args {
     /// code is 1 when the samples did not suffice.
     #[arg(long, value_name = "REL")]
     max_error: Option<f64>,
-    /// Most samples of a pixel.
+    /// Most samples of a pixel, on average over those with light: half go evenly, half where noise is.
     #[arg(long, default_value_t = 256, value_name = "N")]
     samples: usize,
     /// So many wavelengths, evenly spaced in 1/λ, instead of as many as each place needs.

@@ -9,9 +9,12 @@ use super::picture::Pixel;
 use crate::random::Stream;
 use rayon::prelude::*;
 
-/// Passes that go evenly to all pixels for each one that goes where noise is: calm and dark ones, whose noise counts little in a mean but is seen,
-/// are never noisier than by √2 of what they would be.
+/// Passes that go evenly to all pixels with light for each one that goes where noise is: calm and dark ones, whose noise counts little in a mean
+/// but is seen, are never noisier than by √2 of what they would be.
 const EVEN: f64 = 1.0;
+
+/// What pixels without any light get of that.
+const UNLIT: f64 = 0.1;
 
 /// How far around a pixel others tell its noise: what it tells them in turn comes back to it the less the more they are.
 const AROUND: usize = 2;
@@ -19,32 +22,45 @@ const AROUND: usize = 2;
 /// Most passes of a pixel at once.
 const MOST: f64 = 255.0;
 
-/// Weights of pixels for what is known of the standard deviations of their passes.
-pub(super) fn weights(deviations: &[f64]) -> Vec<f64> {
-    let mean = deviations.iter().sum::<f64>() / deviations.len().max(1) as f64;
-    deviations.iter().map(|d| d + EVEN * mean).collect()
+/// What the pixels around one tell of it.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Others {
+    /// Standard deviation of passes.
+    pub deviation: f64,
+    /// Whether any has light.
+    pub lit: bool,
+}
+
+impl Others {
+    pub(super) fn of<'a>(pixels: impl Iterator<Item = &'a Pixel>) -> Self {
+        let (mut sum, mut count, mut lit) = (0.0, 0.0_f64, false);
+        for p in pixels {
+            sum += p.squares.max(0.0) / f64::from(p.passes.max(2) - 1);
+            count += 1.0;
+            lit |= p.luminance > 0.0;
+        }
+        Self { deviation: (sum / count.max(1.0)).sqrt(), lit }
+    }
+}
+
+/// Weights of pixels.
+pub(super) fn weights(others: &[Others]) -> Vec<f64> {
+    let lit = others.iter().filter(|o| o.lit).count().max(1);
+    let even = EVEN * others.iter().map(|o| o.deviation).sum::<f64>() / lit as f64;
+    others.iter().map(|o| o.deviation + even * if o.lit { 1.0 } else { UNLIT }).collect()
 }
 
 /// Passes that each pixel gets next: as many together as there are pixels with light, after `rounds` rounds.
 pub(super) fn allot(pixels: &[Pixel], width: usize, rounds: usize) -> Vec<u8> {
     let rows = pixels.len() / width.max(1);
-    let variance = |k: usize| pixels[k].squares.max(0.0) / f64::from(pixels[k].passes.max(2) - 1);
     let near = |at: usize, n: usize| at.saturating_sub(AROUND)..(at + AROUND + 1).min(n);
     let around = |k: usize| {
         let (x, y) = (k % width, k / width);
-        let (mut sum, mut count) = (0.0, 0.0);
-        for j in near(y, rows) {
-            for i in near(x, width) {
-                if j * width + i != k {
-                    sum += variance(j * width + i);
-                    count += 1.0;
-                }
-            }
-        }
-        (sum / f64::max(count, 1.0)).sqrt()
+        let places = near(y, rows).flat_map(|j| near(x, width).map(move |i| j * width + i));
+        Others::of(places.filter(|other| *other != k).map(|other| &pixels[other]))
     };
-    let deviations: Vec<f64> = (0..pixels.len()).into_par_iter().map(around).collect();
-    let weights = weights(&deviations);
+    let others: Vec<Others> = (0..pixels.len()).into_par_iter().map(around).collect();
+    let weights = weights(&others);
     let all: f64 = weights.iter().sum();
     if all <= 0.0 {
         return vec![1; pixels.len()];

@@ -24,7 +24,7 @@ const SIDE: usize = 1024;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Most samples of a pixel.
+    /// Most samples of a pixel, on average over those with light.
     pub samples: usize,
     /// Error at which passes end: root mean square of the pixels' standard errors over the mean luminance.
     pub max_error: f64,

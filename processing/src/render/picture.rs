@@ -1,6 +1,6 @@
 //! Passes over a picture, and how far it is from its limit.
 
-use super::allot::{allot, weights};
+use super::allot::{Others, allot, weights};
 use super::material::Memory;
 use super::ready::Ready;
 use crate::Result;
@@ -229,11 +229,11 @@ impl Pilot {
         let variances: Vec<f64> =
             pixels.iter().map(|p| Some(over(p)).filter(|v| v.is_finite()).unwrap_or(0.0)).collect();
         // As in a picture, the others tell where noise is.
-        let others = |four: &[f64]| -> Vec<f64> {
-            let sum: f64 = four.iter().sum();
-            four.iter().map(|v| ((sum - v).max(0.0) / (four.len().max(2) - 1) as f64).sqrt()).collect()
+        let others = |four: &[Pixel]| -> Vec<Others> {
+            let without = |k: usize| four.iter().enumerate().filter(move |(i, _)| *i != k).map(|(_, p)| p);
+            (0..four.len()).map(|k| Others::of(without(k))).collect()
         };
-        let weights = weights(&variances.chunks(4).flat_map(others).collect::<Vec<_>>());
+        let weights = weights(&pixels.chunks(4).flat_map(others).collect::<Vec<_>>());
         let lit = pixels.iter().filter(|p| p.luminance > 0.0).count() as f64 / count;
         Self { variances, weights, lit, even, seconds_of_a_pass }
     }

@@ -20,7 +20,8 @@ fn samples_where_noise_is_save_error_and_bias_nothing() {
     let lamp = "[[light]]\ntype = \"rectangle\"\ncenter = [0, 150, 100]\nnormal = [0, -1, -0.6]\nup = [0, 0, 1]\nsize = [20, 20]\nluminance = 5\n";
     let skin = "[material.a.diffraction]\ntype = \"heightfield\"\nfile = \"heights.exr\"\ncoherence_um = 5\n";
     for more in [format!("{shape}{FOIL}"), format!("{shape}{lamp}{skin}")] {
-        let scene = Scene::parse(&format!("{STAGE}{more}")).unwrap();
+        // A lamp so wide that no single pixel decides.
+        let scene = Scene::parse(&format!("{STAGE}{more}").replace("sigma_mm = 4", "sigma_mm = 12")).unwrap();
         let ready = Ready::new(&scene, dir.path(), Accuracy::new(0.01, None), &Silent).unwrap();
         let rounds = 24;
         let all = vec![100; 32 * 32];
