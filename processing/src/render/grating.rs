@@ -98,7 +98,7 @@ impl BalancedOrders {
     }
 
     /// Part of the light that balanced orders of a perfect conductor have in a wrong order, about: `0.3 ⟨h'²⟩ / cos θ`, as charted against
-    /// Maxwell's equations (`render-orders`). Walls count as steep as they are over [`WALL_UM`].
+    /// Maxwell's equations (`render-orders`). Walls count as steep as they are over 70 nm.
     pub fn theory_error(section: &Section, period_um: f64, angle: f64) -> f64 {
         (0.3 * section.mean_square_slope(period_um, WALL_UM) / angle.cos().max(0.05)).min(1.0)
     }
