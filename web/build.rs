@@ -15,7 +15,7 @@ const SOURCES: &str = "../processing/src/render/gpu";
 fn main() -> Result<()> {
     println!("cargo::rerun-if-changed={SOURCES}");
     println!("cargo::rerun-if-changed=build.rs");
-    let light = read(&["scene", "grating", "surface", "environment", "light"])?;
+    let light = read(&["scene", "shape", "grating", "slits", "field", "surface", "environment", "light"])?;
     let display = read(&["display"])?;
     let mut script = String::from("// Made from the shaders by the build; see processing/src/render/gpu.\n");
     script += &format!("export const VERTEX = {};\n", text(&translated(&light, ShaderStage::Vertex, "corner")?.0));

@@ -39,6 +39,22 @@ pub enum Setting {
     Inside,
     /// A plane under a sky.
     Sky,
+    /// A cylinder from the outside under a sky.
+    OutsideSky,
+    /// A sphere under a lamp.
+    Sphere,
+    /// A sphere under a sky.
+    SphereSky,
+    /// A dented sheet of triangles under a lamp.
+    Mesh,
+    /// A plane under a lamp with an area.
+    Area,
+}
+
+impl Setting {
+    fn under_a_sky(self) -> bool {
+        matches!(self, Self::Sky | Self::OutsideSky | Self::SphereSky)
+    }
 }
 
 const BASE: &str = "[material.m]\ncoverage = 0.9\n[material.m.base]\nalbedo = [0.1, 0.05, 0.02]\nroughness = 0.3\n";
@@ -48,7 +64,11 @@ const MAPS: &str =
     "type = \"grating\"\ncoherence_um = 10\nrelief = { depth_um = 0.1 }\nmaps = \"maps\"\nreflectance = \"silver\"";
 const TABLE: &str = "type = \"table\"\nfile = \"lut.exr\"\nalbedo = 0.8";
 
-pub const MATERIALS: [Material; 11] = [
+const SLITS: &str = "type = \"multislit\"\nspacing_um = 1.5\nwidth_um = 0.5\ncount = 12\norientation_deg = 30";
+const LATTICE: &str = "type = \"lattice\"\nperiod_um = [6, 5]\naperture_um = [3, 2.5]\norientation_deg = 20\ncoherence_um = 10\nreflectance = \"silver\"";
+const HEIGHTS: &str = "type = \"heightfield\"\nfile = \"heights.exr\"\norientation_deg = 20\ncoherence_um = 10\nreflectance = \"aluminium\"";
+
+pub const MATERIALS: [Material; 20] = [
     Material { name: "sinusoid", text: SINUSOID, groove: [30.0, 1.5], setting: Setting::Plane },
     Material {
         name: "blazed",
@@ -75,6 +95,15 @@ pub const MATERIALS: [Material; 11] = [
     Material { name: "sinusoid under a sky", text: SINUSOID, groove: [30.0, 1.5], setting: Setting::Sky },
     Material { name: "maps under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::Sky },
     Material { name: "table under a sky", text: TABLE, groove: [0.0, 2.0], setting: Setting::Sky },
+    Material { name: "slits", text: SLITS, groove: [30.0, 1.5], setting: Setting::Plane },
+    Material { name: "slits under a sky", text: SLITS, groove: [30.0, 1.5], setting: Setting::Sky },
+    Material { name: "lattice", text: LATTICE, groove: [20.0, 6.0], setting: Setting::Plane },
+    Material { name: "height field", text: HEIGHTS, groove: [20.0, 3.2], setting: Setting::Plane },
+    Material { name: "maps on a sphere", text: MAPS, groove: [45.0, 1.2], setting: Setting::Sphere },
+    Material { name: "maps on a sphere under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::SphereSky },
+    Material { name: "maps on a cylinder under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::OutsideSky },
+    Material { name: "maps on a mesh", text: MAPS, groove: [45.0, 1.2], setting: Setting::Mesh },
+    Material { name: "sinusoid under a lamp with an area", text: SINUSOID, groove: [30.0, 1.5], setting: Setting::Area },
 ];
 
 /// A vector tilted about x, then turned about y, in degrees.
@@ -109,18 +138,29 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     let sigma = chance.between(5.0, 15.0);
     let spectrum = ["D65", "A", "E"][(chance.between(0.0, 3.0) as usize).min(2)];
     let shape = match material.setting {
-        Setting::Plane | Setting::Sky => format!("type = \"plane\"\nnormal = {n:?}\nup = {v:?}\nsize = [110, 110]"),
+        Setting::Plane | Setting::Sky | Setting::Area => format!("type = \"plane\"\nnormal = {n:?}\nup = {v:?}\nsize = [110, 110]"),
         Setting::Disc => format!("type = \"disc\"\nnormal = {n:?}\nup = {v:?}\ninner = 15\nouter = 55"),
+        Setting::Sphere | Setting::SphereSky => {
+            let center = n.map(|c| -60.0 * c);
+            // What faces the camera is far from the poles.
+            format!("type = \"sphere\"\ncenter = {center:?}\naxis = {v:?}\nstart = {n:?}\nradius = 60")
+        }
+        Setting::Mesh => {
+            format!("type = \"mesh\"\nfile = \"sheet.obj\"\nrotation_deg = [{tilt}, {pan}, 0]")
+        }
         // Its middle is where the plane's is, or opposite.
-        Setting::Outside | Setting::Inside => {
-            let out = if material.setting == Setting::Outside { 1.0 } else { -1.0 };
+        Setting::Outside | Setting::Inside | Setting::OutsideSky => {
+            let out = if material.setting == Setting::Inside { -1.0 } else { 1.0 };
             let (center, start) = (n.map(|c| -60.0 * out * c), [0, 1, 2].map(|k| out * n[k]));
             format!(
                 "type = \"cylinder\"\ncenter = {center:?}\naxis = {v:?}\nstart = {start:?}\nradius = 60\nlength = 110\narc_deg = [-80, 80]"
             )
         }
     };
-    let light = if material.setting == Setting::Sky {
+    let light = if material.setting == Setting::Area {
+        let normal = light.map(|c| -c);
+        format!("type = \"rectangle\"\ncenter = {light:?}\nnormal = {normal:?}\nsize = [{}, 40]\nluminance = 100\nspectrum = \"{spectrum}\"", 4.0 * sigma)
+    } else if material.setting.under_a_sky() {
         let turn = chance.between(0.0, 360.0);
         format!("type = \"environment\"\nfile = \"sky.exr\"\nup = [0.2, 0.4, 1]\nturn_deg = {turn}")
     } else {
@@ -155,6 +195,8 @@ pub fn files(folder: &Path) {
     };
     map("orientation.exr", "orientation", &|k| (0.7 + 0.06 * (k as f64 - 5.0)).rem_euclid(TAU / 2.0));
     map("period.exr", "period", &|k| 1.1 + 0.03 * k as f64);
+    sheet(folder);
+    heights(folder);
     let attributes = [("extent", Attribute::Number(1.0))];
     write_exr(&folder.join("lut.exr"), 128, 128, &["X", "Y", "Z"], &attributes, &|c, y, row| {
         for (x, out) in row.iter_mut().enumerate() {
@@ -172,6 +214,41 @@ pub fn files(folder: &Path) {
             // Bluer above, and a lamp of 10°.
             let lamp = (-0.5 * ((polar - 1.2).powi(2) + (azimuth - 0.5).powi(2)) / 0.03).exp();
             *out = (0.3 + 0.1 * c as f64 * polar.cos() + 5.0 * lamp) as f32;
+        }
+    })
+    .unwrap();
+}
+
+/// A sheet of 110 mm with dents that shade each other, as triangles with texture coordinates.
+fn sheet(folder: &Path) {
+    const CELLS: usize = 24;
+    let mut text = String::new();
+    let at = |k: usize| k as f64 / CELLS as f64;
+    for y in 0..=CELLS {
+        for x in 0..=CELLS {
+            let (u, v) = (at(x), at(y));
+            let z = 4.0 * (TAU * 1.5 * u).sin() * (TAU * v).cos();
+            text += &format!("v {} {} {z}\nvt {u} {v}\n", 110.0 * (u - 0.5), 110.0 * (v - 0.5));
+        }
+    }
+    for y in 0..CELLS {
+        for x in 0..CELLS {
+            let a = y * (CELLS + 1) + x + 1;
+            let (b, c, d) = (a + 1, a + CELLS + 2, a + CELLS + 1);
+            text += &format!("f {a}/{a} {b}/{b} {c}/{c}\nf {a}/{a} {c}/{c} {d}/{d}\n");
+        }
+    }
+    std::fs::write(folder.join("sheet.obj"), text).unwrap();
+}
+
+/// Waves of 3.2 and 2.13 µm across each other with some of 1.6 µm, 0.3 µm deep.
+fn heights(folder: &Path) {
+    const SIDE: usize = 64;
+    let attributes = [("units", Attribute::Text("µm".into())), ("pixel_um", Attribute::Number(0.1))];
+    write_exr(&folder.join("heights.exr"), SIDE, SIDE, &["height"], &attributes, &|_, y, row| {
+        for (x, out) in row.iter_mut().enumerate() {
+            let [u, v] = [x, y].map(|k| TAU * k as f64 / SIDE as f64);
+            *out = (0.08 * (2.0 * u).sin() + 0.04 * (3.0 * v + 0.4).cos() + 0.03 * (4.0 * u - 2.0 * v).sin()) as f32;
         }
     })
     .unwrap();

@@ -1,12 +1,12 @@
 //! What diffracts, by its kind.
 
 use super::grating::{BalancedOrders, Grating, Groove};
+use super::light::Source;
 use super::lobes::{Above, Accuracy, lit, under};
 use super::material::{Memory, Notes, Place, add, both_ways};
 use super::relief::Relief;
 use super::scene;
 use super::slits::{Comb, Lattice, radial};
-use super::spectrum::Seen;
 use super::table::Table;
 use super::texture::Grooves;
 use super::vector::number;
@@ -206,11 +206,11 @@ impl Diffraction {
     pub(super) fn lit(
         &self,
         place: &Place,
-        light: [f64; 3],
-        (width, seen): (f64, &Seen),
+        source: &Source,
         accuracy: &Accuracy,
         memory: &mut Memory,
     ) -> [f64; 3] {
+        let Source { light, width, seen, .. } = *source;
         let pair = [place.view, light];
         let f = match self {
             Self::Grating { grating, .. } => match self.groove(place.uv) {
@@ -223,7 +223,7 @@ impl Diffraction {
                 let rgb = table.scattered(light, place.view);
                 return seen.reflected(rgb);
             }
-            Self::Relief(relief) => return relief.lit(pair, seen, accuracy, &mut memory.workspace),
+            Self::Relief(relief) => return relief.lit(place.view, source, accuracy, &mut memory.workspace),
         };
         f.map(|v| v * light[2])
     }

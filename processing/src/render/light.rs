@@ -6,6 +6,7 @@ use super::spectrum::{Seen, Upsampling};
 use super::vector::{V3, across, direction, number, place, turned};
 use crate::environment::Environment;
 use crate::{Error, Result};
+use std::f64::consts::TAU;
 use std::path::Path;
 
 /// Limits of strengths.
@@ -41,6 +42,31 @@ pub(super) struct Beam {
     pub illuminance: f64,
     /// Standard deviation of its directions, in rad.
     pub sigma: f64,
+}
+
+/// A part of a light in a place's frame.
+pub(super) struct Source<'a> {
+    /// Towards its middle.
+    pub light: [f64; 3],
+    /// Standard deviation of its directions, in rad.
+    pub width: f64,
+    /// Of its spectrum.
+    pub seen: &'a Seen,
+    /// Two numbers from 0 to 1 that choose a place of it.
+    pub chance: [f64; 2],
+}
+
+impl Source<'_> {
+    /// The direction of a place of it by chance, for what takes it for a point.
+    pub(super) fn drawn(&self) -> [f64; 3] {
+        let light = V3::from(self.light);
+        let first = if light.x.abs() < 0.9 { V3::x() } else { V3::y() };
+        let first = (first - light * light.dot(&first)).normalize();
+        let [u, v] = self.chance;
+        let radius = self.width * (-2.0 * u.max(1e-12).ln()).sqrt();
+        let (sin, cos) = (TAU * v).sin_cos();
+        (light + (first * cos + light.cross(&first) * sin) * radius).normalize().into()
+    }
 }
 
 /// Light from everywhere.

@@ -3,9 +3,9 @@
 use super::base::Surface;
 use super::diffraction::Diffraction;
 use super::grating::Scratch;
+use super::light::Source;
 use super::lobes::{Above, Accuracy};
 use super::scene::{self, Blend};
-use super::spectrum::Seen;
 use super::texture::{self, Over};
 use crate::color::Observer;
 use crate::progress::Progress;
@@ -159,15 +159,15 @@ impl Material {
         }
     }
 
-    /// X, Y, Z of what is seen of a light of illuminance 1 on what faces it; `light` is its direction in the frame, `width` its size in rad.
+    /// X, Y, Z of what is seen of a light of illuminance 1 on what faces it.
     pub(super) fn lit(
         &self,
         place: &Place,
-        light: [f64; 3],
-        (width, seen): (f64, &Seen),
+        source: &Source,
         accuracy: &Accuracy,
         memory: &mut Memory,
     ) -> [f64; 3] {
+        let Source { light, seen, .. } = *source;
         let view = place.view;
         if light[2] <= 0.0 || view[2] <= 0.0 {
             return [0.0; 3];
@@ -179,7 +179,7 @@ impl Material {
             add(&mut sum, seen.reflected(f), below);
         }
         if let Some(top) = self.diffraction.as_ref().filter(|_| covered > 0.0) {
-            add(&mut sum, top.lit(place, light, (width, seen), accuracy, memory), covered);
+            add(&mut sum, top.lit(place, source, accuracy, memory), covered);
             if self.base.is_some() && top.is_masked(place.uv) {
                 // What does not diffract is base.
                 let f = self.base.as_ref().map_or([0.0; 3], |b| b.surface(place.uv).scattered(light, view));

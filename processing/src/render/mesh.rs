@@ -181,6 +181,19 @@ impl Mesh {
         self.nodes = nodes;
     }
 
+    /// Its nodes (how many) and triangles as cards look them up, four numbers each: of a node its low corner and the other child or the first
+    /// triangle, its high corner and how many triangles; of a triangle's corner its place and u, its normal and v, its tangent.
+    pub(super) fn packed(&self) -> (usize, Vec<[f32; 4]>) {
+        let four = |v: &V3, w: f64| [v.x as f32, v.y as f32, v.z as f32, w as f32];
+        let node = |n: &Node| [four(&n.low, n.first as f64), four(&n.high, n.count as f64)];
+        let corner = |k: &u32| {
+            let c = &self.corners[*k as usize];
+            [four(&c.place, c.uv[0]), four(&c.normal, c.uv[1]), four(&c.tangent, 0.0)]
+        };
+        let triangles = self.triangles.iter().flatten().flat_map(corner);
+        (self.nodes.len(), self.nodes.iter().flat_map(node).chain(triangles).collect())
+    }
+
     /// The nearest triangle that a ray meets.
     pub(super) fn meet(&self, ray: &Ray, [near, mut far]: [f64; 2]) -> Option<Hit> {
         let inverse = ray.along.map(|c| 1.0 / c);

@@ -103,6 +103,11 @@ impl Norm {
         }
     }
 
+    /// Nodes along a side, wave numbers, and the values at the nodes: wave number by wave number, row by row.
+    pub(super) fn nodes(&self) -> (usize, usize, &[f32]) {
+        (self.views, self.numbers, &self.albedo)
+    }
+
     /// Albedo times cos θ of view.
     pub(super) fn at(&self, view: [f64; 3], number: f64) -> f64 {
         let scale = 1.0 / (1.0 + view[2].max(0.0)).sqrt();

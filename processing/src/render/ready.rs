@@ -2,7 +2,7 @@
 
 use super::diffraction::Diffraction;
 use super::eye::{Bands, Eye};
-use super::light::{Lamp, Sky};
+use super::light::{Lamp, Sky, Source};
 use super::lobes::{Above, Accuracy};
 use super::material::{Material, Memory, Notes, Place};
 use super::scene::{self, REMEDY, Scene};
@@ -246,13 +246,14 @@ impl Ready {
         };
         let mut sum = [0.0; 3];
         for lamp in &self.lamps {
-            let u = random.numbers();
+            let [u, chance] = [(); 2].map(|()| random.numbers());
             lamp.beams(hit.point, u, |beam| {
                 let light = local(beam.towards);
                 if light[2] <= 0.0 || beam.illuminance <= 0.0 {
                     return;
                 }
-                let part = material.lit(&place, light, (beam.sigma, &lamp.seen), &self.accuracy, memory);
+                let source = Source { light, width: beam.sigma, seen: &lamp.seen, chance };
+                let part = material.lit(&place, &source, &self.accuracy, memory);
                 if part != [0.0; 3] && free(beam.towards, beam.distance) {
                     (0..3).for_each(|c| sum[c] += part[c] * beam.illuminance);
                 }

@@ -1,11 +1,13 @@
 //! Measured height fields in a scene: Stam's BRDF by the cheapest method that is as exact as asked for (see [`crate::surface`]).
 
+use super::light::Source;
 use super::lobes::{Accuracy, along, half_cos};
 use super::norm::Norm;
-use super::spectrum::{RANGE, Seen};
+use super::spectrum::RANGE;
 use crate::Result;
+use crate::image::Precision;
 use crate::progress::{Progress, Silent};
-use crate::surface::{Densities, HeightField, Reflectance, Workspace};
+use crate::surface::{Densities, HeightField, Reflectance, Settings, TermSet, TermsRequest, Workspace};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -18,6 +20,8 @@ const COURSES: usize = 8;
 
 /// A height field ready for use.
 pub(super) struct Relief {
+    field: HeightField,
+    coherence_um: f64,
     densities: Densities,
     /// The same with a coherence that is short enough for sums over the frequencies of its patch.
     coarse: Densities,
@@ -25,11 +29,11 @@ pub(super) struct Relief {
     bin: [f64; 2],
     /// How many to each side.
     bins: [i32; 2],
-    reflectance: Reflectance,
+    pub reflectance: Reflectance,
     /// Directions of the patch's axes.
-    turn: [f64; 2],
+    pub turn: [f64; 2],
     norm: Norm,
-    lossless: bool,
+    pub lossless: bool,
     /// Running sums over frequencies, by which samples are drawn, for each of some [`COURSES`] of q, from flat views to steep ones.
     running: Vec<Vec<f64>>,
     /// How densities are computed, in words.
@@ -64,6 +68,8 @@ impl Relief {
         let (sin, cos) = orientation.sin_cos();
         let (why, predicted) = (densities.choice.why.clone(), densities.choice.predicted_error);
         let mut relief = Self {
+            field: field.clone(),
+            coherence_um,
             densities,
             coarse,
             bin,
@@ -79,6 +85,35 @@ impl Relief {
         relief.prepare();
         progress.check()?;
         Ok(relief)
+    }
+
+    /// The terms of an expansion of its phases whose densities are off by less than `error`, as cards look them up.
+    ///
+    /// # Errors
+    /// As [`TermSet::new`].
+    pub(super) fn terms(&self, error: f64, progress: &dyn Progress) -> Result<TermSet> {
+        let settings = Settings {
+            coherence_um: self.coherence_um,
+            max_error: error.clamp(1e-4, 0.2),
+            ..Settings::default()
+        };
+        let wanted = TermsRequest { extent: 2.0, precision: Some(Precision::Float) };
+        TermSet::new(&self.field, &settings, wanted, progress)
+    }
+
+    /// Width and height of the patch in µm.
+    pub(super) fn size_um(&self) -> [f64; 2] {
+        self.field.size_um()
+    }
+
+    /// Standard deviation of a lobe in 1/µm.
+    pub(super) fn sigma(&self) -> f64 {
+        self.densities.window.sigma
+    }
+
+    /// What directions of view are divided by.
+    pub(super) fn norm(&self) -> &Norm {
+        &self.norm
     }
 
     fn prepare(&mut self) {
@@ -117,7 +152,7 @@ impl Relief {
     }
 
     /// What a direction of view is divided by, times cos θ of view.
-    fn norm(&self, view: [f64; 3], number: f64) -> f64 {
+    fn divisor(&self, view: [f64; 3], number: f64) -> f64 {
         let albedo = self.norm.at(view, number);
         if self.lossless { albedo.max(1e-9) } else { albedo.max(view[2]) }
     }
@@ -131,18 +166,18 @@ impl Relief {
             return 0.0;
         }
         let reflected = self.reflectance.at(half_cos(light, view), 1e3 / number);
-        density * number * number * reflected * gain(light, view) / self.norm(view, number)
+        density * number * number * reflected * gain(light, view) / self.divisor(view, number)
     }
 
-    /// BRDF times the cosine of a small light, summed up over its spectrum: X, Y, Z.
+    /// BRDF times the cosine of a place of a small light, summed up over its spectrum: X, Y, Z.
     pub(super) fn lit(
         &self,
-        [view, light]: [[f64; 3]; 2],
-        seen: &Seen,
+        view: [f64; 3],
+        source: &Source,
         accuracy: &Accuracy,
         w: &mut Workspace,
     ) -> [f64; 3] {
-        let (view, light) = (self.own(view), self.own(light));
+        let (view, light, seen) = (self.own(view), self.own(source.drawn()), source.seen);
         if light[2] <= 0.0 {
             return [0.0; 3];
         }

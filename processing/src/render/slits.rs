@@ -17,10 +17,10 @@ fn sinc_square(x: f64) -> f64 {
 
 /// Slits on a surface: parallel, or around the middle of a disc.
 pub(super) struct Comb {
-    slits: Slits,
+    pub slits: Slits,
     /// Their orders, which are balanced as those of any grating.
-    orders: Grating,
-    across: [f64; 2],
+    pub orders: Grating,
+    pub across: [f64; 2],
     pub disc: bool,
     /// Standard deviation along the slits, 1/µm.
     sigma: f64,
@@ -52,7 +52,7 @@ impl Comb {
     }
 
     /// Part of the surface that reflects.
-    fn share(&self) -> f64 {
+    pub(super) fn share(&self) -> f64 {
         self.slits.width_um / self.slits.spacing_um
     }
 
@@ -134,11 +134,11 @@ pub(super) fn radial([u, v]: [f64; 2]) -> Option<[f64; 2]> {
 
 /// Rectangles in rows and columns.
 pub(super) struct Lattice {
-    period: [f64; 2],
-    aperture: [f64; 2],
-    turn: [f64; 2],
-    sigma: f64,
-    reflectance: Reflectance,
+    pub period: [f64; 2],
+    pub aperture: [f64; 2],
+    pub turn: [f64; 2],
+    pub sigma: f64,
+    pub reflectance: Reflectance,
     /// Running sum over the orders' powers along each axis.
     running: [Vec<f64>; 2],
 }
@@ -180,7 +180,7 @@ impl Lattice {
     }
 
     /// Part of the surface that reflects.
-    fn share(&self) -> f64 {
+    pub(super) fn share(&self) -> f64 {
         self.aperture[0] * self.aperture[1] / (self.period[0] * self.period[1])
     }
 

@@ -172,6 +172,19 @@ impl TermSet {
         Ok(Self { about, planes })
     }
 
+    /// A term's amplitude at a frequency in cycles per patch.
+    pub(crate) fn amplitude(&self, term: usize, frequency: [isize; 2]) -> Complex32 {
+        self.planes[term].at(frequency)
+    }
+
+    /// Functions of X, one per term.
+    pub(crate) fn functions(&self, x: f64) -> Vec<f64> {
+        let kind = if self.about.kind == "taylor" { Kind::Taylor } else { Kind::Chebyshev };
+        let mut all = vec![0.0; self.about.terms];
+        Expansion::with_terms(kind, 0.0, self.about.x_most, self.about.terms).coefficients(x, &mut all);
+        all
+    }
+
     /// Writes them: one EXR per term (`re`, `im`) and a description.
     ///
     /// # Errors

@@ -4,9 +4,6 @@ use super::{Prepared, SHADER, Texture};
 use std::sync::mpsc;
 use wgpu::util::{BufferInitDescriptor, DeviceExt, TextureDataOrder};
 
-/// Longest period on software: beyond, balancing takes more turns of loops than llvmpipe's 65535 for a pixel.
-const SOFTWARE_UM: f32 = 1.6;
-
 /// Bytes of a pixel of the picture.
 const PIXEL: u32 = 16;
 
@@ -92,8 +89,8 @@ impl Card {
     pub(in super::super) fn with(prepared: Prepared, shader: &str) -> Result<Self, String> {
         let adapter = adapter()?;
         let info = adapter.get_info();
-        if info.device_type == wgpu::DeviceType::Cpu && prepared.longest_um() > SOFTWARE_UM {
-            return Err(format!("{} is software that ends long sums early, as such periods take", info.name));
+        if info.device_type == wgpu::DeviceType::Cpu && prepared.too_long_for_software() {
+            return Err(format!("{} is software that ends long sums early, as this scene takes", info.name));
         }
         let limits = wgpu::Limits::downlevel_defaults().using_resolution(adapter.limits());
         let limits = wgpu::Limits { max_buffer_size: adapter.limits().max_buffer_size, ..limits };

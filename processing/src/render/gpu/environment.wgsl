@@ -1,4 +1,5 @@
-// Light from everywhere: gratings as sums over orders and wavelengths in their exact directions, all else looked up over directions of view.
+// Light from everywhere: gratings and slits as sums over orders and wavelengths in their exact directions; all else is looked up over directions of
+// view where the sample is flat, and else a base is drawn by chance.
 
 // Pixel of a column and a row that may lie beyond the edges: columns wrap, rows go on beyond the pole.
 fn sky_pixel(at: vec2<i32>, size: vec2<i32>) -> vec3<f32> {
@@ -11,10 +12,15 @@ fn sky_pixel(at: vec2<i32>, size: vec2<i32>) -> vec3<f32> {
     return textureLoad(sky, vec2((x + 2 * size.x) % size.x, y), 0).xyz;
 }
 
+// Pixels of the sky; in the texture, as many rows follow by which directions are drawn.
+fn sky_size() -> vec2<i32> {
+    return vec2<i32>(textureDimensions(sky)) / vec2(1, 2);
+}
+
 // Radiance from a direction of the scene, linear sRGB.
 fn sky_at(towards: vec3<f32>) -> vec3<f32> {
     let d = vec3(dot(scene.sky_x.xyz, towards), dot(scene.sky_y.xyz, towards), dot(scene.sky_z.xyz, towards));
-    let size = vec2<i32>(textureDimensions(sky));
+    let size = sky_size();
     let across = length(d.xy);
     // No angle has no tangent at the poles.
     let azimuth = atan2(d.y, select(d.x, 1e-6, across < 1e-6));
@@ -49,9 +55,9 @@ fn chance(pixel: vec2<f32>, sample: f32) -> vec4<f32> {
 }
 
 // Light of the sky that a grating sends towards a direction of view, X, Y, Z; u moves the wave numbers and blurs the lobes.
-fn grating_under(view: vec3<f32>, up: vec3<f32>, at: Groove, u: vec4<f32>) -> vec3<f32> {
+fn grating_under(view: vec3<f32>, hit: Hit, at: Groove, u: vec4<f32>) -> vec3<f32> {
     // The first order moves by a pixel of the sky at most, over four samples together.
-    let pixel = PI / f32(textureDimensions(sky).y);
+    let pixel = PI / f32(sky_size().y);
     let apart = max(min(pixel * at.period * FIRST * FIRST, scene.sky_z.w), (LAST - FIRST) / 96.0);
     let count = max(i32(ceil((LAST - FIRST) / (4.0 * apart))), 12);
     let step = (LAST - FIRST) / f32(count);
@@ -79,8 +85,10 @@ fn grating_under(view: vec3<f32>, up: vec3<f32>, at: Groove, u: vec4<f32>) -> ve
                 // No lobe reaches below the horizon.
                 let s = select(exact, moved, dot(moved, moved) < 1.0);
                 let light = vec3(s, sqrt(max(1.0 - dot(s, s), 0.0)));
-                let rgb = sky_at(scene.across.xyz * light.x + scene.along.xyz * light.y + up * light.z);
-                sum += sky_seen(rgb, number) * (power * step * reflectance(half_cos(view, light), number));
+                let towards = hit.across * light.x + hit.along * light.y + hit.up * light.z;
+                if !shaded(hit, towards, 1e30) {
+                    sum += sky_seen(sky_at(towards), number) * (power * step * reflectance(half_cos(view, light), number));
+                }
             }
         }
     }
@@ -93,19 +101,70 @@ fn over_view(texture: texture_2d<f32>, view: vec3<f32>) -> vec3<f32> {
     return smooth_at(texture, 0.5 * (view.xy + 1.0) * size - 0.5).xyz;
 }
 
+// A direction of the scene for three numbers from 0 to 1, as often as it is bright: each pixel has its share, and another one that has more
+// than its share (Walker 1977).
+fn sky_drawn(u: vec3<f32>) -> vec3<f32> {
+    let size = sky_size();
+    let place = u.xy * vec2<f32>(size);
+    var at = min(vec2<i32>(place), size - 1);
+    let draw = textureLoad(sky, at + vec2(0, size.y), 0);
+    if u.z >= draw.x {
+        at = vec2<i32>(draw.yz);
+    }
+    let within = fract(place);
+    let edges = cos(PI * (f32(at.y) + vec2(0.0, 1.0)) / f32(size.y));
+    let z = mix(edges.x, edges.y, within.y);
+    let azimuth = 2.0 * PI * (0.5 - (f32(at.x) + within.x) / f32(size.x));
+    let flat = sqrt(max(1.0 - z * z, 0.0)) * vec2(cos(azimuth), sin(azimuth));
+    return scene.sky_x.xyz * flat.x + scene.sky_y.xyz * flat.y + scene.sky_z.xyz * z;
+}
+
+// Density of sky_drawn per solid angle.
+fn sky_density(towards: vec3<f32>) -> f32 {
+    let d = vec3(dot(scene.sky_x.xyz, towards), dot(scene.sky_y.xyz, towards), dot(scene.sky_z.xyz, towards));
+    let size = sky_size();
+    let across = length(d.xy);
+    let azimuth = atan2(d.y, select(d.x, 1e-6, across < 1e-6));
+    let place = vec2(0.5 - azimuth / (2.0 * PI), atan2(across, d.z) / PI) * vec2<f32>(size);
+    return textureLoad(sky, clamp(vec2<i32>(place), vec2(0), size - 1), 0).w;
+}
+
+// The base by two directions, one as the sky is bright and one as the base reflects (balance heuristic; Veach and Guibas 1995).
+fn rough_under(view: vec3<f32>, hit: Hit, u: vec3<f32>) -> vec3<f32> {
+    let own = rough_drawn(view, u);
+    var sum = vec3(0.0);
+    for (var k = 0; k < 2; k++) {
+        let towards = select(sky_drawn(u), hit.across * own.x + hit.along * own.y + hit.up * own.z, k == 1);
+        let light = vec3(dot(hit.across, towards), dot(hit.along, towards), dot(hit.up, towards));
+        if light.z > 0.0 && !shaded(hit, towards, 1e30) {
+            sum += rough_lit(view, light) * sky_at(towards) / (sky_density(towards) + rough_density(light, view));
+        }
+    }
+    return sum;
+}
+
 // What is seen of the sky, linear sRGB.
-fn under(view: vec3<f32>, up: vec3<f32>, at: Groove, u: vec4<f32>) -> vec3<f32> {
+fn under(view: vec3<f32>, hit: Hit, at: Groove, u: vec4<f32>) -> vec3<f32> {
     let kind = scene.what.x;
     let masked = kind == 1.0 && at.sigma < 0.0;
     let covered = select(scene.what.w, 0.0, kind == 0.0 || masked);
     var sum = vec3(0.0);
-    if kind == 1.0 && covered > 0.0 {
-        sum = covered * linear_srgb(grating_under(view, up, at, u));
-    } else if kind == 2.0 && covered > 0.0 {
-        sum = covered * over_view(under_top, view);
+    if covered > 0.0 {
+        if kind == 1.0 {
+            sum = covered * linear_srgb(grating_under(view, hit, at, u));
+        } else if kind == 3.0 {
+            sum = covered * scene.detail.z * linear_srgb(grating_under(view, hit, at, u));
+        } else if kind == 2.0 {
+            sum = covered * over_view(under_top, view);
+        }
     }
     if scene.albedo.w > 0.0 {
-        sum += (1.0 - covered) * over_view(under_base, view);
+        let flat = scene.form.x == 0.0;
+        if flat {
+            sum += (1.0 - covered) * over_view(under_base, view);
+        } else {
+            sum += (1.0 - covered) * rough_under(view, hit, u.xyz);
+        }
     }
     return sum;
 }

@@ -197,13 +197,19 @@ fn nearest(t: vec2<f32>, g: vec2<f32>, light: vec3<f32>, width: f32) -> vec3<f32
 
 // X, Y, Z per wave number of a light.
 fn seen(lamp: i32, number: f32) -> vec3<f32> {
-    let shine = scene.lights[4 * lamp + 1];
+    let shine = scene.lights[LIGHT_ROWS * lamp + 1];
     let place = (number - shine.z) / shine.w;
     let last = i32(textureDimensions(spectra).x) - 2;
     let k = clamp(i32(place), 0, last);
     let low = textureLoad(spectra, vec2(k, lamp), 0).xyz;
     let high = textureLoad(spectra, vec2(k + 1, lamp), 0).xyz;
     return mix(low, high, clamp(place - f32(k), 0.0, 1.0));
+}
+
+// First and last wave number of a light.
+fn spectrum_range(lamp: i32) -> vec2<f32> {
+    let shine = scene.lights[LIGHT_ROWS * lamp + 1];
+    return vec2(shine.z, shine.z + shine.w * f32(textureDimensions(spectra).x - 1u));
 }
 
 // Reflectance of the smooth material at a cosine and a wave number.
@@ -248,9 +254,8 @@ fn lobe(order: i32, ends: vec2<f32>, step: f32, view: vec3<f32>, light: vec3<f32
 
 // BRDF of a grating under a small light, summed up over its spectrum: X, Y, Z.
 fn grating_lit(view: vec3<f32>, light: vec3<f32>, width: f32, lamp: i32, at: Groove) -> vec3<f32> {
-    let shine = scene.lights[4 * lamp + 1];
-    let fine = scene.lights[4 * lamp + 2].w;
-    let range = vec2(shine.z, shine.z + shine.w * f32(textureDimensions(spectra).x - 1u));
+    let fine = scene.lights[LIGHT_ROWS * lamp + 2].w;
+    let range = spectrum_range(lamp);
     let t = view.xy + light.xy;
     let reach = scene.sums.y;
     let margin = (reach + 1.0) * at.period * (sqrt(scene.grooves.w) + range.y * width);

@@ -1,4 +1,4 @@
-// A picture of one flat or cylindrical sample under small lights, or a flat one under a sky, linear sRGB: each run adds samples to what is there.
+// A picture of one sample under lights or a sky, linear sRGB: each run adds samples to what is there.
 
 @vertex
 fn corner(@builtin(vertex_index) k: u32) -> @builtin(position) vec4<f32> {
@@ -22,12 +22,35 @@ struct Beam {
     distance: f32,
 }
 
-fn beam(lamp: i32, point: vec3<f32>) -> Beam {
-    let place = scene.lights[4 * lamp];
-    let shine = scene.lights[4 * lamp + 1];
-    let aim = scene.lights[4 * lamp + 3];
-    if shine.y > 0.0 {
+// Parts of a rectangle along each side; a sample sees one of them.
+const STRATA: f32 = 4.0;
+
+fn rectangle(lamp: i32, point: vec3<f32>, sample: f32, u: vec2<f32>) -> Beam {
+    let across = scene.lights[LIGHT_ROWS * lamp + 3].xyz;
+    let along = scene.lights[LIGHT_ROWS * lamp + 4].xyz;
+    // All of them in turn, neighbours not one after the other.
+    let part = (7.0 * sample) % (STRATA * STRATA);
+    let cell = vec2(part % STRATA, floor(part / STRATA));
+    let at = 2.0 * (cell + u) / STRATA - 1.0;
+    let d = scene.lights[LIGHT_ROWS * lamp].xyz + across * at.x + along * at.y - point;
+    let distance = max(length(d), 1e-6);
+    let towards = d / distance;
+    let cosine = max(-dot(towards, normalize(cross(across, along))), 0.0);
+    // A square cell blurred as much as it is wide, by its own cosine.
+    let area = 4.0 * length(across) * length(along) / (STRATA * STRATA);
+    let width = max(sqrt(area * cosine / 12.0) / distance, 1e-6);
+    return Beam(towards, width, scene.lights[LIGHT_ROWS * lamp + 1].x * cosine / (distance * distance), distance);
+}
+
+fn beam(lamp: i32, point: vec3<f32>, sample: f32, u: vec2<f32>) -> Beam {
+    let place = scene.lights[LIGHT_ROWS * lamp];
+    let shine = scene.lights[LIGHT_ROWS * lamp + 1];
+    let aim = scene.lights[LIGHT_ROWS * lamp + 3];
+    if shine.y == 1.0 {
         return Beam(place.xyz, max(place.w, 1e-6), shine.x, 1e30);
+    }
+    if shine.y == 2.0 {
+        return rectangle(lamp, point, sample, u);
     }
     let d = place.xyz - point;
     let distance = max(length(d), 1e-6);
@@ -42,7 +65,7 @@ fn beam(lamp: i32, point: vec3<f32>) -> Beam {
 
 // What is seen of a light of illuminance 1 on what faces it.
 fn lit(view: vec3<f32>, light: vec3<f32>, width: f32, lamp: i32, at: Groove) -> vec3<f32> {
-    let white = scene.lights[4 * lamp + 2].xyz;
+    let white = scene.lights[LIGHT_ROWS * lamp + 2].xyz;
     let kind = scene.what.x;
     let covered = select(scene.what.w, 0.0, kind == 0.0);
     var top = vec3(0.0);
@@ -50,6 +73,10 @@ fn lit(view: vec3<f32>, light: vec3<f32>, width: f32, lamp: i32, at: Groove) -> 
         top = linear_srgb(grating_lit(view, light, width, lamp, at)) * light.z;
     } else if kind == 2.0 && covered > 0.0 {
         top = table_lit(view, light) * white;
+    } else if kind == 3.0 && covered > 0.0 && at.sigma >= 0.0 {
+        top = linear_srgb(slits_lit(view, light, width, lamp, at)) * light.z;
+    } else if kind == 4.0 && covered > 0.0 {
+        top = linear_srgb(field_lit(view, light, width, lamp));
     }
     if scene.albedo.w <= 0.0 {
         return covered * top;
@@ -101,63 +128,6 @@ fn overlay(at: Groove) -> vec3<f32> {
     return linear_of_srgb(rising((value - ends.x) / max(ends.y - ends.x, 1e-9)));
 }
 
-// Where a ray meets the sample: distance, below 0 where it does not; directions of u and v; the normal towards the ray; place.
-struct Hit {
-    distance: f32,
-    across: vec3<f32>,
-    along: vec3<f32>,
-    up: vec3<f32>,
-    uv: vec2<f32>,
-}
-
-// A plane or disc seen by the camera.
-fn flat_sample(ray: vec3<f32>) -> Hit {
-    let slope = dot(ray, scene.normal.xyz);
-    let distance = dot(scene.center.xyz - scene.eye.xyz, scene.normal.xyz) / slope;
-    let p = scene.eye.xyz + ray * distance - scene.center.xyz;
-    let at = vec2(dot(p, scene.across.xyz), dot(p, scene.along.xyz));
-    let half = vec2(scene.center.w, scene.across.w);
-    let radius = length(at);
-    let inside = select(all(abs(at) <= half), radius >= scene.along.w && radius <= scene.normal.w, scene.normal.w > 0.0);
-    let met = abs(slope) > 1e-9 && distance > 0.0 && inside;
-    let up = scene.normal.xyz * -sign(slope);
-    return Hit(select(-1.0, distance, met), scene.across.xyz, scene.along.xyz, up, 0.5 + 0.5 * at / half);
-}
-
-// A part of a cylinder, beyond a distance: its axis is the normal, from the direction of `across` on.
-fn cylinder(start: vec3<f32>, ray: vec3<f32>, near: f32) -> Hit {
-    let axis = scene.normal.xyz;
-    let o = start - scene.center.xyz;
-    let a = o - axis * dot(o, axis);
-    let b = ray - axis * dot(ray, axis);
-    // From the place next to the axis half a chord to both sides.
-    let middle = -dot(a, b) / max(dot(b, b), 1e-12);
-    let off = a + b * middle;
-    let square = (scene.across.w * scene.across.w - dot(off, off)) / max(dot(b, b), 1e-12);
-    var found = Hit(-1.0, scene.across.xyz, axis, scene.along.xyz, vec2(0.0));
-    for (var k = 0; k < 2; k++) {
-        let distance = middle + (f32(2 * k) - 1.0) * sqrt(max(square, 0.0));
-        let p = o + ray * distance;
-        let height = dot(p, axis);
-        let angle = (atan2(dot(p, scene.along.xyz), dot(p, scene.across.xyz)) - scene.along.w) / (2.0 * PI);
-        let turn = fract(angle) * 2.0 * PI / -scene.normal.w;
-        if found.distance < 0.0 && square >= 0.0 && distance > near && abs(height) <= scene.center.w && turn <= 1.0 {
-            let n = normalize(p - axis * height);
-            found = Hit(distance, cross(axis, n), axis, n * -sign(dot(n, ray)), vec2(turn, 0.5 + 0.5 * height / scene.center.w));
-        }
-    }
-    return found;
-}
-
-// Whether a light does not reach a place, as its cylinder is in the way; what is flat shades nothing of itself.
-fn shaded(point: vec3<f32>, source: Beam) -> bool {
-    if scene.normal.w >= 0.0 {
-        return false;
-    }
-    let hit = cylinder(point, source.towards, 1e-3 * scene.across.w);
-    return hit.distance > 0.0 && hit.distance < source.distance;
-}
-
 // What is seen where there is nothing.
 fn beyond(ray: vec3<f32>) -> vec4<f32> {
     if scene.sky_y.w > 0.0 {
@@ -167,21 +137,15 @@ fn beyond(ray: vec3<f32>) -> vec4<f32> {
 }
 
 // Linear sRGB of a place of the picture, in pixels from its upper left corner; u are numbers by chance.
-fn seen_at(pixel: vec2<f32>, u: vec4<f32>) -> vec4<f32> {
+fn seen_at(pixel: vec2<f32>, sample: f32, u: vec4<f32>) -> vec4<f32> {
     let size = vec2(scene.right.w, scene.up.w);
     let x = (2.0 * pixel.x - size.x) / size.y * scene.eye.w;
     let y = (1.0 - 2.0 * pixel.y / size.y) * scene.eye.w;
     let ray = normalize(scene.ahead.xyz + scene.right.xyz * x + scene.up.xyz * y);
-    var hit = Hit(-1.0, scene.across.xyz, scene.along.xyz, scene.normal.xyz, vec2(0.0));
-    if scene.normal.w < 0.0 {
-        hit = cylinder(scene.eye.xyz, ray, 0.0);
-    } else {
-        hit = flat_sample(ray);
-    }
+    let hit = met(scene.eye.xyz, ray);
     if hit.distance < 0.0 {
         return beyond(ray);
     }
-    let point = scene.eye.xyz + ray * hit.distance;
     let found = groove(hit.uv);
     if scene.what.z > 0.0 {
         return vec4(overlay(found), 1.0);
@@ -189,14 +153,15 @@ fn seen_at(pixel: vec2<f32>, u: vec4<f32>) -> vec4<f32> {
     let view = vec3(dot(hit.across, -ray), dot(hit.along, -ray), dot(hit.up, -ray));
     var sum = vec3(0.0);
     for (var lamp = 0; lamp < min(i32(scene.what.y), 8); lamp++) {
-        let source = beam(lamp, point);
+        let source = beam(lamp, hit.point, sample, u.xy);
         let light = vec3(dot(hit.across, source.towards), dot(hit.along, source.towards), dot(hit.up, source.towards));
-        if light.z > 0.0 && view.z > 0.0 && source.illuminance > 0.0 && !shaded(point, source) {
+        let faces = light.z > 0.0 && view.z > 0.0 && dot(hit.face, source.towards) > 0.0;
+        if faces && source.illuminance > 0.0 && !shaded(hit, source.towards, source.distance) {
             sum += lit(view, light, source.width, lamp, found) * source.illuminance;
         }
     }
     if scene.sky_x.w > 0.0 && view.z > 0.0 {
-        sum += under(view, hit.up, found, u);
+        sum += under(view, hit, found, u);
     }
     return vec4(sum, 1.0);
 }
@@ -209,7 +174,7 @@ fn light(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     for (var k = 0; k < count; k++) {
         // Even places within the pixel (Roberts' R2 sequence), the middle first.
         let n = scene.samples.x + f32(k);
-        sum += seen_at(corner + fract(vec2(0.5) + n * vec2(0.75487767, 0.56984029)), chance(corner, n));
+        sum += seen_at(corner + fract(vec2(0.5) + n * vec2(0.75487767, 0.56984029)), n, chance(corner, n));
     }
     let mean = sum / max(f32(count), 1.0);
     if scene.samples.z <= 0.0 {

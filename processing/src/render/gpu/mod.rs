@@ -1,7 +1,7 @@
 //! The same pictures on a graphics card, natively and in the browser, from one source of shaders.
 //!
-//! The shaders ([`SHADER`], WGSL) render one plane, disc or cylinder under up to eight small lights, or a flat one under an environment: exact gratings with maps,
-//! tables over half vectors, and a rough base. They take nothing but uniforms and textures ([`Prepared`]), so that naga's translation runs in WebGL2 as well.
+//! The shaders ([`SHADER`], WGSL) render one plane, disc, cylinder, sphere or mesh under up to eight lights and an environment: exact gratings with maps, slits,
+//! tables over half vectors, height fields and lattices, and a rough base. They take nothing but uniforms and textures ([`Prepared`]), so that naga's translation runs in WebGL2 as well.
 //! What is physics is computed here, by the processor's own code; where both differ, the processor is right.
 
 #[cfg(feature = "gpu")]
@@ -10,6 +10,7 @@ mod card;
 #[path = "none.rs"]
 mod card;
 mod prepared;
+mod repeating;
 mod speed;
 mod textures;
 mod under;
@@ -35,7 +36,10 @@ pub(super) fn card(ready: &super::ready::Ready) -> Result<Card, String> {
 /// The shaders: entry points `corner` (three vertices that cover all) and `light`.
 pub const SHADER: &str = concat!(
     include_str!("scene.wgsl"),
+    include_str!("shape.wgsl"),
     include_str!("grating.wgsl"),
+    include_str!("slits.wgsl"),
+    include_str!("field.wgsl"),
     include_str!("surface.wgsl"),
     include_str!("environment.wgsl"),
     include_str!("light.wgsl")

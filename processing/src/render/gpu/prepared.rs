@@ -8,24 +8,37 @@ use super::super::material::Material;
 use super::super::ready::{Camera, Ready};
 use super::super::scene::{Blend, Scene};
 use super::super::shape::Form;
+use super::super::spectrum::RANGE;
 use super::super::texture::Over;
+use super::repeating::Field;
 use super::textures::{self, Texture};
 use super::under;
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
+use crate::surface::Slits;
 use crate::{Error, Result};
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Uniforms of four numbers each, in the order of `Scene` in scene.wgsl; lights follow, four of them each.
-pub const NAMES: [&str; 21] = [
-    "eye", "right", "up", "ahead", "center", "across", "along", "normal", "what", "same", "grooves", "relief", "sums",
-    "table", "albedo", "specular", "sky_x", "sky_y", "sky_z", "range", "samples",
+/// Uniforms of four numbers each, in the order of `Scene` in scene.wgsl; lights follow, five of them each.
+pub const NAMES: [&str; 25] = [
+    "eye", "right", "up", "ahead", "center", "across", "along", "normal", "form", "what", "same", "grooves", "relief",
+    "sums", "table", "repeat", "turn", "detail", "albedo", "specular", "sky_x", "sky_y", "sky_z", "range", "samples",
 ];
 
-/// Most lights.
+/// Longest period on software that stands in for a card: beyond, balancing takes more turns of loops than llvmpipe's 65535 for a pixel; and on a
+/// mesh, which takes some of them.
+const SOFTWARE_UM: f32 = 1.6;
+const SOFTWARE_MESH_UM: f32 = 1.4;
+const TURNS: f32 = 60_000.0;
+
+/// Most slits that light falls on together: more make lines too fine for the shaders' sums.
+const MOST_SLITS: usize = 256;
+
+/// Most lights, and uniforms of each.
 const LIGHTS: usize = 8;
+const ROWS: usize = 5;
 
 /// What shaders need for a scene.
 #[derive(Clone, Debug)]
@@ -79,15 +92,19 @@ impl Prepared {
             return Err("the number of wavelengths is given".into());
         }
         let material = ready.materials.get(shape.material).ok_or("its shape has no material")?;
-        let mut values = Values::default();
+        let mut values = Values { by_name: BTreeMap::new(), lights: [[0.0; 4]; ROWS * LIGHTS] };
         values.camera(&ready.camera)?;
-        values.shape(&shape.form)?;
-        values.material(material, ready)?;
+        let mesh = values.shape(&shape.form);
+        let field = match &material.diffraction {
+            Some(Diffraction::Relief(relief)) => Some(Field::new(relief, ready.accuracy.error, &Silent)?),
+            _ => None,
+        };
+        values.material(material, ready, field.as_ref())?;
         for (k, lamp) in ready.lamps.iter().enumerate() {
-            values.lamp(k, lamp)?;
+            values.lamp(k, lamp);
         }
         let diffraction = material.diffraction.as_ref();
-        let mut textures = textures::all(diffraction, &ready.lamps, most);
+        let mut textures = textures::all(diffraction, &ready.lamps, most, field);
         match ready.skies.first() {
             Some(sky) => {
                 values.sky(sky);
@@ -95,6 +112,7 @@ impl Prepared {
             }
             None => textures.extend(under::none()),
         }
+        textures.push(mesh);
         Ok(Self { size: ready.camera.size, uniforms: values.list(), textures })
     }
 
@@ -105,15 +123,40 @@ impl Prepared {
         }
     }
 
-    /// Longest period of a grating, in µm; 0 for others.
-    pub fn longest_um(&self) -> f32 {
+    /// Whether sums are longer than software that ends all loops of a pixel after [`TURNS`] follows them.
+    pub fn too_long_for_software(&self) -> bool {
         let value = |name: &str| NAMES.iter().position(|n| *n == name).and_then(|k| self.uniforms.get(k).copied());
-        let [what, same] = ["what", "same"].map(|name| value(name).unwrap_or_default());
-        if what[0] != 1.0 {
-            return 0.0;
+        let [what, same, form, sky] = ["what", "same", "form", "sky_x"].map(|name| value(name).unwrap_or_default());
+        let meshed = form[0] == 3.0;
+        match what[0] {
+            1.0 | 3.0 => {
+                let maps = self.textures.iter().filter(|t| t.name == "maps").flat_map(|t| t.values.chunks_exact(4));
+                let longest = maps.fold(same[1], |longest, texel| longest.max(texel[1]));
+                longest > if meshed { SOFTWARE_MESH_UM } else { SOFTWARE_UM } || (meshed && sky[3] > 0.0)
+            }
+            4.0 => self.frequency_turns() > TURNS,
+            _ => false,
         }
-        let maps = self.textures.iter().filter(|t| t.name == "maps").flat_map(|t| t.values.chunks_exact(4));
-        maps.fold(same[1], |longest, texel| longest.max(texel[1]))
+    }
+
+    /// Turns of loops that a pixel of what repeats in two directions takes at most: frequencies along and across the longest line, and samples and
+    /// terms of each.
+    fn frequency_turns(&self) -> f32 {
+        let value = |name: &str| NAMES.iter().position(|n| *n == name).and_then(|k| self.uniforms.get(k).copied());
+        let [repeat, turn, grooves, sums] =
+            ["repeat", "turn", "grooves", "sums"].map(|name| value(name).unwrap_or_default());
+        let lights = self.uniforms.get(NAMES.len()..).unwrap_or(&[]).chunks_exact(ROWS);
+        let distance = |l: &[[f32; 4]]| if l[1][1] != 1.0 { l[0][..3].iter().map(|v| v * v).sum::<f32>().sqrt() } else { 1.0 };
+        // A light may be nearer to the sample than to the scene's middle: three times as wide.
+        let wide = |l: &[[f32; 4]]| 3.0 * l[0][3] / distance(l).max(1e-6);
+        let last = RANGE[1] as f32;
+        let lobes = lights.filter(|l| l[1][0] > 0.0).map(|l| {
+            let margin = 2.0 * sums[1] * (grooves[3] + (wide(l) * last).powi(2)).sqrt();
+            let side = repeat[0].max(repeat[1]);
+            let along = 2.0 * (RANGE[1] - RANGE[0]) as f32 + margin;
+            along * side * (1.5 * margin * side + 2.0) * (3.0 * sums[1] / sums[0].max(0.1)).max(4.0)
+        });
+        lobes.sum::<f32>() * turn[2].max(1.0) + 1000.0
     }
 
     /// Uniforms as the shader's buffer holds them.
@@ -141,10 +184,9 @@ impl Prepared {
 }
 
 /// Uniforms by name.
-#[derive(Default)]
 struct Values {
     by_name: BTreeMap<&'static str, [f64; 4]>,
-    lights: [[f64; 4]; 4 * LIGHTS],
+    lights: [[f64; 4]; ROWS * LIGHTS],
 }
 
 fn four(v: Vector3<f64>, w: f64) -> [f64; 4] {
@@ -173,25 +215,38 @@ impl Values {
         Ok(())
     }
 
-    fn shape(&mut self, form: &Form) -> std::result::Result<(), String> {
-        let (center, frame, [x, y, z, w]) = match form {
+    /// Sets a shape, and gives its triangles.
+    fn shape(&mut self, form: &Form) -> Texture {
+        let mut mesh = Texture::none("mesh", 4);
+        let (kind, center, frame, [x, y, z, w]) = match form {
             Form::Flat { center, frame, half, round } => {
                 let [inner, outer] = round.unwrap_or([0.0; 2]);
-                (center, frame, [half[0], half[1], inner, outer])
+                ([0.0, 0.0], center, frame, [half[0], half[1], inner, outer])
             }
             Form::Cylinder { center, frame, radius, half, arc } => {
-                (center, frame, [*half, *radius, arc[0], arc[0] - arc[1]])
+                ([1.0, 0.0], center, frame, [*half, *radius, arc[0], arc[0] - arc[1]])
             }
-            _ => return Err("its shape is neither flat nor a cylinder".into()),
+            Form::Sphere { center, radius, frame } => ([2.0, 0.0], center, frame, [*radius, 0.0, 0.0, 0.0]),
+            Form::Mesh(of) => {
+                let nodes;
+                (nodes, mesh) = textures::mesh(of);
+                ([3.0, nodes as f64], &Vector3::zeros(), &[Vector3::zeros(); 3], [0.0; 4])
+            }
         };
+        self.set("form", [kind[0], kind[1], 0.0, 0.0]);
         self.set("center", four(*center, x));
         self.set("across", four(frame[0], y));
         self.set("along", four(frame[1], z));
         self.set("normal", four(frame[2], w));
-        Ok(())
+        mesh
     }
 
-    fn material(&mut self, material: &Material, ready: &Ready) -> std::result::Result<(), String> {
+    fn material(
+        &mut self,
+        material: &Material,
+        ready: &Ready,
+        field: Option<&Field>,
+    ) -> std::result::Result<(), String> {
         let Over::Same([coverage]) = material.coverage else {
             return Err("its coverage is a picture".into());
         };
@@ -213,7 +268,33 @@ impl Values {
                 self.set("table", [table.extent, table.warp, table.scale, flag(table.lossless)]);
                 2.0
             }
-            Some(_) => return Err("its material is neither a grating nor a table".into()),
+            Some(Diffraction::Comb(comb)) => {
+                let Slits { spacing_um, width_um, count } = comb.slits;
+                if count > MOST_SLITS {
+                    return Err(format!("light falls on {count} slits together, more than {MOST_SLITS}"));
+                }
+                let [x, y] = comb.across;
+                self.set("same", [y.atan2(x), spacing_um, 0.0, 0.0]);
+                self.set("grooves", [1.0, 1.0, flag(comb.disc), comb.orders.sigma * comb.orders.sigma]);
+                self.set("detail", [width_um, count as f64, comb.share(), 0.0]);
+                self.grating(&comb.orders);
+                3.0
+            }
+            Some(Diffraction::Lattice(of)) => {
+                let share = of.share();
+                self.repeating(of.period, [f64::from(u16::MAX); 2], of.turn, of.sigma);
+                self.set("detail", [of.aperture[0], of.aperture[1], share * share, 0.0]);
+                4.0
+            }
+            Some(Diffraction::Relief(of)) => {
+                let field = field.ok_or("report this")?;
+                self.repeating(of.size_um(), field.reach.map(|r| r as f64), of.turn, of.sigma());
+                let [cos, sin] = of.turn;
+                self.set("turn", [cos, sin, field.pairs as f64, field.half_um]);
+                let (views, numbers, _) = of.norm().nodes();
+                self.set("detail", [field.per_x, flag(of.lossless), views as f64, numbers as f64]);
+                4.0
+            }
         };
         self.set("what", [kind, ready.lamps.len() as f64, 0.0, coverage]);
         let accuracy = &ready.accuracy;
@@ -229,6 +310,14 @@ impl Values {
         Ok(())
     }
 
+    /// What repeats after some µm, with frequencies up to some cycles.
+    fn repeating(&mut self, um: [f64; 2], most: [f64; 2], [cos, sin]: [f64; 2], sigma: f64) {
+        self.set("same", [0.0; 4]);
+        self.set("grooves", [1.0, 1.0, 0.0, sigma * sigma]);
+        self.set("repeat", [um[0], um[1], most[0], most[1]]);
+        self.set("turn", [cos, sin, 0.0, 0.0]);
+    }
+
     fn grating(&mut self, grating: &Grating) {
         let orders = f64::from(grating.orders);
         self.set("relief", [textures::rows_per_q(grating), orders, orders, 0.0]);
@@ -241,22 +330,27 @@ impl Values {
         self.set("sky_z", four(z, sky.fine()));
     }
 
-    fn lamp(&mut self, k: usize, lamp: &Lamp) -> std::result::Result<(), String> {
+    fn lamp(&mut self, k: usize, lamp: &Lamp) {
         let seen = &lamp.seen;
-        let (place, strength, far, beam) = match &lamp.kind {
+        let none = [0.0; 4];
+        let (place, strength, kind, beam) = match &lamp.kind {
             Kind::Point { at, intensity, sigma, beam } => {
-                let beam = beam.map_or([0.0; 4], |(axis, width)| four(axis, width));
-                (four(*at, *sigma), *intensity, false, beam)
+                let beam = beam.map_or(none, |(axis, width)| four(axis, width));
+                (four(*at, *sigma), *intensity, 0.0, [beam, none])
             }
-            Kind::Far { towards, illuminance, sigma } => (four(*towards, *sigma), *illuminance, true, [0.0; 4]),
-            Kind::Rectangle { .. } => return Err("it has a light with an area".into()),
+            Kind::Far { towards, illuminance, sigma } => (four(*towards, *sigma), *illuminance, 1.0, [none; 2]),
+            Kind::Rectangle { center, frame, half, luminance } => {
+                let sides = [0, 1].map(|k| four(frame[k] * half[k], 0.0));
+                // As wide as one of its sixteen parts.
+                let sigma = (half[0] * half[1] / 48.0).sqrt();
+                (four(*center, sigma), luminance * 4.0 * half[0] * half[1], 2.0, sides)
+            }
         };
         let [r, g, b] = seen.rgb;
-        let rows = [place, [strength, flag(far), seen.first, seen.step], [r, g, b, seen.fine], beam];
-        if let Some(out) = self.lights.get_mut(4 * k..4 * k + 4) {
+        let rows = [place, [strength, kind, seen.first, seen.step], [r, g, b, seen.fine], beam[0], beam[1]];
+        if let Some(out) = self.lights.get_mut(ROWS * k..ROWS * k + ROWS) {
             out.copy_from_slice(&rows);
         }
-        Ok(())
     }
 
     fn list(&self) -> Vec<[f32; 4]> {

@@ -62,3 +62,30 @@ fn rough_lit(view: vec3<f32>, light: vec3<f32>) -> vec3<f32> {
     let left = (1.0 - glossy(f0, o)) * (1.0 - glossy(f0, i)) / max(1.0 - mean, vec3(1e-9));
     return (shine + scene.albedo.xyz * left / PI) * light.z;
 }
+
+// A direction of light for three numbers from 0 to 1: half of them by the cosine, half by the glossy lobe (Heitz 2018).
+fn rough_drawn(view: vec3<f32>, u: vec3<f32>) -> vec3<f32> {
+    let phi = 2.0 * PI * u.y;
+    if u.z < 0.5 {
+        return vec3(sqrt(u.x) * vec2(cos(phi), sin(phi)), sqrt(max(1.0 - u.x, 0.0)));
+    }
+    let alpha = scene.albedo.w;
+    let v = normalize(vec3(alpha * view.xy, view.z));
+    let across = length(v.xy);
+    let s = select(vec3(1.0, 0.0, 0.0), vec3(-v.y, v.x, 0.0) / max(across, 1e-9), across > 1e-6);
+    let p = sqrt(u.x) * cos(phi);
+    let share = 0.5 * (1.0 + v.z);
+    let q = (1.0 - share) * sqrt(max(1.0 - p * p, 0.0)) + share * sqrt(u.x) * sin(phi);
+    let n = p * s + q * cross(v, s) + sqrt(max(1.0 - p * p - q * q, 0.0)) * v;
+    let half = normalize(vec3(alpha * n.xy, max(n.z, 1e-6)));
+    return 2.0 * dot(view, half) * half - view;
+}
+
+// Density of rough_drawn per solid angle.
+fn rough_density(light: vec3<f32>, view: vec3<f32>) -> f32 {
+    let alpha = scene.albedo.w;
+    let half = normalize(view + light);
+    let d = half.z * half.z * (alpha * alpha - 1.0) + 1.0;
+    let distribution = alpha * alpha / (PI * d * d);
+    return 0.5 * light.z / PI + 0.5 * distribution / (1.0 + smith(view.z, alpha)) / (4.0 * max(view.z, 1e-6));
+}

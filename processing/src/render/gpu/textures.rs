@@ -4,9 +4,11 @@ use super::super::base;
 use super::super::diffraction::Diffraction;
 use super::super::grating::{Grating, STEP};
 use super::super::light::Lamp;
+use super::super::mesh::Mesh;
 use super::super::spectrum::RANGE;
 use super::super::table::{Table, VIEWS};
 use super::super::texture::Grooves;
+use super::repeating::Field;
 use crate::surface::Reflectance;
 
 /// Most rows of the orders' powers: every card has textures of this height.
@@ -43,8 +45,13 @@ impl Texture {
     }
 }
 
-/// All textures but those of environments, in the order of their bindings.
-pub(super) fn all(diffraction: Option<&Diffraction>, lamps: &[Lamp], most: usize) -> Vec<Texture> {
+/// All textures but those of environments and meshes, in the order of their bindings; and what there is to know of a height field.
+pub(super) fn all(
+    diffraction: Option<&Diffraction>,
+    lamps: &[Lamp],
+    most: usize,
+    field: Option<Field>,
+) -> Vec<Texture> {
     let [mut grooves, mut powers, mut mirror] =
         [("maps", 4), ("powers", 1), ("mirror", 1)].map(|(name, channels)| Texture::none(name, channels));
     let [mut table, mut albedo] = ["half_vectors", "half_albedo"].map(|name| Texture::none(name, 4));
@@ -54,12 +61,32 @@ pub(super) fn all(diffraction: Option<&Diffraction>, lamps: &[Lamp], most: usize
             powers = self::powers(grating);
             mirror = self::mirror(&grating.reflectance);
         }
+        Some(Diffraction::Comb(comb)) => {
+            powers = self::powers(&comb.orders);
+            mirror = self::mirror(&comb.orders.reflectance);
+        }
+        Some(Diffraction::Lattice(lattice)) => mirror = self::mirror(&lattice.reflectance),
+        Some(Diffraction::Relief(relief)) => mirror = self::mirror(&relief.reflectance),
         Some(Diffraction::Table(of)) => (table, albedo) = half_vectors(of),
-        _ => {}
+        None => {}
     }
+    let [terms, phases, norm] = match field {
+        Some(Field { terms, phases, norm, .. }) => [terms, phases, norm],
+        None => [("terms", 4), ("phases", 4), ("norm", 1)].map(|(name, channels)| Texture::none(name, channels)),
+    };
     let rough = base::tables().into_iter().flatten().map(|v| v as f32).collect();
     let rough = Texture::new("rough", base::COSINES, 4, rough);
-    vec![grooves, spectra(lamps), powers, mirror, table, albedo, rough]
+    vec![grooves, spectra(lamps), powers, mirror, table, albedo, rough, terms, phases, norm]
+}
+
+/// Texels of a row of a mesh: every card has textures of this width.
+const MESH_WIDTH: usize = 2048;
+
+/// A mesh's nodes and triangles, and how many nodes.
+pub(super) fn mesh(of: &Mesh) -> (usize, Texture) {
+    let (nodes, mut texels) = of.packed();
+    texels.resize(texels.len().next_multiple_of(MESH_WIDTH), [0.0; 4]);
+    (nodes, Texture::new("mesh", MESH_WIDTH, 4, texels.into_flattened()))
 }
 
 /// Orientation, period, σ and whether they are known.

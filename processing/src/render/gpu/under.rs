@@ -1,4 +1,4 @@
-//! What a flat sample shows of an environment. Every place of it has the same frame, so that all that is not a sum over a grating's orders
+//! What a sample shows of an environment. Every place of a flat one has the same frame, so that all that is not a sum over a grating's orders
 //! depends on the direction of view alone: tables by the exact correlation ([`planar`]), the base by the processor's own samples.
 
 use super::super::diffraction::Diffraction;
@@ -16,6 +16,7 @@ use crate::color::linear_srgb;
 use crate::environment::{self, Frame, planar};
 use crate::random::Stream;
 use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
 
 /// Sines of view along a side for a table, at most; the correlation's memory grows with their square.
 const VIEWS: usize = 512;
@@ -34,26 +35,64 @@ pub(super) fn none() -> Vec<Texture> {
     ["sky", "sky_colors", "under_top", "under_base"].map(|name| Texture::none(name, 4)).to_vec()
 }
 
-/// The textures of an environment over a flat sample seen from a place; or why shaders do not do it.
+/// The textures of an environment over a sample seen from a place; or why shaders do not do it.
 pub(super) fn all(sky: &Sky, material: &Material, form: &Form, from: V3) -> Result<Vec<Texture>, String> {
-    let Form::Flat { center, frame, .. } = form else {
-        return Err("its shape under an environment is not flat".into());
-    };
-    let side = if (from - center).dot(&frame[2]) < 0.0 { -1.0 } else { 1.0 };
-    let frame = [frame[0], frame[1], frame[2] * side];
     let [_, _, mut top, mut base] = none().try_into().map_err(|_| "report this")?;
-    if let Some(Diffraction::Table(of)) = &material.diffraction {
-        top = table(of, sky, &frame)?;
+    if material.base.is_some() && material.diffraction.is_some() && material.blend == Blend::Fresnel {
+        return Err("its base lies below a Fresnel reflectance, under an environment".into());
     }
-    if let Some(of) = &material.base {
-        if material.diffraction.is_some() && material.blend == Blend::Fresnel {
-            return Err("its base lies below a Fresnel reflectance, under an environment".into());
+    if let Some(Diffraction::Lattice(_) | Diffraction::Relief(_)) = &material.diffraction {
+        return Err("its material repeats in two directions, under an environment".into());
+    }
+    if let Form::Flat { center, frame, .. } = form {
+        let side = if (from - center).dot(&frame[2]) < 0.0 { -1.0 } else { 1.0 };
+        let frame = [frame[0], frame[1], frame[2] * side];
+        if let Some(Diffraction::Table(of)) = &material.diffraction {
+            top = table(of, sky, &frame)?;
         }
-        base = self::base(of, sky, &frame);
+        if let Some(of) = &material.base {
+            base = self::base(of, sky, &frame);
+        }
+    } else if let Some(Diffraction::Table(_)) = &material.diffraction {
+        return Err("its table is not flat, under an environment".into());
     }
-    let picture =
-        sky.map.rgb.iter().flat_map(|p| p.map(|v| (f64::from(v) * sky.strength) as f32).into_iter().chain([0.0]));
-    Ok(vec![Texture::new("sky", sky.map.width, 4, picture.collect()), colors(sky), top, base])
+    Ok(vec![picture(sky), colors(sky), top, base])
+}
+
+/// The sky with the density of its draws; below it, by pixel, its own share of them and which other pixel has the rest (Walker 1977).
+fn picture(sky: &Sky) -> Texture {
+    let (width, height) = (sky.map.width, sky.map.height);
+    let middle = |k: usize| {
+        let (polar, azimuth) =
+            (PI * ((k / width) as f64 + 0.5) / height as f64, TAU * (0.5 - ((k % width) as f64 + 0.5) / width as f64));
+        [polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()]
+    };
+    let density: Vec<f64> = (0..width * height).into_par_iter().map(|k| sky.map.density(middle(k))).collect();
+    // Of all draws, times the number of pixels.
+    let edge = |y: usize| (PI * y as f64 / height as f64).cos();
+    let angle = |k: usize| (edge(k / width) - edge(k / width + 1)) * TAU / width as f64;
+    let shares = density.iter().enumerate().map(|(k, d)| d * angle(k) * (width * height) as f64).collect();
+    let light = sky.map.rgb.iter().zip(&density);
+    let light = light.flat_map(|(rgb, d)| rgb.map(|v| (f64::from(v) * sky.strength) as f32).into_iter().chain([*d as f32]));
+    let draws = draws(shares).into_iter().flat_map(|(share, other)| {
+        [share as f32, (other % width) as f32, (other / width) as f32, 0.0]
+    });
+    Texture::new("sky", width, 4, light.chain(draws).collect())
+}
+
+/// Of shares whose mean is 1, by number: how much of it stays, and which one the rest goes to (Walker 1977; Vose 1991).
+fn draws(mut shares: Vec<f64>) -> Vec<(f64, usize)> {
+    let mut found: Vec<(f64, usize)> = (0..shares.len()).map(|k| (1.0, k)).collect();
+    let (mut poor, mut rich): (Vec<usize>, Vec<usize>) = (0..shares.len()).partition(|k| shares[*k] < 1.0);
+    while let (Some(k), Some(from)) = (poor.pop(), rich.last().copied()) {
+        found[k] = (shares[k], from);
+        shares[from] -= 1.0 - shares[k];
+        if shares[from] < 1.0 {
+            rich.pop();
+            poor.push(from);
+        }
+    }
+    found
 }
 
 /// X, Y, Z per wave number of red, green and blue, a row for each.
