@@ -103,7 +103,12 @@ pub const MATERIALS: [Material; 20] = [
     Material { name: "maps on a sphere under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::SphereSky },
     Material { name: "maps on a cylinder under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::OutsideSky },
     Material { name: "maps on a mesh", text: MAPS, groove: [45.0, 1.2], setting: Setting::Mesh },
-    Material { name: "sinusoid under a lamp with an area", text: SINUSOID, groove: [30.0, 1.5], setting: Setting::Area },
+    Material {
+        name: "sinusoid under a lamp with an area",
+        text: SINUSOID,
+        groove: [30.0, 1.5],
+        setting: Setting::Area,
+    },
 ];
 
 /// A vector tilted about x, then turned about y, in degrees.
@@ -138,7 +143,9 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     let sigma = chance.between(5.0, 15.0);
     let spectrum = ["D65", "A", "E"][(chance.between(0.0, 3.0) as usize).min(2)];
     let shape = match material.setting {
-        Setting::Plane | Setting::Sky | Setting::Area => format!("type = \"plane\"\nnormal = {n:?}\nup = {v:?}\nsize = [110, 110]"),
+        Setting::Plane | Setting::Sky | Setting::Area => {
+            format!("type = \"plane\"\nnormal = {n:?}\nup = {v:?}\nsize = [110, 110]")
+        }
         Setting::Disc => format!("type = \"disc\"\nnormal = {n:?}\nup = {v:?}\ninner = 15\nouter = 55"),
         Setting::Sphere | Setting::SphereSky => {
             let center = n.map(|c| -60.0 * c);
@@ -159,7 +166,10 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     };
     let light = if material.setting == Setting::Area {
         let normal = light.map(|c| -c);
-        format!("type = \"rectangle\"\ncenter = {light:?}\nnormal = {normal:?}\nsize = [{}, 40]\nluminance = 100\nspectrum = \"{spectrum}\"", 4.0 * sigma)
+        format!(
+            "type = \"rectangle\"\ncenter = {light:?}\nnormal = {normal:?}\nsize = [{}, 40]\nluminance = 100\nspectrum = \"{spectrum}\"",
+            4.0 * sigma
+        )
     } else if material.setting.under_a_sky() {
         let turn = chance.between(0.0, 360.0);
         format!("type = \"environment\"\nfile = \"sky.exr\"\nup = [0.2, 0.4, 1]\nturn_deg = {turn}")

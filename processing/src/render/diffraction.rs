@@ -203,13 +203,7 @@ impl Diffraction {
     }
 
     /// X, Y, Z of what is seen of a light of illuminance 1 on what faces it.
-    pub(super) fn lit(
-        &self,
-        place: &Place,
-        source: &Source,
-        accuracy: &Accuracy,
-        memory: &mut Memory,
-    ) -> [f64; 3] {
+    pub(super) fn lit(&self, place: &Place, source: &Source, accuracy: &Accuracy, memory: &mut Memory) -> [f64; 3] {
         let Source { light, width, seen, .. } = *source;
         let pair = [place.view, light];
         let f = match self {

@@ -160,13 +160,7 @@ impl Material {
     }
 
     /// X, Y, Z of what is seen of a light of illuminance 1 on what faces it.
-    pub(super) fn lit(
-        &self,
-        place: &Place,
-        source: &Source,
-        accuracy: &Accuracy,
-        memory: &mut Memory,
-    ) -> [f64; 3] {
+    pub(super) fn lit(&self, place: &Place, source: &Source, accuracy: &Accuracy, memory: &mut Memory) -> [f64; 3] {
         let Source { light, seen, .. } = *source;
         let view = place.view;
         if light[2] <= 0.0 || view[2] <= 0.0 {

@@ -92,11 +92,8 @@ impl Relief {
     /// # Errors
     /// As [`TermSet::new`].
     pub(super) fn terms(&self, error: f64, progress: &dyn Progress) -> Result<TermSet> {
-        let settings = Settings {
-            coherence_um: self.coherence_um,
-            max_error: error.clamp(1e-4, 0.2),
-            ..Settings::default()
-        };
+        let settings =
+            Settings { coherence_um: self.coherence_um, max_error: error.clamp(1e-4, 0.2), ..Settings::default() };
         let wanted = TermsRequest { extent: 2.0, precision: Some(Precision::Float) };
         TermSet::new(&self.field, &settings, wanted, progress)
     }
@@ -170,13 +167,7 @@ impl Relief {
     }
 
     /// BRDF times the cosine of a place of a small light, summed up over its spectrum: X, Y, Z.
-    pub(super) fn lit(
-        &self,
-        view: [f64; 3],
-        source: &Source,
-        accuracy: &Accuracy,
-        w: &mut Workspace,
-    ) -> [f64; 3] {
+    pub(super) fn lit(&self, view: [f64; 3], source: &Source, accuracy: &Accuracy, w: &mut Workspace) -> [f64; 3] {
         let (view, light, seen) = (self.own(view), self.own(source.drawn()), source.seen);
         if light[2] <= 0.0 {
             return [0.0; 3];

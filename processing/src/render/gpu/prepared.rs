@@ -146,7 +146,8 @@ impl Prepared {
         let [repeat, turn, grooves, sums] =
             ["repeat", "turn", "grooves", "sums"].map(|name| value(name).unwrap_or_default());
         let lights = self.uniforms.get(NAMES.len()..).unwrap_or(&[]).chunks_exact(ROWS);
-        let distance = |l: &[[f32; 4]]| if l[1][1] != 1.0 { l[0][..3].iter().map(|v| v * v).sum::<f32>().sqrt() } else { 1.0 };
+        let distance =
+            |l: &[[f32; 4]]| if l[1][1] != 1.0 { l[0][..3].iter().map(|v| v * v).sum::<f32>().sqrt() } else { 1.0 };
         // A light may be nearer to the sample than to the scene's middle: three times as wide.
         let wide = |l: &[[f32; 4]]| 3.0 * l[0][3] / distance(l).max(1e-6);
         let last = RANGE[1] as f32;

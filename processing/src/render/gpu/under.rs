@@ -73,10 +73,11 @@ fn picture(sky: &Sky) -> Texture {
     let angle = |k: usize| (edge(k / width) - edge(k / width + 1)) * TAU / width as f64;
     let shares = density.iter().enumerate().map(|(k, d)| d * angle(k) * (width * height) as f64).collect();
     let light = sky.map.rgb.iter().zip(&density);
-    let light = light.flat_map(|(rgb, d)| rgb.map(|v| (f64::from(v) * sky.strength) as f32).into_iter().chain([*d as f32]));
-    let draws = draws(shares).into_iter().flat_map(|(share, other)| {
-        [share as f32, (other % width) as f32, (other / width) as f32, 0.0]
-    });
+    let light =
+        light.flat_map(|(rgb, d)| rgb.map(|v| (f64::from(v) * sky.strength) as f32).into_iter().chain([*d as f32]));
+    let draws = draws(shares)
+        .into_iter()
+        .flat_map(|(share, other)| [share as f32, (other % width) as f32, (other / width) as f32, 0.0]);
     Texture::new("sky", width, 4, light.chain(draws).collect())
 }
 
