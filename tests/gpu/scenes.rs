@@ -253,8 +253,8 @@ fn sheet(folder: &Path) {
 
 /// Waves of 3.2 and 2.13 µm across each other with some of 1.6 µm, 0.3 µm deep.
 fn heights(folder: &Path) {
-    const SIDE: usize = 64;
-    let attributes = [("units", Attribute::Text("µm".into())), ("pixel_um", Attribute::Number(0.1))];
+    const SIDE: usize = 128;
+    let attributes = [("units", Attribute::Text("µm".into())), ("pixel_um", Attribute::Number(0.05))];
     write_exr(&folder.join("heights.exr"), SIDE, SIDE, &["height"], &attributes, &|_, y, row| {
         for (x, out) in row.iter_mut().enumerate() {
             let [u, v] = [x, y].map(|k| TAU * k as f64 / SIDE as f64);
