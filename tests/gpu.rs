@@ -61,7 +61,10 @@ fn effort(material: &Material) -> [usize; 3] {
         "table under a sky" => [8, 256, 16_384],
         // Edges within pixels.
         "table in a cylinder" => [12, 512, 2048],
-        "maps" | "maps on a cylinder" | "maps on a mesh" => [12, 128, 512],
+        "maps" | "maps on a cylinder" => [12, 128, 512],
+        "maps on a mesh" => [12, 512, 4096],
+        // The card takes one of the lamp's 16 parts for each sample.
+        "sinusoid under a lamp with an area" => [12, 512, 128],
         // Few pixels show its orders, at edges of squares within them.
         "maps on a sphere" => [16, 256, 2048],
         // What the base shows of it is drawn by chance on both sides.
@@ -84,11 +87,9 @@ fn a_card_renders_what_the_processor_renders() {
     let mut chance = Chance(seed());
     let dir = tempfile::tempdir().unwrap();
     gpu::scenes::files(dir.path());
-    for material in MATERIALS.into_iter().filter(|m| std::env::var("ONLY").map_or(true, |o| m.name.contains(&o))) {
+    for material in MATERIALS {
         let (mut worst, mut sum) = (0.0_f64, 0.0);
-        let [side, mut fewer, mut more] = effort(&material);
-        let e = |n: &str| std::env::var(n).map_or(1, |e| e.parse::<usize>().unwrap());
-        fewer *= e("CARD"); more *= e("CPU");
+        let [side, fewer, more] = effort(&material);
         for _ in 0..VIEWS {
             let text = scene(material, side, &mut chance);
             let parsed = toml::from_str(&text).unwrap();
@@ -98,11 +99,10 @@ fn a_card_renders_what_the_processor_renders() {
             assert!(found.lit > side * side / 12, "hardly anything is lit:\n{text}");
             worst = worst.max(found.mean);
             sum += found.mean / VIEWS as f64;
-            println!("{}: {} of {}", material.name, found.mean, found.lit);
-            assert!(std::env::var("ONLY").is_ok() || found.mean <= 2.0 * MOST, "ΔE2000 {} over {} pixels:\n{text}", found.mean, found.lit);
+            assert!(found.mean <= 2.0 * MOST, "ΔE2000 {} over {} pixels:\n{text}", found.mean, found.lit);
         }
         println!("{}: mean ΔE2000 {sum:.3}, worst view {worst:.3}", material.name);
-        assert!(std::env::var("ONLY").is_ok() || sum <= MOST, "{}: {sum}", material.name);
+        assert!(sum <= MOST, "{}: {sum}", material.name);
     }
 }
 
