@@ -46,11 +46,26 @@ const ADDED_OPERATIONS: f64 = 1024.0 * 4.0 * 4.0 * 2.0;
 
 /// Lines of the shaders, and how many operations they and what follows up to the next loop take: additions, multiplications, roots and the like count
 /// one each, as read off the source. Counts tell what a card has to do to a fifth or so; compilers leave some out.
-const OPERATIONS: [(&str, u32); 9] = [
+const OPERATIONS: [(&str, u32); 18] = [
     ("let slope = dot(ray, scene.normal.xyz);", 80),
+    ("let axis = scene.normal.xyz;", 120),
+    ("let off = o + ray * middle;", 80),
+    ("let low = mesh_texel(2 * index);", 40),
+    ("let h = cross(ray, q);", 50),
     ("let c = covariance(light, width, clamp(found.x, FIRST, LAST));", 60),
     ("let sum = cosines.x + cosines.y;", 38),
     ("sum += matrix[k * FOURS + n] * rows[k];", 8),
+    ("sum += dot(matrix[k * FOURS + n], columns[n]);", 8),
+    ("let number = start + apart * f32(k);", 90),
+    ("let nu = start + apart * f32(k);", 180),
+    ("let tile = vec2(n % across, n / across) * side;", 60),
+    ("let power = frequency_power(bin, number, w, view.z);", 110),
+    ("let by = mix(", 18),
+    ("let aligned = 1.0 + dot(view, light);", 120),
+    ("let facets = distribution / (", 200),
+    ("let own = rough_drawn(view, u);", 320),
+    ("let exact = -(view.xy + f32(n) * g);", 170),
+];", 8),
     ("sum += dot(matrix[k * FOURS + n], columns[n]);", 8),
     ("let number = start + apart * f32(k);", 90),
     ("let aligned = 1.0 + dot(view, light);", 120),
