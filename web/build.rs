@@ -12,6 +12,10 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 const SOURCES: &str = "../processing/src/render/gpu";
 
+/// Uniforms that do not change while a scene is shown, and what a browser gives in their place: compilers leave out what they switch off. With all
+/// of it, software took more than six minutes to compile what then takes less than a second.
+const SETTLED: [(&str, &str); 3] = [("what.x", "KIND"), ("form.x", "FORM"), ("sky_x.w", "SKY")];
+
 fn main() -> Result<()> {
     println!("cargo::rerun-if-changed={SOURCES}");
     println!("cargo::rerun-if-changed=build.rs");
@@ -42,7 +46,21 @@ fn text(source: &str) -> String {
 /// A fragment stage as an object: its source, and what its block of uniforms, their members and its textures are called.
 fn stage(source: &str, entry: &str) -> Result<String> {
     let (glsl, textures, block, members) = translated(source, ShaderStage::Fragment, entry)?;
-    Ok(format!("{{ source: {}, block: {}, members: {members}, textures: {textures} }}", text(&glsl), text(&block)))
+    let source = text(&settled(&glsl));
+    Ok(format!("{{ source: {source}, block: {}, members: {members}, textures: {textures} }}", text(&block)))
+}
+
+/// GLSL in which [`SETTLED`] uniforms are constants of the preprocessor.
+fn settled(glsl: &str) -> String {
+    let line = |line: &str| {
+        let constant = |(uniform, name): &(&str, &str)| {
+            let (variable, value) = line.trim_start().strip_prefix("float ")?.split_once(" = ")?;
+            let read = value.strip_suffix(&format!(".{uniform};"))?;
+            (!read.contains(' ')).then(|| format!("const float {variable} = {name};\n"))
+        };
+        SETTLED.iter().find_map(constant).unwrap_or_else(|| format!("{line}\n"))
+    };
+    glsl.lines().map(line).collect()
 }
 
 /// GLSL, names of textures, name of the block of uniforms, its members with their sizes in vectors of four.

@@ -42,7 +42,8 @@ export class Painter {
     this.targets = [];
     this.count = 0;
     this.size = [0, 0];
-    this.light = this.#program(LIGHT);
+    /** @type {Map<string, Program>} Programs for kinds of samples, shapes and light. */
+    this.lights = new Map();
     this.display = this.#program(DISPLAY);
     this.framebuffer = gl.createFramebuffer();
     gl.bindVertexArray(gl.createVertexArray());
@@ -80,7 +81,7 @@ export class Painter {
     this.uniforms.up[0][3] = height;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, to, 0);
-    this.#draw(this.light, this.uniforms, { ...this.textures, before: from }, width, height);
+    this.#draw(this.#light(), this.uniforms, { ...this.textures, before: from }, width, height);
     this.targets = [to, from];
     this.count += samples;
   }
@@ -121,6 +122,16 @@ export class Painter {
     gl.texImage2D(gl.TEXTURE_2D, 0, channels === 1 ? gl.R32F : gl.RGBA32F, width, height, 0, channels === 1 ? gl.RED : gl.RGBA, gl.FLOAT, values);
     for (const kind of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, kind, gl.NEAREST);
     return texture;
+  }
+
+  /** The program for what is shown: compilers take minutes for all that shaders can do, and less than a second for one kind of sample. */
+  #light() {
+    const { what, form, sky_x } = this.uniforms;
+    const settled = { KIND: what[0][0], FORM: form[0][0], SKY: sky_x[0][3] };
+    const defines = Object.entries(settled).map(([name, value]) => `#define ${name} ${value.toFixed(1)}\n`).join("");
+    const program = this.lights.get(defines) ?? this.#program({ ...LIGHT, source: LIGHT.source.replace("\n", `\n${defines}`) });
+    this.lights.set(defines, program);
+    return program;
   }
 
   /**

@@ -145,7 +145,7 @@ impl Card {
             mapped_at_creation: false,
         });
         let layout = layout(&device, views.len());
-        let pipeline = pipeline(&device, &layout, shader);
+        let pipeline = pipeline(&device, &layout, &prepared.settled(shader));
         let buffer = wgpu::BindGroupEntry { binding: 0, resource: uniforms.as_entire_binding() };
         let textures = views.iter().zip(1..).map(|(view, binding)| wgpu::BindGroupEntry {
             binding,

@@ -150,17 +150,15 @@ fn under(view: vec3<f32>, hit: Hit, at: Groove, u: vec4<f32>) -> vec3<f32> {
     let covered = select(scene.what.w, 0.0, kind == 0.0 || masked);
     var sum = vec3(0.0);
     if covered > 0.0 {
-        if kind == 1.0 {
-            sum = covered * linear_srgb(grating_under(view, hit, at, u));
-        } else if kind == 3.0 {
-            sum = covered * scene.detail.z * linear_srgb(grating_under(view, hit, at, u));
-        } else if kind == 2.0 {
+        if kind == 2.0 {
             sum = covered * over_view(under_top, view);
+        } else {
+            let share = select(1.0, scene.detail.z, kind == 3.0);
+            sum = covered * share * linear_srgb(grating_under(view, hit, at, u));
         }
     }
     if scene.albedo.w > 0.0 {
-        let flat = scene.form.x == 0.0;
-        if flat {
+        if scene.form.x == 0.0 {
             sum += (1.0 - covered) * over_view(under_base, view);
         } else {
             sum += (1.0 - covered) * rough_under(view, hit, u.xyz);

@@ -69,14 +69,20 @@ fn lit(view: vec3<f32>, light: vec3<f32>, width: f32, lamp: i32, at: Groove) -> 
     let kind = scene.what.x;
     let covered = select(scene.what.w, 0.0, kind == 0.0);
     var top = vec3(0.0);
-    if kind == 1.0 && at.sigma >= 0.0 && covered > 0.0 {
-        top = linear_srgb(grating_lit(view, light, width, lamp, at)) * light.z;
-    } else if kind == 2.0 && covered > 0.0 {
-        top = table_lit(view, light) * white;
-    } else if kind == 3.0 && covered > 0.0 && at.sigma >= 0.0 {
-        top = linear_srgb(slits_lit(view, light, width, lamp, at)) * light.z;
-    } else if kind == 4.0 && covered > 0.0 {
-        top = linear_srgb(field_lit(view, light, width, lamp));
+    if covered > 0.0 {
+        if kind == 1.0 {
+            if at.sigma >= 0.0 {
+                top = linear_srgb(grating_lit(view, light, width, lamp, at)) * light.z;
+            }
+        } else if kind == 2.0 {
+            top = table_lit(view, light) * white;
+        } else if kind == 3.0 {
+            if at.sigma >= 0.0 {
+                top = linear_srgb(slits_lit(view, light, width, lamp, at)) * light.z;
+            }
+        } else if kind == 4.0 {
+            top = linear_srgb(field_lit(view, light, width, lamp));
+        }
     }
     if scene.albedo.w <= 0.0 {
         return covered * top;
@@ -160,8 +166,10 @@ fn seen_at(pixel: vec2<f32>, sample: f32, u: vec4<f32>) -> vec4<f32> {
             sum += lit(view, light, source.width, lamp, found) * source.illuminance;
         }
     }
-    if scene.sky_x.w > 0.0 && view.z > 0.0 {
-        sum += under(view, hit, found, u);
+    if scene.sky_x.w > 0.0 {
+        if view.z > 0.0 {
+            sum += under(view, hit, found, u);
+        }
     }
     return vec4(sum, 1.0);
 }

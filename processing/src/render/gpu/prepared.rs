@@ -27,6 +27,10 @@ pub const NAMES: [&str; 25] = [
     "sums", "table", "repeat", "turn", "detail", "albedo", "specular", "sky_x", "sky_y", "sky_z", "range", "samples",
 ];
 
+/// Uniforms that do not change while a scene is rendered, as shaders read them.
+const SETTLED: [(&str, &str, usize); 3] =
+    [("scene.what.x", "what", 0), ("scene.form.x", "form", 0), ("scene.sky_x.w", "sky_x", 3)];
+
 /// Longest period on software that stands in for a card: beyond, balancing takes more turns of loops than llvmpipe's 65535 for a pixel; and on a
 /// mesh, which takes some of them.
 const SOFTWARE_UM: f32 = 1.6;
@@ -123,10 +127,21 @@ impl Prepared {
         }
     }
 
+    /// A uniform by its name.
+    fn value(&self, name: &str) -> [f32; 4] {
+        NAMES.iter().position(|n| *n == name).and_then(|k| self.uniforms.get(k).copied()).unwrap_or_default()
+    }
+
+    /// Shaders with numbers in place of what is settled, so that compilers leave out what is not this scene's.
+    pub(super) fn settled(&self, shader: &str) -> String {
+        SETTLED
+            .iter()
+            .fold(shader.to_owned(), |text, (read, name, k)| text.replace(read, &format!("{:?}", self.value(name)[*k])))
+    }
+
     /// Whether sums are longer than software that ends all loops of a pixel after [`TURNS`] follows them.
     pub fn too_long_for_software(&self) -> bool {
-        let value = |name: &str| NAMES.iter().position(|n| *n == name).and_then(|k| self.uniforms.get(k).copied());
-        let [what, same, form, sky] = ["what", "same", "form", "sky_x"].map(|name| value(name).unwrap_or_default());
+        let [what, same, form, sky] = ["what", "same", "form", "sky_x"].map(|name| self.value(name));
         let meshed = form[0] == 3.0;
         match what[0] {
             1.0 | 3.0 => {
@@ -142,9 +157,7 @@ impl Prepared {
     /// Turns of loops that a pixel of what repeats in two directions takes at most: frequencies along and across the longest line, and samples and
     /// terms of each.
     fn frequency_turns(&self) -> f32 {
-        let value = |name: &str| NAMES.iter().position(|n| *n == name).and_then(|k| self.uniforms.get(k).copied());
-        let [repeat, turn, grooves, sums] =
-            ["repeat", "turn", "grooves", "sums"].map(|name| value(name).unwrap_or_default());
+        let [repeat, turn, grooves, sums] = ["repeat", "turn", "grooves", "sums"].map(|name| self.value(name));
         let lights = self.uniforms.get(NAMES.len()..).unwrap_or(&[]).chunks_exact(ROWS);
         let distance =
             |l: &[[f32; 4]]| if l[1][1] != 1.0 { l[0][..3].iter().map(|v| v * v).sum::<f32>().sqrt() } else { 1.0 };

@@ -65,12 +65,6 @@ const OPERATIONS: [(&str, u32); 18] = [
     ("let facets = distribution / (", 200),
     ("let own = rough_drawn(view, u);", 320),
     ("let exact = -(view.xy + f32(n) * g);", 170),
-];", 8),
-    ("sum += dot(matrix[k * FOURS + n], columns[n]);", 8),
-    ("let number = start + apart * f32(k);", 90),
-    ("let aligned = 1.0 + dot(view, light);", 120),
-    ("let alpha = scene.albedo.w;", 200),
-    ("let exact = -(view.xy + f32(n) * g);", 170),
 ];
 
 /// What the counting shader counts with, and where it puts what it has counted.
