@@ -7,6 +7,10 @@ use wgpu::util::{BufferInitDescriptor, DeviceExt, TextureDataOrder};
 /// Bytes of a pixel of the picture.
 const PIXEL: u32 = 16;
 
+/// Uniforms that do not change while a scene is rendered, as shaders read them.
+const SETTLED: [(&str, &str, usize); 3] =
+    [("scene.what.x", "what", 0), ("scene.form.x", "form", 0), ("scene.sky_x.w", "sky_x", 3)];
+
 /// A scene on a card.
 pub(in super::super) struct Card {
     device: wgpu::Device,
@@ -79,6 +83,12 @@ fn descriptor(size: wgpu::Extent3d, channels: usize, usage: wgpu::TextureUsages)
     }
 }
 
+/// Shaders with numbers in place of what is settled, so that compilers leave out what is not this scene's.
+fn settled(prepared: &Prepared, shader: &str) -> String {
+    let number = |name: &str, k: usize| format!("{:?}", prepared.value(name)[k]);
+    SETTLED.iter().fold(shader.to_owned(), |text, (read, name, k)| text.replace(read, &number(name, *k)))
+}
+
 impl Card {
     /// The best card there is, with a scene on it; or why there is none.
     pub(in super::super) fn new(prepared: Prepared) -> Result<Self, String> {
@@ -145,7 +155,7 @@ impl Card {
             mapped_at_creation: false,
         });
         let layout = layout(&device, views.len());
-        let pipeline = pipeline(&device, &layout, &prepared.settled(shader));
+        let pipeline = pipeline(&device, &layout, &settled(&prepared, shader));
         let buffer = wgpu::BindGroupEntry { binding: 0, resource: uniforms.as_entire_binding() };
         let textures = views.iter().zip(1..).map(|(view, binding)| wgpu::BindGroupEntry {
             binding,

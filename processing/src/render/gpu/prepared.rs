@@ -27,10 +27,6 @@ pub const NAMES: [&str; 25] = [
     "sums", "table", "repeat", "turn", "detail", "albedo", "specular", "sky_x", "sky_y", "sky_z", "range", "samples",
 ];
 
-/// Uniforms that do not change while a scene is rendered, as shaders read them.
-const SETTLED: [(&str, &str, usize); 3] =
-    [("scene.what.x", "what", 0), ("scene.form.x", "form", 0), ("scene.sky_x.w", "sky_x", 3)];
-
 /// Longest period on software that stands in for a card: beyond, balancing takes more turns of loops than llvmpipe's 65535 for a pixel; and on a
 /// mesh, which takes some of them.
 const SOFTWARE_UM: f32 = 1.6;
@@ -128,15 +124,8 @@ impl Prepared {
     }
 
     /// A uniform by its name.
-    fn value(&self, name: &str) -> [f32; 4] {
+    pub(super) fn value(&self, name: &str) -> [f32; 4] {
         NAMES.iter().position(|n| *n == name).and_then(|k| self.uniforms.get(k).copied()).unwrap_or_default()
-    }
-
-    /// Shaders with numbers in place of what is settled, so that compilers leave out what is not this scene's.
-    pub(super) fn settled(&self, shader: &str) -> String {
-        SETTLED
-            .iter()
-            .fold(shader.to_owned(), |text, (read, name, k)| text.replace(read, &format!("{:?}", self.value(name)[*k])))
     }
 
     /// Whether sums are longer than software that ends all loops of a pixel after [`TURNS`] follows them.

@@ -64,6 +64,10 @@ impl Field {
         let half_um = set.about.half_um;
         let most = (2.0 * TAU * RANGE[1] * half_um).min(set.about.x_most);
         let per_x = (ROWS - 2) as f64 / most;
+        // Of functions that turn as fast as their phase, linear interpolation misses an eighth of the step squared.
+        if 0.125 / (per_x * per_x) > 0.1 * error {
+            return Err(format!("its height field is too deep for cards at this error: {most:.0} rad of phase"));
+        }
         let row = |k: usize| set.functions((k as f64 / per_x).min(set.about.x_most));
         let texel = |pair: &[f64]| [pair[0] as f32, pair.get(1).map_or(0.0, |v| *v as f32), 0.0, 0.0];
         let phases = (0..ROWS).flat_map(|k| row(k).chunks(2).flat_map(texel).collect::<Vec<f32>>()).collect();
