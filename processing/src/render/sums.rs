@@ -15,8 +15,9 @@ use std::path::Path;
 /// Part of the wanted error that sums may take.
 const MODEL: f64 = 0.25;
 
-/// Finer sums are asked for this part of the error, and for finer ones still so many times.
-const FINER: f64 = 1.0 / 16.0;
+/// Finer sums are asked for this part of the error, and for finer ones still so many times. A sixteenth left flanks out that both sums did not
+/// follow: errors were 2.4 times as large as was said, once.
+const FINER: f64 = 1.0 / 64.0;
 const TRIES: usize = 4;
 
 /// Pixels that are looked at.
