@@ -128,7 +128,7 @@ impl Prepared {
         NAMES.iter().position(|n| *n == name).and_then(|k| self.uniforms.get(k).copied()).unwrap_or_default()
     }
 
-    /// Whether sums are longer than software that ends all loops of a pixel after [`TURNS`] follows them.
+    /// Whether sums are longer than software that ends all loops of a pixel after `TURNS` follows them.
     pub fn too_long_for_software(&self) -> bool {
         let [what, same, form, sky] = ["what", "same", "form", "sky_x"].map(|name| self.value(name));
         let meshed = form[0] == 3.0;
