@@ -102,6 +102,9 @@ pub struct Args {
     /// A spectrum per pixel too, in bands so far apart (1 to 100 nm): channels S0.550,000000nm and so on of the EXR.
     #[arg(long, value_name = "NM", conflicts_with_all = ["keep", "frames", "gallery", "gpu"])]
     spectral: Option<f64>,
+    /// Draw light of environments by chance even where it could be summed up once for all pixels, to compare.
+    #[arg(long)]
+    by_chance: bool,
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
@@ -150,6 +153,7 @@ impl Args {
             check: self.check,
             gpu: self.gpu,
             spectral_nm: self.spectral,
+            by_chance: self.by_chance,
         }
     }
 

@@ -1,6 +1,7 @@
 //! Surfaces under light from all around: environments, the exact reflection of a table over half vectors, and faster ways to it.
 
 mod azimuth;
+mod correlation;
 mod cosines;
 pub mod factor;
 mod grating;
@@ -16,7 +17,8 @@ mod table;
 mod tests;
 
 pub use azimuth::facing;
-pub(crate) use cosines::solid_angle;
+pub(crate) use correlation::{Entry, Reflected, correlate, entry, light};
+pub(crate) use cosines::{slices, solid_angle};
 pub use grating::{Grating, Steps};
 pub use lamps::{Lamp, lamps};
 pub use map::Environment;

@@ -257,6 +257,10 @@ impl Diffraction {
                 sum
             }
             Self::Table(table) => {
+                if let Some(summed) = above.summed {
+                    let whole = table.whole(view);
+                    return above.sky.upsampling.seen([0, 1, 2].map(|c| summed[c].max(0.0) * table.scale / whole[c]));
+                }
                 let value = |light: [f64; 3], rgb: [f64; 3]| {
                     let f = table.scattered(light, view);
                     above.sky.upsampling.seen([0, 1, 2].map(|c| f[c] * rgb[c]))

@@ -36,6 +36,8 @@ pub struct Settings {
     pub gpu: bool,
     /// Spectra too, in bands so many nm apart.
     pub spectral_nm: Option<f64>,
+    /// Draw light of environments by chance even where it could be summed up once.
+    pub by_chance: bool,
 }
 
 impl Default for Settings {
@@ -49,6 +51,7 @@ impl Default for Settings {
             check: false,
             gpu: false,
             spectral_nm: None,
+            by_chance: false,
         }
     }
 }
@@ -144,23 +147,23 @@ pub fn render_watched(
     let begun = Instant::now();
     check(settings)?;
     settings.spectral_nm.map_or(Ok(()), |step| spectral::check(scene, step))?;
-    let sums = Sums::new(scene, folder, settings, progress)?;
-    let ready = &sums.ready;
+    let mut sums = Sums::new(scene, folder, settings, progress)?;
     let digest = output::digest(scene, settings);
-    let mut picture = Picture::new(ready.size());
+    let mut picture = Picture::new(sums.ready.size());
     if let Some(path) = settings.keep.as_ref().filter(|_| settings.resume) {
-        picture = output::resumed(path, &digest, ready.size())?;
+        picture = output::resumed(path, &digest, sums.ready.size())?;
     }
     let most = (settings.samples / SAMPLES).max(1);
-    let (mut card, refused) = match settings.gpu.then(|| gpu::card(ready)) {
+    let (mut card, refused) = match settings.gpu.then(|| gpu::card(&sums.ready)) {
         Some(Ok(card)) => (Some(card), None),
         Some(Err(why)) => (None, Some(format!("rendered on the processor: {why}"))),
         None => (None, None),
     };
     let pilot = match &mut card {
         Some(card) => first_passes(card, &mut picture, most, progress)?,
-        None => Pilot::new(ready, progress)?,
+        None => sums.pilot(settings, most, progress)?,
     };
+    let ready = &sums.ready;
     let passes = pilot.passes(settings.max_error, most);
     let predicted = Prediction {
         passes,

@@ -216,6 +216,8 @@ pub(super) struct Above<'a> {
     pub frame: &'a [V3; 3],
     /// Whether the sky is seen in a direction.
     pub open: &'a (dyn Fn(V3) -> bool + Sync),
+    /// What a table reflects of it towards the place's view, if that has been summed up (see [`super::flat`]).
+    pub summed: Option<[f64; 3]>,
 }
 
 impl Above<'_> {

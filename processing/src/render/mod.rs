@@ -16,6 +16,7 @@ mod describe;
 mod diffraction;
 mod eye;
 mod files;
+mod flat;
 mod folder;
 mod gallery;
 mod gallery_patterns;

@@ -2,55 +2,63 @@
 
 use super::spectrum::RANGE;
 use crate::Result;
-use crate::environment::solid_angle;
+use crate::environment::{slices, solid_angle};
 use crate::image::catmull_rom;
 use crate::progress::Progress;
-use crate::surface::{Densities, Workspace};
+use crate::surface::{Densities, HeightField, Workspace};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Most places of the patch's spectrum that are added up, the brightest ones.
-const BRIGHTEST: usize = 8000;
+/// Most places of the patch's spectrum that are added up one by one, the brightest ones.
+const BRIGHTEST: usize = 5000;
 
-/// Part of the brightest place's light below which a place is left out.
-const DARK: f64 = 1e-7;
+/// Places along a side of a block in which the others are added up together: they hold little light, but grazing views see nothing else.
+const BLOCK: i32 = 4;
 
 /// Nodes in a lobe's standard deviation, which is how fast the albedo changes where a lobe sets; cubics between them.
 const FINE: f64 = 2.0;
 
+/// Sides of the places in which a patch's spectrum is looked at: a quarter of its frequencies' distance, or of a lobe's standard deviation if that
+/// is more. Twice as wide ones were 0.9 % off at 88°.
+pub(super) fn sides(field: &HeightField, densities: &Densities) -> [f64; 2] {
+    field.size_um().map(|s| (0.25 / s).max(0.25 * densities.window.sigma))
+}
+
 /// Fewest and most directions of view along a side, and wave numbers.
 const VIEWS: [usize; 2] = [33, 121];
 const NUMBERS: [usize; 2] = [12, 48];
+
+/// Least cosine of view that is told from none.
+const GRAZING: f64 = 2e-3;
 
 /// In views whose cosine is less, gains change within cells beyond this radius of the disc of direction cosines: they are integrated over.
 const FLAT: f64 = 0.35;
 const RIM: f64 = 0.9;
 
 /// A power density changes its course within half a turn of the deepest place's phase: linear between so many nodes of it.
-const NODES_PER_TURN: f64 = 16.0;
-const MOST_NODES: usize = 400;
+const NODES_PER_TURN: f64 = 48.0;
+const MOST_NODES: usize = 800;
 
-/// Albedo times cos θ over directions of view and wave numbers.
+/// Albedo times cos² θ over directions of view and wave numbers: at grazing views Stam's gain makes the albedo times cos θ grow as 1 / cos θ.
 ///
-/// Directions lie evenly in Lambert's equal-area projection, `(x, y) / √(1 + z)`, in which the cosine is smooth at the rim.
+/// Directions lie evenly in a projection `(x, y) / √((1 + z)(1 + √z))` whose radius is `√(1 - √z)`: smooth in the middle, and close where the
+/// cosine z is small.
 pub(super) struct Norm {
     views: usize,
     numbers: usize,
     albedo: Vec<f32>,
 }
 
-/// The patch's spectrum at the places that hold its light.
+/// The patch's spectrum, place by place.
 struct Places {
-    frequency: Vec<[f64; 2]>,
-    /// Sides of a place.
-    sides: [f64; 2],
+    /// Middle and sides of each.
+    places: Vec<([f64; 2], [f64; 2])>,
     /// Power densities at nodes of `q`, place by place.
     power: Vec<f32>,
     nodes: usize,
     /// Nodes per unit of q.
     per_q: f64,
-    /// Part of the light that the places hold.
-    share: f64,
 }
 
 impl Norm {
@@ -63,7 +71,6 @@ impl Norm {
         let places = Places::new(densities, sides, depth_um);
         let lobe = densities.window.sigma / FINE;
         let within = |n: f64, [least, most]: [usize; 2]| (n.ceil() as usize).clamp(least, most);
-        // In the middle a step of the projection is √2 steps of the direction cosine.
         let views = within(2.0 * 2f64.sqrt() * 1.9 / lobe, VIEWS) | 1;
         let numbers = within((RANGE[1] - RANGE[0]) / lobe, NUMBERS);
         let mut norm = Self { views, numbers, albedo: vec![] };
@@ -88,10 +95,10 @@ impl Norm {
         let [x, y] = [at(k % self.views), at(k / self.views)];
         let radius = x.hypot(y);
         let of = |to: f64| {
-            let [x, y] = [x, y].map(|v| v * to / radius.max(1e-9));
-            let z = (1.0 - x * x - y * y).max(0.0);
-            let scale = (1.0 + z).sqrt();
-            places.albedo([x * scale, y * scale, z], number)
+            let z = (1.0 - to * to).max(0.0).powi(2);
+            let scale = ((1.0 + z) * (1.0 + z.sqrt())).sqrt() * to / radius.max(1e-9);
+            let z = z.max(GRAZING);
+            places.albedo([x * scale, y * scale, z], number) * z
         };
         let beyond = radius - 1.0;
         if beyond <= 0.0 {
@@ -110,7 +117,8 @@ impl Norm {
 
     /// Albedo times cos θ of view.
     pub(super) fn at(&self, view: [f64; 3], number: f64) -> f64 {
-        let scale = 1.0 / (1.0 + view[2].max(0.0)).sqrt();
+        let cos = view[2].max(0.0);
+        let scale = 1.0 / ((1.0 + cos) * (1.0 + cos.sqrt())).sqrt();
         let (n, m) = (self.views, self.numbers);
         let place = |v: f64| ((v * scale).clamp(-1.0, 1.0) + 1.0) * 0.5 * (n - 1) as f64;
         let (x, y) = (place(view[0]), place(view[1]));
@@ -128,7 +136,7 @@ impl Norm {
                 sum += w * v * across;
             }
         }
-        f64::from(sum)
+        f64::from(sum) / view[2].max(GRAZING)
     }
 }
 
@@ -151,29 +159,41 @@ impl Places {
                 [0.35, 0.5, 0.65].iter().map(|part| densities.at(frequency(k), part * most_q, w)).sum()
             })
             .collect();
-        let brightest = light.iter().fold(0.0_f64, |m, v| m.max(*v));
-        let mut kept: Vec<usize> = (0..count).filter(|k| light[*k] > DARK * brightest).collect();
-        kept.sort_by(|a, b| light[*b].total_cmp(&light[*a]));
-        kept.truncate(BRIGHTEST);
-        let share = kept.iter().map(|k| light[*k]).sum::<f64>() / light.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        let mut power = vec![0.0_f32; kept.len() * nodes];
-        power.par_chunks_mut(nodes).zip(&kept).for_each_init(Workspace::default, |w, (row, k)| {
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by(|a, b| light[*b].total_cmp(&light[*a]));
+        let (bright, dim) = order.split_at(count.min(BRIGHTEST));
+        let mut blocks: BTreeMap<[i32; 2], Vec<usize>> = BTreeMap::new();
+        for k in dim {
+            let at = [(k % width) as i32 - half[0], (k / width) as i32 - half[1]];
+            blocks.entry(at.map(|v| v.div_euclid(BLOCK))).or_default().push(*k);
+        }
+        let one = |k: &usize| (frequency(*k), sides, vec![*k], 1.0);
+        let block = |(at, members): ([i32; 2], Vec<usize>)| {
+            let middle = |i: usize| (f64::from(BLOCK * at[i]) + 0.5 * f64::from(BLOCK - 1)) * sides[i];
+            ([middle(0), middle(1)], sides.map(|s| f64::from(BLOCK) * s), members, f64::from(BLOCK * BLOCK))
+        };
+        let all: Vec<_> = bright.iter().map(one).chain(blocks.into_iter().map(block)).collect();
+        let mut power = vec![0.0_f32; all.len() * nodes];
+        let rows = power.par_chunks_mut(nodes).zip(&all);
+        rows.for_each_init(Workspace::default, |w, (row, (_, _, members, of))| {
             for (n, out) in row.iter_mut().enumerate() {
-                *out = densities.at(frequency(*k), n as f64 / per_q, w) as f32;
+                let sum: f64 = members.iter().map(|k| densities.at(frequency(*k), n as f64 / per_q, w)).sum();
+                *out = (sum / of) as f32;
             }
         });
-        Self { frequency: kept.into_iter().map(frequency).collect(), sides, power, nodes, per_q, share }
+        Self { places: all.into_iter().map(|(middle, sides, ..)| (middle, sides)).collect(), power, nodes, per_q }
     }
 
     /// `∬ (1 + ωi·ωo)² / w² · P(f, q) ν² / cos θi dx dy`, which is the albedo times cos θ of view before anything is divided.
     fn albedo(&self, view: [f64; 3], number: f64) -> f64 {
-        let (turn, sides) = (1.0 / number, self.sides.map(|s| s / number));
+        let turn = 1.0 / number;
         let flat = view[2] < FLAT;
         let mut sum = 0.0;
-        for (f, power) in self.frequency.iter().zip(self.power.chunks_exact(self.nodes)) {
+        for ((f, sides), power) in self.places.iter().zip(self.power.chunks_exact(self.nodes)) {
+            let sides = sides.map(|s| s * turn);
             let [x, y] = [f[0] * turn - view[0], f[1] * turn - view[1]];
             let square = x * x + y * y;
-            if square > 1.2 {
+            if square > 1.4 {
                 continue;
             }
             let value = |x: f64, y: f64, z: f64| {
@@ -182,12 +202,12 @@ impl Places {
                 self.density(power, TAU * number * w) * gain * gain
             };
             sum += if flat && square > RIM * RIM {
-                at_rim([x, y], sides, value)
+                at_rim([x, y], sides, view[2].max(1e-3), value)
             } else {
                 value(x, y, (1.0 - square).max(0.0).sqrt()) * solid_angle([x, y], sides, 1)
             };
         }
-        sum * number * number / self.share
+        sum * number * number
     }
 
     /// Power density of a place, from its nodes.
@@ -201,28 +221,70 @@ impl Places {
     }
 }
 
-/// Integral over the solid angle of the part of a cell of the disc of direction cosines that is above the horizon: over x by Gauss
-/// in the angle whose sine it is, in which nothing is singular, over y in slices.
-fn at_rim([x, y]: [f64; 2], sides: [f64; 2], value: impl Fn(f64, f64, f64) -> f64) -> f64 {
+/// Integral over the solid angle of the part of a cell of the disc of direction cosines that is above the horizon, of what changes with
+/// the cosine of light `z` as a power of `z + low`: by Gauss, octave by octave of that sum.
+fn at_rim(place: [f64; 2], sides: [f64; 2], low: f64, value: impl Fn(f64, f64, f64) -> f64) -> f64 {
     const SLICES: usize = 2;
-    const GAUSS: [(f64, f64); 2] = [(-0.577_350_269_189_625_8, 0.5), (0.577_350_269_189_625_8, 0.5)];
-    let step = sides[1] / SLICES as f64;
+    const GAUSS: [(f64, f64); 3] =
+        [(-0.774_596_669_241_483_4, 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.774_596_669_241_483_4, 5.0 / 18.0)];
     let mut sum = 0.0;
-    for k in 0..SLICES {
-        let y = y + (k as f64 + 0.5) * step - 0.5 * sides[1];
-        let radius = (1.0 - y * y).max(0.0).sqrt();
-        if radius == 0.0 {
-            continue;
-        }
-        let angle = |x: f64| (x / radius).clamp(-1.0, 1.0).asin();
-        let (from, to) = (angle(x - 0.5 * sides[0]), angle(x + 0.5 * sides[0]));
-        if to > from {
-            let at = |(node, weight): (f64, f64)| {
-                let (sin, cos) = (0.5 * (from + to) + 0.5 * (to - from) * node).sin_cos();
-                weight * value(radius * sin, y, radius * cos)
-            };
-            sum += GAUSS.map(at).iter().sum::<f64>() * (to - from) * step;
+    for slice in slices(place, sides, SLICES) {
+        let [mut from, to] = slice.angles.map(|angle| angle + low);
+        let octaves = (to / from).log2().ceil().clamp(1.0, 20.0);
+        let ratio = (to / from).powf(1.0 / octaves);
+        for _ in 0..octaves as usize {
+            let half = 0.5 * from * (ratio - 1.0);
+            for (node, weight) in GAUSS {
+                let [x, y, z] = slice.direction(from + half * (1.0 + node) - low);
+                sum += weight * value(x, y, z) * 2.0 * half * slice.width;
+            }
+            from *= ratio;
         }
     }
     sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Silent;
+
+    /// The albedo times cos θ by a plain sum over light, evenly in azimuth and in log(z + cos θ).
+    fn plainly(densities: &Densities, view: [f64; 3], number: f64) -> f64 {
+        let (n, cos) = (300, view[2]);
+        let ratio = (1.0 + cos) / cos;
+        let part = |w: &mut Workspace, i: usize| {
+            let [u, v] = [(i / (2 * n)) as f64 + 0.5, 0.5 * ((i % (2 * n)) as f64 + 0.5)].map(|k| k / n as f64);
+            let z = cos * ratio.powf(u) - cos;
+            let (flat, (s, c)) = ((1.0 - z * z).max(0.0).sqrt(), (TAU * v).sin_cos());
+            let light = [flat * c, flat * s, z];
+            let density = densities.at([0, 1].map(|k| (light[k] + view[k]) * number), TAU * number * (z + cos), w);
+            let gain = (1.0 + (0..3).map(|k| light[k] * view[k]).sum::<f64>()) / (z + cos);
+            density * gain * gain * (z + cos)
+        };
+        let sum: f64 = (0..2 * n * n).into_par_iter().map_init(Workspace::default, part).sum();
+        sum * number * number * ratio.ln() * TAU / (2 * n * n) as f64
+    }
+
+    #[test]
+    fn the_albedo_is_that_of_plain_sums() {
+        // Bumps in two directions, 0.26 µm deep.
+        let n = 64;
+        let um = |i: usize| -> f64 {
+            let [u, v] = [i % n, i / n].map(|k| TAU * k as f64 / n as f64);
+            0.08 * (4.0 * u).cos() + 0.05 * (3.0 * v + u).sin()
+        };
+        let field = HeightField::new("bumps", n, n, 0.09, (0..n * n).map(um).collect()).unwrap();
+        let densities = Densities::new(&field, 2.88, 1e-4, 1e7, &Silent).unwrap();
+        let norm = Norm::new(&densities, sides(&field, &densities), field.range_um(), &Silent).unwrap();
+        for (angle, bound) in [(20.0_f64, 0.005), (60.0, 0.005), (80.0, 0.005), (88.0, 0.005), (89.5, 0.01)] {
+            for number in [1.5, 2.4] {
+                let ((sin, cos), (s, c)) = (angle.to_radians().sin_cos(), 10.0_f64.to_radians().sin_cos());
+                let view = [sin * c, sin * s, cos];
+                let (found, truth) = (norm.at(view, number), plainly(&densities, view, number));
+                println!("{angle}° {number}: {:+.4} %", 100.0 * (found / truth - 1.0));
+                assert!((found / truth - 1.0).abs() < bound, "{angle}° {number}: {found} {truth}");
+            }
+        }
+    }
 }

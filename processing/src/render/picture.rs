@@ -238,6 +238,11 @@ impl Pilot {
         Self { variances, weights, lit, even, seconds_of_a_pass }
     }
 
+    /// Pixels of a picture of this size that have light, about.
+    pub(super) fn lit_pixels(&self, [width, height]: [usize; 2]) -> f64 {
+        self.lit * (width * height) as f64
+    }
+
     /// Noise of the picture after some rounds.
     pub(super) fn noise(&self, rounds: usize) -> f64 {
         let count = self.variances.len() as f64;

@@ -2,7 +2,7 @@
 
 use super::light::Source;
 use super::lobes::{Accuracy, along, half_cos};
-use super::norm::Norm;
+use super::norm::{self, Norm};
 use super::spectrum::RANGE;
 use crate::Result;
 use crate::image::Precision;
@@ -60,9 +60,7 @@ impl Relief {
         let short = 0.5 * size[0].min(size[1]);
         let short = |most: f64| Densities::new(field, short.clamp(1.0, most), error, 1e7, &Silent);
         let (coarse, shortest) = (short(COARSE_UM)?, short(NORM_UM)?);
-        // Places half as wide as the patch's frequencies are apart, or a lobe's standard deviation if that is more.
-        let places = size.map(|s| (0.5 / s).max(0.5 * shortest.window.sigma));
-        let norm = Norm::new(&shortest, places, field.range_um(), progress)?;
+        let norm = Norm::new(&shortest, norm::sides(field, &shortest), field.range_um(), progress)?;
         let bin = size.map(|s| 1.0 / s.min(64.0));
         let bins = bin.map(|b| (2.0 * RANGE[1] / b) as i32);
         let (sin, cos) = orientation.sin_cos();

@@ -3,9 +3,10 @@
 //! What a sum leaves out is known of whole lobes. A picture may hold nothing but the far flanks of lobes, where the same rest is all
 //! that there is, or lobes under an environment, where it is next to nothing; so sums are compared with finer ones where they are looked at.
 
+use super::flat;
 use super::job::Settings;
 use super::lobes::Accuracy;
-use super::picture::compared;
+use super::picture::{Pilot, compared};
 use super::ready::Ready;
 use super::scene::Scene;
 use crate::Result;
@@ -61,12 +62,30 @@ impl Sums {
         Ok(Self { ready: coarse, error: f64::NAN, allowed })
     }
 
+    /// A look ahead; what flat samples reflect is summed up first where that takes less than it says.
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub(super) fn pilot(&mut self, settings: &Settings, most: usize, progress: &dyn Progress) -> Result<Pilot> {
+        let pilot = Pilot::new(&self.ready, progress)?;
+        if settings.by_chance {
+            return Ok(pilot);
+        }
+        let passes = pilot.passes(settings.max_error, most);
+        let Some(error) = flat::sum_up(&mut self.ready, &pilot, passes, self.allowed, progress)? else {
+            return Ok(pilot);
+        };
+        self.error = self.error.hypot(error);
+        Pilot::new(&self.ready, progress)
+    }
+
     /// The same error, against much finer sums of more pixels.
     ///
     /// # Errors
     /// As [`Ready::new`].
     pub(super) fn checked(&self, scene: &Scene, folder: &Path, progress: &dyn Progress) -> Result<f64> {
-        let fine = Ready::new(scene, folder, Accuracy::new(CHECK * self.ready.accuracy.error, None), progress)?;
+        let mut fine = Ready::new(scene, folder, Accuracy::new(CHECK * self.ready.accuracy.error, None), progress)?;
+        flat::sum_up_finer(&mut fine, &self.ready, progress)?;
         Ok(compared(&self.ready, &fine, CHECKED, progress)?.unwrap_or(0.0))
     }
 

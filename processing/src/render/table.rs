@@ -1,7 +1,8 @@
 //! Tables over half vectors (2017 TOG): `f = S(ωi + ωo) (1 + ωi·ωo)² / (cos θi cos θo)` per channel of linear sRGB.
 
 use crate::color::{Illuminant, Observer, linear_srgb};
-use crate::environment::{LUT_REMEDY, Lut, solid_angle};
+use crate::environment::{Entry, LUT_REMEDY, Lut, Reflected, correlate, entry, light};
+use crate::progress::Silent;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::path::Path;
@@ -9,7 +10,7 @@ use std::path::Path;
 /// Most entries of a side that the albedo and samples are taken from.
 const COARSE: usize = 192;
 
-/// Sines of view along a side at which the albedo is known.
+/// Sines of view along a side at which cards know the albedo.
 pub(super) const VIEWS: usize = 81;
 
 /// A table ready for use.
@@ -21,8 +22,8 @@ pub(super) struct Table {
     pub rgb: Vec<[f32; 3]>,
     /// Part of the entries that is not known and counts as dark.
     pub unknown: f64,
-    /// Albedo times cos θ over sines of view.
-    pub albedo: Vec<[f64; 3]>,
+    /// What a white sky's light becomes: the albedo times cos θ of view, before it is scaled.
+    white: Reflected,
     pub scale: f64,
     pub lossless: bool,
     /// Running sum over coarse entries, and how many there are along a side.
@@ -55,26 +56,30 @@ impl Table {
         }
         let size = lut.size;
         let mut table = Self {
+            white: Reflected::default(),
             size,
             extent: lut.extent,
             warp: lut.warp,
             rgb,
             unknown: lut.unknown,
-            albedo: vec![],
             scale: 1.0,
             lossless,
             running: vec![],
             coarse: size.min(COARSE),
         };
         table.prepare();
-        let middle = table.albedo[VIEWS * VIEWS / 2];
-        let most = middle.iter().fold(0.0_f64, |m, v| m.max(*v));
+        table.white = correlate(
+            COARSE,
+            |h| table.around(h, 2.0 / COARSE as f64),
+            |_| light(COARSE, 1.0 / COARSE as f64, |_| 1.0),
+            &Silent,
+        )?;
+        let most = table.white.at([0.0, 0.0, 1.0]).into_iter().fold(0.0, f64::max);
         table.scale = albedo / most.max(1e-300);
-        table.albedo.iter_mut().for_each(|a| *a = a.map(|v| v * table.scale));
         Ok(table)
     }
 
-    /// Coarse entries (their means), the albedo over directions of view, and what samples are drawn by.
+    /// What samples are drawn by: coarse entries, their means.
     fn prepare(&mut self) {
         let n = self.coarse;
         let cell = 2.0 * self.extent / n as f64;
@@ -98,39 +103,33 @@ impl Table {
                 sum
             })
             .collect();
-        self.albedo = (0..VIEWS * VIEWS)
-            .into_par_iter()
-            .map(|i| {
-                let at = |k: usize| (2.0 * k as f64 / (VIEWS - 1) as f64 - 1.0) * 0.999;
-                let [x, y] = [at(i % VIEWS), at(i / VIEWS)];
-                // Beyond the circle, that of its rim.
-                let shrink = (0.999 / x.hypot(y).max(1e-9)).min(1.0);
-                let view = [x * shrink, y * shrink];
-                let z = (1.0 - view[0] * view[0] - view[1] * view[1]).max(0.0).sqrt();
-                let mut sum = [0.0; 3];
-                // A light's solid angle is that of its place in the disc of direction cosines; towards the rim, where it changes fast, four
-                // places of each cell are looked at.
-                let weight = |i: [f64; 2], side: f64| {
-                    let w = (1.0 - i[0] * i[0] - i[1] * i[1]).max(0.0).sqrt();
-                    (1.0 + i[0] * view[0] + i[1] * view[1] + w * z).powi(2) * solid_angle(i, [side; 2], 1)
-                };
-                for (k, value) in coarse.iter().enumerate() {
-                    let i = [middle(k % n) - view[0], middle(k / n) - view[1]];
-                    let square = i[0] * i[0] + i[1] * i[1];
-                    let weight = if square < 0.6 {
-                        weight(i, cell)
-                    } else if square < (1.0 + cell).powi(2) {
-                        let off = 0.25 * cell;
-                        let four = [[-off, -off], [off, -off], [-off, off], [off, off]];
-                        four.iter().map(|o| weight([i[0] + o[0], i[1] + o[1]], 0.5 * cell)).sum()
-                    } else {
-                        continue;
-                    };
-                    (0..3).for_each(|c| sum[c] += value[c] * weight);
-                }
-                sum
-            })
-            .collect();
+    }
+
+    /// Mean over a cell of half vectors, so that edges and what is narrower than a cell count for what they are.
+    pub(super) fn around(&self, [x, y]: [f64; 2], cell: f64) -> Entry {
+        let count = (cell * self.size as f64 / self.extent).ceil().clamp(3.0, 16.0) as usize;
+        let at = |k: usize| ((k as f64 + 0.5) / count as f64 - 0.5) * cell;
+        let mut sum = [[0.0; 3]; 3];
+        if x.abs().max(y.abs()) > self.extent + cell {
+            return sum;
+        }
+        for i in 0..count * count {
+            let h = [x + at(i % count), y + at(i / count)];
+            let part = entry(self.raw(h), h);
+            sum.as_flattened_mut().iter_mut().zip(part.as_flattened()).for_each(|(s, p)| *s += p);
+        }
+        sum.map(|power| power.map(|v| v / (count * count) as f64))
+    }
+
+    /// Albedo times cos θ at [`VIEWS`] sines of view along a side; beyond the circle, that of its rim.
+    pub(super) fn albedo(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        (0..VIEWS * VIEWS).map(|i| {
+            let at = |k: usize| (2.0 * k as f64 / (VIEWS - 1) as f64 - 1.0) * 0.999;
+            let [x, y] = [at(i % VIEWS), at(i / VIEWS)];
+            let shrink = (0.999 / x.hypot(y).max(1e-9)).min(1.0);
+            let [x, y] = [x * shrink, y * shrink];
+            self.albedo_cos([x, y, (1.0 - x * x - y * y).max(0.0).sqrt()])
+        })
     }
 
     /// The table's own entry at a half vector, linear between entries; dark outside.
@@ -157,13 +156,7 @@ impl Table {
 
     /// Albedo times cos θ, of a direction of view.
     fn albedo_cos(&self, view: [f64; 3]) -> [f64; 3] {
-        let place = |v: f64| ((v / 0.999).clamp(-1.0, 1.0) + 1.0) * 0.5 * (VIEWS - 1) as f64;
-        let (x, y) = (place(view[0]), place(view[1]));
-        let (i, j) = ((x as usize).min(VIEWS - 2), (y as usize).min(VIEWS - 2));
-        let (u, v) = (x - i as f64, y - j as f64);
-        let at = |i: usize, j: usize| self.albedo[j * VIEWS + i];
-        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
-        [0, 1, 2].map(|k| (a[k] * (1.0 - u) + b[k] * u) * (1.0 - v) + (c[k] * (1.0 - u) + d[k] * u) * v)
+        self.white.at(view).map(|v| v * self.scale)
     }
 
     /// BRDF times the cosine of the light, linear sRGB under the table's own light.

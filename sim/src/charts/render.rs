@@ -1,9 +1,9 @@
-//! Pictures of scenes: how many wavelengths they take, and when a light is far away.
+//! Pictures of scenes: how many wavelengths they take, when a light is far away, and when it is summed up once.
 
 use super::environment::Last;
 use crate::random::{key, uniform};
 use nacre_processing::chart::{Axis, Effort, Outcome, Scene as Stress, Setting, Study};
-use nacre_processing::image::write_exr;
+use nacre_processing::image::{Attribute, write_exr};
 use nacre_processing::progress::Silent;
 use nacre_processing::render::{Picture, Scene, Settings, render};
 use nacre_processing::{Error, Result};
@@ -42,7 +42,7 @@ const SPHERE: &str = "type = \"sphere\"\ncenter = [0, 0, 0]\nradius = 50";
 const DISTANCES: [f64; 7] = [100.0, 200.0, 400.0, 1000.0, 3000.0, 10_000.0, 30_000.0];
 
 pub(super) fn studies(effort: Effort) -> Vec<Study> {
-    vec![wavelengths(effort), distance(effort)]
+    vec![wavelengths(effort), distance(effort), summed(effort)]
 }
 
 fn broken(what: &str, why: impl std::fmt::Display) -> Error {
@@ -66,16 +66,28 @@ impl Sample {
                 *out = (0.2 + 0.1 * c as f64 * polar.cos().max(0.0) + 8.0 * lamp) as f32;
             }
         })?;
+        let size = 128;
+        let light = [("extent", "1"), ("warp", "1"), ("illuminant", "E")].map(|(k, v)| (k, Attribute::Text(v.into())));
+        write_exr(&folder.path().join("lut.exr"), size, size, &["X", "Y", "Z"], &light, &|c, y, row| {
+            for (x, out) in row.iter_mut().enumerate() {
+                let [u, v] = [x, y].map(|k| 2.0 * (k as f64 + 0.5) / size as f64 - 1.0);
+                let spot = |at: [f64; 2]| (-0.5 * ((u - at[0]).powi(2) + (v - at[1]).powi(2)) / 0.0016).exp();
+                let side = [0.56, 0.5, 0.42][c];
+                *out = (spot([0.0, 0.0]) + 0.3 * (spot([side, 0.1]) + spot([-side, -0.1]))) as f32;
+            }
+        })?;
         let mut sample = Self { folder, truth: Picture::default() };
-        sample.truth = sample.picture(scene, asked / TRUTH, None)?.0;
+        let exact = Settings { max_error: asked / TRUTH, by_chance: true, ..Settings::default() };
+        sample.truth = sample.picture(scene, exact)?.0;
         Ok(sample)
     }
 
-    /// A picture, the seconds of its passes, and its error as the report has it.
-    fn picture(&self, scene: &Scene, max_error: f64, wavelengths: Option<usize>) -> Result<(Picture, f64, f64)> {
-        let settings = Settings { samples: 1 << 16, max_error, wavelengths, ..Settings::default() };
+    /// A picture, the seconds that it took, and its error as the report has it.
+    fn picture(&self, scene: &Scene, settings: Settings) -> Result<(Picture, [f64; 2], f64)> {
+        let settings = Settings { samples: 1 << 16, ..settings };
         let (picture, report) = render(scene, self.folder.path(), &settings, &Silent)?;
-        Ok((picture, report.seconds_of_passes, report.noise.hypot(report.predicted_model_error)))
+        let error = report.noise.hypot(report.predicted_model_error);
+        Ok((picture, [report.seconds_of_passes, report.seconds], error))
     }
 }
 
@@ -132,7 +144,8 @@ fn wavelengths(effort: Effort) -> Study {
             let of = scene(side, shape, light, coherence, seed)?;
             let sample = last.get(at, seed, || Sample::new(&of, asked))?;
             let wavelengths = setting.checked_sub(1).map(|k| WAVELENGTHS[k]);
-            let (found, seconds, predicted) = sample.picture(&of, asked, wavelengths)?;
+            let asked = Settings { max_error: asked, wavelengths, ..Settings::default() };
+            let (found, [seconds, _], predicted) = sample.picture(&of, asked)?;
             Ok(Outcome { predicted: Some(predicted), ..outcome(&found, &sample.truth, seconds) })
         }),
     }
@@ -172,8 +185,58 @@ fn distance(effort: Effort) -> Study {
             let far = format!("type = \"directional\"\ndirection = {along:?}\nsigma_deg = 1.5");
             let of = |light: &str| scene(side, PLANE, light, "coherence_um = 20", seed);
             let sample = last.get(at, seed, || Sample::new(&of(&near)?, asked))?;
-            let (found, seconds, _) = sample.picture(&of(if setting == 0 { &near } else { &far })?, asked, None)?;
+            let asked = Settings { max_error: asked, ..Settings::default() };
+            let (found, [seconds, _], _) = sample.picture(&of(if setting == 0 { &near } else { &far })?, asked)?;
             Ok(outcome(&found, &sample.truth, seconds))
+        }),
+    }
+}
+
+/// Errors that pictures of tables are asked for.
+const ASKED: [f64; 5] = [0.3, 0.1, 0.03, 0.01, 0.003];
+
+/// A table on a foil that leans back more and more, in a room.
+fn summed(effort: Effort) -> Study {
+    let side = effort.pick(128, 32);
+    let asked: Vec<f64> = effort.pick(ASKED.to_vec(), ASKED[1..4].to_vec());
+    let leaning = [0.0, 30.0, 55.0, 75.0];
+    let settings = asked.iter().flat_map(|e| {
+        let of = |name: &str| Setting::new(name, format!("{} %", 100.0 * e), *e);
+        let (auto, chance) = (of("as it chooses"), of("by chance"));
+        [if *e == 0.01 { auto.as_default() } else { auto }, chance]
+    });
+    let last = Last::new();
+    Study {
+        name: "render-flat",
+        group: "render",
+        title: "A flat sample in a room".into(),
+        question: format!(
+            "Pictures of {side} × {side} pixels of a table with three spots on a foil under a sky with a lamp of 10°, asked for several errors. Light is drawn by \
+             chance for each pixel; or the program chooses whether what the foil reflects is summed up once for all directions. The error is the root mean \
+             square of differences from a picture by chance that is {TRUTH} times as exact as the finest, over its mean; times are of everything."
+        ),
+        knob: Axis::log("error asked for", ""),
+        stress: Axis::linear("leaning back", "°"),
+        error: Axis::log("error of the picture", ""),
+        time: Axis::log("time", "s"),
+        predicted: "noise and sums, as the report has them",
+        settings: settings.collect(),
+        scenes: leaning.iter().map(|d| Stress::new(*d)).collect(),
+        reference: 1,
+        run: Box::new(move |setting, at, seed| {
+            let (sin, cos) = f64::to_radians(leaning[at] + 5.0 * uniform(key(&[seed, 8]))).sin_cos();
+            let text = format!(
+                "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = 12\nwidth = {side}\nheight = {side}\n[[shape]]\n{PLANE}\n\
+                 normal = [0, {sin:?}, {cos:?}]\nup = [0, {cos:?}, {:?}]\nmaterial = \"m\"\n[[light]]\ntype = \"environment\"\nfile = \"sky.exr\"\n\
+                 [material.m.diffraction]\ntype = \"table\"\nfile = \"lut.exr\"\n",
+                -sin
+            );
+            let of = toml::from_str(&text).map_err(|e| broken("scene", e))?;
+            let finest = asked.iter().copied().fold(1.0, f64::min);
+            let sample = last.get(at, seed, || Sample::new(&of, finest))?;
+            let wanted = Settings { max_error: asked[setting / 2], by_chance: setting % 2 == 1, ..Settings::default() };
+            let (found, [_, seconds], predicted) = sample.picture(&of, wanted)?;
+            Ok(Outcome { predicted: Some(predicted), ..outcome(&found, &sample.truth, seconds) })
         }),
     }
 }
@@ -185,12 +248,14 @@ mod tests {
     /// Few wavelengths are wrong, and what is chosen by default is not; a near light is not a far one.
     #[test]
     fn studies_measure_what_they_say() {
-        let [wavelengths, distance]: [Study; 2] = studies(Effort::Quick).try_into().ok().unwrap();
+        let [wavelengths, distance, flat]: [Study; 3] = studies(Effort::Quick).try_into().ok().unwrap();
         let error = |study: &Study, setting, scene| (study.run)(setting, scene, 3).unwrap().error.unwrap();
         let [auto, few] = [0, 1].map(|k| error(&wavelengths, k, 1));
         assert!(auto < 2.0 * size(Effort::Quick).1 && few > 5.0 * auto, "{auto} {few}");
         let last = distance.scenes.len() - 1;
         let [near, far] = [error(&distance, 1, 0), error(&distance, 1, last)];
         assert!(far < 0.1 && near > 0.5, "{near} {far}");
+        let [summed, drawn] = [4, 5].map(|k| error(&flat, k, 1));
+        assert!(summed < 0.02 && drawn < 0.02, "{summed} {drawn}");
     }
 }

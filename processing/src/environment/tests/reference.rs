@@ -69,8 +69,12 @@ fn flat_samples_agree_with_direct_sums() {
         for (j, cell) in cells.iter().enumerate() {
             let Some((light, power)) = cell else { continue };
             let [a, b] = [j % n + i % n, j / n + n - 1 - i / n];
-            let s = table.at([a, b].map(|k| 2.0 * (k as f64 + 1.0) / n as f64 - 2.0));
-            let factor = (1.0 + dot(*light, view)).powi(2) / view[2];
+            let [x, y] = [a, b].map(|k| 2.0 * (k as f64 + 1.0) / n as f64 - 2.0);
+            let s = table.at([x, y]);
+            // A cell whose centre is beyond the rim has no direction of its own there.
+            let inside = (x - view[0]).hypot(y - view[1]) < 1.0;
+            let half = 0.5 * (x * x + y * y + (light[2] + view[2]).powi(2));
+            let factor = if inside { 1.0 + dot(*light, view) } else { half }.powi(2) / view[2];
             (0..3).for_each(|c| sum[c] += f64::from(s[c]) * power[c] * factor);
         }
         *out = sum.map(|v| v as f32);

@@ -19,7 +19,8 @@ fn cubic(t: f32) -> vec4<f32> {
 fn find_norms(view: vec3<f32>) {
     let side = i32(scene.detail.z);
     let across = i32(textureDimensions(norm).x) / side;
-    let place = 0.5 * (clamp(view.xy * inverseSqrt(1.0 + view.z), vec2(-1.0), vec2(1.0)) + 1.0) * f32(side - 1);
+    let to = inverseSqrt((1.0 + view.z) * (1.0 + sqrt(max(view.z, 0.0))));
+    let place = 0.5 * (clamp(view.xy * to, vec2(-1.0), vec2(1.0)) + 1.0) * f32(side - 1);
     let low = min(vec2<i32>(place), vec2(side - 2));
     let u = cubic(place.x - f32(low.x));
     let v = cubic(place.y - f32(low.y));
@@ -46,7 +47,8 @@ fn norm_at(cosine: f32, number: f32) -> f32 {
     let place = clamp((number - FIRST) / (LAST - FIRST), 0.0, 1.0) * f32(last);
     let k = min(i32(place), last - 1);
     let near = vec4(norms[max(k - 1, 0)], norms[k], norms[k + 1], norms[min(k + 2, last)]);
-    let albedo = dot(cubic(place - f32(k)), near);
+    // The albedo times cos θ; the table has it times another cosine (see GRAZING in norm.rs).
+    let albedo = dot(cubic(place - f32(k)), near) / max(cosine, 2e-3);
     return select(max(albedo, cosine), max(albedo, 1e-9), scene.detail.y > 0.0);
 }
 

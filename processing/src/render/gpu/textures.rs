@@ -151,6 +151,6 @@ fn mirror(of: &Reflectance) -> Texture {
 /// A table's entries and its albedo.
 fn half_vectors(table: &Table) -> (Texture, Texture) {
     let entries = table.rgb.iter().flat_map(|v| [v[0], v[1], v[2], 0.0]).collect();
-    let albedo = table.albedo.iter().flat_map(|v| [v[0] as f32, v[1] as f32, v[2] as f32, 0.0]).collect();
+    let albedo = table.albedo().flat_map(|v| [v[0] as f32, v[1] as f32, v[2] as f32, 0.0]).collect();
     (Texture::new("half_vectors", table.size, 4, entries), Texture::new("half_albedo", VIEWS, 4, albedo))
 }

@@ -144,7 +144,7 @@ fn base(of: &Base, sky: &Sky, frame: &[V3; 3]) -> Texture {
     let alpha = if let Over::Same([alpha]) = &of.roughness { *alpha } else { 1.0 };
     let size = ((6.0 / alpha) as usize).clamp(24, 192);
     let count = SAMPLES / (size * size);
-    let above = Above { sky, frame, open: &|_| true };
+    let above = Above { sky, frame, open: &|_| true, summed: None };
     over_views("under_base", size, |i, view| {
         let place = Place { uv: [0.5; 2], view };
         let mut sum = [0.0; 3];

@@ -95,10 +95,11 @@ fn height_fields_give_back_what_they_get() {
     heights(dir.path());
     let material = "[material.a.diffraction]\ntype = \"heightfield\"\nfile = \"heights.exr\"\nlossless = true\n";
     lossless_is_white(dir.path(), material);
-    // Measured 1.002 to 1.008 with noise of 0.4 %; where the albedo was not integrated over cells at the horizon it was not a number.
+    // Luminance, with noise of 0.5 % (colours have three times as much).
     let text = plane(88.0, 10.0, &format!("{material}{SKY}"));
-    let found = mean(&picture(&text, dir.path(), &settings(16_384, 1e-4)));
-    assert!(found.iter().all(|v| (v - 1.0).abs() < 0.02), "{found:?}");
+    let [r, g, b] = mean(&picture(&text, dir.path(), &settings(16_384, 1e-4)));
+    let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    assert!((luminance - 1.0).abs() < 0.015, "{r} {g} {b}");
     let material = material.replace("lossless = true\n", "");
     let text = plane(75.0, 10.0, &format!("{material}{SKY}"));
     let found = mean(&picture(&text, dir.path(), &settings(32_768, 1e-4)));

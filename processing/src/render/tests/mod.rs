@@ -3,6 +3,7 @@
 mod allot;
 mod bad_input;
 mod energy;
+mod flat;
 mod folder;
 mod spectral;
 
