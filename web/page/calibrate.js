@@ -3,11 +3,10 @@
 import { get, listen, makeDownload, post, send } from "./api.js";
 import { boardSheet } from "./boardsheet.js";
 import { verdict } from "./calibrated.js";
-import { field, h, number, panel, say, select } from "./dom.js";
+import { field, h, number, panel, save, say, select } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes, fixed, percent, plain } from "./format.js";
 import { picker } from "./picker.js";
-import { save } from "./viewer.js";
 
 // Photographs that the service needs, and from how many on a camera is known well.
 const FEWEST = 3;
