@@ -47,7 +47,8 @@ fn direct(source: &str) -> Result<String> {
         let texture = matches!(module.types[global.ty].inner, TypeInner::Image { .. });
         Some((global.name.clone()?, global.binding.as_ref()?.binding)).filter(|_| texture)
     };
-    let textures: Vec<String> = module.global_variables.iter().filter_map(bound).map(|b| format!("[{:?}, {}]", b.0, b.1)).collect();
+    let textures: Vec<String> =
+        module.global_variables.iter().filter_map(bound).map(|b| format!("[{:?}, {}]", b.0, b.1)).collect();
     Ok(format!("{{ source: {}, members: {}, textures: [{}] }}", text(&short), members(&module)?, textures.join(", ")))
 }
 

@@ -56,6 +56,8 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("calibrate.js", SCRIPT),
     row!("card.js", SCRIPT),
     row!("calibrated.js", SCRIPT),
+    row!("calibratelight.js", SCRIPT),
+    row!("calibratepanel.js", SCRIPT),
     row!("charts.js", SCRIPT),
     row!("controls.js", SCRIPT),
     row!("dial.js", SCRIPT),
@@ -67,6 +69,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("mapview.js", SCRIPT),
     row!("new.js", SCRIPT),
     row!("options.js", SCRIPT),
+    row!("outcome.js", SCRIPT),
     row!("patterns.js", SCRIPT),
     row!("pictures.js", SCRIPT),
     row!("bokehform.js", SCRIPT),
@@ -107,14 +110,12 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("view.js", SCRIPT),
     row!("viewer.js", SCRIPT),
     row!("webgpu.js", SCRIPT),
+    row!("wizard.js", SCRIPT),
     (
         "/assets/shaders.js",
         Asset { bytes: include_bytes!(concat!(env!("OUT_DIR"), "/shaders.js")), content_type: SCRIPT },
     ),
-    (
-        "/assets/wgsl.js",
-        Asset { bytes: include_bytes!(concat!(env!("OUT_DIR"), "/wgsl.js")), content_type: SCRIPT },
-    ),
+    ("/assets/wgsl.js", Asset { bytes: include_bytes!(concat!(env!("OUT_DIR"), "/wgsl.js")), content_type: SCRIPT }),
 ];
 
 /// What is at a path, if anything.
