@@ -140,7 +140,11 @@ export async function viewer(main, { view, state: given = {}, changed = () => {}
   /** Adds a sample to each pixel. */
   async function add(factor) {
     for (const layer of layers()) layer.add(factor);
-    if (state.shown === "light") base ??= await first.brightness();
+    if (state.shown !== "light" || base !== null) return;
+    const of = view;
+    const found = await first.brightness();
+    // It may be another view by now.
+    if (of === view) base = found;
   }
 
   /** Shows what there is, both results as bright. */
