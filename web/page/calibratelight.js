@@ -66,7 +66,7 @@ function lightStep(camera) {
       h("li", {}, "Raise the mirror on blocks of a known height, by a third of the light's distance if you can, and take another. More heights tell more."),
       h("li", {}, "Say for each photograph how high the mirror lay above the sample's surface. One photograph is enough where a ruler says how high the light is.")),
     taken.element,
-    h("div", { class: "fields" }, field("Light above the sample (mm)", height, { hint: "If a ruler says it" }), field("Off by at most (mm)", sigma, { hint: "How well the ruler does" })));
+    h("div", { class: "fields" }, field("Light above the sample (mm)", height, { hint: "If a ruler says it" }), field("Off by about (mm)", sigma, { hint: "How well the ruler does" })));
   const step = stepOf("2. Where the light is", "two photographs with the mirror at different heights, or one and the light's own height", () => {
     byMirror.hidden = how.value !== "mirror";
     if (how.value !== "mirror") return [true, "stays as it is"];
@@ -130,7 +130,7 @@ function wavelengthStep() {
     } });
     return input;
   };
-  const known = h("div", { class: "fields" }, field("Wavelength (nm)", nm, { hint: "Of a laser, or a filter's centre" }), field("Off by at most (nm)", off, { hint: "0.5 is what data sheets are good for" }));
+  const known = h("div", { class: "fields" }, field("Wavelength (nm)", nm, { hint: "Of a laser, or a filter's centre" }), field("Off by about (nm)", off, { hint: "0.5 is what data sheets are good for" }));
   const bySpectra = h("div", { class: "fields" },
     field("Transmission of the filter (CSV)", file("filter"), { hint: "Rows of nm and value" }), field("Response of the camera's channel (CSV)", file("response"), { hint: "If it is known" }),
     field("Lamp", lamp, { hint: "Unknown counts as uncertainty" }));

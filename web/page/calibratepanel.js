@@ -2,7 +2,7 @@
 
 import { get, post } from "./api.js";
 import { judged } from "./calibrated.js";
-import { field, h, panel, pause, save, say, select, svg } from "./dom.js";
+import { field, firstOf, h, panel, pause, save, say, select, svg } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { count, fixed, percent, significant } from "./format.js";
 import { previewPanel } from "./preview.js";
@@ -20,6 +20,7 @@ export function panelWizard() {
   const steps = guided([sight, measured]);
   const result = h("div", { class: "stack", id: "panel-result" });
   measured.element.addEventListener("found", (event) => result.replaceChildren(...results(/** @type {CustomEvent} */ (event).detail)));
+  measured.element.addEventListener("measuring", sight.rest);
   steps.append(result);
   // The live picture and the measurement are looked after while the page is shown.
   steps.addEventListener("shown", (event) => {
@@ -42,7 +43,14 @@ function sightStep() {
     refresh();
   }
   let watched = new AbortController().signal;
-  const look = () => live.firstChild ?? live.append(previewPanel(watched));
+  let looking = new AbortController();
+  const look = () => live.firstChild ?? live.append(previewPanel(firstOf(watched, looking.signal)));
+  const rest = () => {
+    looking.abort();
+    looking = new AbortController();
+    live.replaceChildren();
+    live.hidden = true;
+  };
   /** Whether what the camera sees gets brighter with the panel. */
   async function light() {
     lit.disabled = true;
@@ -72,6 +80,8 @@ function sightStep() {
     h("div", { class: "row" }, lit, dark), live);
   return {
     ...step,
+    /** Looks no more: the camera is needed. */
+    rest,
     watch(/** @type {AbortSignal} */ signal) {
       watched = signal;
       live.replaceChildren();
@@ -101,6 +111,7 @@ function measureStep() {
   async function begin() {
     problems.replaceChildren();
     start.disabled = true;
+    step.element.dispatchEvent(new Event("measuring"));
     try {
       now = await post("/devices/display/measure", { levels: Number(levels.value) });
       follow(watched);
