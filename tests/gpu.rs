@@ -137,7 +137,8 @@ fn scenes_that_cards_do_not_do_go_to_the_processor() {
     assert!(report["warnings"].to_string().contains("an aperture"), "{report}");
 }
 
-/// Materials that browsers draw: every kind of sample, shape and light is among them.
+/// Materials that browsers draw: every kind of sample, shape and light is among them. Those under a sky by WebGPU alone: software takes minutes to
+/// compile that from GLSL, and the page shows samples under a lamp.
 const IN_BROWSERS: [&str; 8] = [
     "sinusoid",
     "disc",
@@ -180,7 +181,7 @@ fn browsers_draw_every_kind_of_sample_by_webgpu_and_webgl2() {
     browser.run(DRAW);
     let dir = tempfile::tempdir().unwrap();
     gpu::scenes::files(dir.path());
-    let mut ways = vec![("webgpu", 0.0), ("webgl2", 0.0)];
+    let mut ways = vec![("webgpu", vec![]), ("webgl2", vec![])];
     let chosen = MATERIALS.iter().filter(|m| IN_BROWSERS.contains(&m.name));
     for material in chosen {
         let [side, fewer, more] = effort(material);
@@ -189,7 +190,10 @@ fn browsers_draw_every_kind_of_sample_by_webgpu_and_webgl2() {
         let processor = timed(&parsed, dir.path(), more, SUMS, false).unwrap().pixels;
         let view = Prepared::new(&parsed, dir.path(), SUMS, usize::MAX, &Silent).unwrap().bytes();
         let hex: String = view.iter().map(|byte| format!("{byte:02x}")).collect();
-        ways.retain_mut(|(way, sum)| {
+        ways.retain_mut(|(way, found_by)| {
+            if *way == "webgl2" && material.setting.under_a_sky() {
+                return true;
+            }
             let begun = Instant::now();
             let drawn = browser.run(&format!("return window.draw('{way}', '{hex}', {side}, {fewer})"));
             let Some(values) = drawn.as_array() else {
@@ -207,13 +211,14 @@ fn browsers_draw_every_kind_of_sample_by_webgpu_and_webgl2() {
             );
             assert!(found.lit > side * side / 12, "hardly anything is lit:\n{text}");
             assert!(found.mean <= 2.0 * MOST, "{way}: ΔE2000 {} over {} pixels:\n{text}", found.mean, found.lit);
-            *sum += found.mean / IN_BROWSERS.len() as f64;
+            found_by.push(found.mean);
             true
         });
     }
-    for (way, mean) in &ways {
-        println!("{way}: mean ΔE2000 {mean:.3}");
-        assert!(*mean <= MOST, "{way}: {mean}");
+    for (way, found) in &ways {
+        let mean = found.iter().sum::<f64>() / found.len() as f64;
+        println!("{way}: mean ΔE2000 {mean:.3} of {} materials", found.len());
+        assert!(mean <= MOST, "{way}: {mean}");
     }
     assert!(ways.iter().any(|(way, _)| *way == "webgl2"), "WebGL2 was not drawn by");
 }

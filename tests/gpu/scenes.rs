@@ -52,7 +52,8 @@ pub enum Setting {
 }
 
 impl Setting {
-    fn under_a_sky(self) -> bool {
+    /// Whether light comes from everywhere.
+    pub fn under_a_sky(self) -> bool {
         matches!(self, Self::Sky | Self::OutsideSky | Self::SphereSky)
     }
 }
