@@ -71,7 +71,7 @@ fn effort(material: &Material) -> [usize; 3] {
         "maps on a sphere" => [16, 256, 2048],
         // What the base shows of it is drawn by chance on both sides; so are a lattice's orders and a table's half vectors.
         "maps on a sphere under a sky" | "maps on a cylinder under a sky" => [12, 256, 512],
-        "lattice under a sky" | "lattice on a cylinder under a sky" => [12, 256, 512],
+        "lattice under a sky" | "lattice on a cylinder under a sky" => [12, 512, 1024],
         "table on a cylinder under a sky" => [12, 512, 1024],
         // The processor draws places of the lamp.
         "height field" => [12, 64, 4096],
