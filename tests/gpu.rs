@@ -69,10 +69,11 @@ fn effort(material: &Material) -> [usize; 3] {
         "sinusoid under a lamp with an area" => [12, 512, 128],
         // Few pixels show its orders, at edges of squares within them.
         "maps on a sphere" => [16, 256, 2048],
-        // What the base shows of it is drawn by chance on both sides; so are a lattice's orders and a table's half vectors.
+        // What the base shows of it is drawn by chance on both sides; so are a lattice's orders.
         "maps on a sphere under a sky" | "maps on a cylinder under a sky" => [12, 256, 512],
         "lattice under a sky" | "lattice on a cylinder under a sky" => [12, 512, 1024],
-        "table on a cylinder under a sky" => [12, 512, 1024],
+        // As much noise as that of a flat one on the processor, and on the card too.
+        "table on a cylinder under a sky" => [6, 8192, 32_768],
         // The processor draws places of the lamp.
         "height field" => [12, 64, 4096],
         // Drawn by chance from the sky on both sides.

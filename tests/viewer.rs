@@ -102,9 +102,8 @@ fn views_are_drawn_by_webgpu_or_webgl2_as_is_wished() {
         println!("skipped: {}", browser.run(&format!("return {VIEW}.card.why")));
         return;
     }
-    drawn(&browser);
-    browser.both("view-webgpu");
     settle(&browser);
+    browser.both("view-webgpu");
     let (direct, here) = (picture(&browser), screen(&browser));
     let most = translated.iter().copied().fold(0.0, f64::max);
     let mean = translated.iter().zip(&direct).map(|(a, b)| (a - b).abs() / most).sum::<f64>() / direct.len() as f64;
