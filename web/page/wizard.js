@@ -54,7 +54,7 @@ export function photographs(id, more = () => null) {
   let chosen = [];
   const input = h("input", { type: "file", id, multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg", onchange: () => add([...(input.files ?? [])]) });
   const list = h("ul", { class: "thumbs" });
-  const element = h("div", { class: "stack" }, field("Photographs (PNG, TIFF, JPEG)", input), list);
+  const element = h("div", { class: "shots" }, field("Photographs (PNG, TIFF, JPEG)", input), list);
 
   const changed = () => {
     list.replaceChildren(...chosen.map((one) => h("li", {}, h("img", { src: one.url, alt: "" }), h("span", {}, one.file.name),
