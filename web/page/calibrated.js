@@ -75,7 +75,7 @@ export function lightVerdict(report) {
   const { light_mm: light, wavelength_nm: nm, sigma } = geometry;
   const found = [];
   if (highlights.length) {
-    const list = highlights.map(({ file, pixel, sigma_px }) => `${file ?? "picked"} at ${pixel.map((v) => fixed(v, 1)).join(", ")} ± ${significant(sigma_px, 2)}`).join("; ");
+    const list = highlights.map(({ file, pixel }) => `${file ?? "picked"} at ${pixel.map((v) => fixed(v, 1)).join(", ")}`).join("; ");
     found.push({ what: "Light in the mirror", got: `${list} pixels`, expected: "where you see it in the photographs", met: null, helps: "If it is elsewhere, something else was brighter: darken the room, shorten the exposure, and take the photograph anew." });
   }
   if (light) {
