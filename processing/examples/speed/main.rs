@@ -1,12 +1,14 @@
 //! How long `nacre reconstruct` takes beside decoding its photographs and writing its results, and the fit beside a copy.
 //!
-//! `cargo run --release -p nacre-processing --example speed -- SESSION SCRATCH` for the command, also its memory; without
-//! arguments for the fit.
+//! `cargo run --release -p nacre-processing --example speed -- SESSION SCRATCH` for the command, also its memory, on photographs
+//! that are made where there are none; without arguments for the fit.
 //!
 //! Everything is run in turns and the least of each is printed, so that other programs on the machine disturb all alike. CPU
 //! seconds (Linux only) do not count waiting for others or for the disk.
 
 #![allow(clippy::print_stdout)]
+
+mod scene;
 
 use nacre_processing::frames::load;
 use nacre_processing::image::read;
@@ -75,6 +77,9 @@ fn thread_seconds(job: impl FnOnce()) -> Outcome<f64> {
 }
 
 fn whole(session: &Path, scratch: &Path) -> Outcome<()> {
+    if !session.exists() {
+        scene::make(session, [4096, PIXELS / 4096], FRAMES)?;
+    }
     fs::create_dir_all(scratch)?;
     let out = scratch.join("result");
     let command = |model: Model, smooth: Smoothing| -> Outcome<()> {
