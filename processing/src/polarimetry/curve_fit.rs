@@ -4,11 +4,18 @@
 use super::cloud::CloudPoint;
 use super::curve::Curve;
 use nalgebra::{DMatrix, DVector};
+use pulp::Arch;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Places along the curve among which the nearest one is looked for, before it is refined.
 const NODES: usize = 128;
+
+/// How many of them are looked at together.
+const LANES: usize = 16;
+
+/// Points that one thread looks at in a go.
+const TOGETHER: usize = 512;
 
 /// Distances beyond so many standard deviations count less and less.
 pub const CAUCHY: f64 = 3.0;
@@ -90,20 +97,46 @@ impl Path {
         Self { curve, nodes, turns }
     }
 
+    #[inline(always)]
     fn nearest_node(&self, at: [f64; 2], weights: [f64; 3]) -> usize {
         // Relative weights, so that none is too large for single precision.
         let unit = 1.0 / (weights[0] + weights[2]);
         let ([a, b, c], [px, py]) = (weights.map(|w| (w * unit) as f32), at.map(|v| v as f32));
-        let mut distances = [0.0_f32; NODES];
-        for (d, (nx, ny)) in distances.iter_mut().zip(self.nodes[0].iter().zip(&self.nodes[1])) {
-            let (x, y) = (px - nx, py - ny);
-            *d = a * x * x + 2.0 * b * x * y + c * y * y;
+        // Minima side by side, which the compiler makes a vector of.
+        let (mut least, mut rounds) = ([f32::INFINITY; LANES], [0_i32; LANES]);
+        let [xs, ys] = self.nodes.each_ref().map(|nodes| nodes.as_chunks::<LANES>().0);
+        for (round, (xs, ys)) in xs.iter().zip(ys).enumerate() {
+            for lane in 0..LANES {
+                let (x, y) = (px - xs[lane], py - ys[lane]);
+                let distance = a * x * x + 2.0 * b * x * y + c * y * y;
+                let nearer = distance < least[lane];
+                least[lane] = if nearer { distance } else { least[lane] };
+                rounds[lane] = if nearer { round as i32 } else { rounds[lane] };
+            }
         }
-        let least = distances.iter().copied().fold(f32::INFINITY, f32::min);
-        distances.iter().position(|d| *d <= least).unwrap_or(0)
+        let (mut nearest, mut distance) = (0, f32::INFINITY);
+        for lane in 0..LANES {
+            let node = LANES * rounds[lane] as usize + lane;
+            if least[lane] < distance || (least[lane] == distance && node < nearest) {
+                (nearest, distance) = (node, least[lane]);
+            }
+        }
+        nearest
     }
 
-    /// The place of the curve that is nearest to a point, in the metric of its noise.
+    /// The places of the curve that are nearest to points, in the metric of their noise.
+    pub fn feet(&self, points: &[CloudPoint]) -> Vec<Foot> {
+        let mut feet = Vec::with_capacity(points.len());
+        Arch::new().dispatch(|| {
+            for point in points {
+                feet.push(self.foot(point));
+            }
+        });
+        feet
+    }
+
+    /// The same of one.
+    #[inline(always)]
     pub fn foot(&self, point: &CloudPoint) -> Foot {
         let [a, b, c] = point.weights();
         let nearest = self.nearest_node(point.at, [a, b, c]);
@@ -305,9 +338,13 @@ impl Family<'_> {
     }
 }
 
-fn feet(points: &[CloudPoint], curve: Curve) -> Vec<Foot> {
+/// The places of a curve that are nearest to points.
+pub fn feet(points: &[CloudPoint], curve: Curve) -> Vec<Foot> {
     let path = Path::new(curve);
-    points.par_iter().with_min_len(256).map(|point| path.foot(point)).collect()
+    if points.len() <= TOGETHER {
+        return path.feet(points);
+    }
+    points.par_chunks(TOGETHER).flat_map_iter(|points| path.feet(points)).collect()
 }
 
 /// Typical distance in standard deviations, at least 1.

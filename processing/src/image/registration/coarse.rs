@@ -28,12 +28,26 @@ pub(super) struct Peak {
     pub(super) height: f64,
 }
 
-/// One peak per frame; the first is at (0, 0).
-pub(super) fn peaks(windows: &Windows) -> Vec<Peak> {
+/// Windows that are enough where peaks are high: those of a diagonal.
+const ENOUGH: usize = 4;
+
+/// One peak per frame; the first is at (0, 0). Not all windows are looked at where a few tell peaks of `height` (in standard
+/// deviations) at least.
+pub(super) fn peaks(windows: &Windows, height: f64) -> Vec<Peak> {
+    if windows.count() > ENOUGH {
+        let found = peaks_of(windows, &(0..windows.count()).step_by(ENOUGH + 1).collect::<Vec<_>>());
+        if found.iter().all(|peak| peak.height >= height) {
+            return found;
+        }
+    }
+    peaks_of(windows, &(0..windows.count()).collect::<Vec<_>>())
+}
+
+fn peaks_of(windows: &Windows, few: &[usize]) -> Vec<Peak> {
     let fourier = Fourier::new(windows.side);
     let spectra = |frame: usize| -> Vec<Image> {
-        let edges = |w| fourier.forward(edges(windows.get(frame, w), windows.side));
-        (0..windows.count()).into_par_iter().map(edges).collect()
+        let edges = |w: &usize| fourier.forward(edges(windows.get(frame, *w), windows.side));
+        few.par_iter().map(edges).collect()
     };
     let first = spectra(0);
     (0..windows.frames())
