@@ -169,13 +169,16 @@ fn integers<T: Copy + Into<u16>>(v: &[T], step: usize, frame: &LinearFrame, ligh
     if step == 1 && l.transfer == Transfer::Linear {
         // The table's own numbers, but calculated eight at a time.
         let (black, factor) = (l.black, l.factor);
-        Arch::new().dispatch(|| {
-            for ((out, bad), value) in light.iter_mut().zip(bad).zip(v) {
-                let value = f32::from((*value).into());
-                *bad |= u8::from(value >= limit);
-                *out = (value - black) * factor * scale;
-            }
-        });
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for ((out, bad), value) in light.iter_mut().zip(bad).zip(v) {
+                    let value = f32::from((*value).into());
+                    *bad |= u8::from(value >= limit);
+                    *out = (value - black) * factor * scale;
+                }
+            },
+        );
         return;
     }
     let saturated = limit.ceil() as usize;

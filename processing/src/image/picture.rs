@@ -181,7 +181,10 @@ fn paint(
         || (vec![0.0; width], vec![0; width]),
         |(values, places), (y, row)| {
             fill(y, values);
-            Arch::new().dispatch(|| places.iter_mut().zip(&*values).for_each(|(place, value)| *place = index(*value)));
+            Arch::new().dispatch(
+                #[inline(always)]
+                || places.iter_mut().zip(&*values).for_each(|(place, value)| *place = index(*value)),
+            );
             for (target, place) in row.as_chunks_mut::<3>().0.iter_mut().zip(&*places) {
                 *target = colors[*place as usize];
             }

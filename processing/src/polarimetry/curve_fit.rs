@@ -2,7 +2,7 @@
 //! its noise, robustly (Levenberg and Marquardt with Cauchy's weights).
 
 use super::cloud::CloudPoint;
-use super::curve::Curve;
+use super::curve::{Curve, PARAMETERS};
 use nalgebra::{DMatrix, DVector};
 use pulp::Arch;
 use rayon::prelude::*;
@@ -13,6 +13,12 @@ const NODES: usize = 128;
 
 /// How many of them are looked at together.
 const LANES: usize = 16;
+
+/// Most parameters that a family can have: those of a film.
+const MOST: usize = PARAMETERS;
+
+/// Points that are looked at side by side.
+const SIDE_BY_SIDE: usize = 8;
 
 /// Points that one thread looks at in a go.
 const TOGETHER: usize = 512;
@@ -127,44 +133,67 @@ impl Path {
     /// The places of the curve that are nearest to points, in the metric of their noise.
     pub fn feet(&self, points: &[CloudPoint]) -> Vec<Foot> {
         let mut feet = Vec::with_capacity(points.len());
-        Arch::new().dispatch(|| {
-            for point in points {
-                feet.push(self.foot(point));
-            }
-        });
+        let (groups, rest) = points.as_chunks();
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for group in groups {
+                    feet.extend_from_slice(&self.places::<SIDE_BY_SIDE>(group));
+                }
+                for point in rest {
+                    feet.push(self.foot(point));
+                }
+            },
+        );
         feet
     }
 
     /// The same of one.
-    #[inline(always)]
     pub fn foot(&self, point: &CloudPoint) -> Foot {
-        let [a, b, c] = point.weights();
-        let nearest = self.nearest_node(point.at, [a, b, c]);
+        let [foot] = self.places(&[*point]);
+        foot
+    }
+
+    /// The same of a few side by side, which the compiler makes vectors of.
+    #[inline(always)]
+    fn places<const N: usize>(&self, points: &[CloudPoint; N]) -> [Foot; N] {
         let step = PI / NODES as f64;
-        let (mut theta, mut turn) = (step * nearest as f64, self.turns[nearest]);
+        let [px, py] = [0, 1].map(|k| points.each_ref().map(|p| p.at[k]));
+        let weights = points.each_ref().map(|p| p.weights());
+        let [a, b, c] = [0, 1, 2].map(|k| weights.map(|w| w[k]));
+        let [va, vb, vc] = [0, 1, 2].map(|k| points.each_ref().map(|p| p.covariance[k]));
+        let (mut theta, mut sin, mut cos) = ([0.0; N], [0.0; N], [0.0; N]);
+        for i in 0..N {
+            let nearest = self.nearest_node([px[i], py[i]], weights[i]);
+            theta[i] = step * nearest as f64;
+            (sin[i], cos[i]) = self.turns[nearest];
+        }
         for _ in 0..3 {
-            let (q, t) = self.curve.at_turn(turn);
-            let (x, y) = (point.at[0] - q[0], point.at[1] - q[1]);
-            let (wx, wy) = (a * t[0] + b * t[1], b * t[0] + c * t[1]);
-            let speed = wx * t[0] + wy * t[1];
-            if speed > 0.0 {
+            for i in 0..N {
+                let (q, t) = self.curve.at_turn((sin[i], cos[i]));
+                let (x, y) = (px[i] - q[0], py[i] - q[1]);
+                let (wx, wy) = (a[i] * t[0] + b[i] * t[1], b[i] * t[0] + c[i] * t[1]);
+                let speed = wx * t[0] + wy * t[1];
                 let on = ((wx * x + wy * y) / speed).clamp(-step, step);
-                theta += on;
-                turn = turned(turn, 2.0 * on);
+                let on = if speed > 0.0 { on } else { 0.0 };
+                theta[i] += on;
+                (sin[i], cos[i]) = turned((sin[i], cos[i]), 2.0 * on);
             }
         }
-        let (q, t) = self.curve.at_turn(turn);
-        let [va, vb, vc] = point.covariance;
-        let (nx, ny) = (-t[1], t[0]);
-        let scale = (va * nx * nx + 2.0 * vb * nx * ny + vc * ny * ny).sqrt().max(f64::MIN_POSITIVE);
-        let gradient = [nx / scale, ny / scale];
-        let distance = gradient[0] * (point.at[0] - q[0]) + gradient[1] * (point.at[1] - q[1]);
-        let foot = Foot { theta, turn, distance, gradient, mirror: false };
-        self.curve
-            .mirror
-            .and_then(|at| mirror(point, at, &foot))
-            .filter(|m| m.distance < distance.abs())
-            .unwrap_or(foot)
+        let (mut distance, mut gx, mut gy) = ([0.0; N], [0.0; N], [0.0; N]);
+        for i in 0..N {
+            let (q, t) = self.curve.at_turn((sin[i], cos[i]));
+            let (nx, ny) = (-t[1], t[0]);
+            let scale = (va[i] * nx * nx + 2.0 * vb[i] * nx * ny + vc[i] * ny * ny).sqrt().max(f64::MIN_POSITIVE);
+            (gx[i], gy[i]) = (nx / scale, ny / scale);
+            distance[i] = gx[i] * (px[i] - q[0]) + gy[i] * (py[i] - q[1]);
+        }
+        std::array::from_fn(|i| {
+            let (turn, gradient) = ((sin[i], cos[i]), [gx[i], gy[i]]);
+            let foot = Foot { theta: theta[i], turn, distance: distance[i], gradient, mirror: false };
+            let beside = self.curve.mirror.and_then(|at| mirror(&points[i], at, &foot));
+            beside.filter(|m| m.distance < foot.distance.abs()).unwrap_or(foot)
+        })
     }
 }
 
@@ -253,7 +282,7 @@ impl Family<'_> {
         let mut matrix = DMatrix::from_diagonal(&DVector::from_iterator(n, self.expected.iter().map(|e| e.powi(-2))));
         let mut right = DVector::from_iterator(n, at.iter().zip(self.expected).map(|(a, e)| -a / (e * e)));
         let of_block = |feet: &[Foot]| {
-            let (mut matrix, mut right, mut row) = (DMatrix::zeros(n, n), DVector::zeros(n), vec![0.0; n]);
+            let (mut matrix, mut right, mut row) = ([[0.0; MOST]; MOST], [0.0; MOST], [0.0; MOST]);
             for foot in feet {
                 let place =
                     |curve: &Curve| curve.mirror.filter(|_| foot.mirror).unwrap_or_else(|| curve.at_turn(foot.turn).0);
@@ -263,20 +292,25 @@ impl Family<'_> {
                     *entry = (foot.gradient[0] * (p[0] - q[0]) + foot.gradient[1] * (p[1] - q[1])) / step;
                 }
                 let weight = 1.0 / (1.0 + (foot.distance / (CAUCHY * scale)).powi(2)) / (scale * scale);
-                for i in 0..n {
-                    for j in 0..=i {
-                        matrix[(i, j)] += weight * row[i] * row[j];
-                    }
-                    right[i] += weight * row[i] * foot.distance;
+                for (i, sums) in matrix.iter_mut().enumerate().take(n) {
+                    let weighted = weight * row[i];
+                    // Above the diagonal as well: a whole row is quicker than a part of it.
+                    sums.iter_mut().zip(&row).for_each(|(sum, entry)| *sum += weighted * entry);
+                    right[i] += weighted * foot.distance;
                 }
             }
             (matrix, right)
         };
         // Blocks of fixed size, added in order: the result does not depend on timing.
-        let blocks: Vec<(DMatrix<f64>, DVector<f64>)> = feet.par_chunks(2048).map(of_block).collect();
+        let blocks: Vec<_> = feet.par_chunks(2048).map(of_block).collect();
         for (m, r) in blocks {
-            matrix += m;
-            right += r;
+            for i in 0..n {
+                right[i] += r[i];
+                // One half for both, so that rounding leaves it symmetric.
+                for j in 0..=i {
+                    matrix[(i, j)] += m[i][j];
+                }
+            }
         }
         for i in 0..n {
             for j in i + 1..n {

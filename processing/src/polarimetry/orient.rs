@@ -57,12 +57,15 @@ pub(super) fn phases(
         |(block, (theta, sigma))| {
             let first = block * BLOCK;
             let fitted = [&maps.s0, &maps.s1, &maps.s2].map(|plane| &plane[first..][..theta.len()]);
-            Arch::new().dispatch(|| match &covariance {
-                Covariance::Alike(all) => {
-                    phases_of(fitted, theta, sigma, &misfit, offset, |_, fitted| Covariance::linear(all, fitted));
-                }
-                Covariance::Each(own) => phases_of(fitted, theta, sigma, &misfit, offset, |i, _| own[first + i]),
-            });
+            Arch::new().dispatch(
+                #[inline(always)]
+                || match &covariance {
+                    Covariance::Alike(all) => {
+                        phases_of(fitted, theta, sigma, &misfit, offset, |_, fitted| Covariance::linear(all, fitted));
+                    }
+                    Covariance::Each(own) => phases_of(fitted, theta, sigma, &misfit, offset, |i, _| own[first + i]),
+                },
+            );
         },
     );
     OrientationMaps { width: maps.width, height: maps.height, orientation, sigma }

@@ -213,11 +213,14 @@ fn top_of_scale(mut values: Vec<f32>) -> f32 {
 
 /// Angles of linear polarization from 0 to π.
 fn aolp(s1: &[f32], s2: &[f32], row: &mut [f32]) {
-    Arch::new().dispatch(|| {
-        for (out, (s1, s2)) in row.iter_mut().zip(s1.iter().zip(s2)) {
-            *out = folded(0.5 * atan2(*s2, *s1));
-        }
-    });
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (out, (s1, s2)) in row.iter_mut().zip(s1.iter().zip(s2)) {
+                *out = folded(0.5 * atan2(*s2, *s1));
+            }
+        },
+    );
 }
 
 /// Degrees of linear polarization of every `step`-th pixel from `first` on.
@@ -234,9 +237,12 @@ fn dolp(maps: &StokesMaps, first: usize, step: usize, row: &mut [f32]) {
         }
         return;
     }
-    Arch::new().dispatch(|| {
-        for (out, ((s0, s1), s2)) in row.iter_mut().zip(s0.iter().zip(s1).zip(s2)) {
-            *out = of(*s0, *s1, *s2);
-        }
-    });
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (out, ((s0, s1), s2)) in row.iter_mut().zip(s0.iter().zip(s1).zip(s2)) {
+                *out = of(*s0, *s1, *s2);
+            }
+        },
+    );
 }

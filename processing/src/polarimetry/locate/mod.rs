@@ -102,10 +102,13 @@ impl Default for Run {
 impl Pixels<'_> {
     /// Of the pixels from `first` on: `sigma` holds residuals and becomes σ. Returns how many are metal without a grating.
     fn locate(&self, place: &Place, first: usize, run: &mut Run, theta: &mut [f32], sigma: &mut [f32]) -> usize {
-        Arch::new().dispatch(|| match &self.covariance {
-            Covariance::Alike(all) => self.points(first, sigma, run, |_, fitted| Covariance::linear(all, fitted)),
-            Covariance::Each(own) => self.points(first, sigma, run, |i, _| own[first + i]),
-        });
+        Arch::new().dispatch(
+            #[inline(always)]
+            || match &self.covariance {
+                Covariance::Alike(all) => self.points(first, sigma, run, |_, fitted| Covariance::linear(all, fitted)),
+                Covariance::Each(own) => self.points(first, sigma, run, |i, _| own[first + i]),
+            },
+        );
         let count = theta.len();
         if let Some(correction) = self.correction {
             for i in 0..count {
@@ -114,19 +117,25 @@ impl Pixels<'_> {
             }
         }
         match place {
-            Place::Circle(circle) => Arch::new().dispatch(|| circle.locate(run, count)),
+            Place::Circle(circle) => Arch::new().dispatch(
+                #[inline(always)]
+                || circle.locate(run, count),
+            ),
             Place::Curve(table) => table.locate_run(run, count),
         }
-        Arch::new().dispatch(|| {
-            let (light, at) = (&run.light[..count], &run.theta[..count]);
-            for (i, (theta, sigma)) in theta.iter_mut().zip(sigma).enumerate() {
-                let found = run.sigma[i];
-                *sigma = found.min(FRAC_PI_2);
-                let carries = (found <= 0.5 / MASK_SNR) & (light[i] > 0.0);
-                *theta = if carries { folded(folded(at[i]) + self.offset) } else { f32::NAN };
-            }
-            run.mirror[..count].iter().zip(light).map(|(mirror, a)| usize::from(*mirror != 0 && *a > 0.0)).sum()
-        })
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let (light, at) = (&run.light[..count], &run.theta[..count]);
+                for (i, (theta, sigma)) in theta.iter_mut().zip(sigma).enumerate() {
+                    let found = run.sigma[i];
+                    *sigma = found.min(FRAC_PI_2);
+                    let carries = (found <= 0.5 / MASK_SNR) & (light[i] > 0.0);
+                    *theta = if carries { folded(folded(at[i]) + self.offset) } else { f32::NAN };
+                }
+                run.mirror[..count].iter().zip(light).map(|(mirror, a)| usize::from(*mirror != 0 && *a > 0.0)).sum()
+            },
+        )
     }
 
     /// Fills in the points with their variances, widened where the residual says so.

@@ -58,12 +58,15 @@ impl Table {
         let at = |k: usize, i: usize| low[k] + (i as f32 + 0.5) / cells_per_unit[k];
         let mut nearest = vec![[0; 2]; CELLS * CELLS];
         nearest.par_chunks_mut(CELLS).enumerate().for_each(|(row, cells)| {
-            Arch::new().dispatch(|| {
-                let (mut distances, mut least) = ([0.0; NODES + 2], [0; NODES]);
-                for (column, cell) in cells.iter_mut().enumerate() {
-                    *cell = branches(&nodes, [at(0, column), at(1, row)], &mut distances, &mut least);
-                }
-            });
+            Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    let (mut distances, mut least) = ([0.0; NODES + 2], [0; NODES]);
+                    for (column, cell) in cells.iter_mut().enumerate() {
+                        *cell = branches(&nodes, [at(0, column), at(1, row)], &mut distances, &mut least);
+                    }
+                },
+            );
         });
         let turns = (0..NODES).map(|k| (2.0 * theta(k)).sin_cos()).map(|(s, c)| [s as f32, c as f32]).collect();
         let mirror = curve.mirror.map(|at| at.map(|v| v as f32));
@@ -99,30 +102,33 @@ impl Table {
                 rivals += 1;
             }
         }
-        Arch::new().dispatch(|| {
-            let [va, vb, vc] = &run.variance;
-            self.refine_all(&mut first, count, [&run.x, &run.y], [va, vb, vc]);
-            let picked = |plane: &[f32; RUN]| -> [f32; RUN] { which.map(|i| plane[usize::from(i) % RUN]) };
-            if rivals > 0 {
-                let ([x, y], variance) = ([&run.x, &run.y].map(picked), run.variance.each_ref().map(picked));
-                self.refine_all(&mut seconds, rivals, [&x, &y], variance.each_ref());
-            }
-            run.theta[..count].copy_from_slice(&first.theta[..count]);
-            run.mirror[..count].fill(0);
-            for i in 0..count {
-                run.sigma[i] = first.sigma(i);
-            }
-            for (k, i) in which[..rivals].iter().map(|i| usize::from(*i)).enumerate() {
-                (run.theta[i], run.sigma[i]) = better(&first, i, &seconds, k);
-            }
-            let Some(mirror) = self.mirror else { return };
-            for i in 0..count {
-                let variance = run.variance.each_ref().map(|v| v[i]);
-                if is_mirror([run.x[i], run.y[i]], mirror, variance, first.distance2[i]) {
-                    (run.theta[i], run.sigma[i], run.mirror[i]) = (first.theta[i], f32::INFINITY, 1);
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let [va, vb, vc] = &run.variance;
+                self.refine_all(&mut first, count, [&run.x, &run.y], [va, vb, vc]);
+                let picked = |plane: &[f32; RUN]| -> [f32; RUN] { which.map(|i| plane[usize::from(i) % RUN]) };
+                if rivals > 0 {
+                    let ([x, y], variance) = ([&run.x, &run.y].map(picked), run.variance.each_ref().map(picked));
+                    self.refine_all(&mut seconds, rivals, [&x, &y], variance.each_ref());
                 }
-            }
-        });
+                run.theta[..count].copy_from_slice(&first.theta[..count]);
+                run.mirror[..count].fill(0);
+                for i in 0..count {
+                    run.sigma[i] = first.sigma(i);
+                }
+                for (k, i) in which[..rivals].iter().map(|i| usize::from(*i)).enumerate() {
+                    (run.theta[i], run.sigma[i]) = better(&first, i, &seconds, k);
+                }
+                let Some(mirror) = self.mirror else { return };
+                for i in 0..count {
+                    let variance = run.variance.each_ref().map(|v| v[i]);
+                    if is_mirror([run.x[i], run.y[i]], mirror, variance, first.distance2[i]) {
+                        (run.theta[i], run.sigma[i], run.mirror[i]) = (first.theta[i], f32::INFINITY, 1);
+                    }
+                }
+            },
+        );
     }
 
     /// The two nodes to begin at.
