@@ -2,8 +2,8 @@
 
 use super::{Frame, FrameSet, LoadedFrames, Transfer};
 use crate::image::{Depth, Raster, Samples, read};
+use crate::vectors::vectorised;
 use crate::{Error, Result};
-use pulp::Arch;
 use std::path::{Path, PathBuf};
 
 /// Most dark photographs that belong to single frames of a set; they are all kept.
@@ -169,10 +169,10 @@ fn integers<T: Copy + Into<u16>>(v: &[T], step: usize, frame: &LinearFrame, ligh
     if step == 1 && l.transfer == Transfer::Linear {
         // The table's own numbers, but calculated eight at a time.
         let (black, factor) = (l.black, l.factor);
-        Arch::new().dispatch(
+        vectorised(
             #[inline(always)]
             || {
-                for ((out, bad), value) in light.iter_mut().zip(bad).zip(v) {
+                for ((out, bad), value) in light.iter_mut().zip(bad.iter_mut()).zip(v) {
                     let value = f32::from((*value).into());
                     *bad |= u8::from(value >= limit);
                     *out = (value - black) * factor * scale;

@@ -2,10 +2,10 @@
 
 use std::f32::consts::PI;
 
-use pulp::Arch;
 use rayon::prelude::*;
 
 use super::canvas::{Canvas, Rgb, text_width};
+use crate::vectors::vectorised;
 
 const PAPER: Rgb = [250, 250, 250];
 const INK: Rgb = [25, 25, 25];
@@ -181,7 +181,7 @@ fn paint(
         || (vec![0.0; width], vec![0; width]),
         |(values, places), (y, row)| {
             fill(y, values);
-            Arch::new().dispatch(
+            vectorised(
                 #[inline(always)]
                 || places.iter_mut().zip(&*values).for_each(|(place, value)| *place = index(*value)),
             );

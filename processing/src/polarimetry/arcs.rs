@@ -1,7 +1,7 @@
 //! Arc tangents of many numbers at once.
 //!
 //! The compiler makes vectors of loops over these functions where they are inlined into code for one kind of
-//! processor (`pulp::Arch::dispatch`); no multiplication is fused with an addition, so all processors give the same bits.
+//! processor (`vectorised`); no multiplication is fused with an addition, so all processors give the same bits.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 

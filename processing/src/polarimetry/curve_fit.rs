@@ -3,8 +3,8 @@
 
 use super::cloud::CloudPoint;
 use super::curve::{Curve, PARAMETERS};
+use crate::vectors::vectorised;
 use nalgebra::{DMatrix, DVector};
-use pulp::Arch;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -134,7 +134,7 @@ impl Path {
     pub fn feet(&self, points: &[CloudPoint]) -> Vec<Foot> {
         let mut feet = Vec::with_capacity(points.len());
         let (groups, rest) = points.as_chunks();
-        Arch::new().dispatch(
+        vectorised(
             #[inline(always)]
             || {
                 for group in groups {

@@ -3,7 +3,7 @@
 use super::arcs::{atan2, folded};
 use super::noise::{Covariance, chi_square_quantile};
 use super::{Design, FrameNoise, StokesMaps};
-use pulp::Arch;
+use crate::vectors::vectorised;
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -57,7 +57,7 @@ pub(super) fn phases(
         |(block, (theta, sigma))| {
             let first = block * BLOCK;
             let fitted = [&maps.s0, &maps.s1, &maps.s2].map(|plane| &plane[first..][..theta.len()]);
-            Arch::new().dispatch(
+            vectorised(
                 #[inline(always)]
                 || match &covariance {
                     Covariance::Alike(all) => {

@@ -7,7 +7,7 @@ use crate::Result;
 use crate::frames::LoadedFrames;
 use crate::image::{Attribute, OutputFolder, orientation_rows, scalar_picture, scalar_rows, write_exr};
 use crate::progress::Progress;
-use pulp::Arch;
+use crate::vectors::vectorised;
 
 /// Most pixels along a picture of σ or of the degree of polarization.
 const WIDEST: usize = 2048;
@@ -213,7 +213,7 @@ fn top_of_scale(mut values: Vec<f32>) -> f32 {
 
 /// Angles of linear polarization from 0 to π.
 fn aolp(s1: &[f32], s2: &[f32], row: &mut [f32]) {
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             for (out, (s1, s2)) in row.iter_mut().zip(s1.iter().zip(s2)) {
@@ -237,7 +237,7 @@ fn dolp(maps: &StokesMaps, first: usize, step: usize, row: &mut [f32]) {
         }
         return;
     }
-    Arch::new().dispatch(
+    vectorised(
         #[inline(always)]
         || {
             for (out, ((s0, s1), s2)) in row.iter_mut().zip(s0.iter().zip(s1).zip(s2)) {

@@ -13,7 +13,7 @@ use super::models::{Candidate, Model};
 use super::noise::Covariance;
 use super::orient::{MASK_SNR, Misfit, OrientationMaps, fold, phases};
 use super::{Design, FrameNoise, StokesMaps};
-use pulp::Arch;
+use crate::vectors::vectorised;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_PI_2;
 
@@ -102,7 +102,7 @@ impl Default for Run {
 impl Pixels<'_> {
     /// Of the pixels from `first` on: `sigma` holds residuals and becomes σ. Returns how many are metal without a grating.
     fn locate(&self, place: &Place, first: usize, run: &mut Run, theta: &mut [f32], sigma: &mut [f32]) -> usize {
-        Arch::new().dispatch(
+        vectorised(
             #[inline(always)]
             || match &self.covariance {
                 Covariance::Alike(all) => self.points(first, sigma, run, |_, fitted| Covariance::linear(all, fitted)),
@@ -117,17 +117,17 @@ impl Pixels<'_> {
             }
         }
         match place {
-            Place::Circle(circle) => Arch::new().dispatch(
+            Place::Circle(circle) => vectorised(
                 #[inline(always)]
                 || circle.locate(run, count),
             ),
             Place::Curve(table) => table.locate_run(run, count),
         }
-        Arch::new().dispatch(
+        vectorised(
             #[inline(always)]
             || {
                 let (light, at) = (&run.light[..count], &run.theta[..count]);
-                for (i, (theta, sigma)) in theta.iter_mut().zip(sigma).enumerate() {
+                for (i, (theta, sigma)) in theta.iter_mut().zip(sigma.iter_mut()).enumerate() {
                     let found = run.sigma[i];
                     *sigma = found.min(FRAC_PI_2);
                     let carries = (found <= 0.5 / MASK_SNR) & (light[i] > 0.0);

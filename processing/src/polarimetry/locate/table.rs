@@ -3,7 +3,7 @@
 use super::super::arcs::{folded, sin_cos};
 use super::super::curve::Curve;
 use super::{OFF, RUN, Run};
-use pulp::Arch;
+use crate::vectors::vectorised;
 use rayon::prelude::*;
 use std::f32::consts::FRAC_PI_2;
 use std::f64::consts::PI;
@@ -58,7 +58,7 @@ impl Table {
         let at = |k: usize, i: usize| low[k] + (i as f32 + 0.5) / cells_per_unit[k];
         let mut nearest = vec![[0; 2]; CELLS * CELLS];
         nearest.par_chunks_mut(CELLS).enumerate().for_each(|(row, cells)| {
-            Arch::new().dispatch(
+            vectorised(
                 #[inline(always)]
                 || {
                     let (mut distances, mut least) = ([0.0; NODES + 2], [0; NODES]);
@@ -102,7 +102,7 @@ impl Table {
                 rivals += 1;
             }
         }
-        Arch::new().dispatch(
+        vectorised(
             #[inline(always)]
             || {
                 let [va, vb, vc] = &run.variance;
