@@ -2,7 +2,8 @@
 //! its noise, robustly (Levenberg and Marquardt with Cauchy's weights).
 
 use super::cloud::CloudPoint;
-use super::curve::{Curve, PARAMETERS};
+use super::curve::Curve;
+use super::normal::{Lanes, Normal};
 use crate::vectors::vectorised;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -11,14 +12,8 @@ use std::f64::consts::PI;
 /// Places along the curve among which the nearest one is looked for, before it is refined.
 const NODES: usize = 128;
 
-/// How many of them are looked at together.
-const LANES: usize = 16;
-
-/// Most parameters that a family can have: those of a film.
-const MOST: usize = PARAMETERS;
-
 /// Points that are looked at side by side.
-const SIDE_BY_SIDE: usize = 8;
+pub(super) const SIDE_BY_SIDE: usize = 8;
 
 /// Points that one thread looks at in a go.
 const TOGETHER: usize = 512;
@@ -63,7 +58,7 @@ pub struct Foot {
     /// Orientation in rad.
     pub theta: f64,
     /// Sine and cosine of twice that.
-    turn: (f64, f64),
+    pub(super) turn: (f64, f64),
     /// Signed distance in standard deviations.
     pub distance: f64,
     /// What moving the curve by (1, 0) and (0, 1) takes from the distance.
@@ -82,7 +77,7 @@ pub struct Path {
 }
 
 /// Sine and cosine of an angle increased by a small one (rad): to 1e-13 up to 0.05.
-#[inline]
+#[inline(always)]
 fn turned((s, c): (f64, f64), by: f64) -> (f64, f64) {
     let square = by * by;
     let sin = by * (1.0 - square / 6.0 * (1.0 - square / 20.0));
@@ -108,26 +103,25 @@ impl Path {
         // Relative weights, so that none is too large for single precision.
         let unit = 1.0 / (weights[0] + weights[2]);
         let ([a, b, c], [px, py]) = (weights.map(|w| (w * unit) as f32), at.map(|v| v as f32));
+        let twice = 2.0 * b;
+        let mut distances = [0.0_f32; NODES];
+        for (d, (nx, ny)) in distances.iter_mut().zip(self.nodes[0].iter().zip(&self.nodes[1])) {
+            let (x, y) = (px - nx, py - ny);
+            *d = a * x * x + twice * x * y + c * y * y;
+        }
         // Minima side by side, which the compiler makes a vector of.
-        let (mut least, mut rounds) = ([f32::INFINITY; LANES], [0_i32; LANES]);
-        let [xs, ys] = self.nodes.each_ref().map(|nodes| nodes.as_chunks::<LANES>().0);
-        for (round, (xs, ys)) in xs.iter().zip(ys).enumerate() {
-            for lane in 0..LANES {
-                let (x, y) = (px - xs[lane], py - ys[lane]);
-                let distance = a * x * x + 2.0 * b * x * y + c * y * y;
-                let nearer = distance < least[lane];
-                least[lane] = if nearer { distance } else { least[lane] };
-                rounds[lane] = if nearer { round as i32 } else { rounds[lane] };
+        let groups = distances.as_chunks::<SIDE_BY_SIDE>().0;
+        let mut minima = [f32::INFINITY; SIDE_BY_SIDE];
+        for group in groups {
+            minima.iter_mut().zip(group).for_each(|(least, d)| *least = if *d < *least { *d } else { *least });
+        }
+        let least = minima.iter().fold(f32::INFINITY, |least, d| if *d < least { *d } else { least });
+        for (k, group) in groups.iter().enumerate() {
+            if group.iter().fold(false, |any, d| any | (*d <= least)) {
+                return SIDE_BY_SIDE * k + group.iter().position(|d| *d <= least).unwrap_or(0);
             }
         }
-        let (mut nearest, mut distance) = (0, f32::INFINITY);
-        for lane in 0..LANES {
-            let node = LANES * rounds[lane] as usize + lane;
-            if least[lane] < distance || (least[lane] == distance && node < nearest) {
-                (nearest, distance) = (node, least[lane]);
-            }
-        }
-        nearest
+        0
     }
 
     /// The places of the curve that are nearest to points, in the metric of their noise.
@@ -265,7 +259,13 @@ impl Family<'_> {
     /// Robust cost with distances in units of `scale` standard deviations.
     fn cost(&self, feet: &[Foot], at: &[f64], scale: f64) -> f64 {
         let limit = (CAUCHY * scale).powi(2);
-        let misfit: f64 = feet.iter().map(|f| limit * (1.0 + f.distance * f.distance / limit).ln()).sum();
+        // The logarithm of a product, which takes as long as that of one number.
+        let of = |feet: &[Foot]| feet.iter().map(|f| 1.0 + f.distance * f.distance / limit).product::<f64>();
+        let one = |f: &Foot| (1.0 + f.distance * f.distance / limit).ln();
+        let few = |feet: &[Foot]| {
+            Some(of(feet)).filter(|p| p.is_finite()).map_or_else(|| feet.iter().map(one).sum(), f64::ln)
+        };
+        let misfit = limit * feet.chunks(8).map(few).sum::<f64>();
         misfit / (scale * scale) + self.prior(at)
     }
 
@@ -282,33 +282,20 @@ impl Family<'_> {
         let mut matrix = DMatrix::from_diagonal(&DVector::from_iterator(n, self.expected.iter().map(|e| e.powi(-2))));
         let mut right = DVector::from_iterator(n, at.iter().zip(self.expected).map(|(a, e)| -a / (e * e)));
         let of_block = |feet: &[Foot]| {
-            let (mut matrix, mut right, mut row) = ([[0.0; MOST]; MOST], [0.0; MOST], [0.0; MOST]);
-            for foot in feet {
-                let place =
-                    |curve: &Curve| curve.mirror.filter(|_| foot.mirror).unwrap_or_else(|| curve.at_turn(foot.turn).0);
-                let q = place(&middle);
-                for (entry, (curve, step)) in row.iter_mut().zip(&moved) {
-                    let p = place(curve);
-                    *entry = (foot.gradient[0] * (p[0] - q[0]) + foot.gradient[1] * (p[1] - q[1])) / step;
-                }
-                let weight = 1.0 / (1.0 + (foot.distance / (CAUCHY * scale)).powi(2)) / (scale * scale);
-                for (i, sums) in matrix.iter_mut().enumerate().take(n) {
-                    let weighted = weight * row[i];
-                    // Above the diagonal as well: a whole row is quicker than a part of it.
-                    sums.iter_mut().zip(&row).for_each(|(sum, entry)| *sum += weighted * entry);
-                    right[i] += weighted * foot.distance;
-                }
-            }
-            (matrix, right)
+            let mut sums = Normal::default();
+            vectorised(
+                #[inline(always)]
+                || feet.chunks(SIDE_BY_SIDE).for_each(|feet| sums.add(&Lanes::new(feet, scale), &middle, &moved)),
+            );
+            sums
         };
         // Blocks of fixed size, added in order: the result does not depend on timing.
         let blocks: Vec<_> = feet.par_chunks(2048).map(of_block).collect();
-        for (m, r) in blocks {
+        for block in blocks {
             for i in 0..n {
-                right[i] += r[i];
-                // One half for both, so that rounding leaves it symmetric.
+                right[i] += block.right[i].iter().sum::<f64>();
                 for j in 0..=i {
-                    matrix[(i, j)] += m[i][j];
+                    matrix[(i, j)] += block.matrix[i][j].iter().sum::<f64>();
                 }
             }
         }

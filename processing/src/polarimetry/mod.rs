@@ -46,6 +46,7 @@ mod look;
 mod merge;
 mod models;
 mod noise;
+mod normal;
 mod oblique;
 mod orient;
 mod output;
