@@ -225,6 +225,7 @@ impl Running {
         let start = Instant::now();
         let alignment = self.align(options.align, progress)?;
         let Self { frames, linearizer, brackets, views, sums, sample, read_and_fit_s, .. } = self;
+        linearizer.rest();
         let mut maps = sums.solve(&design);
         check_light(&frames, &maps, &linearizer)?;
         let shifts = alignment.as_ref().filter(|a| a.corrected).map(|a| a.shifts_px.as_slice());

@@ -117,8 +117,8 @@ impl Tile {
         let mut across = vec![0.0_f32; wide * (wide + TAPS - 1)];
         for (y, out) in across.chunks_mut(wide).enumerate() {
             let row = &image[(top + y) * side + left..][..wide + TAPS - 1];
-            for (out, taps) in out.iter_mut().zip(row.array_windows::<TAPS>()) {
-                *out = taps.iter().zip(weights[0]).map(|(v, w)| v * w).sum();
+            for (j, w) in weights[0].iter().enumerate() {
+                out.iter_mut().zip(&row[j..]).for_each(|(out, v)| *out += w * v);
             }
         }
         let mut out = vec![0.0_f32; wide * wide];
