@@ -20,6 +20,7 @@
 
 mod aligned;
 mod angle_error;
+mod arcs;
 #[cfg(test)]
 mod bracket_tests;
 mod check;
@@ -29,9 +30,11 @@ mod choose_tests;
 mod cloud;
 mod compare;
 mod correction;
+mod count;
 mod curve;
 mod curve_fit;
 mod design;
+mod disk;
 mod errors;
 #[cfg(test)]
 mod errors_tests;
@@ -43,6 +46,7 @@ mod look;
 mod merge;
 mod models;
 mod noise;
+mod normal;
 mod oblique;
 mod orient;
 mod output;

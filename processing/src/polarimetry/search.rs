@@ -261,7 +261,7 @@ fn same_orientations(a: &Curve, b: &Curve, limit: f64) -> bool {
 fn starts(points: &[CloudPoint], circle: &Curve) -> Vec<Film> {
     let near = |film: &Film| {
         let path = Path::new(film.curve());
-        points.iter().map(|p| path.foot(p).distance.abs().min(1e6)).sum::<f64>()
+        path.feet(points).iter().map(|f| f.distance.abs().min(1e6)).sum::<f64>()
     };
     let near_for_its_length = |film: &Film| evidence::screening(points, &film.curve());
     let (mirrors, others): (Vec<_>, Vec<_>) = grid().into_iter().partition(is_mirror_like);
