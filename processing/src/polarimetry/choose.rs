@@ -4,13 +4,17 @@ use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::curve_fit::Path;
 use super::models::{Candidate, Evidence, Model, candidates, orientation};
-use super::search::{Begin, at_limit, curves};
+use super::search::{Begin, at_limit, curves, thinned};
 use serde::Serialize;
 
 /// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
 /// standard deviations of chance, may be true as well: the simplest of these is taken.
 const UNDECIDED: f64 = 10.0;
 const UNDECIDED_SIGMA: f64 = 2.0;
+
+/// The simplest model that is behind the best by no more than this is taken: as much is left to chance in the evidence, and most films
+/// have no more to them.
+const SIMPLER: f64 = 8.0;
 
 /// Points that scatter farther from every curve than this share of the curve's size, and than twice their noise, form no
 /// curve at all.
@@ -34,6 +38,11 @@ const AS_GOOD: f64 = 1.02;
 /// their noise.
 const CURVE_POINTS: usize = 5000;
 const FEW_CURVE_POINTS: usize = 1000;
+
+/// Points on which all candidates are compared, and how far behind (-2 ln likelihood of these) one is left out when the others
+/// are compared on all.
+const LOOKED_AT: usize = 4000;
+const HOPELESS: f64 = 100.0;
 
 /// A centred circle that explains the points to this, with a centre that costs less than this in degrees, needs no
 /// other model to compare with.
@@ -79,7 +88,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         candidates.extend(curves(points, &circle, begin).into_iter().filter(|c| all || to_their_noise(c)));
     }
     let widened = least(&candidates);
-    let each: Vec<Evidence> = candidates.iter().map(|c| c.evidence(points, widened)).collect();
+    let each = compare(&candidates, points, widened);
     let evidence: Vec<f64> = each.iter().map(|e| e.total).collect();
     let likeliest = |model: Option<Model>| {
         (0..candidates.len())
@@ -92,10 +101,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
     let explained = explains(&candidates[best], points);
     let chosen = match wanted {
         Model::Auto if !explained => likeliest(Some(Model::Sinusoid))?,
-        Model::Auto => (0..candidates.len()).find(|k| {
-            let chance = UNDECIDED_SIGMA * each[*k].chance(&each[best]);
-            evidence[*k] <= evidence[best] + unmodelled.max(chance)
-        })?,
+        Model::Auto => (0..candidates.len()).find(|k| evidence[*k] <= evidence[best] + unmodelled.max(SIMPLER))?,
         model => likeliest(Some(model))?,
     };
     let chance: Vec<f64> = each.iter().map(|e| e.chance(&each[chosen])).collect();
@@ -128,6 +134,22 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         explained,
         error,
     })
+}
+
+/// Evidence of each candidate, of the hopeless ones from a part of the points.
+fn compare(candidates: &[Candidate], points: &[CloudPoint], widened: f64) -> Vec<Evidence> {
+    let few = thinned(points, LOOKED_AT);
+    let first: Vec<Evidence> = candidates.iter().map(|c| c.evidence(&few, widened)).collect();
+    let least = first.iter().map(|e| e.total).fold(f64::INFINITY, f64::min);
+    let scale = points.len() as f64 / few.len().max(1) as f64;
+    let hopeful: Vec<Option<Evidence>> = candidates
+        .iter()
+        .zip(&first)
+        .map(|(c, e)| (e.total <= least + HOPELESS).then(|| c.evidence(points, widened)))
+        .collect();
+    let best = hopeful.iter().flatten().map(|e| e.total).fold(f64::INFINITY, f64::min);
+    let or_scaled = |(all, few): (Option<Evidence>, Evidence)| all.unwrap_or_else(|| few.scaled(least, scale, best));
+    hopeful.into_iter().zip(first).map(or_scaled).collect()
 }
 
 /// A circle about the origin explains everything.

@@ -41,6 +41,7 @@ mod jones;
 mod locate;
 mod look;
 mod merge;
+mod mixture;
 mod models;
 mod noise;
 mod oblique;
