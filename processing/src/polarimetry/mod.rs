@@ -32,6 +32,7 @@ mod correction;
 mod curve;
 mod curve_fit;
 mod design;
+mod edges;
 mod errors;
 #[cfg(test)]
 mod errors_tests;

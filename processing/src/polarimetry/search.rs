@@ -32,7 +32,7 @@ const SAME_MINIMUM: f64 = 0.1;
 const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1, 0.1, 0.03, 0.015, 0.5];
 
 /// And how far at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
-const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1, 0.1, 1.0];
+const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 1.65, f64::INFINITY, 0.3, 0.3, 0.1, 0.1, 1.0];
 
 /// The film's retardance.
 const RETARDANCE: usize = 2;
@@ -292,7 +292,7 @@ fn grid() -> Vec<Film> {
     let mut films = vec![];
     for ln_r in [-0.6, -0.1, 0.1, 0.6, 2.0] {
         for zeta in [3.0_f64, 12.0, 30.0, 60.0, 90.0, 120.0, 150.0, 165.0, 176.0] {
-            for retardance in [2.0_f64, 6.0, 14.0, 24.0] {
+            for retardance in [2.0_f64, 6.0, 14.0, 24.0, 42.0, 65.0, 85.0] {
                 for axis in 0..6 {
                     let (retardance, axis) = (retardance.to_radians(), PI * f64::from(axis) / 6.0);
                     films.push(Film { ln_r, zeta: zeta.to_radians(), retardance, axis, ..Film::NONE });
