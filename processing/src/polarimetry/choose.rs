@@ -8,7 +8,7 @@ use super::search::{Begin, at_limit, curves, thinned};
 use serde::Serialize;
 
 /// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
-/// standard deviations of chance, may be true as well: the simplest of these is taken.
+/// standard deviations of chance, may be true as well, which is warned of.
 const UNDECIDED: f64 = 10.0;
 const UNDECIDED_SIGMA: f64 = 2.0;
 
