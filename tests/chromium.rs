@@ -25,6 +25,17 @@ pub struct Browser {
 impl Browser {
     /// None where there is no Chromium.
     pub fn start() -> Option<Self> {
+        Self::with(&["--disable-gpu"])
+    }
+
+    /// The same with WebGPU, on software: headless Chromium offers it for the asking only. Its pictures get onto the page where all that draws uses
+    /// the same software.
+    pub fn with_webgpu() -> Option<Self> {
+        let software = ["--use-webgpu-adapter=swiftshader", "--use-angle=swiftshader", "--use-vulkan=swiftshader"];
+        Self::with(&[&["--enable-unsafe-webgpu", "--enable-features=Vulkan"], &software[..]].concat())
+    }
+
+    fn with(drawing: &[&str]) -> Option<Self> {
         // It chooses its own port and says which: one that was free a moment ago may be another test's by now.
         let driver = Command::new("chromedriver").arg("--port=0").stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut driver) = driver else {
@@ -44,7 +55,6 @@ impl Browser {
         let args = [
             "--headless",
             "--no-sandbox",
-            "--disable-gpu",
             "--disable-quic",
             "--no-first-run",
             "--disable-dev-shm-usage",
@@ -54,6 +64,7 @@ impl Browser {
             "--window-size=1360,940",
             &data,
         ];
+        let args = [&args, drawing].concat();
         let wish = json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": { "args": args }, "goog:loggingPrefs": { "browser": "SEVERE" } } } });
         let made = browser.call("POST", "", &wish);
         browser.session = format!("/{}", made["sessionId"].as_str().unwrap());

@@ -8,13 +8,15 @@ mod gpu {
 
 use gpu::scenes::{Chance, MATERIALS, Material, scene};
 use nacre_processing::image::read_exr;
+use nacre_processing::progress::Silent;
 use nacre_processing::render::difference;
-use nacre_processing::render::gpu::{adapter, timed};
+use nacre_processing::render::gpu::{Prepared, adapter, timed};
 use nacre_tests::chromium::Browser;
 use nacre_tests::http::{Service, begin, finished, plan};
 use nacre_tests::{Place, nacre};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 /// Largest mean CIEDE2000 over what is lit, of all views; that of one may be twice as much, as samples leave noise.
 const MOST: f64 = 1.0;
@@ -67,8 +69,11 @@ fn effort(material: &Material) -> [usize; 3] {
         "sinusoid under a lamp with an area" => [12, 512, 128],
         // Few pixels show its orders, at edges of squares within them.
         "maps on a sphere" => [16, 256, 2048],
-        // What the base shows of it is drawn by chance on both sides.
+        // What the base shows of it is drawn by chance on both sides; so are a lattice's orders.
         "maps on a sphere under a sky" | "maps on a cylinder under a sky" => [12, 256, 512],
+        "lattice under a sky" | "lattice on a cylinder under a sky" => [12, 512, 1024],
+        // As much noise as that of a flat one on the processor, and on the card too.
+        "table on a cylinder under a sky" => [6, 8192, 32_768],
         // The processor draws places of the lamp.
         "height field" => [12, 64, 4096],
         // Drawn by chance from the sky on both sides.
@@ -133,6 +138,92 @@ fn scenes_that_cards_do_not_do_go_to_the_processor() {
     assert!(report["warnings"].to_string().contains("an aperture"), "{report}");
 }
 
+/// Materials that browsers draw: every kind of sample, shape and light is among them. Those under a sky by WebGPU alone: software takes minutes to
+/// compile that from GLSL, and the page shows samples under a lamp.
+const IN_BROWSERS: [&str; 8] = [
+    "sinusoid",
+    "disc",
+    "table in a cylinder",
+    "slits under a sky",
+    "lattice on a cylinder under a sky",
+    "height field",
+    "maps on a sphere under a sky",
+    "maps on a mesh",
+];
+
+/// Draws a view, in bytes as hexadecimal digits, in a browser by a way: its pixels, or why it is not drawn so.
+const DRAW: &str = "return Promise.all([import('/assets/parsed.js'), import('/assets/card.js')]).then(([{ parseView }, { chosen }]) => {
+    window.draw = async (way, hex, side, samples) => {
+        const bytes = Uint8Array.from({ length: hex.length / 2 }, (_, k) => parseInt(hex.slice(2 * k, 2 * k + 2), 16));
+        const view = parseView(bytes.buffer);
+        const card = await chosen(way, view);
+        if (card.way.toLowerCase() !== way) return card.why;
+        const painter = card.painter(document.createElement('canvas'));
+        painter.load(view);
+        for (let k = 0; k < samples; k++) {
+            painter.add(side, side, 1);
+            if (k % 32 === 31) await painter.done();
+        }
+        const pixels = Array.from(await painter.pixels());
+        painter.close();
+        card.close();
+        return pixels;
+    };
+})";
+
+#[test]
+fn browsers_draw_every_kind_of_sample_by_webgpu_and_webgl2() {
+    let _alone = PICTURES.lock().unwrap_or_else(PoisonError::into_inner);
+    let Some(browser) = Browser::with_webgpu() else { return };
+    let mut chance = Chance(seed());
+    let place = Place::with_bench("", "camera = { width = 32, height = 32 }");
+    let service = Service::start(&place, &[]);
+    browser.open(&format!("http://{}/#/calibrate", service.address));
+    browser.run(DRAW);
+    let dir = tempfile::tempdir().unwrap();
+    gpu::scenes::files(dir.path());
+    let mut ways = vec![("webgpu", vec![]), ("webgl2", vec![])];
+    let chosen = MATERIALS.iter().filter(|m| IN_BROWSERS.contains(&m.name));
+    for material in chosen {
+        let [side, fewer, more] = effort(material);
+        let text = scene(*material, side, &mut chance);
+        let parsed = toml::from_str(&text).unwrap();
+        let processor = timed(&parsed, dir.path(), more, SUMS, false).unwrap().pixels;
+        let view = Prepared::new(&parsed, dir.path(), SUMS, usize::MAX, &Silent).unwrap().bytes();
+        let hex: String = view.iter().map(|byte| format!("{byte:02x}")).collect();
+        ways.retain_mut(|(way, found_by)| {
+            if *way == "webgl2" && material.setting.under_a_sky() {
+                return true;
+            }
+            let begun = Instant::now();
+            let drawn = browser.run(&format!("return window.draw('{way}', '{hex}', {side}, {fewer})"));
+            let Some(values) = drawn.as_array() else {
+                println!("skipped: {way}: {drawn}");
+                return false;
+            };
+            let values: Vec<f32> = values.iter().map(|v| v.as_f64().unwrap() as f32).collect();
+            let picture: Picture = values.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
+            let found = difference(&processor, &picture);
+            println!(
+                "{} by {way}: mean ΔE2000 {:.3}, {:.1} s",
+                material.name,
+                found.mean,
+                begun.elapsed().as_secs_f64()
+            );
+            assert!(found.lit > side * side / 12, "hardly anything is lit:\n{text}");
+            assert!(found.mean <= 2.0 * MOST, "{way}: ΔE2000 {} over {} pixels:\n{text}", found.mean, found.lit);
+            found_by.push(found.mean);
+            true
+        });
+    }
+    for (way, found) in &ways {
+        let mean = found.iter().sum::<f64>() / found.len() as f64;
+        println!("{way}: mean ΔE2000 {mean:.3} of {} materials", found.len());
+        assert!(mean <= MOST, "{way}: {mean}");
+    }
+    assert!(ways.iter().any(|(way, _)| *way == "webgl2"), "WebGL2 was not drawn by");
+}
+
 /// What `daemon/src/service/view.rs` makes of a result, in a pose.
 fn of_result(folder: &Path, normal: [f64; 3], up: [f64; 3], light: [f64; 3]) -> String {
     format!(
@@ -180,7 +271,7 @@ fn the_browser_shows_what_the_processor_renders() {
         ));
         // A few at a time, and read: what takes long in one call is broken off.
         let add = format!(
-            "const p = {view}.painter; for (let k = 0; k < 32; k++) p.add(32, 32, 1); return Array.from(p.pixels());"
+            "const p = {view}.painter; for (let k = 0; k < 32; k++) p.add(32, 32, 1); return p.pixels().then((v) => Array.from(v));"
         );
         let values = (0..16).fold(serde_json::Value::Null, |_, _| browser.run(&add));
         let values: Vec<f32> = values.as_array().unwrap().iter().map(|v| v.as_f64().unwrap() as f32).collect();

@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
+use nacre_processing::geometry::{Camera, Geometry, Pose};
 use nacre_tests::chromium::Browser;
 use nacre_tests::http::{Service, begin, finished, plan};
 use nacre_tests::{Place, nacre};
@@ -48,6 +49,8 @@ fn every_page_is_accessible_light_and_stands_still() {
         ("charts".into(), "document.querySelectorAll('.study .mark').length > 20"),
         ("upload".into(), "document.querySelector('#upload-start')"),
         ("calibrate".into(), "document.querySelector('#board-make')"),
+        ("calibrate/light".into(), "document.querySelector('#light-geometry')"),
+        ("calibrate/panel".into(), "document.querySelector('#panel-light')"),
         ("render".into(), "document.body.innerText.includes('Rolled sheet')"),
         (format!("session/{id}"), "document.querySelector('#session-state').textContent.includes('inished')"),
         (format!("result/{id}"), "document.querySelector('a[data-download=npy]')"),
@@ -216,6 +219,146 @@ fn a_camera_is_calibrated_step_by_step() {
     let id = browser.run("return location.hash.split('/').pop()");
     let job = service.get(&format!("/api/v1/reconstructions/{}", id.as_str().unwrap())).expect(200).json();
     assert!(job["report"]["photographs"][0]["file"].as_str().unwrap().contains("left03"), "{job}");
+}
+
+/// A camera half a metre above a sample, tilted a little, and a light: in mirrors at two heights it is seen where geometry says, and the wizard finds it
+/// and its wavelength from photographs.
+#[test]
+fn a_light_is_calibrated_step_by_step() {
+    let Some(browser) = Browser::start() else { return };
+    let camera = Camera { focal_px: [900.0; 2], center_px: [319.5, 239.5], distortion: [0.0; 5] };
+    let mut geometry = Geometry::new(camera, Pose::from_rotation_vector([3.0, 0.1, 0.0], [4.0, -6.0, 500.0]));
+    geometry.image_px = Some([640, 480]);
+    let light = [20.0, 35.0, 410.0];
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("geometry.json");
+    nacre_processing::geometry::save(&geometry, &file).unwrap();
+    let photographs: Vec<String> = [0.0, 120.0]
+        .map(|height| {
+            // Light behind the mirror's plane, seen by the camera.
+            let [x, y] = geometry.pixel([light[0], light[1], 2.0 * height - light[2]]).unwrap();
+            let lobe = |px: u32, py: u32| {
+                let square = (f64::from(px) - x).powi(2) + (f64::from(py) - y).powi(2);
+                image::Luma([(900.0 * (-square / 72.0).exp()).min(255.0) as u8])
+            };
+            let path = dir.path().join(format!("mirror-{height}.png"));
+            image::GrayImage::from_fn(640, 480, lobe).save(&path).unwrap();
+            path.display().to_string()
+        })
+        .into();
+    std::fs::write(dir.path().join("filter.csv"), "nm,share\n520,0\n530,0.8\n534,0.8\n544,0\n").unwrap();
+    std::fs::write(dir.path().join("words.csv"), "nm,share\n520,0\nfive,six\n").unwrap();
+
+    let place = Place::with_bench("", "camera = { width = 96, height = 96 }");
+    let service = Service::start(&place, &[]);
+    browser.open(&format!("http://{}/#/calibrate/light", service.address));
+    let closed = "document.querySelector('#light-photographs').closest('.panel > .stack').hidden";
+    browser.until(closed);
+    browser.attach("#light-geometry", &photographs[0]);
+    browser.until("document.body.innerText.includes('mirror-0.png is no JSON')");
+    assert_eq!(browser.run(&format!("return {closed}")), true);
+    browser.attach("#light-geometry", &file.display().to_string());
+    browser.until("document.body.innerText.includes('focal length 900 pixels, pictures of 640 × 480')");
+    browser.attach("#light-photographs", &photographs.join("\n"));
+    browser.until("document.body.innerText.includes('heights are alike')");
+    let set = |css: &str, value: &str| {
+        browser.run(&format!(
+            "const e = document.querySelector('{css}'); e.value = '{value}'; e.dispatchEvent(new Event('input', {{ bubbles: true }}))"
+        ));
+    };
+    set("[aria-label*=\"mirror-120\"][type=number]", "120");
+    browser.until("document.body.innerText.includes('2 photographs')");
+    browser.choose("color-how", "spectra");
+    browser.attach("#color-filter", &dir.path().join("words.csv").display().to_string());
+    browser.until("document.body.innerText.includes('no two numbers in row 3')");
+    browser.attach("#color-filter", &dir.path().join("filter.csv").display().to_string());
+    browser.until("document.body.innerText.includes('1 spectrum')");
+    accessible(&browser, "calibrate light, all steps");
+    browser.both("calibrate-light");
+    browser.click("#light-start");
+    browser.until("document.querySelector('#geometry')");
+    accessible(&browser, "light calibrated");
+    browser.both("calibrated-light");
+    let text = browser.run("return document.querySelector('main').innerText");
+    let text = text.as_str().unwrap();
+    for words in ["mirror-120.png at", "Place of the light", "532.0 nm", "wide at half its height", "This calibration"]
+    {
+        assert!(text.contains(words), "no “{words}” in: {text}");
+    }
+    let id = browser.run("return location.hash.split('/').pop()").as_str().unwrap().to_owned();
+    let job = service.get(&format!("/api/v1/reconstructions/{id}")).expect(200).json();
+    let found = &job["report"]["geometry"];
+    let off = (0..3).map(|k| (found["light_mm"][k].as_f64().unwrap() - light[k]).powi(2)).sum::<f64>().sqrt();
+    let sigma = (0..3).map(|k| found["sigma"]["light_mm"][k].as_f64().unwrap().powi(2)).sum::<f64>().sqrt();
+    println!("the light is {off:.2} mm off, σ {sigma:.2} mm");
+    assert!(off < 3.0 * sigma && sigma < 20.0, "{found}");
+    assert!((found["wavelength_nm"].as_f64().unwrap() - 532.0).abs() < 0.2, "{found}");
+    // What cannot be is said over REST as well; a wavelength needs no photographs.
+    let ask = |options: serde_json::Value| {
+        service.post("/api/v1/reconstructions", &json!({ "method": "calibrate", "options": options }))
+    };
+    let known = serde_json::to_value(&geometry).unwrap();
+    for (options, words) in [
+        (json!({}), "no photographs"),
+        (json!({ "geometry": known }), "as it is"),
+        (json!({ "geometry": known, "wavelength_nm": 5 }), "200 to 2000"),
+        (json!({ "geometry": known, "lamp": "A" }), "narrow band"),
+        (json!({ "geometry": known, "lamp": "/etc/passwd", "filter": [[500, 1], [600, 1]] }), "lamp"),
+        (json!({ "geometry": known, "filter": [[600, 1], [500, 1]] }), "rise"),
+        (json!({ "geometry": known, "highlights": [{ "file": "../x.png" }], "light_height_mm": [300, 5] }), "x.png"),
+        (json!({ "geometry": known, "highlights": [{ "pixel": [3, 4] }] }), "fewer than two"),
+        (json!({ "highlights": [{ "pixel": [3, 4] }], "light_height_mm": [300, 5] }), "no camera"),
+        (json!({ "geometry": known, "wavelength_nm": 532, "colour": 3 }), "colour"),
+    ] {
+        let problem = ask(options.clone()).expect(400).text();
+        assert!(problem.contains(words), "{options}: {problem}");
+    }
+    let picked = json!({ "geometry": known, "highlights": [{ "pixel": [330, 250] }], "light_height_mm": [300, 5], "wavelength_nm": 500 });
+    let id = ask(picked).expect(202).json()["id"].as_str().unwrap().to_owned();
+    let job = service.until(&format!("/api/v1/reconstructions/{id}"), |j| j["state"] == "done");
+    assert_eq!(job["report"]["geometry"]["wavelength_nm"], 500.0, "{job}");
+    assert!((job["report"]["geometry"]["light_mm"][2].as_f64().unwrap() - 300.0).abs() < 1.0, "{job}");
+}
+
+#[test]
+fn a_panel_is_measured_step_by_step() {
+    let Some(browser) = Browser::start() else { return };
+    let place = Place::with_bench("", "camera = { width = 96, height = 96 }\n[panel]\ngamma = 1.8\n");
+    let service = Service::start(&place, &[]);
+    let url = format!("http://{}", service.address);
+    assert_eq!(service.get("/api/v1/devices/display/measurement").expect(200).json()["state"], "none");
+    let measure = |levels: u32| service.post("/api/v1/devices/display/measure", &json!({ "levels": levels }));
+    assert!(measure(7).expect(400).text().contains("whole codes"));
+    browser.open(&format!("{url}/#/calibrate/panel"));
+    let closed = "document.querySelector('#panel-start').closest('.panel > .stack').hidden";
+    browser.until(closed);
+    browser.click("#panel-light");
+    browser.until("document.body.innerText.includes('gets brighter by')");
+    browser.until("document.querySelector('#preview')?.naturalWidth > 0");
+    accessible(&browser, "calibrate panel, all steps");
+    browser.both("calibrate-panel");
+    browser.click("#panel-start");
+    browser.until("document.querySelector('#panel-save')");
+    accessible(&browser, "panel measured");
+    browser.both("calibrated-panel");
+    let text = browser.run("return document.querySelector('#panel-result').innerText");
+    let text = text.as_str().unwrap();
+    for words in ["to the power 1.8", "every frame showed", "spots.fringes.gamma = 1.8", "This calibration"] {
+        assert!(text.contains(words), "no “{words}” in: {text}");
+    }
+    // Whoever comes back finds it; light is off, and the bench is free.
+    browser.open("about:blank");
+    browser.open(&format!("{url}/#/calibrate/panel"));
+    browser.until("document.querySelector('#panel-save')");
+    let found = service.get("/api/v1/devices/display/measurement").expect(200).json();
+    assert_eq!((&found["state"], &found["progress"]), (&json!("done"), &json!(1.0)), "{found}");
+    let devices = service.until("/api/v1/devices", |d| d["activity"] == "idle");
+    assert_eq!(devices["display"]["pattern"], "black", "{devices}");
+    // STOP ends one.
+    measure(86).expect(202);
+    service.post("/api/v1/stop", &json!({})).expect(200);
+    let ended = service.until("/api/v1/devices/display/measurement", |m| m["state"] != "running");
+    assert!(["stopped", "done"].contains(&ended["state"].as_str().unwrap()), "{ended}");
 }
 
 #[test]

@@ -82,6 +82,41 @@ fn downloaded(folder: &Path, end: &str) -> std::path::PathBuf {
 }
 
 #[test]
+fn views_are_drawn_by_webgpu_or_webgl2_as_is_wished() {
+    let Some(browser) = Browser::with_webgpu() else { return };
+    let place = Place::with_bench("", "camera = { width = 96, height = 96 }");
+    let service = Service::start(&place, &[]);
+    let id = begin(&service, &plan(4, 10.0));
+    finished(&service, &id);
+    service.until(&format!("/api/v1/sessions/{id}"), |s| s["has_results"] == true);
+    let open = |draw: &str| {
+        browser.open("about:blank");
+        browser.open(&format!("http://{}/#/view/{id}?pan=10&quality=0.03&{draw}", service.address));
+        browser.until(VIEW);
+        browser.run(&format!("return {VIEW}.card.way")).as_str().unwrap().to_owned()
+    };
+    assert_eq!(open("draw=webgl2"), "WebGL2");
+    settle(&browser);
+    let (translated, there) = (picture(&browser), screen(&browser));
+    if open("") != "WebGPU" {
+        println!("skipped: {}", browser.run(&format!("return {VIEW}.card.why")));
+        return;
+    }
+    settle(&browser);
+    browser.both("view-webgpu");
+    let (direct, here) = (picture(&browser), screen(&browser));
+    let most = translated.iter().copied().fold(0.0, f64::max);
+    let mean = translated.iter().zip(&direct).map(|(a, b)| (a - b).abs() / most).sum::<f64>() / direct.len() as f64;
+    let seen = difference(&there, &here, [0.0, 1.0]);
+    println!("WebGPU against WebGL2: {mean:.1e} of the brightest, {seen:.3} levels on the screen");
+    assert!(lit(&here) > 0.05 && mean < 1e-3 && seen < 0.5, "{mean} {seen}");
+    // The choice of the page leads there as well, and the link says it.
+    browser.choose("view-draw", "webgl2");
+    browser.until(&format!("location.hash.includes('draw=webgl2') && {VIEW}.card.way === 'WebGL2'"));
+    assert!(errors(&browser).is_empty(), "{:?}", errors(&browser));
+}
+
+#[test]
 fn results_are_measured_compared_turned_and_kept_in_a_file() {
     let Some(browser) = Browser::start() else { return };
     let place = Place::with_bench("", "camera = { width = 128, height = 128 }");
@@ -262,7 +297,7 @@ fn screen_without_outline(browser: &Browser) -> RgbImage {
 
 /// Linear sRGB of the picture.
 fn picture(browser: &Browser) -> Vec<f64> {
-    let values = browser.run(&format!("return Array.from({VIEW}.painter.pixels())"));
+    let values = browser.run(&format!("return {VIEW}.painter.pixels().then((v) => Array.from(v))"));
     values.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
 }
 

@@ -1,8 +1,8 @@
-//! Translates the shaders to what browsers run: WGSL to GLSL ES 300 (WebGL2), as a script with the names of what they take.
+//! Makes scripts of the shaders, with the names of what they take: as they are for WebGPU, and translated to GLSL ES 300 for WebGL2.
 
 use naga::back::glsl;
 use naga::proc::BoundsCheckPolicies;
-use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, ShaderStage, TypeInner};
 use std::error::Error;
 use std::fmt::Write;
@@ -19,15 +19,45 @@ const SETTLED: [(&str, &str); 3] = [("what.x", "KIND"), ("form.x", "FORM"), ("sk
 fn main() -> Result<()> {
     println!("cargo::rerun-if-changed={SOURCES}");
     println!("cargo::rerun-if-changed=build.rs");
-    let light = read(&["scene", "shape", "grating", "slits", "field", "surface", "environment", "light"])?;
-    let display = read(&["display"])?;
+    let light = read(&["scene", "shape", "grating", "slits", "field", "surface", "environment", "corner", "light"])?;
+    let display = read(&["corner", "display"])?;
     let mut script = String::from("// Made from the shaders by the build; see processing/src/render/gpu.\n");
     script += &format!("export const VERTEX = {};\n", text(&translated(&light, ShaderStage::Vertex, "corner")?.0));
     script += &format!("export const LIGHT = {};\n", stage(&light, "light")?);
     script += &format!("export const DISPLAY = {};\n", stage(&display, "display")?);
     let out = std::env::var("OUT_DIR")?;
     std::fs::write(Path::new(&out).join("shaders.js"), script)?;
+    let mut script = String::from("// The shaders, without comments; see processing/src/render/gpu.\n");
+    script += &format!("export const LIGHT = {};\n", direct(&light)?);
+    script += &format!("export const DISPLAY = {};\n", direct(&display)?);
+    std::fs::write(Path::new(&out).join("wgsl.js"), script)?;
     Ok(())
+}
+
+/// Shaders for WebGPU as an object: source, members of the block of uniforms, and bindings of textures. What is settled is left to constants.
+fn direct(source: &str) -> Result<String> {
+    let lines = source.lines().map(|line| line.split("//").next().unwrap_or_default().trim());
+    let lines: Vec<&str> = lines.filter(|line| !line.is_empty()).collect();
+    let constants = |text: String, (uniform, name): &(&str, &str)| text.replace(&format!("scene.{uniform}"), name);
+    let short = SETTLED.iter().fold(lines.join("\n"), constants);
+    // As browsers get it, with numbers in place.
+    let numbers: String = SETTLED.iter().map(|(_, name)| format!("const {name}: f32 = 1.0;\n")).collect();
+    let module = checked(&format!("{numbers}{short}"))?.0;
+    let bound = |(_, global): (_, &naga::GlobalVariable)| {
+        let texture = matches!(module.types[global.ty].inner, TypeInner::Image { .. });
+        Some((global.name.clone()?, global.binding.as_ref()?.binding)).filter(|_| texture)
+    };
+    let textures: Vec<String> =
+        module.global_variables.iter().filter_map(bound).map(|b| format!("[{:?}, {}]", b.0, b.1)).collect();
+    Ok(format!("{{ source: {}, members: {}, textures: [{}] }}", text(&short), members(&module)?, textures.join(", ")))
+}
+
+/// Parsed and found to be right.
+fn checked(source: &str) -> Result<(Module, ModuleInfo)> {
+    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
+    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+    let info = validator.validate(&module).map_err(|e| e.emit_to_string(source))?;
+    Ok((module, info))
 }
 
 fn read(names: &[&str]) -> Result<String> {
@@ -58,16 +88,14 @@ fn settled(glsl: &str) -> String {
             let read = value.strip_suffix(&format!(".{uniform};"))?;
             (!read.contains(' ')).then(|| format!("const float {variable} = {name};\n"))
         };
-        SETTLED.iter().find_map(constant).unwrap_or_else(|| format!("{line}\n"))
+        SETTLED.iter().find_map(constant).unwrap_or_else(|| format!("{}\n", line.trim_start()))
     };
     glsl.lines().map(line).collect()
 }
 
 /// GLSL, names of textures, name of the block of uniforms, its members with their sizes in vectors of four.
 fn translated(source: &str, shader_stage: ShaderStage, entry: &str) -> Result<(String, String, String, String)> {
-    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
-    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
-    let info = validator.validate(&module).map_err(|e| e.emit_to_string(source))?;
+    let (module, info) = checked(source)?;
     let version = glsl::Version::new_gles(300);
     let options = glsl::Options { version, writer_flags: glsl::WriterFlags::empty(), ..glsl::Options::default() };
     let pipeline = glsl::PipelineOptions { shader_stage, entry_point: entry.into(), multiview: None };

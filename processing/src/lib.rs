@@ -31,5 +31,6 @@ pub mod render;
 pub mod spots;
 pub mod surface;
 pub mod text;
+mod vectors;
 
 pub use error::{Error, Result};

@@ -52,7 +52,8 @@ pub enum Setting {
 }
 
 impl Setting {
-    fn under_a_sky(self) -> bool {
+    /// Whether light comes from everywhere.
+    pub fn under_a_sky(self) -> bool {
         matches!(self, Self::Sky | Self::OutsideSky | Self::SphereSky)
     }
 }
@@ -68,7 +69,7 @@ const SLITS: &str = "type = \"multislit\"\nspacing_um = 1.5\nwidth_um = 0.5\ncou
 const LATTICE: &str = "type = \"lattice\"\nperiod_um = [6, 5]\naperture_um = [3, 2.5]\norientation_deg = 20\ncoherence_um = 10\nreflectance = \"silver\"";
 const HEIGHTS: &str = "type = \"heightfield\"\nfile = \"heights.exr\"\norientation_deg = 20\ncoherence_um = 10\nreflectance = \"aluminium\"";
 
-pub const MATERIALS: [Material; 20] = [
+pub const MATERIALS: [Material; 23] = [
     Material { name: "sinusoid", text: SINUSOID, groove: [30.0, 1.5], setting: Setting::Plane },
     Material {
         name: "blazed",
@@ -103,6 +104,14 @@ pub const MATERIALS: [Material; 20] = [
     Material { name: "maps on a sphere under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::SphereSky },
     Material { name: "maps on a cylinder under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::OutsideSky },
     Material { name: "maps on a mesh", text: MAPS, groove: [45.0, 1.2], setting: Setting::Mesh },
+    Material { name: "lattice under a sky", text: LATTICE, groove: [20.0, 6.0], setting: Setting::Sky },
+    Material {
+        name: "lattice on a cylinder under a sky",
+        text: LATTICE,
+        groove: [20.0, 6.0],
+        setting: Setting::OutsideSky,
+    },
+    Material { name: "table on a cylinder under a sky", text: TABLE, groove: [0.0, 2.0], setting: Setting::OutsideSky },
     Material {
         name: "sinusoid under a lamp with an area",
         text: SINUSOID,

@@ -14,7 +14,6 @@ import { resultsPage } from "./results.js";
 import { sessionPage } from "./session.js";
 import { sessionsPage } from "./sessions.js";
 import { uploadPage } from "./upload.js";
-import { viewPage } from "./view.js";
 
 const ROUTES = {
   bench: ["Bench", benchPage],
@@ -27,7 +26,8 @@ const ROUTES = {
   charts: ["Charts", chartsPage],
   upload: ["Upload", uploadPage],
   render: ["Render", renderPage],
-  view: ["View", viewPage],
+  // The viewer with its shaders is as much as all else, and is fetched when it is wanted.
+  view: ["View", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./view.js")).viewPage(...visit)],
 };
 const byId = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 const main = byId("main");

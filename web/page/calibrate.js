@@ -1,21 +1,29 @@
-// #/calibrate: a camera and the sample's place from photographs of a board, step by step; #/calibrate/ID shows what came of it.
+// #/calibrate: what a bench's numbers come from, step by step: a camera and the sample's place from photographs of a board, here; light and
+// wavelength (#/calibrate/light) and the panel (#/calibrate/panel). #/calibrate/ID shows what came of photographs.
 
-import { get, listen, makeDownload, post, send } from "./api.js";
 import { boardSheet } from "./boardsheet.js";
-import { verdict } from "./calibrated.js";
-import { field, h, number, panel, say, select } from "./dom.js";
-import { complain, problemMessage } from "./feedback.js";
-import { bytes, fixed, percent, plain } from "./format.js";
+import { lightWizard } from "./calibratelight.js";
+import { panelWizard } from "./calibratepanel.js";
+import { field, h, number, save, say, select } from "./dom.js";
+import { fixed, percent, plain } from "./format.js";
+import { outcome } from "./outcome.js";
 import { picker } from "./picker.js";
-import { save } from "./viewer.js";
+import { guided, photographs, startOf, stepOf } from "./wizard.js";
 
 // Photographs that the service needs, and from how many on a camera is known well.
 const FEWEST = 3;
 const ENOUGH = 8;
 const CORNERS = ["top left corner of the sample", "top right corner", "bottom right corner", "bottom left corner"];
 
-/** @type {HTMLElement | null} The steps while the page is open, so that a photograph can be left out without choosing the others again. */
-let kept = null;
+/** @type {[string, string, string, () => HTMLElement][]} The calibrations there are: what follows #/calibrate/, names, what they are for, steps. */
+const KINDS = [
+  ["", "Camera and sample", "Periods, and orientations under a flash, need to know where camera and sample are. Photographs of a chessboard tell it: lens, distance and tilt, each with its uncertainty. It takes about ten minutes, and holds until camera, focus or zoom are moved.", wizard],
+  ["light", "Light and wavelength", "Periods under a flash need to know where the light is, and its wavelength. Photographs of the light in a mirror tell the one, a filter’s data sheet the other. It takes about five minutes, and holds until the light or its filter are changed.", lightWizard],
+  ["panel", "Panel", "Fringes, and light of a wanted strength, need to know how bright the panel is at each level, and when a new picture is really there. The camera measures both by itself. It takes a minute or two, and holds until brightness, picture mode or the panel are changed.", panelWizard],
+];
+
+/** @type {Map<string, HTMLElement>} The steps while the page is open, so that a photograph can be left out without choosing the others again. */
+const kept = new Map();
 
 /**
  * Shows the steps until the signal fires.
@@ -23,11 +31,16 @@ let kept = null;
  * @param {Visit} visit
  */
 export async function calibratePage(main, { id, signal }) {
-  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Calibrate the geometry"), id && h("a", { class: "button", href: "#/calibrate" }, "Calibrate anew")));
-  if (id) return showOutcome(main, id, signal);
-  main.append(h("p", { class: "soft lead" }, "Periods, and orientations under a flash, need to know where camera and sample are. Photographs of a chessboard tell it: lens, distance and tilt, each with its uncertainty. It takes about ten minutes, and holds until camera, focus or zoom are moved."));
-  kept ??= wizard();
-  main.append(kept);
+  const known = KINDS.find(([key]) => key === id);
+  const links = KINDS.map(([key, name]) => h("a", { href: `#/calibrate${key && "/"}${key}`, "aria-current": key === id && "page" }, name));
+  main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Calibrate"), h("nav", { class: "kinds", "aria-label": "Calibrations" }, links)));
+  if (!known) return outcome(main, id, signal);
+  const [key, , lead, make] = known;
+  main.append(h("p", { class: "soft lead" }, lead));
+  const steps = kept.get(key) ?? make();
+  kept.set(key, steps);
+  main.append(steps);
+  steps.dispatchEvent(new CustomEvent("shown", { detail: signal }));
 }
 
 /** All steps. */
@@ -35,35 +48,7 @@ function wizard() {
   const board = boardStep();
   const taken = photographStep();
   const place = placeStep(taken);
-  const steps = [board, taken, place, computeStep(board, taken, place)];
-  for (const step of steps) for (const what of ["change", "judge"]) step.element.addEventListener(what, paint);
-  paint();
-  return h("div", { class: "stack wizard" }, steps.map((step) => step.element));
-
-  /** A step opens once those before it are done. */
-  function paint() {
-    let open = true;
-    for (const step of steps) {
-      const [met, text] = step.judge();
-      step.body.hidden = !open;
-      step.lamp.dataset.tone = !open ? "quiet" : met ? "good" : "warn";
-      say(step.lamp, open ? text : "after the step before");
-      open &&= met;
-    }
-  }
-}
-
-/**
- * A step: what to do, what is expected, and whether it was met.
- * @param {string} title
- * @param {string} expected
- * @param {() => [boolean, string]} judge
- * @param {...Child} parts
- */
-function stepOf(title, expected, judge, ...parts) {
-  const lamp = h("span", { class: "lamp", role: "status" });
-  const body = h("div", { class: "stack" }, parts, h("p", { class: "soft" }, h("strong", {}, "Expected: "), expected));
-  return { element: panel(title, lamp, body), body, lamp, judge };
+  return guided([board, taken, place, computeStep(board, taken, place)]);
 }
 
 const whole = (/** @type {HTMLInputElement} */ input, least, most) => Number.isInteger(input.valueAsNumber) && input.valueAsNumber >= least && input.valueAsNumber <= most;
@@ -103,47 +88,21 @@ function boardStep() {
 }
 
 function photographStep() {
-  /** @type {{ file: File, url: string, size: string }[]} */
-  let photographs = [];
-  const input = h("input", { type: "file", id: "board-photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg", onchange: () => add([...(input.files ?? [])]) });
-  const list = h("ul", { class: "thumbs" });
+  const taken = photographs("board-photographs");
   const step = stepOf("2. Photographs of it", `at least ${ENOUGH} photographs, all of one size and sharp, ${FEWEST} at the very least`, () => {
-    const sizes = new Set(photographs.map((p) => p.size).filter(Boolean));
-    if (photographs.length < FEWEST) return [false, `${photographs.length} of at least ${FEWEST}`];
-    if (sizes.size > 1) return [false, `sizes differ: ${[...sizes].join(", ")} pixels`];
-    return [true, photographs.length < ENOUGH ? `${photographs.length}: enough to try, ${ENOUGH} are better` : `${photographs.length} photographs`];
+    const [count, unlike] = [taken.files().length, taken.unlike()];
+    if (count < FEWEST) return [false, `${count} of at least ${FEWEST}`];
+    if (unlike) return [false, unlike];
+    return [true, count < ENOUGH ? `${count}: enough to try, ${ENOUGH} are better` : `${count} photographs`];
   },
   h("ol", { class: "todo" },
     h("li", {}, "Set focus, zoom and aperture as they are for measurements, and do not touch them any more."),
     h("li", {}, "Lay the board where the sample lies, and take one photograph. It tells where the sample is."),
     h("li", {}, "Take ten more: tilt the board by 20 to 40° to each side, forwards and backwards, turn it, and bring it to each corner of the picture. All of its squares must be in view."),
     h("li", {}, "Light it evenly: no reflections, nothing blurred.")),
-  field("Photographs (PNG, TIFF, JPEG)", input), list);
-
-  const changed = () => {
-    list.replaceChildren(...photographs.map(({ file, url }) => h("li", {}, h("img", { src: url, alt: "" }), h("span", {}, file.name),
-      h("button", { type: "button", class: "quiet icon", "aria-label": `Remove ${file.name}`, onclick: () => {
-        URL.revokeObjectURL(url);
-        photographs = photographs.filter((p) => p.url !== url);
-        changed();
-      } }, "✕"))));
-    step.element.dispatchEvent(new Event("judge"));
-  };
-  /** @param {File[]} files */
-  async function add(files) {
-    const names = new Set(photographs.map((p) => p.file.name));
-    const fresh = await Promise.all(files.filter((file) => !names.has(file.name)).map(async (file) => {
-      // Browsers do not read every TIFF; the service does, and judges.
-      const bitmap = await createImageBitmap(file).catch(() => null);
-      const size = bitmap ? `${bitmap.width} × ${bitmap.height}` : "";
-      bitmap?.close();
-      return { file, url: URL.createObjectURL(file), size };
-    }));
-    photographs = [...photographs, ...fresh].sort((a, b) => a.file.name.localeCompare(b.file.name));
-    input.value = "";
-    changed();
-  }
-  return { ...step, files: () => photographs.map((p) => p.file) };
+  taken.element);
+  taken.element.addEventListener("photographs", () => step.element.dispatchEvent(new Event("judge")));
+  return { ...step, files: taken.files };
 }
 
 /** @param {{ element: HTMLElement, files: () => File[] }} taken */
@@ -187,71 +146,14 @@ function placeStep(taken) {
  */
 function computeStep(board, taken, place) {
   const wavelength = number({ id: "calibrate-wavelength", value: "", min: 200, max: 2000 });
-  const start = h("button", { type: "button", id: "calibrate-start", class: "primary", onclick: begin }, "Upload and calibrate");
-  const progress = h("p", { class: "soft", role: "status" });
-  const problems = h("div", { role: "status" });
-  const step = stepOf("4. Calibrate", "corners off the model by at most half a pixel, and the focal length known to half a percent", () => [false, "ready"],
-    field("Wavelength of the light (nm)", wavelength, { hint: "If it is known; it can be said later as well" }), h("div", {}, h("div", { class: "row" }, start, progress), problems));
-  async function begin() {
-    start.disabled = true;
-    problems.replaceChildren();
-    const files = taken.files();
+  const start = startOf("calibrate-start", () => {
     const first = place.first();
-    const form = new FormData();
-    form.append("kind", "photographs");
-    // The service takes the first by name for the sample's place.
-    for (const file of files) form.append("file", file, `${file.name === first ? "0-sample" : "1"}-${file.name}`);
-    say(progress, `Uploading ${bytes(files.reduce((sum, file) => sum + file.size, 0))}…`);
-    try {
-      const upload = await (await send("/uploads", { method: "POST", body: form })).json();
-      const options = { ...board.options(), ...place.options(), ...(wavelength.valueAsNumber > 0 ? { wavelength_nm: wavelength.valueAsNumber } : {}) };
-      /** @type {Job} */
-      const job = await post("/reconstructions", { session: null, upload: upload.id, method: "calibrate", options });
-      // Whoever has gone elsewhere meanwhile finds it among the results.
-      if (step.element.isConnected) location.hash = `#/calibrate/${job.id}`;
-    } catch (problem) {
-      problems.replaceChildren(problemMessage(problem));
-    }
-    start.disabled = false;
-    say(progress, "");
-  }
-  return step;
-}
-
-/** What came of a calibration, or its progress. */
-async function showOutcome(main, id, signal) {
-  const holder = h("div", { class: "stack wizard" });
-  main.append(holder);
-  const path = `/reconstructions/${id}`;
-  /** @param {Job} job */
-  const paint = (job) => {
-    const open = job.state === "queued" || job.state === "running";
-    if (open) return holder.replaceChildren(panel("Calibrating", null, h("div", { class: "stack" }, h("p", { role: "status" }, `${job.stage ?? "Waiting for its turn"} (${percent(job.progress, 0)})`), h("progress", { max: 1, value: job.progress, "aria-label": "Progress" }))));
-    if (job.state !== "done") {
-      return holder.replaceChildren(panel("No calibration", null, h("div", { class: "stack" },
-        h("p", { class: "message", role: "alert" }, job.error ?? "It was cancelled."),
-        h("h3", {}, "What to do"), h("ol", { class: "todo" },
-          h("li", {}, "Count the inner corners again: one less than squares, along the longer side first."),
-          h("li", {}, "See that every photograph shows all of the board, sharp and without reflections, and a white margin around it."),
-          h("li", {}, "Take more photographs, tilted differently, and calibrate anew.")))));
-    }
-    const download = h("a", { class: "button primary", id: "geometry" }, "Download geometry.json");
-    makeDownload(download, `${path}/files/geometry.json`, "geometry.json", complain);
-    holder.replaceChildren(
-      panel("What came of it", null, verdict(job.report)),
-      panel("What to do with it", null, h("div", { class: "stack" },
-        h("ol", { class: "todo" }, h("li", {}, "Keep geometry.json. Uploads of tiles and foils, and the options of their results, take it as “Calibration”."),
-          h("li", {}, "Calibrate anew when camera, focus, zoom or the sample's holder have been moved.")),
-        h("div", { class: "row" }, download, h("a", { class: "button", href: `#/result/${id}` }, "All numbers and pictures")))));
-  };
-  /** @type {Job} */
-  const job = await get(path, { signal });
-  if (signal.aborted) return;
-  paint(job);
-  if (job.state !== "queued" && job.state !== "running") return;
-  listen(`${path}/events`, { event: async (name, now) => {
-    if (name !== "state" || signal.aborted) return;
-    // Events leave the report out.
-    paint(now.state === "done" && !now.report ? await get(path, { signal }) : now);
-  } }, { signal, rest: true });
+    return {
+      // The service takes the first by name for the sample's place.
+      files: taken.files().map((file) => ({ file, name: `${file.name === first ? "0-sample" : "1"}-${file.name}` })),
+      options: { ...board.options(), ...place.options(), ...(wavelength.valueAsNumber > 0 ? { wavelength_nm: wavelength.valueAsNumber } : {}) },
+    };
+  });
+  return stepOf("4. Calibrate", "corners off the model by at most half a pixel, and the focal length known to half a percent", () => [false, "ready"],
+    field("Wavelength of the light (nm)", wavelength, { hint: "If it is known; it can be said later as well" }), start);
 }

@@ -63,9 +63,46 @@ function adviceOn(text) {
  * @param {CalibrationReport} report
  */
 export function verdict(report) {
-  const found = findings(report);
+  return judged(findings(report), report.rms_px === null || report.rms_px > 1.5);
+}
+
+/**
+ * The same of light and wavelength.
+ * @param {CalibrationReport} report
+ */
+export function lightVerdict(report) {
+  const { geometry, highlights = [], band, light_chi2: chi2 } = report;
+  const { light_mm: light, wavelength_nm: nm, sigma } = geometry;
+  const found = [];
+  if (highlights.length) {
+    const list = highlights.map(({ file, pixel }) => `${file ?? "picked"} at ${pixel.map((v) => fixed(v, 1)).join(", ")}`).join("; ");
+    found.push({ what: "Light in the mirror", got: `${list} pixels`, expected: "where you see it in the photographs", met: null, helps: "If it is elsewhere, something else was brighter: darken the room, shorten the exposure, and take the photograph anew." });
+  }
+  if (light) {
+    const distance = Math.hypot(...light);
+    const off = sigma.light_mm ? Math.hypot(...sigma.light_mm) : null;
+    found.push({
+      what: "Place of the light", got: `${light.map((v, k) => `${fixed(v, 1)} ± ${sigma.light_mm ? significant(sigma.light_mm[k], 2) : "unknown"}`).join(", ")} mm from the sample's middle (right, up, out of it), ${fixed(distance, 0)} mm away`,
+      expected: "known to a percent of its distance", met: off !== null && off <= 0.01 * distance,
+      helps: "Let the mirror's heights differ more, add another height, or measure how high the light is with a ruler.",
+    });
+  } else found.push({ what: "Place of the light", got: "not known", expected: "needed for periods under a flash", met: null, helps: "Calibrate anew with photographs of the light in a mirror, if you need it." });
+  if (chi2 !== null && chi2 !== undefined) found.push({ what: "Photographs agree", got: `${significant(Math.sqrt(chi2), 2)} times as far apart as they may be`, expected: "at most 3 times", met: chi2 <= 9, helps: "Check the mirror's heights, and that it lay flat: a tilt of a degree moves the light by two." });
+  if (nm) {
+    const share = sigma.wavelength_nm === null || sigma.wavelength_nm === undefined ? null : (100 * sigma.wavelength_nm) / nm;
+    found.push({
+      what: "Wavelength", got: `${fixed(nm, 1)} nm${share === null ? "" : ` ± ${significant(sigma.wavelength_nm ?? 0, 2)} nm, known to ${significant(share, 2)} %`}${band ? `; the band is ${fixed(band.fwhm_nm, 1)} nm wide at half its height` : ""}`,
+      expected: "known to 0.5 %", met: share === null ? null : share <= 0.5,
+      helps: "Use a narrower filter, or say which lamp it is: behind a wide filter an unknown lamp moves the mean.",
+    });
+  } else found.push({ what: "Wavelength", got: "not known", expected: "needed for periods", met: null, helps: "Calibrate anew with a wavelength, or say it with each result." });
+  found.push(...report.warnings.map((text) => ({ what: "Warning", got: text, expected: "none", met: false, helps: "" })));
+  return judged(found, false);
+}
+
+/** Findings under what they come to. */
+export function judged(found, bad) {
   const poor = found.filter((f) => f.met === false);
-  const bad = report.rms_px === null || report.rms_px > 1.5;
   const summary = bad ? "This calibration is poor: do not measure with it." : poor.length ? "This calibration can be used; it would be surer with what is said below." : "This calibration is good.";
   return h("div", { class: "stack" },
     h("p", { class: "message verdict", "data-tone": bad ? null : poor.length ? "warn" : "good" }, summary),

@@ -1,6 +1,6 @@
 // One view on one canvas: what it is, and its uniforms in a pose.
 
-import { Painter, sums } from "./painter.js";
+import { sums } from "./parsed.js";
 import { away, panned, placed, posed } from "./turning.js";
 
 /** What can be shown, in the order in which the shaders number it. */
@@ -11,10 +11,13 @@ export const canShow = ({ uniforms }, key) => key === "light" || (uniforms.what[
 
 /** A view on a canvas; throws a sentence where a browser cannot. */
 export class Layer {
-  /** @param {HTMLCanvasElement} canvas */
-  constructor(canvas) {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {Card} card
+   */
+  constructor(canvas, card) {
     this.canvas = canvas;
-    this.painter = new Painter(canvas);
+    this.painter = card.painter(canvas);
     /** @type {View} */
     this.view = { uniforms: {}, textures: [] };
     /** @type {Uniforms} Those of the sample's own frame. */
@@ -66,8 +69,8 @@ export class Layer {
   }
 
   /** How bright it has to be shown to be seen well; null where nothing is lit. */
-  brightness() {
-    return brightness(this.painter.pixels());
+  async brightness() {
+    return brightness(await this.painter.pixels());
   }
 
   /** Shows what there is. */

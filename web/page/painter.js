@@ -1,29 +1,7 @@
 // Pictures of a sample on a canvas, by WebGL2: the same shaders as on the command line, and sums that get better while nothing moves.
 
+import { settled } from "./parsed.js";
 import { DISPLAY, LIGHT, VERTEX } from "./shaders.js";
-
-/**
- * A view as the service sends it: sizes, uniforms by name (lists of four numbers) and textures.
- * @param {ArrayBuffer} buffer
- * @returns {View}
- */
-export function parseView(buffer) {
-  const length = new DataView(buffer).getUint32(0, true);
-  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  let offset = 4 + length;
-  for (const texture of header.textures) {
-    const count = texture.width * texture.height * texture.channels;
-    texture.values = new Float32Array(buffer, offset, count);
-    offset += 4 * count;
-  }
-  return header;
-}
-
-/** How finely sums are made for a relative error: steps and reach of lobes in standard deviations, rounds of balancing. */
-export function sums(error) {
-  const e = Math.min(0.5, Math.max(1e-6, error));
-  return [Math.PI * Math.sqrt(2 / Math.log(2 / e)), Math.sqrt(-2 * Math.log(e / 2)), e < 0.005 ? 200 : e < 0.02 ? 30 : 6, Math.max(1e-4, e / 25)];
-}
 
 /** Draws a view on a canvas. Throws a sentence where a browser cannot. */
 export class Painter {
@@ -93,8 +71,16 @@ export class Painter {
     this.#draw(this.display, { values: [[exposure, overlay ? 1 : 0, canvas.width, canvas.height]] }, { picture: this.targets[0] }, canvas.width, canvas.height);
   }
 
-  /** Linear sRGB of the picture, four numbers a pixel, row by row from the top; or of one pixel. */
-  pixels(x = 0, y = 0, width = this.size[0], height = this.size[1]) {
+  /** Waits until the card has drawn what it was asked to. */
+  async done() {
+    await this.pixels(0, 0, 1, 1);
+  }
+
+  /**
+   * Linear sRGB of the picture, four numbers a pixel, row by row from the top; or of a part of it.
+   * @returns {Promise<Float32Array>}
+   */
+  async pixels(x = 0, y = 0, width = this.size[0], height = this.size[1]) {
     const { gl } = this;
     const values = new Float32Array(4 * width * height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
@@ -126,9 +112,7 @@ export class Painter {
 
   /** The program for what is shown: compilers take minutes for all that shaders can do, and less than a second for one kind of sample. */
   #light() {
-    const { what, form, sky_x } = this.uniforms;
-    const settled = { KIND: what[0][0], FORM: form[0][0], SKY: sky_x[0][3] };
-    const defines = Object.entries(settled).map(([name, value]) => `#define ${name} ${value.toFixed(1)}\n`).join("");
+    const defines = settled(this.uniforms).map(([name, value]) => `#define ${name} ${value}\n`).join("");
     const program = this.lights.get(defines) ?? this.#program({ ...LIGHT, source: LIGHT.source.replace("\n", `\n${defines}`) });
     this.lights.set(defines, program);
     return program;

@@ -43,7 +43,7 @@ export function previewPanel(signal) {
         image.hidden = true;
         aids.clear();
         empty.hidden = false;
-        say(empty, problem.slug === "busy" ? "A session has the camera." : [problem.message, problem.remedy].filter(Boolean).join(" "));
+        say(empty, problem.slug === "busy" ? "A session or a measurement has the camera." : [problem.message, problem.remedy].filter(Boolean).join(" "));
         // Numbers of a frame that is not shown would be taken for the present.
         for (const output of [about, mean, saturated, angle, frame]) say(output, "–");
         curve.removeAttribute("d");

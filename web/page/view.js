@@ -1,11 +1,11 @@
 // #/view/ID?…: a result under a light. What follows the question mark restores a view.
 
 import { get, hasToken, picture, query, send } from "./api.js";
-import { field, h, panel, select } from "./dom.js";
+import { field, h, panel, save, select } from "./dom.js";
 import { complain, tell } from "./feedback.js";
 import { viewable } from "./finding.js";
-import { parseView } from "./painter.js";
-import { save, stateOf, stateText, viewer } from "./viewer.js";
+import { parseView } from "./parsed.js";
+import { stateOf, stateText, viewer } from "./viewer.js";
 
 const METALS = ["perfect", "aluminium", "silver", "gold", "copper", "nickel", "chromium", "silicon"];
 const PROFILES = ["sinusoid", "blazed", "rectangular"];
@@ -88,9 +88,13 @@ export async function viewPage(main, { id: given, signal }) {
     tell(hasToken() ? "The link is copied; whoever opens it needs the token." : "The link is copied.");
   } }, "Copy link");
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Under a light"), copy, keep, h("a", { class: "button", href: `#/result/${id}` }, "Result")));
-  parts = viewer(main, { view, state, name, aside: [comparison, assumed], signal, changed: (now) => {
+  const changed = (now) => {
     state = now;
     link();
+  };
+  parts = await viewer(main, { view, state, name, aside: [comparison, assumed], signal, changed, anew: (now) => {
+    changed(now);
+    location.reload();
   } });
   if (beside) await compare(beside);
 }

@@ -1,7 +1,8 @@
 // A sample under a light: drag to turn either. Knows nothing of the service, so that it also works in a file of its own.
 
+import { chosen, WAYS } from "./card.js";
 import { divider, together } from "./comparing.js";
-import { field, h, panel, say, segments } from "./dom.js";
+import { field, h, panel, save, say, segments, select } from "./dom.js";
 import { degrees, fixed, significant } from "./format.js";
 import { canShow, Layer, SHOWN } from "./layer.js";
 import { bar, maskedKey, wheel } from "./legend.js";
@@ -15,8 +16,9 @@ const FRAME = 60;
 
 /**
  * How a view begins. Angles in degrees, exposure in stops, quality as a relative error, the line between two
- * results in percent, x and y of what is in the middle of the picture in mm from that of the sample at rest. */
-export const START = { roll: 0, tilt: 0, pan: 0, azimuth: 90, elevation: 58, distance: 490, zoom: 1, x: 0, y: 0, exposure: 2, quality: 0.01, split: 50, shown: "light" };
+ * results in percent, x and y of what is in the middle of the picture in mm from that of the sample at rest; and the way
+ * to draw, "" for the best. */
+export const START = { roll: 0, tilt: 0, pan: 0, azimuth: 90, elevation: 58, distance: 490, zoom: 1, x: 0, y: 0, exposure: 2, quality: 0.01, split: 50, shown: "light", draw: "" };
 
 /** A state from what follows the question mark of a link; what makes no sense is left out. */
 export function stateOf(text) {
@@ -26,7 +28,8 @@ export function stateOf(text) {
     const value = asked.get(key);
     if (value === null) continue;
     if (typeof start === "number" && Number.isFinite(Number(value))) state[key] = Number(value);
-    if (key === "shown" && SHOWN.some(([k]) => k === value)) state[key] = value;
+    const known = { shown: SHOWN, draw: WAYS }[key];
+    if (known?.some(([k]) => k === value)) state[key] = value;
   }
   return state;
 }
@@ -36,16 +39,19 @@ export const stateText = (state) => new URLSearchParams(Object.entries(state).ma
 
 /**
  * Shows a parsed view until the signal fires. `state` holds what differs from START; `changed(state)` is told after each
- * change, `aside` are more panels. Returns the parts of it for tests.
+ * change, `anew(state)` when everything has to be drawn another way, `aside` are more panels. Returns the parts of it for tests.
  * @param {HTMLElement} main
- * @param {{ view: View, state?: Partial<typeof START>, changed?: (state: Partial<typeof START>) => void, name?: string, aside?: HTMLElement[], signal: AbortSignal }} options
+ * @param {{ view: View, state?: Partial<typeof START>, changed?: (state: Partial<typeof START>) => void, anew: (state: Partial<typeof START>) => void, name?: string, aside?: HTMLElement[], signal: AbortSignal }} options
  */
-export function viewer(main, { view, state: given = {}, changed = () => {}, name = "sample", aside = [], signal }) {
+export async function viewer(main, { view, state: given = {}, changed = () => {}, anew, name = "sample", aside = [], signal }) {
   const state = { ...START, ...given };
+  const card = await chosen(state.draw, view);
+  if (signal.aborted) card.close();
+  signal.throwIfAborted();
   if (!canShow(view, state.shown)) state.shown = "light";
   const canvas = h("canvas", { id: "view", class: "view", tabindex: 0, role: "application", "aria-roledescription": "viewer",
     "aria-label": "The sample under a light. Arrow keys turn it, Shift with arrows moves the light, Ctrl with arrows moves the picture, plus and minus zoom, 0 starts over." });
-  const first = new Layer(canvas);
+  const first = new Layer(canvas, card);
   const { painter } = first;
   const line = divider({ state, moved: (split) => change({ split }, false, false), signal });
   // The result that this one is compared with; its canvas is made once.
@@ -63,6 +69,8 @@ export function viewer(main, { view, state: given = {}, changed = () => {}, name
   /** @type {number | null} */
   let base = null;
   let waiting = 0;
+  // Something has changed since the last frame began.
+  let posed = false;
   // Frames of a turntable are being drawn.
   let turning = false;
 
@@ -77,7 +85,7 @@ export function viewer(main, { view, state: given = {}, changed = () => {}, name
   function compare(other, names) {
     comparing = Boolean(other);
     if (other) {
-      second ??= new Layer(line.canvas);
+      second ??= new Layer(line.canvas, card);
       second.load(other);
     }
     line.open(other && names);
@@ -95,32 +103,48 @@ export function viewer(main, { view, state: given = {}, changed = () => {}, name
   function refresh() {
     if (turning) return;
     pose();
-    if (!waiting && !signal.aborted) waiting = requestAnimationFrame(frame);
+    posed = true;
+    next();
   }
+
+  /** Draws with the screen's next frame. */
+  function next() {
+    if (!waiting && !signal.aborted) waiting = requestAnimationFrame(() => frame().catch(failed));
+  }
+
+  /** @param {Error} problem */
+  const failed = (problem) => signal.aborted || say(status, problem.message);
 
   /** Of samples that a pixel gets once nothing moves. */
   const enough = () => (state.shown === "light" ? Math.round(Math.min(64, Math.max(4, 0.16 / state.quality))) : 4);
 
-  function frame() {
-    waiting = 0;
-    if (signal.aborted || turning || !canvas.width) return;
-    const begun = performance.now();
-    add(moving ? scale : 1);
-    show();
-    // Waits for the card, so that the time is that of the picture.
-    if (moving) {
-      for (const layer of layers()) layer.painter.pixels(0, 0, 1, 1);
-      const took = performance.now() - begun;
-      scale = Math.min(8, Math.max(1, scale * Math.sqrt(Math.max(0.5, Math.min(2, took / FRAME)))));
+  /** One frame of the screen; the next one waits until the card has drawn it. */
+  async function frame() {
+    if (!signal.aborted && !turning && canvas.width) {
+      posed = false;
+      const begun = performance.now();
+      await add(moving ? scale : 1);
+      if (signal.aborted) return;
+      show();
+      for (const layer of layers()) await layer.painter.done();
+      if (moving) {
+        const took = performance.now() - begun;
+        scale = Math.min(8, Math.max(1, scale * Math.sqrt(Math.max(0.5, Math.min(2, took / FRAME)))));
+      }
+      say(status, moving ? "" : painter.count < enough() ? `${painter.count} of ${enough()} samples` : `${painter.count} samples a pixel; sums asked to within ${significant(100 * state.quality, 2)} %`);
     }
-    say(status, moving ? "" : painter.count < enough() ? `${painter.count} of ${enough()} samples` : `${painter.count} samples a pixel; sums asked to within ${significant(100 * state.quality, 2)} %`);
-    if (!moving && painter.count < enough()) waiting = requestAnimationFrame(frame);
+    waiting = 0;
+    if (!turning && canvas.width && (posed || (!moving && painter.count < enough()))) next();
   }
 
   /** Adds a sample to each pixel. */
-  function add(factor) {
+  async function add(factor) {
     for (const layer of layers()) layer.add(factor);
-    if (state.shown === "light") base ??= first.brightness();
+    if (state.shown !== "light" || base !== null) return;
+    const of = view;
+    const found = await first.brightness();
+    // It may be another view by now.
+    if (of === view) base = found;
   }
 
   /** Shows what there is, both results as bright. */
@@ -143,8 +167,9 @@ export function viewer(main, { view, state: given = {}, changed = () => {}, name
     for (const layer of layers()) layer.pose({ ...state, ...values }, state.quality, first.range);
     ruler.refresh();
     while (painter.count < enough()) {
-      add(1);
+      await add(1);
       show();
+      for (const layer of layers()) await layer.painter.done();
       // Lets the page breathe; frames of the screen would stand still in a hidden tab.
       await new Promise((resolve) => setTimeout(resolve));
       if (stop.aborted) return null;
@@ -167,9 +192,10 @@ export function viewer(main, { view, state: given = {}, changed = () => {}, name
         moving = 0;
         refresh();
       }
-      changed(Object.fromEntries(Object.entries(state).filter(([k, v]) => START[k] !== v)));
+      changed(differing());
     }, 250);
   }
+  const differing = () => Object.fromEntries(Object.entries(state).filter(([k, v]) => START[k] !== v));
 
   const disc = lightDisc(state, change, signal);
   let target = "sample";
@@ -215,8 +241,8 @@ export function viewer(main, { view, state: given = {}, changed = () => {}, name
   }
 
   function again() {
-    const { shown, quality, split } = state;
-    change({ ...START, shown, quality, split }, false);
+    const { shown, quality, split, draw } = state;
+    change({ ...START, shown, quality, split, draw }, false);
     sliders.forEach((s) => s.refresh());
     disc.refresh();
   }
@@ -257,6 +283,10 @@ export function viewer(main, { view, state: given = {}, changed = () => {}, name
     explain();
   });
   const dragging = segments("Dragging moves", [["sample", "Sample"], ["light", "Light"], ["picture", "Picture"]], target, (key) => { target = key; });
+  const way = select(WAYS, state.draw, { id: "view-draw", onchange: () => {
+    Object.assign(state, { draw: way.value });
+    anew(differing());
+  } });
   const quality = h("select", { id: "view-quality", onchange: (e) => change({ quality: Number(e.target.value) }, false) },
     [[0.03, "Fast: 3 %"], [0.01, "Good: 1 %"], [0.0025, "Best: 0.25 %"]].map(([v, text]) => h("option", { value: v, selected: v === state.quality }, text)));
 
@@ -282,7 +312,8 @@ export function viewer(main, { view, state: given = {}, changed = () => {}, name
     h("div", { class: "stack" },
       panel("Light and pose", null, h("div", { class: "stack" }, h("div", { class: "row between" }, h("span", { class: "soft" }, "Dragging moves"), dragging), disc, sliders)),
       aside,
-      panel("Quality", null, field("Error of the sums when still", quality)),
+      panel("Quality", null, h("div", { class: "stack" }, field("Error of the sums when still", quality),
+        field("Drawn with", way, { hint: state.draw === card.way.toLowerCase() ? null : `${card.way}${card.why ? `: ${card.why}` : ""}.` }))),
       turntable({ state, picture, done, save, name, signal }))));
 
   /** Brings the canvases to the size that they have on the page. */
@@ -309,19 +340,14 @@ export function viewer(main, { view, state: given = {}, changed = () => {}, name
     clearTimeout(rest);
     painter.close();
     second?.painter.close();
+    card.close();
   });
+  card.lost((sentence) => say(status, sentence));
   canvas.addEventListener("webglcontextlost", () => say(status, "The graphics card was reset. Reload the page."), { signal });
   // For tests and the console: what is drawn can be read by script.
-  const parts = { painter, state, change, enough, compare, load: (next) => { load(next); explain(); } };
+  const parts = { painter, card, state, change, enough, compare, load: (next) => { load(next); explain(); } };
   Object.assign(canvas, { viewer: parts });
   return parts;
 }
 
 const clamp = (value, most) => Math.min(most, Math.max(-most, value));
-
-/** Puts a blob into a file. */
-export function save(blob, name) {
-  const url = URL.createObjectURL(blob);
-  h("a", { href: url, download: name }).click();
-  setTimeout(() => URL.revokeObjectURL(url), 60_000);
-}

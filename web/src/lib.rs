@@ -54,7 +54,10 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("bench.js", SCRIPT),
     row!("boardsheet.js", SCRIPT),
     row!("calibrate.js", SCRIPT),
+    row!("card.js", SCRIPT),
     row!("calibrated.js", SCRIPT),
+    row!("calibratelight.js", SCRIPT),
+    row!("calibratepanel.js", SCRIPT),
     row!("charts.js", SCRIPT),
     row!("controls.js", SCRIPT),
     row!("dial.js", SCRIPT),
@@ -66,6 +69,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("mapview.js", SCRIPT),
     row!("new.js", SCRIPT),
     row!("options.js", SCRIPT),
+    row!("outcome.js", SCRIPT),
     row!("patterns.js", SCRIPT),
     row!("pictures.js", SCRIPT),
     row!("bokehform.js", SCRIPT),
@@ -96,6 +100,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("finding.js", SCRIPT),
     row!("layer.js", SCRIPT),
     row!("painter.js", SCRIPT),
+    row!("parsed.js", SCRIPT),
     row!("pointing.js", SCRIPT),
     row!("ruler.js", SCRIPT),
     row!("study.js", SCRIPT),
@@ -104,10 +109,13 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("turning.js", SCRIPT),
     row!("view.js", SCRIPT),
     row!("viewer.js", SCRIPT),
+    row!("webgpu.js", SCRIPT),
+    row!("wizard.js", SCRIPT),
     (
         "/assets/shaders.js",
         Asset { bytes: include_bytes!(concat!(env!("OUT_DIR"), "/shaders.js")), content_type: SCRIPT },
     ),
+    ("/assets/wgsl.js", Asset { bytes: include_bytes!(concat!(env!("OUT_DIR"), "/wgsl.js")), content_type: SCRIPT }),
 ];
 
 /// What is at a path, if anything.
@@ -138,9 +146,9 @@ mod tests {
             named.extend(quoted(text(page), "<link rel=\"icon\" href=\"").into_iter().map(str::to_owned));
         }
         for (path, found) in ASSETS.iter().filter(|(_, a)| a.content_type == SCRIPT) {
-            let imports = quoted(text(path), "from \"./");
+            let (now, later) = (quoted(text(path), "from \"./"), quoted(text(path), "import(\"./"));
             assert!(found.bytes.len() > 100, "{path} is empty");
-            named.extend(imports.into_iter().map(|file| format!("/assets/{file}")));
+            named.extend(now.into_iter().chain(later).map(|file| format!("/assets/{file}")));
         }
         // The file that a view is exported to begins with it.
         named.insert("/assets/standalone.js".into());
@@ -156,8 +164,8 @@ mod tests {
     #[test]
     fn every_file_is_embedded_once() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/page");
-        // And the shaders, which the build makes.
-        assert_eq!(std::fs::read_dir(folder).expect(folder).count() + 1, ASSETS.len());
+        // And both scripts of shaders, which the build makes.
+        assert_eq!(std::fs::read_dir(folder).expect(folder).count() + 2, ASSETS.len());
         let paths: BTreeSet<_> = ASSETS.iter().map(|(path, _)| path).collect();
         assert_eq!(paths.len(), ASSETS.len());
     }

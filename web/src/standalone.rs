@@ -8,13 +8,15 @@ use flate2::write::GzEncoder;
 use std::io::Write;
 
 /// Scripts of the viewer. A page from disk may load no module files: they are data addresses that an import map names.
-const MODULES: [&str; 14] = [
+const MODULES: [&str; 18] = [
+    "card",
     "comparing",
     "dom",
     "format",
     "layer",
     "legend",
     "painter",
+    "parsed",
     "pointing",
     "ruler",
     "shaders",
@@ -22,6 +24,8 @@ const MODULES: [&str; 14] = [
     "turning",
     "turntable",
     "viewer",
+    "webgpu",
+    "wgsl",
     "zip",
 ];
 
@@ -48,7 +52,8 @@ pub fn standalone(title: &str, view: &[u8], state: &str) -> std::io::Result<Vec<
     let data = STANDARD.encode(packed.finish()?);
     let module = |name: &&str| {
         // Within the map modules have bare names.
-        let source = text(&format!("{name}.js")).replace("from \"./", "from \"nacre/");
+        let source = text(&format!("{name}.js"));
+        let source = source.replace("from \"./", "from \"nacre/").replace("import(\"./", "import(\"nacre/");
         format!("\"nacre/{name}.js\": \"data:text/javascript;base64,{}\"", STANDARD.encode(source))
     };
     let imports: Vec<String> = MODULES.iter().map(module).collect();
@@ -76,8 +81,10 @@ mod tests {
         let page = String::from_utf8(page).expect("text");
         for module in MODULES {
             assert!(!text(&format!("{module}.js")).is_empty(), "{module}");
-            for line in text(&format!("{module}.js")).lines().filter(|l| l.starts_with("import ")) {
-                let from = line.split("from \"./").nth(1).and_then(|l| l.split(".js").next()).expect(line);
+            let source = text(&format!("{module}.js"));
+            for line in source.lines().filter(|l| l.starts_with("import ") || l.contains(" import(")) {
+                let from = ["from \"./", "import(\"./"].iter().find_map(|before| line.split(before).nth(1));
+                let from = from.and_then(|l| l.split(".js").next()).expect(line);
                 assert!(MODULES.contains(&from), "{module} needs {from}");
             }
         }

@@ -90,11 +90,33 @@ interface CalibrationReport {
     rms_px: number | null;
     photographs: { file: string; rms_px: number | null; unused_because: string | null }[];
     warnings: string[];
+    light_chi2?: number | null;
+    highlights?: { file: string | null; pixel: Point; sigma_px: number; height_mm: number }[];
+    band?: { mean_nm: number; sigma_nm: number; fwhm_nm: number };
     geometry: {
         camera: { focal_px: Point; center_px: Point; distortion: number[] };
         sample: { translation_mm: [number, number, number] };
         image_px: Point | null;
-        wavelength_nm: number | null;
-        sigma: { focal_px?: Point | null; center_px?: Point | null; distortion?: number[] | null; sample_mm?: [number, number, number] | null };
+        wavelength_nm?: number | null;
+        light_mm?: [number, number, number] | null;
+        sigma: { light_mm?: [number, number, number] | null; wavelength_nm?: number | null; focal_px?: Point | null; center_px?: Point | null; distortion?: number[] | null; sample_mm?: [number, number, number] | null };
     };
+}
+
+/** The newest measurement of the panel. */
+interface Measurement {
+    state: "none" | "running" | "done" | "failed" | "stopped";
+    stage: string;
+    progress: number;
+    error: string | null;
+    found: {
+        luminances: number[];
+        drift: number;
+        law: { gamma: number; gamma_sigma: number; black: number; deviation: number };
+        pixels: number;
+        exposure_ms: number;
+        late_frames: number;
+        late_ms: number;
+        advice: string[];
+    } | null;
 }

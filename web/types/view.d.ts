@@ -33,4 +33,35 @@ interface Program {
     buffer: WebGLBuffer | null;
 }
 
+/** The shaders for WebGPU: constants of a scene go before the source; textures with their bindings. */
+interface DirectShader {
+    source: string;
+    members: [string, number][];
+    textures: [string, number][];
+}
+
+/** What draws a view on a canvas, by whichever way. */
+interface AnyPainter {
+    uniforms: Uniforms;
+    targets: readonly unknown[];
+    count: number;
+    load(view: View): void;
+    set(values: Uniforms): void;
+    add(width: number, height: number, samples: number): void;
+    show(exposure: number, overlay: boolean): void;
+    done(): Promise<void>;
+    pixels(x?: number, y?: number, width?: number, height?: number): Promise<Float32Array>;
+    close(): void;
+}
+
+/** A way to draw, and why it is not the better one. */
+interface Card {
+    way: "WebGPU" | "WebGL2";
+    why: string;
+    painter(canvas: HTMLCanvasElement): AnyPainter;
+    /** Tells a sentence once the card is lost. */
+    lost(say: (sentence: string) => void): void;
+    close(): void;
+}
+
 type Point = [number, number];

@@ -1,6 +1,6 @@
 //! `/api/v1/devices` and `/api/v1/stop`: manual control and the preview.
 
-use super::bench::{Owner, Picture};
+use super::bench::{Owner, PANEL, Picture};
 use super::problem::{Answer, Problem};
 use super::{App, Body, Params, png};
 use crate::Failure;
@@ -21,7 +21,7 @@ const LONGEST_PREVIEW_S: f64 = 2.0;
 /// The bench as it is.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct Devices {
-    /// What the devices do: `idle` or `session`.
+    /// What the devices do: `idle`, `session`, or `manual` while the panel is measured.
     activity: &'static str,
     /// The session that has them.
     session: Option<String>,
@@ -225,9 +225,10 @@ fn describe(app: &App, owner: &Owner) -> Devices {
 
 fn at_rest(app: &App) -> Devices {
     let (stage, camera, display) = (&app.limits.stage, &app.limits.camera, &app.limits.display);
+    let session = app.bench.session();
     Devices {
-        activity: "session",
-        session: app.bench.session(),
+        activity: if session.as_deref() == Some(PANEL) { "manual" } else { "session" },
+        session: session.filter(|id| id != PANEL),
         stage: StageState {
             id: stage.id.clone(),
             analyser_deg: None,

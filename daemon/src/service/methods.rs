@@ -68,7 +68,12 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
                     "method calibrate takes photographs of a board; give an upload, not a session",
                 ));
             }
-            Ok(spec.options_of::<calibration::Options>()?.check()?)
+            let options: calibration::Options = spec.options_of()?;
+            options.check()?;
+            if spec.upload.is_none() && !options.needs_no_photographs() {
+                return Err(Problem::bad("there are no photographs").remedy("give an upload that holds them"));
+            }
+            Ok(())
         }
         Method::Map => Ok(spec.options_of::<map::Edits>()?.check(&Maps::read(&maps_of(spec, input))?)?),
         Method::Flash => {
@@ -134,6 +139,8 @@ pub fn work(data: PathBuf, renders: Arc<Renders>) -> Work {
         let input = match (&spec.session, &spec.upload) {
             (Some(id), _) => data.join("sessions").join(id),
             (None, Some(id)) => data.join("uploads").join(id),
+            // It may go on from an earlier one, without photographs.
+            _ if spec.method == Method::Calibrate => PathBuf::new(),
             _ => return Err(Error::input("reconstruction", "names no photographs", "ask again").into()),
         };
         let out = data.join("reconstructions").join(&spec.id);
@@ -155,7 +162,8 @@ pub fn work(data: PathBuf, renders: Arc<Renders>) -> Work {
                 foil::reconstruct(&input, &out, &settings, progress)?;
             }
             Method::Calibrate => {
-                calibration::calibrate_folder(&input, &out, &spec.options_of()?, true, progress)?;
+                let done = calibration::calibrate_folder(&input, &out, &spec.options_of()?, true, progress);
+                done.map_err(|error| as_sent(error, &input))?;
             }
             Method::Map => {
                 map::edit_folder(&maps_of(spec, &input), &out, &spec.options_of()?, true, progress)?;

@@ -13,6 +13,7 @@ pub mod display;
 pub mod events;
 pub mod files;
 pub mod maps;
+pub mod measure;
 mod methods;
 mod metrics;
 pub mod page_panel;
@@ -43,6 +44,7 @@ use axum::response::IntoResponse;
 use bench::Bench;
 use config::Config;
 use metrics::Metrics;
+use nacre_drivers::display::DisplayConfig;
 use nacre_processing::Error;
 use problem::{Answer, Kind, Problem};
 use runs::Run;
@@ -73,6 +75,10 @@ pub struct App {
     pub interlocks: Vec<String>,
     /// The bench.
     pub bench: Bench,
+    /// How the panel is configured.
+    pub display: Option<DisplayConfig>,
+    /// The newest measurement of the panel.
+    pub measurement: Mutex<Option<Arc<measure::Measuring>>>,
     /// Index of sessions.
     pub catalogue: Catalogue,
     /// Reconstructions.
@@ -143,6 +149,7 @@ impl App {
         let simulated = place.simulated.is_some() && !place.section.has_real_device();
         let link = Arc::new(display::Link::default());
         let place = Place { page: Some(link.clone()), ..place };
+        let display = place.section.display.clone();
         let catalogue = Catalogue::open(&config.data.join("catalogue.db")).await?;
         let rebuilt = catalogue.rebuild(&[config.data.join("sessions")], &nacre_processing::progress::Silent).await?;
         tracing::info!(sessions = rebuilt.sessions, "catalogue rebuilt");
@@ -156,6 +163,8 @@ impl App {
             limits,
             interlocks,
             bench,
+            display,
+            measurement: Mutex::default(),
             catalogue,
             jobs,
             renders,

@@ -44,7 +44,10 @@ pub struct Request {
     /// y, w, h], "geometry": {…}, "corners_px": [[x, y], …], "camera_mm": 500, "light_height_mm": 200, "wavelength_nm": 560, "period_um":
     /// [1.2, 2.4], "orientation": "half" | "image", "period": "auto" | "sample" | "pixel"}`. Of `foil`: `{"geometry": {…},
     /// "period_um": [0.8, 1.5], "bins": [180, 64], "depth_um": 0.08, "light_height_mm": 300}`. Of `calibrate`, for uploaded photographs of a
-    /// board: `{"board": [9, 6], "square_mm": 25, "sample_corners_px": [[x, y], …], "sample_mm": [120, 80], "wavelength_nm": 532}`. Of `map`, for
+    /// board: `{"board": [9, 6], "square_mm": 25, "sample_corners_px": [[x, y], …], "sample_mm": [120, 80], "wavelength_nm": 532}`; or, for
+    /// photographs of the light in a mirror (or for none at all), to go on from an earlier calibration: `{"geometry": {…as in geometry.json},
+    /// "highlights": [{"file": "mirror.png" | "pixel": [x, y], "height_mm": 50, "tilt_deg": [0, 0]}, …], "light_height_mm": [300, 5],
+    /// "wavelength_nm": 532, "wavelength_sigma_nm": 0.5, "lamp": "A", "filter": [[nm, share], …], "response": [[nm, share], …]}`. Of `map`, for
     /// a session's maps or uploaded ones: `{"rotate_deg": 30, "resample": 2, "tile": [4, 3], "size": [w, h], "layout": "repeat" | "mirror" |
     /// "brick", "orientation_offset_deg": 5, "period": {"quadratic": [0.8, 1.6]} | {"sine_squared": [0.8, 1.6]} | {"table": [[deg, um],
     /// …]}, "scale": 1.05, "offset_um": -0.02, "clamp_um": [0.7, 2]}`. Of `render`, for an uploaded scene: `{"samples": 256, "max_error":
@@ -167,6 +170,8 @@ impl App {
         match (&spec.session, &spec.upload) {
             (Some(id), _) => self.session_folder(id),
             (None, Some(id)) => Ok(self.upload_folder(id)?),
+            // What is calibrated without photographs has its results alone.
+            _ if spec.method == Method::Calibrate => Ok(self.result_folder(&spec.id)),
             _ => Err(Problem::not_found("input")),
         }
     }
@@ -228,7 +233,8 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         return Err(Problem::bad(format!("model: {problem}")));
     }
     let offset_deg = body.offset_deg.unwrap_or(0.0);
-    if body.session.is_some() == body.upload.is_some() {
+    let nothing = body.session.is_none() && body.upload.is_none() && body.method == Some(Method::Calibrate);
+    if body.session.is_some() == body.upload.is_some() && !nothing {
         return Err(Problem::bad("give either a session or an upload"));
     }
     for id in body.session.iter().chain(&body.upload).chain(body.light.as_ref().map(|light| &light.upload)) {

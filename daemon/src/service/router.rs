@@ -2,8 +2,8 @@
 
 use super::problem::{Kind, Problem};
 use super::{
-    App, access, charts, deletion, devices, display, plans, reconstructions, renders, results, session_data, sessions,
-    uploads, view,
+    App, access, charts, deletion, devices, display, measure, plans, reconstructions, renders, results, session_data,
+    sessions, uploads, view,
 };
 use axum::Json;
 use axum::Router;
@@ -61,6 +61,8 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(devices::show))
         .routes(routes!(devices::set_camera))
         .routes(routes!(devices::switch_flash))
+        .routes(routes!(measure::begin))
+        .routes(routes!(measure::state))
         .routes(routes!(devices::preview))
         .routes(routes!(devices::preview_picture))
         .routes(routes!(devices::stop))

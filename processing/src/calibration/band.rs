@@ -22,6 +22,21 @@ pub struct Band {
     pub fwhm_nm: f64,
 }
 
+/// Band of a lamp's light, if its spectrum is known, behind a filter and as a camera sees it, whichever of both is known; none without either.
+///
+/// # Errors
+/// `Input` for a lamp alone, and as [`band`] does.
+pub fn band_of(lamp: Option<Spectrum>, mut others: Vec<Spectrum>) -> Result<Option<Band>> {
+    if others.is_empty() {
+        let remedy =
+            "give the filter's or the camera's spectrum with it (--filter, --response), or the wavelength itself";
+        return lamp.map_or(Ok(None), |_| Err(Error::input("lamp", "alone has no narrow band", remedy)));
+    }
+    let known = lamp.is_some();
+    others.extend(lamp);
+    band(&others, known).map(Some)
+}
+
 /// Band of light that passes all of the spectra (lamp, filter, camera) one after the other. `lamp_known` says whether the lamp's is among
 /// them; else it is taken for white, and what a tungsten lamp (2856 K) would change counts as unknown.
 ///

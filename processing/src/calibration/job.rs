@@ -20,6 +20,8 @@ pub enum CameraFrom {
     Boards(PathBuf, Board),
     /// An earlier geometry.json, of which all is kept that is not measured again.
     File(PathBuf),
+    /// The same as it was read.
+    Known(Box<Geometry>),
     /// No calibration: the paper's way.
     Ruler(Ruler),
 }
@@ -144,6 +146,10 @@ fn camera(request: &Request, report: &mut Report, progress: &dyn Progress) -> Re
                 return Err(Error::file(path, "is relative", "calibrate the camera with photographs of a board"));
             }
             Ok(known(geometry))
+        }
+        CameraFrom::Known(geometry) => {
+            geometry.check()?;
+            Ok(known(Geometry::clone(geometry)))
         }
         CameraFrom::Ruler(ruler) => {
             report.warnings.push("not calibrated: periods that follow are relative".into());

@@ -11,6 +11,7 @@ mod highlight;
 mod homography;
 mod job;
 mod light;
+mod mirrors;
 mod overlay;
 mod panel;
 mod picture;
@@ -23,7 +24,7 @@ mod subpixel;
 #[cfg(test)]
 mod tests;
 
-pub use band::{Band, band};
+pub use band::{Band, band, band_of};
 pub use boards::{Calibrated, Photograph, calibrate, of_corners};
 pub use corners::{Board, View, find};
 pub use gray::Gray;
@@ -31,6 +32,7 @@ pub use highlight::{Found, find_highlight};
 pub use homography::{homography, mapped};
 pub use job::{CameraFrom, Outcome, PanelFrom, Request, SampleFrom, calibrate_geometry};
 pub use light::{Highlight, Known, PlacedLight, from_highlights};
+pub use mirrors::{LightOptions, Mirror, Seen};
 pub use overlay::overlay;
 pub use panel::{Pixels, PlacedPanel, Shown, by_hand, from_photograph};
 pub use picture::board_picture;

@@ -1,9 +1,12 @@
-//! Calibration as a job: photographs of a board to a `geometry.json`, pictures of what was found, and a report in a new folder.
+//! Calibration as a job: photographs of a board, or of a light in mirrors, to a `geometry.json`, pictures of what was found, and a report in a
+//! new folder.
 
+use super::band::Band;
 use super::boards::Calibrated;
 use super::corners::Board;
 use super::job::{CameraFrom, Request, SampleFrom, calibrate_geometry};
 use super::light::Known;
+use super::mirrors::{LightOptions, Seen};
 use super::overlay::overlay;
 use super::report::Report;
 use crate::geometry::{Geometry, text};
@@ -28,13 +31,23 @@ pub struct Options {
     pub sample_corners_px: Option<[[f64; 2]; 4]>,
     /// Width and height of the sample in mm, which go with its corners.
     pub sample_mm: Option<[f64; 2]>,
-    /// Wavelength in nm, if it is known.
-    pub wavelength_nm: Option<f64>,
+    /// An earlier geometry.json, of which all is kept that is not measured again; then there are no photographs of a board.
+    pub geometry: Option<Box<Geometry>>,
+    /// What is known of the light.
+    #[serde(flatten)]
+    pub light: LightOptions,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { board: [9, 6], square_mm: 25.0, sample_corners_px: None, sample_mm: None, wavelength_nm: None }
+        Self {
+            board: [9, 6],
+            square_mm: 25.0,
+            sample_corners_px: None,
+            sample_mm: None,
+            geometry: None,
+            light: LightOptions::default(),
+        }
     }
 }
 
@@ -48,6 +61,12 @@ pub struct Calibration {
     /// How good it is.
     #[serde(flatten)]
     pub report: Report,
+    /// Where the light was seen in mirrors.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub highlights: Vec<Seen>,
+    /// The band of light, where spectra told it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub band: Option<Band>,
 }
 
 impl Options {
@@ -64,12 +83,15 @@ impl Options {
             }
         };
         Ok(Request {
-            camera: CameraFrom::Boards(folder.to_path_buf(), board),
+            camera: match &self.geometry {
+                Some(geometry) => CameraFrom::Known(geometry.clone()),
+                None => CameraFrom::Boards(folder.to_path_buf(), board),
+            },
             sample,
             panel: None,
             highlights: vec![],
             known: Known { sigma_px: 1.0, height_mm: None },
-            wavelength_nm: self.wavelength_nm.map(|nm| [nm, 0.0]),
+            wavelength_nm: self.light.said_nm(),
         })
     }
 
@@ -78,16 +100,35 @@ impl Options {
     /// # Errors
     /// `Input`, which names the option.
     pub fn check(&self) -> Result<()> {
-        match self.wavelength_nm {
-            Some(nm) if !(200.0..=2000.0).contains(&nm) => {
-                Err(Error::input("wavelength_nm", format!("is {nm}"), "give 200 to 2000 nm"))
+        self.light.check()?;
+        match &self.geometry {
+            Some(geometry) => {
+                geometry.check()?;
+                if geometry.relative && !self.light.highlights.is_empty() {
+                    let remedy = "calibrate the camera with photographs of a board first";
+                    return Err(Error::input("geometry", "is relative: no light can be placed in it", remedy));
+                }
+                if self.light.is_empty() && self.sample_corners_px.is_none() {
+                    let remedy = "give highlights, a wavelength or spectra, or the sample's corners";
+                    return Err(Error::input("options", "leave the geometry as it is", remedy));
+                }
             }
-            _ => self.request(Path::new("")).map(drop),
+            None if !self.light.highlights.is_empty() => {
+                let remedy = "calibrate the camera first, and give its geometry.json as geometry";
+                return Err(Error::input("highlights", "have no camera", remedy));
+            }
+            None => {}
         }
+        self.request(Path::new("")).map(drop)
+    }
+
+    /// Whether there is nothing to be looked at in photographs.
+    pub fn needs_no_photographs(&self) -> bool {
+        self.geometry.is_some() && self.light.highlights.iter().all(|m| m.file.is_none())
     }
 }
 
-/// Calibrates a camera with the photographs in `input` and writes `geometry.json`, `report.json` and each photograph with what was found in it
+/// Calibrates a camera with the photographs in `input`, or goes on from a calibrated one, and writes `geometry.json`, `report.json` and each photograph with what was found in it
 /// into the new folder `out`.
 ///
 /// # Errors
@@ -100,14 +141,26 @@ pub fn calibrate_folder(
     progress: &dyn Progress,
 ) -> Result<Calibration> {
     options.check()?;
-    let request = options.request(input)?;
+    let mut request = options.request(input)?;
     let folder = OutputFolder::begin(out, overwrite)?;
-    let found = calibrate_geometry(&request, progress)?;
+    let mut seen = vec![];
+    if !options.light.highlights.is_empty() {
+        progress.stage("looking for the light", 0);
+        let camera_px = options.geometry.as_ref().and_then(|g| g.image_px);
+        (seen, request.highlights, request.known) = options.light.look(input, camera_px)?;
+    }
+    let mut found = calibrate_geometry(&request, progress)?;
+    let band = options.light.band()?;
+    if let Some(band) = band {
+        found.geometry.wavelength_nm = Some(band.mean_nm);
+        found.geometry.sigma.wavelength_nm = Some(band.sigma_nm);
+    }
     folder.write("geometry.json", text(&found.geometry).as_bytes())?;
     if let Some((boards, board)) = &found.boards {
         write_overlays(&folder, boards, board)?;
     }
-    let calibration = Calibration { method: "calibrate", geometry: found.geometry, report: found.report };
+    let calibration =
+        Calibration { method: "calibrate", geometry: found.geometry, report: found.report, highlights: seen, band };
     folder.write_json("report.json", &calibration)?;
     progress.check()?;
     folder.commit()?;

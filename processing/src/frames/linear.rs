@@ -1,9 +1,11 @@
 //! From file values to light.
 
 use super::{Frame, FrameSet, LoadedFrames, Transfer};
-use crate::image::{Depth, Raster, Samples, read};
+use crate::image::{Depth, Raster, Samples, read_into};
+use crate::vectors::vectorised;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Most dark photographs that belong to single frames of a set; they are all kept.
 const MAX_DARKS: usize = 16;
@@ -20,7 +22,12 @@ pub struct Linearizer {
     dark: Vec<f32>,
     /// Those that frames name.
     darks: Vec<(PathBuf, Vec<f32>)>,
+    /// Memory of photographs that are gone, for the next ones: memory that is new to the program takes time.
+    spare: Mutex<Vec<Vec<u16>>>,
 }
+
+/// Photographs whose memory is kept.
+const SPARE: usize = 2;
 
 /// One decoded photograph, seen as rows of light.
 pub struct LinearFrame<'a> {
@@ -46,6 +53,7 @@ impl Linearizer {
             channel: set.channel.map_or(0, |c| c.index()),
             dark: Vec::new(),
             darks: Vec::new(),
+            spare: Mutex::default(),
         };
         new.table = match frames.info.depth {
             Depth::U8 => (0..=255).map(|v| new.light(v as f32)).collect(),
@@ -94,15 +102,26 @@ impl Linearizer {
 
     /// Decodes a photograph; its light is multiplied by `scale`.
     pub fn read(&self, path: &Path, scale: f64) -> Result<LinearFrame<'_>> {
-        let raster = read(path)?;
+        let spare = self.spare().pop().unwrap_or_default();
+        let raster = read_into(path, spare)?;
         Ok(LinearFrame { linearizer: self, raster, scale: scale as f32, limit: self.white, dark: &self.dark })
     }
 
     /// Decodes a frame of the set: light per exposure and gain, less the dark photograph that belongs to it.
     pub fn frame(&self, frames: &LoadedFrames, frame: &Frame) -> Result<LinearFrame<'_>> {
         let own = self.darks.iter().find(|(name, _)| Some(name) == frame.dark.as_ref());
-        let decoded = self.read(&frames.file(&frame.file), frame.scale())?;
-        Ok(LinearFrame { dark: own.map_or(&self.dark, |(_, plane)| plane), ..decoded })
+        let mut decoded = self.read(&frames.file(&frame.file), frame.scale())?;
+        decoded.dark = own.map_or(&self.dark, |(_, plane)| plane);
+        Ok(decoded)
+    }
+
+    fn spare(&self) -> MutexGuard<'_, Vec<Vec<u16>>> {
+        self.spare.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Gives back memory that is kept for more photographs.
+    pub fn rest(&self) {
+        self.spare().clear();
     }
 
     /// All light of one photograph, row by row.
@@ -123,6 +142,17 @@ impl Linearizer {
 
 fn levels(set: &FrameSet, depth: Depth) -> (f32, f32) {
     (set.black.unwrap_or(0.0) as f32, set.white.map_or(depth.full_scale(), |w| w as f32))
+}
+
+impl Drop for LinearFrame<'_> {
+    fn drop(&mut self) {
+        let mut spare = self.linearizer.spare();
+        if let Samples::U16(samples) = &mut self.raster.samples
+            && spare.len() < SPARE
+        {
+            spare.push(std::mem::take(samples));
+        }
+    }
 }
 
 impl LinearFrame<'_> {
@@ -168,11 +198,16 @@ fn integers<T: Copy + Into<u16>>(v: &[T], step: usize, frame: &LinearFrame, ligh
     if step == 1 && l.transfer == Transfer::Linear {
         // The table's own numbers, but calculated eight at a time.
         let (black, factor) = (l.black, l.factor);
-        for ((out, bad), value) in light.iter_mut().zip(bad).zip(v) {
-            let value = f32::from((*value).into());
-            *bad |= u8::from(value >= limit);
-            *out = (value - black) * factor * scale;
-        }
+        vectorised(
+            #[inline(always)]
+            || {
+                for ((out, bad), value) in light.iter_mut().zip(bad.iter_mut()).zip(v) {
+                    let value = f32::from((*value).into());
+                    *bad |= u8::from(value >= limit);
+                    *out = (value - black) * factor * scale;
+                }
+            },
+        );
         return;
     }
     let saturated = limit.ceil() as usize;

@@ -30,7 +30,10 @@ pub use folder::OutputFolder;
 pub use interpolation::catmull_rom;
 pub use listing::{photograph_in, photographs};
 pub use openexr::{ExrMap, read_exr};
-pub use picture::{MASKED, hsv, orientation_color, orientation_picture, scalar_picture, viridis, wheel};
+pub use picture::{
+    MASKED, hsv, orientation_color, orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis, wheel,
+};
+pub(crate) use read::read_into;
 pub use read::{Depth, EXTENSIONS, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, info, read};
 pub use whole::{json, write_whole, write_whole_with};
 pub use write::{

@@ -5,6 +5,7 @@ use std::f32::consts::PI;
 use rayon::prelude::*;
 
 use super::canvas::{Canvas, Rgb, text_width};
+use crate::vectors::vectorised;
 
 const PAPER: Rgb = [250, 250, 250];
 const INK: Rgb = [25, 25, 25];
@@ -12,6 +13,8 @@ const INK: Rgb = [25, 25, 25];
 pub const MASKED: Rgb = [64, 64, 64];
 /// Colours of the table for orientations: enough that none of the 1530 saturated hues is missed.
 const HUES: usize = 6120;
+/// And of that for numbers.
+const SHADES: usize = 1024;
 
 /// sRGB of hue, saturation and value, each 0 to 1; hue wraps around.
 pub fn hsv(h: f32, s: f32, v: f32) -> Rgb {
@@ -84,14 +87,27 @@ pub fn orientation_picture(
     pixel: &(dyn Fn(usize, usize) -> Option<f32> + Sync),
     title: &str,
 ) -> Canvas {
+    orientation_rows(width, height, &by_pixel(pixel), title)
+}
+
+/// The same of rows: `fill(row, values)` writes one, NaN where masked.
+pub fn orientation_rows(width: usize, height: usize, fill: &(dyn Fn(usize, &mut [f32]) + Sync), title: &str) -> Canvas {
     let legend = Legend::new(height, title, 14.0);
     let mut canvas = legend.canvas(width, height);
-    let table: Vec<Rgb> = (0..HUES).map(|i| orientation_color(PI * i as f32 / HUES as f32)).collect();
-    let color = |theta: f32| {
+    let hues = (0..HUES).map(|i| orientation_color(PI * i as f32 / HUES as f32));
+    let colors: Vec<Rgb> = hues.chain([MASKED]).collect();
+    let index = |theta: f32| {
         let turns = theta / PI;
-        table[((turns - turns.floor()) * HUES as f32).round() as usize % HUES]
+        let hue = ((turns - turns.floor()) * HUES as f32 + 0.5) as i32;
+        if !theta.is_finite() {
+            HUES as i32
+        } else if hue >= HUES as i32 {
+            0
+        } else {
+            hue
+        }
     };
-    paint(&mut canvas, width, height, &|x, y| pixel(x, y).filter(|v| v.is_finite()).map_or(MASKED, color));
+    paint(&mut canvas, [width, height], fill, &colors, index);
     let mut y = legend.title(&mut canvas, width);
     let em = legend.em;
     let radius = 0.28 * legend.width as f32;
@@ -115,12 +131,27 @@ pub fn scalar_picture(
     label: &str,
     title: &str,
 ) -> Canvas {
+    scalar_rows([width, height], &by_pixel(value), [lo, hi], label, title)
+}
+
+/// The same of rows: `fill(row, values)` writes one, NaN where masked.
+pub fn scalar_rows(
+    [width, height]: [usize; 2],
+    fill: &(dyn Fn(usize, &mut [f32]) + Sync),
+    [lo, hi]: [f32; 2],
+    label: &str,
+    title: &str,
+) -> Canvas {
     let legend = Legend::new(height, &format!("{title}\n\n{label}"), 12.0);
     let mut canvas = legend.canvas(width, height);
-    let table: Vec<Rgb> = (0..1024).map(|i| viridis(i as f32 / 1023.0)).collect();
-    let scale = if hi > lo { 1023.0 / (hi - lo) } else { 0.0 };
-    let color = |v: f32| table[(((v - lo) * scale).round().max(0.0) as usize).min(1023)];
-    paint(&mut canvas, width, height, &|x, y| value(x, y).filter(|v| !v.is_nan()).map_or(MASKED, color));
+    let table: Vec<Rgb> = (0..SHADES).map(|i| viridis(i as f32 / (SHADES - 1) as f32)).collect();
+    let scale = if hi > lo { (SHADES - 1) as f32 / (hi - lo) } else { 0.0 };
+    let colors: Vec<Rgb> = table.iter().copied().chain([MASKED]).collect();
+    let index = |v: f32| {
+        let shade = ((v - lo) * scale + 0.5).clamp(0.0, (SHADES - 1) as f32) as i32;
+        if v.is_nan() { SHADES as i32 } else { shade }
+    };
+    paint(&mut canvas, [width, height], fill, &colors, index);
     let em = legend.em;
     let top = (legend.title(&mut canvas, width) + 1.2 * em) as usize;
     let room = canvas.height as f32 - top as f32 - 3.5 * em;
@@ -130,14 +161,35 @@ pub fn scalar_picture(
     canvas
 }
 
-/// Colours the map in the left upper corner of the canvas.
-fn paint(canvas: &mut Canvas, width: usize, height: usize, color: &(dyn Fn(usize, usize) -> Rgb + Sync)) {
+fn by_pixel<'a>(
+    pixel: &'a (dyn Fn(usize, usize) -> Option<f32> + Sync),
+) -> impl Fn(usize, &mut [f32]) + Sync + use<'a> {
+    move |y, row| row.iter_mut().enumerate().for_each(|(x, value)| *value = pixel(x, y).unwrap_or(f32::NAN))
+}
+
+/// Colours the map in the left upper corner of the canvas. `index` is the place of a value's colour among `colors`.
+fn paint(
+    canvas: &mut Canvas,
+    [width, height]: [usize; 2],
+    fill: &(dyn Fn(usize, &mut [f32]) + Sync),
+    colors: &[Rgb],
+    index: impl Fn(f32) -> i32 + Sync,
+) {
     let stride = 3 * canvas.width;
-    canvas.rgb.par_chunks_exact_mut(stride).take(height).enumerate().for_each(|(y, row)| {
-        for (x, target) in row.as_chunks_mut::<3>().0[..width].iter_mut().enumerate() {
-            *target = color(x, y);
-        }
-    });
+    let rows = canvas.rgb.par_chunks_exact_mut(stride).take(height).enumerate();
+    rows.for_each_init(
+        || (vec![0.0; width], vec![0; width]),
+        |(values, places), (y, row)| {
+            fill(y, values);
+            vectorised(
+                #[inline(always)]
+                || places.iter_mut().zip(&*values).for_each(|(place, value)| *place = index(*value)),
+            );
+            for (target, place) in row.as_chunks_mut::<3>().0.iter_mut().zip(&*places) {
+                *target = colors[*place as usize];
+            }
+        },
+    );
 }
 
 /// The strip to the right of a map.

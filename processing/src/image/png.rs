@@ -12,7 +12,8 @@ pub(super) fn info(source: Source) -> Decoded<Info> {
     open(source).map(|(_, info, _)| info)
 }
 
-pub(super) fn read(source: Source) -> Decoded<Raster> {
+/// Decodes into `spare` where that is as long as the picture needs.
+pub(super) fn read(source: Source, spare: Vec<u16>) -> Decoded<Raster> {
     let (decoder, info, stored) = open(source)?;
     let bytes = usize::try_from(decoder.total_bytes()).map_err(Fault::damaged)?;
     let samples = match info.depth {
@@ -23,7 +24,7 @@ pub(super) fn read(source: Source) -> Decoded<Raster> {
         }
         _ => {
             // Decoded in place: memory that is new to the program takes time, a second buffer a twentieth of the decoding.
-            let mut buffer = zeroed::<u16>(bytes / 2)?;
+            let mut buffer = if spare.len() == bytes / 2 { spare } else { zeroed::<u16>(bytes / 2)? };
             decoder.read_image(bytemuck::cast_slice_mut(&mut buffer)).map_err(fault)?;
             Samples::U16(keep_channels(buffer, stored, info.channels))
         }

@@ -289,10 +289,15 @@ pub fn info(path: &Path) -> Result<Info> {
 /// `Error::Input` as for [`info`], and when the file is truncated, damaged or of a kind that is not read (CMYK,
 /// signed or 32-bit integers, unknown EXR channels).
 pub fn read(path: &Path) -> Result<Raster> {
+    read_into(path, vec![])
+}
+
+/// [`read`] that uses the memory of an image of the same size and depth again, where the format can.
+pub(crate) fn read_into(path: &Path, spare: Vec<u16>) -> Result<Raster> {
     let attempt = || {
         let mut source = open(path)?;
         match sniff(&mut source)? {
-            Format::Png => png::read(source),
+            Format::Png => png::read(source, spare),
             Format::Jpeg => jpeg::read(source),
             Format::Tiff => tif::read(source),
             Format::Exr => openexr::read(source),

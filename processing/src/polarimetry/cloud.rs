@@ -102,7 +102,7 @@ impl CloudPoint {
     }
 
     /// The inverse of the covariance.
-    #[inline]
+    #[inline(always)]
     pub fn weights(&self) -> [f64; 3] {
         let [a, b, c] = self.covariance;
         let determinant = a * c - b * b;

@@ -183,7 +183,7 @@ impl Correction {
         let mut straight = at;
         // What it was moved by depends on where it was.
         for _ in 0..2 {
-            let theta = self.table.locate(straight, variance).theta;
+            let theta = self.table.theta(straight, variance);
             let k = (theta * (PLACES as f32 / std::f32::consts::PI) + 0.5).rem_euclid(PLACES as f32) as usize;
             straight = back(&self.moves[k.min(PLACES - 1)]);
         }

@@ -178,7 +178,7 @@ impl Curve {
     }
 
     /// The same, given sine and cosine of 2θ.
-    #[inline]
+    #[inline(always)]
     pub(super) fn at_turn(&self, (s, c): (f64, f64)) -> ([f64; 2], [f64; 2]) {
         let (s2, c2) = (2.0 * s * c, c * c - s * s);
         let value = |k: &[f64; 5]| k[0] + k[1] * c + k[2] * s + k[3] * c2 + k[4] * s2;

@@ -3,12 +3,20 @@
 
 use super::cloud::CloudPoint;
 use super::curve::Curve;
+use super::normal::{Lanes, Normal};
+use crate::vectors::vectorised;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Places along the curve among which the nearest one is looked for, before it is refined.
 const NODES: usize = 128;
+
+/// Points that are looked at side by side.
+pub(super) const SIDE_BY_SIDE: usize = 8;
+
+/// Points that one thread looks at in a go.
+const TOGETHER: usize = 512;
 
 /// Distances beyond so many standard deviations count less and less.
 pub const CAUCHY: f64 = 3.0;
@@ -50,7 +58,7 @@ pub struct Foot {
     /// Orientation in rad.
     pub theta: f64,
     /// Sine and cosine of twice that.
-    turn: (f64, f64),
+    pub(super) turn: (f64, f64),
     /// Signed distance in standard deviations.
     pub distance: f64,
     /// What moving the curve by (1, 0) and (0, 1) takes from the distance.
@@ -69,7 +77,7 @@ pub struct Path {
 }
 
 /// Sine and cosine of an angle increased by a small one (rad): to 1e-13 up to 0.05.
-#[inline]
+#[inline(always)]
 fn turned((s, c): (f64, f64), by: f64) -> (f64, f64) {
     let square = by * by;
     let sin = by * (1.0 - square / 6.0 * (1.0 - square / 20.0));
@@ -90,25 +98,125 @@ impl Path {
         Self { curve, nodes, turns }
     }
 
+    #[inline(always)]
     fn nearest_node(&self, at: [f64; 2], weights: [f64; 3]) -> usize {
         // Relative weights, so that none is too large for single precision.
         let unit = 1.0 / (weights[0] + weights[2]);
         let ([a, b, c], [px, py]) = (weights.map(|w| (w * unit) as f32), at.map(|v| v as f32));
+        let twice = 2.0 * b;
         let mut distances = [0.0_f32; NODES];
         for (d, (nx, ny)) in distances.iter_mut().zip(self.nodes[0].iter().zip(&self.nodes[1])) {
             let (x, y) = (px - nx, py - ny);
-            *d = a * x * x + 2.0 * b * x * y + c * y * y;
+            *d = a * x * x + twice * x * y + c * y * y;
         }
-        let least = distances.iter().copied().fold(f32::INFINITY, f32::min);
-        distances.iter().position(|d| *d <= least).unwrap_or(0)
+        // Minima side by side, which the compiler makes a vector of.
+        let groups = distances.as_chunks::<SIDE_BY_SIDE>().0;
+        let mut minima = [f32::INFINITY; SIDE_BY_SIDE];
+        for group in groups {
+            minima.iter_mut().zip(group).for_each(|(least, d)| *least = if *d < *least { *d } else { *least });
+        }
+        let least = minima.iter().fold(f32::INFINITY, |least, d| if *d < least { *d } else { least });
+        for (k, group) in groups.iter().enumerate() {
+            if group.iter().fold(false, |any, d| any | (*d <= least)) {
+                return SIDE_BY_SIDE * k + group.iter().position(|d| *d <= least).unwrap_or(0);
+            }
+        }
+        0
     }
 
-    /// The place of the curve that is nearest to a point, in the metric of its noise.
+    /// The places of the curve that are nearest to points, in the metric of their noise.
+    pub fn feet(&self, points: &[CloudPoint]) -> Vec<Foot> {
+        let mut feet = Vec::with_capacity(points.len());
+        let (groups, rest) = points.as_chunks();
+        vectorised(
+            #[inline(always)]
+            || {
+                for group in groups {
+                    feet.extend_from_slice(&self.places::<SIDE_BY_SIDE>(group));
+                }
+                for point in rest {
+                    feet.push(self.foot(point));
+                }
+            },
+        );
+        feet
+    }
+
+    /// The same of one.
     pub fn foot(&self, point: &CloudPoint) -> Foot {
-        let [a, b, c] = point.weights();
-        let nearest = self.nearest_node(point.at, [a, b, c]);
+        let [foot] = self.places(&[*point]);
+        foot
+    }
+
+    /// The same of a few side by side, which the compiler makes vectors of.
+    #[inline(always)]
+    fn places<const N: usize>(&self, points: &[CloudPoint; N]) -> [Foot; N] {
         let step = PI / NODES as f64;
-        let (mut theta, mut turn) = (step * nearest as f64, self.turns[nearest]);
+        let [px, py] = [0, 1].map(|k| points.each_ref().map(|p| p.at[k]));
+        let weights = points.each_ref().map(|p| p.weights());
+        let [a, b, c] = [0, 1, 2].map(|k| weights.map(|w| w[k]));
+        let [va, vb, vc] = [0, 1, 2].map(|k| points.each_ref().map(|p| p.covariance[k]));
+        let (mut theta, mut sin, mut cos) = ([0.0; N], [0.0; N], [0.0; N]);
+        for i in 0..N {
+            let nearest = self.nearest_node([px[i], py[i]], weights[i]);
+            theta[i] = step * nearest as f64;
+            (sin[i], cos[i]) = self.turns[nearest];
+        }
+        for _ in 0..3 {
+            for i in 0..N {
+                let (q, t) = self.curve.at_turn((sin[i], cos[i]));
+                let (x, y) = (px[i] - q[0], py[i] - q[1]);
+                let (wx, wy) = (a[i] * t[0] + b[i] * t[1], b[i] * t[0] + c[i] * t[1]);
+                let speed = wx * t[0] + wy * t[1];
+                let on = ((wx * x + wy * y) / speed).clamp(-step, step);
+                let on = if speed > 0.0 { on } else { 0.0 };
+                theta[i] += on;
+                (sin[i], cos[i]) = turned((sin[i], cos[i]), 2.0 * on);
+            }
+        }
+        let (mut distance, mut gx, mut gy) = ([0.0; N], [0.0; N], [0.0; N]);
+        for i in 0..N {
+            let (q, t) = self.curve.at_turn((sin[i], cos[i]));
+            let (nx, ny) = (-t[1], t[0]);
+            let scale = (va[i] * nx * nx + 2.0 * vb[i] * nx * ny + vc[i] * ny * ny).sqrt().max(f64::MIN_POSITIVE);
+            (gx[i], gy[i]) = (nx / scale, ny / scale);
+            distance[i] = gx[i] * (px[i] - q[0]) + gy[i] * (py[i] - q[1]);
+        }
+        std::array::from_fn(|i| {
+            let (turn, gradient) = ((sin[i], cos[i]), [gx[i], gy[i]]);
+            let foot = Foot { theta: theta[i], turn, distance: distance[i], gradient, mirror: false };
+            let beside = self.curve.mirror.and_then(|at| mirror(&points[i], at, &foot));
+            beside.filter(|m| m.distance < foot.distance.abs()).unwrap_or(foot)
+        })
+    }
+
+    /// The places that are nearer to a point than all around them, of those that are farther than the nearest one by no more
+    /// than so many standard deviations.
+    pub(super) fn feet_within(&self, point: &CloudPoint, farther: f64) -> Vec<Foot> {
+        let [a, b, c] = point.weights();
+        let distance = |k: usize| {
+            let (x, y) = (point.at[0] - f64::from(self.nodes[0][k]), point.at[1] - f64::from(self.nodes[1][k]));
+            (a * x * x + 2.0 * b * x * y + c * y * y).sqrt()
+        };
+        let distances: [f64; NODES] = std::array::from_fn(distance);
+        let between = |j: usize, k: usize| {
+            let [x, y] = [0, 1].map(|i| f64::from(self.nodes[i][j]) - f64::from(self.nodes[i][k]));
+            (a * x * x + 2.0 * b * x * y + c * y * y).sqrt()
+        };
+        let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
+        let near = |k: &usize| {
+            let (before, after) = ((k + NODES - 1) % NODES, (k + 1) % NODES);
+            let is_least = distances[*k] <= distances[before] && distances[*k] < distances[after];
+            is_least && distances[*k] - between(*k, before).max(between(*k, after)) < least + farther
+        };
+        (0..NODES).filter(near).map(|k| self.foot_near(point, k)).collect()
+    }
+
+    /// The nearest place near a node.
+    fn foot_near(&self, point: &CloudPoint, node: usize) -> Foot {
+        let [a, b, c] = point.weights();
+        let step = PI / NODES as f64;
+        let (mut theta, mut turn) = (step * node as f64, self.turns[node]);
         for _ in 0..3 {
             let (q, t) = self.curve.at_turn(turn);
             let (x, y) = (point.at[0] - q[0], point.at[1] - q[1]);
@@ -126,12 +234,7 @@ impl Path {
         let scale = (va * nx * nx + 2.0 * vb * nx * ny + vc * ny * ny).sqrt().max(f64::MIN_POSITIVE);
         let gradient = [nx / scale, ny / scale];
         let distance = gradient[0] * (point.at[0] - q[0]) + gradient[1] * (point.at[1] - q[1]);
-        let foot = Foot { theta, turn, distance, gradient, mirror: false };
-        self.curve
-            .mirror
-            .and_then(|at| mirror(point, at, &foot))
-            .filter(|m| m.distance < distance.abs())
-            .unwrap_or(foot)
+        Foot { theta, turn, distance, gradient, mirror: false }
     }
 }
 
@@ -203,7 +306,13 @@ impl Family<'_> {
     /// Robust cost with distances in units of `scale` standard deviations.
     fn cost(&self, feet: &[Foot], at: &[f64], scale: f64) -> f64 {
         let limit = (CAUCHY * scale).powi(2);
-        let misfit: f64 = feet.iter().map(|f| limit * (1.0 + f.distance * f.distance / limit).ln()).sum();
+        // The logarithm of a product, which takes as long as that of one number.
+        let of = |feet: &[Foot]| feet.iter().map(|f| 1.0 + f.distance * f.distance / limit).product::<f64>();
+        let one = |f: &Foot| (1.0 + f.distance * f.distance / limit).ln();
+        let few = |feet: &[Foot]| {
+            Some(of(feet)).filter(|p| p.is_finite()).map_or_else(|| feet.iter().map(one).sum(), f64::ln)
+        };
+        let misfit = limit * feet.chunks(8).map(few).sum::<f64>();
         misfit / (scale * scale) + self.prior(at)
     }
 
@@ -220,30 +329,22 @@ impl Family<'_> {
         let mut matrix = DMatrix::from_diagonal(&DVector::from_iterator(n, self.expected.iter().map(|e| e.powi(-2))));
         let mut right = DVector::from_iterator(n, at.iter().zip(self.expected).map(|(a, e)| -a / (e * e)));
         let of_block = |feet: &[Foot]| {
-            let (mut matrix, mut right, mut row) = (DMatrix::zeros(n, n), DVector::zeros(n), vec![0.0; n]);
-            for foot in feet {
-                let place =
-                    |curve: &Curve| curve.mirror.filter(|_| foot.mirror).unwrap_or_else(|| curve.at_turn(foot.turn).0);
-                let q = place(&middle);
-                for (entry, (curve, step)) in row.iter_mut().zip(&moved) {
-                    let p = place(curve);
-                    *entry = (foot.gradient[0] * (p[0] - q[0]) + foot.gradient[1] * (p[1] - q[1])) / step;
-                }
-                let weight = 1.0 / (1.0 + (foot.distance / (CAUCHY * scale)).powi(2)) / (scale * scale);
-                for i in 0..n {
-                    for j in 0..=i {
-                        matrix[(i, j)] += weight * row[i] * row[j];
-                    }
-                    right[i] += weight * row[i] * foot.distance;
-                }
-            }
-            (matrix, right)
+            let mut sums = Normal::default();
+            vectorised(
+                #[inline(always)]
+                || feet.chunks(SIDE_BY_SIDE).for_each(|feet| sums.add(&Lanes::new(feet, scale), &middle, &moved)),
+            );
+            sums
         };
         // Blocks of fixed size, added in order: the result does not depend on timing.
-        let blocks: Vec<(DMatrix<f64>, DVector<f64>)> = feet.par_chunks(2048).map(of_block).collect();
-        for (m, r) in blocks {
-            matrix += m;
-            right += r;
+        let blocks: Vec<_> = feet.par_chunks(2048).map(of_block).collect();
+        for block in blocks {
+            for i in 0..n {
+                right[i] += block.right[i].iter().sum::<f64>();
+                for j in 0..=i {
+                    matrix[(i, j)] += block.matrix[i][j].iter().sum::<f64>();
+                }
+            }
         }
         for i in 0..n {
             for j in i + 1..n {
@@ -263,6 +364,21 @@ impl Family<'_> {
                 ((self.curve)(&moved), STEP)
             })
             .collect()
+    }
+
+    /// What points whose variance is `widened` times their noise tell of the parameters: ln of how much smaller the volume is that
+    /// is left than that of what was expected (Laplace's factor, as -2 ln). Where nothing is expected, parameters are angles of
+    /// half a turn.
+    pub fn told(&self, fitted: &Fitted, widened: f64) -> f64 {
+        let size = |e: &f64| if e.is_finite() { *e } else { PI / 12f64.sqrt() };
+        let sizes: Vec<f64> = self.expected.iter().map(size).collect();
+        let n = sizes.len();
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            let expected = if i == j { self.expected[i].powi(-2) } else { 0.0 };
+            let told = (fitted.information[(i, j)] - expected) / widened * sizes[i] * sizes[j];
+            told + if i == j { 1.0 } else { 0.0 }
+        });
+        scaled.symmetric_eigen().eigenvalues.iter().map(|v| v.max(1.0).ln()).sum()
     }
 
     /// Root mean square error of the orientations of `points` in rad that the uncertainty of the parameters causes,
@@ -305,9 +421,13 @@ impl Family<'_> {
     }
 }
 
-fn feet(points: &[CloudPoint], curve: Curve) -> Vec<Foot> {
+/// The places of a curve that are nearest to points.
+pub fn feet(points: &[CloudPoint], curve: Curve) -> Vec<Foot> {
     let path = Path::new(curve);
-    points.par_iter().with_min_len(256).map(|point| path.foot(point)).collect()
+    if points.len() <= TOGETHER {
+        return path.feet(points);
+    }
+    points.par_chunks(TOGETHER).flat_map_iter(|points| path.feet(points)).collect()
 }
 
 /// Typical distance in standard deviations, at least 1.

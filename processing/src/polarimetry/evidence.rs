@@ -6,8 +6,7 @@
 
 use super::cloud::CloudPoint;
 use super::curve::Curve;
-use super::curve_fit::{CAUCHY, Foot, Path, scale_of};
-use rayon::prelude::*;
+use super::curve_fit::{CAUCHY, Foot, Path, feet, scale_of};
 use std::f64::consts::{PI, TAU};
 
 /// Stretches of the curve whose lengths are added up.
@@ -22,8 +21,7 @@ pub fn misfit(points: &[CloudPoint], curve: &Curve) -> f64 {
 
 /// The same point by point.
 pub fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
-    let path = Path::new(*curve);
-    let feet: Vec<Foot> = points.par_iter().with_min_len(512).map(|p| path.foot(p)).collect();
+    let feet = feet(points, *curve);
     let limit = CAUCHY * CAUCHY;
     // How many are mirrors is one more parameter, fitted.
     let mirrors = feet.iter().filter(|f| f.mirror).count() as f64 / feet.len().max(1) as f64;
@@ -50,8 +48,7 @@ pub fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
 
 /// The same for a curve that is far from fitted, with as much more noise as explains the distances.
 pub fn screening(points: &[CloudPoint], curve: &Curve) -> f64 {
-    let path = Path::new(*curve);
-    let feet: Vec<Foot> = points.iter().map(|p| path.foot(p)).collect();
+    let feet = Path::new(*curve).feet(points);
     let scale = scale_of(&feet);
     let crowding: f64 = crowding(points, &feet, curve, scale).iter().map(|c| c.1).sum();
     2.0 * (points.len() as f64 * scale.ln() + crowding)

@@ -20,6 +20,7 @@
 
 mod aligned;
 mod angle_error;
+mod arcs;
 #[cfg(test)]
 mod bracket_tests;
 mod check;
@@ -29,9 +30,12 @@ mod choose_tests;
 mod cloud;
 mod compare;
 mod correction;
+mod count;
 mod curve;
 mod curve_fit;
 mod design;
+mod disk;
+mod edges;
 mod errors;
 #[cfg(test)]
 mod errors_tests;
@@ -41,8 +45,10 @@ mod jones;
 mod locate;
 mod look;
 mod merge;
+mod mixture;
 mod models;
 mod noise;
+mod normal;
 mod oblique;
 mod orient;
 mod output;

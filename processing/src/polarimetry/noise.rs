@@ -83,9 +83,15 @@ impl<'a> Covariance<'a> {
     #[inline]
     fn all(&self, i: usize, [a, c, s]: [f32; 3]) -> [f32; 6] {
         match self {
-            Self::Alike(coefficients) => coefficients.map(|k| k[0] + k[1] * a + k[2] * c + k[3] * s),
+            Self::Alike(coefficients) => Self::linear(coefficients, [a, c, s]),
             Self::Each(own) => own[i],
         }
+    }
+
+    /// The same of alike pixels, given [`Self::Alike`].
+    #[inline(always)]
+    pub(super) fn linear(coefficients: &[[f32; 4]; 6], [a, c, s]: [f32; 3]) -> [f32; 6] {
+        coefficients.map(|k| k[0] + k[1] * a + k[2] * c + k[3] * s)
     }
 
     /// `[var C, cov(C, S), var S]` at pixel `i`.
@@ -103,8 +109,13 @@ impl<'a> Covariance<'a> {
 
     /// `[var C/A, cov(C/A, S/A), var S/A]` at pixel `i`, to first order.
     #[inline]
-    pub(super) fn of_ratios(&self, i: usize, [a, c, s]: [f32; 3]) -> [f32; 3] {
-        let [aa, ac, as_, cc, cs, ss] = self.all(i, [a, c, s]);
+    pub(super) fn of_ratios(&self, i: usize, fitted: [f32; 3]) -> [f32; 3] {
+        Self::ratios(self.all(i, fitted), fitted)
+    }
+
+    /// The same from AA, AC, AS, CC, CS and SS.
+    #[inline(always)]
+    pub(super) fn ratios([aa, ac, as_, cc, cs, ss]: [f32; 6], [a, c, s]: [f32; 3]) -> [f32; 3] {
         let (x, y, per) = (c / a, s / a, 1.0 / (a * a));
         [
             (cc - 2.0 * x * ac + x * x * aa) * per,

@@ -1,7 +1,9 @@
 //! The `sinusoid` model: the fitted phase is the orientation, with its uncertainty and a mask.
 
+use super::arcs::{atan2, folded};
 use super::noise::{Covariance, chi_square_quantile};
 use super::{Design, FrameNoise, StokesMaps};
+use crate::vectors::vectorised;
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -21,7 +23,8 @@ pub struct OrientationMaps {
     pub height: usize,
     /// Orientation in `[0, π)` rad, up to one offset common to all pixels (a gauge: 2018 paper, section 5.3).
     pub orientation: Vec<f32>,
-    /// Standard deviation of the orientation in rad, from noise. Not masked, so that one sees why a pixel is.
+    /// Standard deviation of the orientation in rad: of noise, and in what is written of the model and of edges as well. Not
+    /// masked, so that one sees why a pixel is.
     pub sigma: Vec<f32>,
 }
 
@@ -33,29 +36,65 @@ pub struct OrientationMaps {
 ///
 /// Consumes the residual map: σ takes its place in memory.
 pub fn orient(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], offset: f64) -> OrientationMaps {
-    let mut sigma = std::mem::take(&mut maps.residual);
+    let residual = std::mem::take(&mut maps.residual);
+    phases(maps, residual, design, noise, offset)
+}
+
+/// The same while others read the maps.
+pub(super) fn phases(
+    maps: &StokesMaps,
+    residual: Vec<f32>,
+    design: &Design,
+    noise: &[FrameNoise],
+    offset: f64,
+) -> OrientationMaps {
+    let mut sigma = residual;
     let covariance = Covariance::new(design, noise, &maps.covariance);
     let misfit = Misfit::new(design, noise, maps);
+    let offset = fold(offset as f32);
     let mut orientation = vec![0.0_f32; maps.s0.len()];
     const BLOCK: usize = 4096;
     orientation.par_chunks_mut(BLOCK).zip(sigma.par_chunks_mut(BLOCK)).enumerate().for_each(
         |(block, (theta, sigma))| {
-            let start = block * BLOCK;
-            for i in 0..theta.len() {
-                let p = start + i;
-                let (a, c, s) = (0.5 * maps.s0[p], 0.5 * maps.s1[p], 0.5 * maps.s2[p]);
-                let [vc, vcs, vs] = covariance.at(p, [a, c, s]);
-                let modulation = c * c + s * s;
-                let across = ((s * s * vc - 2.0 * s * c * vcs + c * c * vs) / modulation).max(0.0);
-                let widened = (across * misfit.factor(a, sigma[i])).sqrt();
-                let snr = modulation.sqrt() / widened;
-                sigma[i] = (0.5 / snr).min(FRAC_PI_2);
-                let carries = snr >= MASK_SNR && a > 0.0;
-                theta[i] = if carries { fold(0.5 * s.atan2(c) + offset as f32) } else { f32::NAN };
-            }
+            let first = block * BLOCK;
+            let fitted = [&maps.s0, &maps.s1, &maps.s2].map(|plane| &plane[first..][..theta.len()]);
+            vectorised(
+                #[inline(always)]
+                || match &covariance {
+                    Covariance::Alike(all) => {
+                        phases_of(fitted, theta, sigma, &misfit, offset, |_, fitted| Covariance::linear(all, fitted));
+                    }
+                    Covariance::Each(own) => phases_of(fitted, theta, sigma, &misfit, offset, |i, _| own[first + i]),
+                },
+            );
         },
     );
     OrientationMaps { width: maps.width, height: maps.height, orientation, sigma }
+}
+
+/// Orientations and σ of a run of pixels; `sigma` holds residuals to begin with.
+#[inline(always)]
+fn phases_of(
+    [s0, s1, s2]: [&[f32]; 3],
+    theta: &mut [f32],
+    sigma: &mut [f32],
+    misfit: &Misfit,
+    offset: f32,
+    covariance: impl Fn(usize, [f32; 3]) -> [f32; 6],
+) {
+    let count = theta.len();
+    let (s0, s1, s2, sigma) = (&s0[..count], &s1[..count], &s2[..count], &mut sigma[..count]);
+    for i in 0..count {
+        let fitted @ [a, c, s] = [0.5 * s0[i], 0.5 * s1[i], 0.5 * s2[i]];
+        let [_, _, _, vc, vcs, vs] = covariance(i, fitted);
+        let modulation = c * c + s * s;
+        let across = ((s * s * vc - 2.0 * s * c * vcs + c * c * vs) / modulation).max(0.0);
+        let widened = (across * misfit.factor(a, sigma[i])).sqrt();
+        let snr = modulation.sqrt() / widened;
+        sigma[i] = (0.5 / snr).min(FRAC_PI_2);
+        let carries = (snr >= MASK_SNR) & (a > 0.0);
+        theta[i] = if carries { folded(0.5 * atan2(s, c) + offset) } else { f32::NAN };
+    }
 }
 
 /// Widens the variance of pixels whose residual the noise cannot explain.
@@ -77,7 +116,7 @@ impl Misfit {
         Self { freedom: freedom.max(1) as f32, limit, shot, floor }
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn factor(&self, a: f32, residual: f32) -> f32 {
         let chi_square = residual / (self.shot * a + self.floor).max(f32::MIN_POSITIVE);
         if chi_square > self.limit { chi_square / self.freedom } else { 1.0 }

@@ -1,10 +1,16 @@
 //! Maps and pictures of a result folder.
 
+use super::arcs::{atan2, folded};
+use super::disk::Disk;
 use super::{Options, OrientationMaps, PeriodMaps, PeriodMethod, Smoothing, StokesMaps, smoothed_orientation};
 use crate::Result;
 use crate::frames::LoadedFrames;
-use crate::image::{Attribute, Canvas, OutputFolder, orientation_picture, scalar_picture, write_exr};
+use crate::image::{Attribute, OutputFolder, orientation_rows, scalar_picture, scalar_rows, write_exr};
 use crate::progress::Progress;
+use crate::vectors::vectorised;
+
+/// Most pixels along a picture of σ or of the degree of polarization.
+const WIDEST: usize = 2048;
 
 /// Writes into a result folder.
 pub(super) struct Writer<'a> {
@@ -15,19 +21,33 @@ pub(super) struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    /// Writes `stokes.exr`, `aolp.exr`, `orientation.exr`, `smoothed.exr` and the pictures.
+    /// Writes what hangs on the maps alone: `stokes.exr` and `aolp.exr`.
+    pub fn light(&self, maps: &StokesMaps) -> Result<()> {
+        let (width, size) = (maps.width, [maps.width, maps.height]);
+        let units = self.attributes(width, "linear value / (exposure s * gain)");
+        self.exr("stokes.exr", size, &["S0", "S1", "S2"], &units, &|c, y, row| {
+            copy([&maps.s0, &maps.s1, &maps.s2][c], y, row);
+        })?;
+        self.progress.step();
+        let units = self.attributes(width, "aolp: rad; dolp: 0 to 1");
+        self.exr("aolp.exr", size, &["aolp", "dolp"], &units, &|c, y, row| {
+            let first = y * width;
+            if c == 0 { aolp(&maps.s1[first..], &maps.s2[first..], row) } else { dolp(maps, first, 1, row) }
+        })?;
+        self.progress.step();
+        Ok(())
+    }
+
+    /// Writes `orientation.exr`, `smoothed.exr` and the pictures.
     ///
-    /// Pictures are compressed on one thread while maps, which are not, are written and synced by another. No two pictures are in
-    /// memory at a time.
-    pub fn maps(&self, maps: StokesMaps, map: &OrientationMaps) -> Result<()> {
-        self.progress.stage("writing maps", 5);
+    /// Pictures are compressed while maps, which are not, are written and synced by `disk`.
+    pub fn maps(&self, maps: StokesMaps, map: &OrientationMaps, disk: &Disk) -> Result<()> {
         let smooths = !self.options.smooth_maps && self.options.smooth != Smoothing::NONE;
-        let numbers = || self.light(&maps).and_then(|()| self.orientation(&maps, map));
         let pictures = || {
             self.scalars(&maps, map)?;
             if smooths { Ok(()) } else { self.picture(map) }
         };
-        let (numbers, pictures) = rayon::join(numbers, pictures);
+        let (numbers, pictures) = disk.beside(|| self.orientation(&maps, map), pictures);
         numbers.and(pictures)?;
         // Smoothing takes memory.
         drop(maps);
@@ -83,24 +103,6 @@ impl Writer<'_> {
         self.progress.check()
     }
 
-    fn light(&self, maps: &StokesMaps) -> Result<()> {
-        let (width, size) = (maps.width, [maps.width, maps.height]);
-        let units = self.attributes(width, "linear value / (exposure s * gain)");
-        self.exr("stokes.exr", size, &["S0", "S1", "S2"], &units, &|c, y, row| {
-            copy([&maps.s0, &maps.s1, &maps.s2][c], y, row);
-        })?;
-        self.progress.step();
-        let units = self.attributes(width, "aolp: rad; dolp: 0 to 1");
-        self.exr("aolp.exr", size, &["aolp", "dolp"], &units, &|c, y, row| {
-            for (x, out) in row.iter_mut().enumerate() {
-                let i = y * width + x;
-                *out = if c == 0 { aolp(maps, i) } else { dolp(maps, i) };
-            }
-        })?;
-        self.progress.step();
-        Ok(())
-    }
-
     fn orientation(&self, maps: &StokesMaps, map: &OrientationMaps) -> Result<()> {
         let units = "orientation, sigma: rad; mask: 1 measured, 0 masked; correlation: 0 to 1";
         let mut attributes = self.attributes(maps.width, units);
@@ -118,20 +120,36 @@ impl Writer<'_> {
     }
 
     fn scalars(&self, maps: &StokesMaps, map: &OrientationMaps) -> Result<()> {
-        let (width, height) = (maps.width, maps.height);
         // Up to the mask's limit of 1/8 rad, on a scale that the bulk of the pixels fills.
-        let sigma = |x: usize, y: usize| {
-            let i = y * width + x;
-            map.orientation[i].is_finite().then(|| map.sigma[i].to_degrees())
-        };
-        let top = top_of_scale(width, height, &sigma);
-        let save = |picture: Canvas, name: &str| picture.save_png(&self.folder.path(name));
-        save(scalar_picture(width, height, &sigma, 0.0, top, "σ (°)", "Uncertainty"), "sigma.png")?;
-        self.progress.step();
-        self.progress.check()?;
-        let dolp = |x: usize, y: usize| Some(dolp(maps, y * width + x)).filter(|d| d.is_finite());
-        let top = top_of_scale(width, height, &dolp).min(1.0);
-        save(scalar_picture(width, height, &dolp, 0.0, top, "DoLP", "Degree of linear polarization"), "dolp.png")?;
+        self.scalar("sigma.png", "σ (°)", "Uncertainty", f32::INFINITY, maps, &|first, step, row| {
+            let pixels = map.orientation[first..].iter().zip(&map.sigma[first..]).step_by(step);
+            for (out, (theta, sigma)) in row.iter_mut().zip(pixels) {
+                *out = if theta.is_finite() { sigma.to_degrees() } else { f32::NAN };
+            }
+        })?;
+        let title = "Degree of linear polarization";
+        self.scalar("dolp.png", "DoLP", title, 1.0, maps, &|first, step, row| dolp(maps, first, step, row))
+    }
+
+    /// A picture that the eye takes in at once: of large maps every second pixel, or third, ... is shown.
+    /// `fill(first, step, values)` writes those of every `step`-th pixel from `first` on.
+    fn scalar(
+        &self,
+        name: &str,
+        label: &str,
+        title: &str,
+        highest: f32,
+        maps: &StokesMaps,
+        fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
+    ) -> Result<()> {
+        let (width, height) = (maps.width, maps.height);
+        let step = width.max(height).div_ceil(WIDEST);
+        let mut some = vec![0.0; (width * height).min(10_000)];
+        fill(0, (width * height / 10_000).max(1), &mut some);
+        let top = top_of_scale(some).min(highest);
+        let size = [width.div_ceil(step), height.div_ceil(step)];
+        let row = |y: usize, row: &mut [f32]| fill(y * step * width, step, row);
+        scalar_rows(size, &row, [0.0, top], label, title).save_png(&self.folder.path(name))?;
         self.progress.step();
         self.progress.check()
     }
@@ -156,8 +174,7 @@ impl Writer<'_> {
             smooth => format!("Orientation\nsmoothed: {smooth}"),
         };
         let shown = smoothed.as_ref().unwrap_or(&map.orientation);
-        let orientation = |x: usize, y: usize| Some(shown[y * width + x]).filter(|t| t.is_finite());
-        let picture = orientation_picture(width, height, &orientation, &title);
+        let picture = orientation_rows(width, height, &|y, row| copy(shown, y, row), &title);
         picture.save_png(&self.folder.path("orientation.png"))?;
         self.progress.check()
     }
@@ -185,28 +202,47 @@ fn scale_of(plane: &[f32]) -> [f32; 2] {
     if high - low > least { [low, high] } else { [low - least, high + least] }
 }
 
-/// The 98th percentile of about 10,000 pixels, rounded up to 1, 2 or 5 in its last digit.
-fn top_of_scale(width: usize, height: usize, value: &dyn Fn(usize, usize) -> Option<f32>) -> f32 {
-    let stride = (width * height / 10_000).max(1);
-    let mut values: Vec<f32> =
-        (0..width * height).step_by(stride).filter_map(|i| value(i % width, i / width)).collect();
+/// The 98th percentile, rounded up to 1, 2 or 5 in its last digit.
+fn top_of_scale(mut values: Vec<f32>) -> f32 {
+    values.retain(|v| v.is_finite());
     values.sort_by(f32::total_cmp);
     let top = values.get(values.len() * 98 / 100).copied().unwrap_or(1.0).max(1e-6);
     let digit = 10_f32.powf(top.log10().floor());
     [1.0, 2.0, 5.0, 10.0].map(|k| k * digit).into_iter().find(|&t| t >= top).unwrap_or(top)
 }
 
-fn aolp(maps: &StokesMaps, i: usize) -> f32 {
-    let angle = (0.5 * maps.s2[i].atan2(maps.s1[i])).rem_euclid(std::f32::consts::PI);
-    if angle >= std::f32::consts::PI { 0.0 } else { angle }
+/// Angles of linear polarization from 0 to π.
+fn aolp(s1: &[f32], s2: &[f32], row: &mut [f32]) {
+    vectorised(
+        #[inline(always)]
+        || {
+            for (out, (s1, s2)) in row.iter_mut().zip(s1.iter().zip(s2)) {
+                *out = folded(0.5 * atan2(*s2, *s1));
+            }
+        },
+    );
 }
 
-fn dolp(maps: &StokesMaps, i: usize) -> f32 {
-    if maps.s0[i] > 0.0 {
-        maps.s1[i].hypot(maps.s2[i]) / maps.s0[i]
-    } else if maps.s0[i].is_nan() {
-        f32::NAN
-    } else {
-        0.0
+/// Degrees of linear polarization of every `step`-th pixel from `first` on.
+fn dolp(maps: &StokesMaps, first: usize, step: usize, row: &mut [f32]) {
+    let of = |s0: f32, s1: f32, s2: f32| {
+        let (x, y) = (s1 / s0, s2 / s0);
+        let degree = (x * x + y * y).sqrt();
+        if s0 <= 0.0 { 0.0 } else { degree }
+    };
+    let [s0, s1, s2] = [&maps.s0, &maps.s1, &maps.s2].map(|plane| &plane[first..]);
+    if step > 1 {
+        for (i, out) in row.iter_mut().enumerate().map(|(i, out)| (i * step, out)) {
+            *out = of(s0[i], s1[i], s2[i]);
+        }
+        return;
     }
+    vectorised(
+        #[inline(always)]
+        || {
+            for (out, ((s0, s1), s2)) in row.iter_mut().zip(s0.iter().zip(s1).zip(s2)) {
+                *out = of(*s0, *s1, *s2);
+            }
+        },
+    );
 }

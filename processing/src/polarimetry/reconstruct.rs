@@ -4,8 +4,10 @@ use super::aligned::smoothed_noise;
 use super::choose::Choice;
 use super::cloud::cloud;
 use super::correction::{Corrected, Stand, choose_corrected};
-use super::locate::locate;
+use super::edges::widen_at_edges;
+use super::locate::{Lens, locate};
 use super::merge::Merge;
+use super::orient::phases;
 use super::repeats::{calibrate, pairs};
 use super::report::{Pixels, Report};
 use super::running::noise_of_bracket;
@@ -14,12 +16,13 @@ use super::views::View;
 use super::weighted::{scale_variances, variance_factor};
 use super::{
     Align, CircleCheck, Design, FrameNoise, MASK_SNR, Material, Model, NoiseSource, Oblique, ObliqueReport,
-    OrientationMaps, PeriodMethod, Running, Smoothing, StokesMaps, check_circle, estimate_noise, orient,
+    OrientationMaps, PeriodMethod, Running, Smoothing, StokesMaps, check_circle, estimate_noise,
 };
 use crate::frames::{Linearizer, LoadedFrames, load};
 use crate::image::OutputFolder;
 use crate::progress::Progress;
 use crate::{Error, Result};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// What the user may choose.
@@ -90,6 +93,15 @@ pub(super) struct Solved {
     pub oblique: Option<ObliqueReport>,
 }
 
+impl Solved {
+    /// σ of noise becomes that of noise, of the model and of what the lens mixes at edges.
+    pub fn tell_systematic(&mut self) {
+        let systematic = self.choice.as_ref().map_or(0.0, |c| c.systematic) as f32;
+        self.map.sigma.par_iter_mut().for_each(|s| *s = s.hypot(systematic).min(std::f32::consts::FRAC_PI_2));
+        widen_at_edges(&mut self.map);
+    }
+}
+
 /// What is asked of a solution.
 pub(super) struct Asked {
     pub model: Model,
@@ -131,16 +143,30 @@ pub(crate) fn orient_with(
     model: Model,
     pixels: usize,
 ) -> OrientationMaps {
-    solve_model(maps, design, noise, &Asked { pixels, ..Asked::of(model) }).map
+    let mut solved = solve_model(maps, design, noise, &Asked { pixels, ..Asked::of(model) });
+    solved.tell_systematic();
+    solved.map
 }
 
-/// From intensities to orientations.
+/// From intensities to orientations. Consumes the residual map: σ takes its place in memory.
 pub(super) fn solve_model(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> Solved {
+    let residual = std::mem::take(&mut maps.residual);
+    solve_with(maps, residual, design, noise, asked)
+}
+
+/// The same while others read the maps.
+pub(super) fn solve_with(
+    maps: &StokesMaps,
+    residual: Vec<f32>,
+    design: &Design,
+    noise: &[FrameNoise],
+    asked: &Asked,
+) -> Solved {
     let mut points = cloud(maps, design, noise, asked.pixels);
     points.retain(|p| p.snr >= f64::from(MASK_SNR));
     let count = points.len();
     let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked.model, asked.stand) else {
-        let map = orient(maps, design, noise, asked.offset);
+        let map = phases(maps, residual, design, noise, asked.offset);
         return Solved {
             circle: check_circle(maps, &map),
             map,
@@ -151,7 +177,8 @@ pub(super) fn solve_model(maps: &mut StokesMaps, design: &Design, noise: &[Frame
         };
     };
     let chosen = &choice.candidates[choice.chosen];
-    let (map, without_grating) = locate(maps, design, noise, chosen, correction.as_ref(), asked.offset);
+    let lens = Lens { design, noise, model: chosen, correction: correction.as_ref(), offset: asked.offset };
+    let (map, without_grating) = locate(maps, residual, &lens);
     // The check looks at the points as they are.
     let circle = if correction.is_none() { check_circle(maps, &map) } else { None };
     Solved { map, without_grating, circle, choice: Some(choice), points: count, oblique: report }
@@ -239,7 +266,7 @@ pub(super) fn reported(
     solved: &Solved,
 ) -> Report {
     let choice = solved.choice.as_ref().map(|c| (c, solved.points));
-    let pixels = Pixels::count(maps, solved);
+    let pixels = Pixels::count(maps, &solved.map, solved.without_grating);
     Report {
         oblique: solved.oblique.clone(),
         ..Report::new(frames, options, design, noise, pixels, solved.circle, choice)
@@ -265,30 +292,4 @@ pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, map
         }
     }
     Ok(())
-}
-
-impl Pixels {
-    fn count(maps: &StokesMaps, Solved { map, without_grating, .. }: &Solved) -> Self {
-        let valid = map.orientation.iter().filter(|t| t.is_finite()).count();
-        let saturated = maps.correlation.iter().filter(|t| t.is_nan()).count();
-        let all = map.orientation.len();
-        let mut sigma: Vec<f32> =
-            map.sigma.iter().zip(&map.orientation).filter(|(_, t)| t.is_finite()).map(|(s, _)| *s).collect();
-        let mut quantile = |q: f64| -> Option<f64> {
-            let at = (q * (sigma.len().checked_sub(1)?) as f64) as usize;
-            Some(f64::from(*sigma.select_nth_unstable_by(at, f32::total_cmp).1).to_degrees())
-        };
-        let correlation = maps.correlation.iter().zip(&map.orientation).filter(|(_, t)| t.is_finite());
-        let correlation = correlation.map(|(c, _)| f64::from(*c)).sum::<f64>() / valid.max(1) as f64;
-        Self {
-            all,
-            valid,
-            saturated,
-            without_grating: *without_grating,
-            too_little_modulation: (all - valid - saturated).saturating_sub(*without_grating),
-            sigma_median_deg: quantile(0.5),
-            sigma_p90_deg: quantile(0.9),
-            correlation_mean: (valid > 0).then_some(correlation),
-        }
-    }
 }

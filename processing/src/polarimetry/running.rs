@@ -1,11 +1,12 @@
 //! A reconstruction on its way: photographs are folded into sums as they come.
 
 use super::aligned::{alignment, correlated, fit_moved_back};
+use super::disk::Disk;
 use super::errors::systematic;
 use super::merge::{Merge, clear_of_white};
 use super::noise::ASSUMED;
 use super::output::Writer;
-use super::reconstruct::{Asked, Photographed, check_light, divide_by_flat, noise_of, reported, solve_model};
+use super::reconstruct::{Asked, Photographed, check_light, divide_by_flat, noise_of, reported, solve_with};
 use super::repeats::{compare_halves, pairs};
 use super::sample::Sample;
 use super::views::{View, brackets, views};
@@ -224,6 +225,7 @@ impl Running {
         let start = Instant::now();
         let alignment = self.align(options.align, progress)?;
         let Self { frames, linearizer, brackets, views, sums, sample, read_and_fit_s, .. } = self;
+        linearizer.rest();
         let mut maps = sums.solve(&design);
         check_light(&frames, &maps, &linearizer)?;
         let shifts = alignment.as_ref().filter(|a| a.corrected).map(|a| a.shifts_px.as_slice());
@@ -236,9 +238,20 @@ impl Running {
             shifts,
         };
         let (noise, source) = noise_of(&taken, &mut maps, &design);
+        let writer = Writer { folder: &folder, frames: &frames, options, progress };
+        let (disk, asked) = (Disk::new(), Asked::by(options, &frames, &views));
+        progress.stage("solving and writing maps", 5);
+        let residual = std::mem::take(&mut maps.residual);
+        // What no model changes is written while the model is chosen.
+        let early = || if frames.set.flat.is_none() { writer.light(&maps) } else { Ok(()) };
+        let (written, solved) = disk.beside(early, || solve_with(&maps, residual, &design, &noise, &asked));
+        written?;
+        let mut solved = solved;
+        if frames.set.flat.is_some() {
+            divide_by_flat(&frames, &linearizer, &mut maps)?;
+            writer.light(&maps)?;
+        }
         let repeats = compare_halves(&sample, &pairs(&frames, &views, sample.views()), &views, &noise);
-        let mut solved = solve_model(&mut maps, &design, &noise, &Asked::by(options, &frames, &views));
-        divide_by_flat(&frames, &linearizer, &mut maps)?;
         // From the pixels as measured: their σ is that of the polarization, too.
         let periods = period.map(|p| p.tell(&maps, &solved.map)).transpose()?;
         progress.check()?;
@@ -254,13 +267,14 @@ impl Running {
         report.warnings.extend(report.oblique.iter().filter_map(ObliqueReport::warning).collect::<Vec<_>>());
         report.repeats = repeats;
         let solve_s = start.elapsed().as_secs_f64();
-        let writer = Writer { folder: &folder, frames: &frames, options, progress };
         if let Some((found, said, warnings)) = periods {
             writer.periods(&found, &said.method)?;
             report.warnings.extend(warnings);
             report.period = Some(said);
         }
-        writer.maps(maps, &solved.map)?;
+        // The report has these terms one by one.
+        solved.tell_systematic();
+        writer.maps(maps, &solved.map, &disk)?;
         report.took(read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
         folder.write_json("report.json", &report)?;
         progress.check()?;

@@ -140,7 +140,7 @@ pub(super) struct Lattice {
     pub sigma: f64,
     pub reflectance: Reflectance,
     /// Running sum over the orders' powers along each axis.
-    running: [Vec<f64>; 2],
+    pub running: [Vec<f64>; 2],
 }
 
 impl Lattice {

@@ -177,6 +177,13 @@ impl Table {
         self.albedo_cos(view).map(|albedo| albedo.max(least))
     }
 
+    /// Cells along a side by which half vectors are drawn, and each one's share of the draws; rows go up.
+    pub(super) fn shares(&self) -> (usize, Vec<f64>) {
+        let total = self.running.last().copied().unwrap_or(1.0);
+        let before = std::iter::once(&0.0).chain(&self.running);
+        (self.coarse, self.running.iter().zip(before).map(|(to, from)| (to - from) / total).collect())
+    }
+
     /// A direction of light for two numbers from 0 to 1; it may lie below the horizon.
     pub(super) fn sample(&self, view: [f64; 3], u: [f64; 2]) -> Option<[f64; 3]> {
         let n = self.coarse;

@@ -6,7 +6,7 @@ use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_processing::calibration::{
-    Band, Board, CameraFrom, Highlight, Known, Outcome, PanelFrom, Pixels, Request, Ruler, SampleFrom, View, band,
+    Band, Board, CameraFrom, Highlight, Known, Outcome, PanelFrom, Pixels, Request, Ruler, SampleFrom, View, band_of,
     calibrate_geometry, write_overlays,
 };
 use nacre_processing::color::{Illuminant, Spectrum};
@@ -294,17 +294,8 @@ impl Light {
         for path in [&self.filter, &self.response].into_iter().flatten() {
             spectra.push(Spectrum::read(path)?);
         }
-        if spectra.is_empty() {
-            if self.lamp.is_some() {
-                let remedy = "give --filter or --response with it, or --wavelength NM";
-                return Err(Error::input("lamp", "alone has no narrow band", remedy).into());
-            }
-            return Ok(None);
-        }
-        if let Some(lamp) = &self.lamp {
-            spectra.push(Illuminant::of(lamp)?.spectrum);
-        }
-        Ok(Some(band(&spectra, self.lamp.is_some())?))
+        let lamp = self.lamp.as_deref().map(Illuminant::of).transpose()?.map(|light| light.spectrum);
+        Ok(band_of(lamp, spectra)?)
     }
 }
 

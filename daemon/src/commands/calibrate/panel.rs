@@ -4,9 +4,8 @@ use crate::Failure;
 use crate::commands::bench::BenchArgs;
 use crate::commands::manual::with_hands;
 use crate::console::Console;
-use crate::engine::{Hands, LEVELS, PanelFound, measure_panel};
-use nacre_drivers::display::kms::Tone;
-use nacre_drivers::display::{DisplayDriver, POWER_LAW};
+use crate::engine::{Hands, LEVELS, drawn_by, measure_panel};
+use nacre_drivers::display::POWER_LAW;
 use nacre_processing::Error;
 use nacre_processing::image::write_whole;
 use nacre_processing::surface::output::vacant;
@@ -47,15 +46,10 @@ impl Panel {
         vacant(std::slice::from_ref(&self.out), self.force)?;
         let place = self.bench.place()?;
         let display = place.section.display.as_ref();
-        let drawn = display.and_then(|d| match &d.driver {
-            DisplayDriver::Kms(settings) => Some(&settings.tone),
-            _ => None,
-        });
+        let drawn = display.and_then(drawn_by);
         let work = async |hands: &mut Hands<'_>| measure_panel(hands, self.levels, drawn, console).await;
         let found = with_hands(&self.bench, console, work)?;
-        let tone = found.law.tone(&found.luminances);
-        let response_ms = display.map(|d| d.response_ms);
-        let advice = advice(&found, &tone, response_ms, display.map(|d| &d.driver));
+        let (tone, advice) = (found.tone(), found.advice(display));
         let mut json = serde_json::to_value(&found).map_err(|e| Error::output(&self.out, e.into()))?;
         json["tone"] = serde_json::to_value(&tone).map_err(|e| Error::output(&self.out, e.into()))?;
         json["advice"] = advice.as_slice().into();
@@ -78,41 +72,4 @@ impl Panel {
         console.result(&text, &json);
         Ok(())
     }
-}
-
-/// What to configure.
-fn advice(found: &PanelFound, tone: &Tone, response_ms: Option<f64>, driver: Option<&DisplayDriver>) -> Vec<String> {
-    let mut lines = vec![];
-    match (driver, tone) {
-        (Some(DisplayDriver::Kms(_)), Tone::Gamma(gamma)) => {
-            lines.push(format!("[bench.display] driver: tone = {{ gamma = {gamma} }}"));
-        }
-        (Some(DisplayDriver::Kms(_)), Tone::Measured(levels)) => {
-            let levels: Vec<String> = levels.iter().map(f64::to_string).collect();
-            lines.push(format!("[bench.display] driver: tone = {{ measured = [{}] }}", levels.join(", ")));
-        }
-        (_, tone) => {
-            lines.push(format!("plans: spots.fringes.gamma = {:.3}", found.law.gamma));
-            if matches!(tone, Tone::Measured(_)) {
-                lines.push(
-                    "fringes on this panel are no cosines: choose its sRGB or gamma preset, then measure again".into(),
-                );
-            }
-        }
-    }
-    if found.late_frames > 0 {
-        let more = (found.late_ms + 1.0).ceil();
-        let now = response_ms.map_or_else(String::new, |ms| format!(", now {ms} ms"));
-        lines.push(format!(
-            "{} frames came too early, the last at most {:.0} ms after the panel had said that it shows the pattern: [bench.display] response_ms{now}: \
-             add {more}",
-            found.late_frames, found.late_ms
-        ));
-    }
-    if found.drift > 0.01 {
-        lines.push(
-            "panel or camera drift: let the panel warm up, switch dynamic contrast off, then measure again".into(),
-        );
-    }
-    lines
 }

@@ -14,6 +14,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use tokio::sync::oneshot;
 
+/// Who has the devices while the panel is measured, in place of a session.
+pub const PANEL: &str = "panel";
+
 type Job = Box<dyn FnOnce(&mut Owner) + Send>;
 
 /// The way to the bench's thread.
@@ -117,7 +120,7 @@ impl Bench {
         sent
     }
 
-    /// The session that has the devices.
+    /// The session that has the devices, or [`PANEL`].
     pub fn session(&self) -> Option<String> {
         locked(&self.shared.session).as_ref().map(|s| s.0.clone())
     }
@@ -174,8 +177,8 @@ impl Common {
 }
 
 fn busy(session: &str) -> Problem {
-    Problem::new(Kind::Busy, format!("the session {session} has the devices"))
-        .remedy("wait until it is done, or stop it")
+    let who = if session == PANEL { "a measurement of the panel".into() } else { format!("the session {session}") };
+    Problem::new(Kind::Busy, format!("{who} has the devices")).remedy("wait until it is done, or stop it")
 }
 
 fn died() -> Failure {

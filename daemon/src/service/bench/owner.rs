@@ -2,10 +2,11 @@
 
 use super::{Common, Job, locked};
 use crate::Failure;
-use crate::engine::{Control, Hands, Input, Memory, Watch, guarded};
+use crate::engine::{Control, Hands, Input, Memory, PanelFound, Watch, drawn_by, guarded, measure_panel};
 use crate::rig::{Place, Rig};
+use nacre_drivers::display::DisplayConfig;
 use nacre_drivers::{DeviceResult, Freshness, Pattern};
-use nacre_processing::progress::Silent;
+use nacre_processing::progress::{Progress, Silent};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -225,6 +226,31 @@ impl Owner {
     pub fn dark(&mut self) -> Result<(), Failure> {
         (self.flash_until, self.pattern) = (None, Pattern::Black);
         self.off(async |hands| hands.dark().await)
+    }
+
+    /// Measures the panel while the interlocks hold and nobody aborts it; all light is off afterwards.
+    ///
+    /// # Errors
+    /// As devices and interlocks answer, and where the camera sees too little of the panel; `Cancelled` when somebody stops it.
+    pub fn measure(
+        &mut self,
+        levels: usize,
+        display: Option<&DisplayConfig>,
+        control: &Control,
+        progress: &dyn Progress,
+    ) -> Result<PanelFound, Failure> {
+        let mut hands = Hands::new(&mut self.rig.devices);
+        let watch = &self.rig.watch;
+        let found = self.runtime.block_on(async {
+            watch.begin_again().await;
+            guarded(watch, control, measure_panel(&mut hands, levels, display.and_then(drawn_by), progress)).await
+        });
+        let dark = self.dark();
+        if dark.is_ok() {
+            control.set_dark();
+        }
+        let found = found?;
+        dark.map(|()| found)
     }
 
     /// After a session nothing is known any more, but that the light is off.

@@ -5,6 +5,7 @@
 //! average, and its correlation over frames has one sharp peak, where that of the brightness may have none.
 
 use super::windows::Windows;
+use crate::vectors::vectorised;
 use num_complex::Complex;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -28,12 +29,26 @@ pub(super) struct Peak {
     pub(super) height: f64,
 }
 
-/// One peak per frame; the first is at (0, 0).
-pub(super) fn peaks(windows: &Windows) -> Vec<Peak> {
+/// Windows that are enough where peaks are high: those of a diagonal.
+const ENOUGH: usize = 4;
+
+/// One peak per frame; the first is at (0, 0). Not all windows are looked at where a few tell peaks of `height` (in standard
+/// deviations) at least.
+pub(super) fn peaks(windows: &Windows, height: f64) -> Vec<Peak> {
+    if windows.count() > ENOUGH {
+        let found = peaks_of(windows, &(0..windows.count()).step_by(ENOUGH + 1).collect::<Vec<_>>());
+        if found.iter().all(|peak| peak.height >= height) {
+            return found;
+        }
+    }
+    peaks_of(windows, &(0..windows.count()).collect::<Vec<_>>())
+}
+
+fn peaks_of(windows: &Windows, few: &[usize]) -> Vec<Peak> {
     let fourier = Fourier::new(windows.side);
     let spectra = |frame: usize| -> Vec<Image> {
-        let edges = |w| fourier.forward(edges(windows.get(frame, w), windows.side));
-        (0..windows.count()).into_par_iter().map(edges).collect()
+        let edges = |w: &usize| fourier.forward(edges(windows.get(frame, *w), windows.side));
+        few.par_iter().map(edges).collect()
     };
     let first = spectra(0);
     (0..windows.frames())
@@ -57,16 +72,24 @@ fn edges(window: &[f32], side: usize) -> Image {
     let hann: Vec<f32> =
         (0..side).map(|i| (std::f32::consts::PI * (i as f32 + 0.5) / side as f32).sin().powi(2)).collect();
     let mut out = vec![Complex::default(); side * side];
-    for y in 1..side - 1 {
-        for x in 1..side - 1 {
-            let at = y * side + x;
-            let g = Complex::new(window[at + 1] - window[at - 1], window[at + side] - window[at - side]);
-            let strength = g.norm();
-            if strength > 0.0 {
-                out[at] = g * g * (hann[x] * hann[y] / strength);
+    vectorised(
+        #[inline(always)]
+        || {
+            for y in 1..side - 1 {
+                let row = |y: usize, left: usize| &window[y * side + left..][..side - 2];
+                let ([left, right], [above, below]) = ([row(y, 0), row(y, 2)], [row(y - 1, 1), row(y + 1, 1)]);
+                let out = &mut out[y * side + 1..][..side - 2];
+                for x in 0..side - 2 {
+                    let g = Complex::new(right[x] - left[x], below[x] - above[x]);
+                    let strength = g.norm_sqr().sqrt();
+                    let weight = if strength > 0.0 { hann[x + 1] * hann[y] / strength } else { 0.0 };
+                    let squared = g * g * weight;
+                    // Nothing where a pixel cannot be used.
+                    out[x] = if strength > 0.0 { squared } else { Complex::default() };
+                }
             }
-        }
-    }
+        },
+    );
     out
 }
 
@@ -111,12 +134,22 @@ impl Fourier {
 
     fn both_sides(&self, mut image: Image, fft: &dyn Fft<f32>) -> Image {
         fft.process(&mut image);
-        for y in 0..self.side {
-            for x in 0..y {
-                image.swap(y * self.side + x, x * self.side + y);
-            }
-        }
+        transpose(&mut image, self.side);
         fft.process(&mut image);
         image
+    }
+}
+
+/// Turns rows into columns, block by block so that neither falls out of the cache.
+fn transpose(image: &mut Image, side: usize) {
+    const BLOCK: usize = 16;
+    for top in (0..side).step_by(BLOCK) {
+        for left in (0..=top).step_by(BLOCK) {
+            for y in top..(top + BLOCK).min(side) {
+                for x in left..(left + BLOCK).min(y) {
+                    image.swap(y * side + x, x * side + y);
+                }
+            }
+        }
     }
 }

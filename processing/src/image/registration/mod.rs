@@ -29,6 +29,9 @@ const FEWEST_ANGLES: usize = 4;
 /// and is then refused for its σ.
 const SIGNIFICANT: f64 = 5.0;
 
+/// And from which a few windows have told it.
+const BEYOND_DOUBT: f64 = 3.0 * SIGNIFICANT;
+
 /// A shift less certain than this, in pixels, is not told.
 pub const MAX_SIGMA: f64 = 0.1;
 
@@ -116,16 +119,19 @@ impl Registrar {
         if self.windows.count() == 0 || scene.rows.len() != self.windows.frames() {
             return Registration::CannotTell(Doubt::TooSmall);
         }
-        let peaks = coarse::peaks(&self.windows);
+        let peaks = coarse::peaks(&self.windows, BEYOND_DOUBT);
         let lost: Vec<usize> = (0..peaks.len()).filter(|k| peaks[*k].height < SIGNIFICANT).collect();
         if !lost.is_empty() {
             return Registration::CannotTell(Doubt::NothingInCommon(lost));
         }
         // Repeated tiles also match one another, so that the highest peak may be wrong; and the way to a large shift is
-        // barred to those who start from none.
-        let start: Vec<[f64; 2]> = peaks.iter().map(|p| p.shift).collect();
-        let best =
-            joint::better(joint::from_nothing(&self.windows, &scene), joint::minimum(&self.windows, &start, &scene));
+        // barred to those who start from none. Where both ways lead to the same place, it is that.
+        let start = joint::centred(peaks.iter().map(|p| p.shift).collect());
+        let near = joint::from_nothing(&self.windows, &scene);
+        let best = match near {
+            Some(near) if near.is_at(&start) => Some(near),
+            near => joint::better(near, joint::minimum(&self.windows, &start, &scene)),
+        };
         let Some(found) = best.and_then(|best| joint::refine(&self.windows, best)) else {
             return Registration::CannotTell(Doubt::NoAgreement);
         };

@@ -36,6 +36,12 @@ impl Solution {
 }
 
 impl Sums<'_> {
+    /// Sums of nothing; the pivot stays.
+    pub(super) fn clear(&mut self) {
+        let Self { sum, cos, sin, square, .. } = self;
+        [sum, cos, sin, square].into_iter().for_each(|plane| plane.fill(0.0));
+    }
+
     /// Adds frames in their order. The first frame of all is the pivot, of which there is nothing to add.
     pub(super) fn fold(&mut self, frames: &[Run]) {
         Arch::new().dispatch(Fold { sums: self, frames });
@@ -175,9 +181,8 @@ impl Fit<'_, '_, '_> {
     /// For more frames than the registers are worth.
     #[inline(always)]
     fn in_parts<S: Simd>(self, simd: S) {
-        let Sums { pivot, sum, cos, sin, square } = &mut *self.sums;
-        pivot.copy_from_slice(self.pivot);
-        [sum, cos, sin, square].into_iter().for_each(|plane| plane.fill(0.0));
+        self.sums.pivot.copy_from_slice(self.pivot);
+        self.sums.clear();
         Fold { sums: self.sums, frames: self.others }.with_simd(simd);
         let bad = [0; super::TILE];
         Solve { sums: self.sums, bad: &bad, solution: self.solution }.with_simd(simd);

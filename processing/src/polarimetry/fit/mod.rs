@@ -116,6 +116,9 @@ impl Fit {
             || vec![0.0_f32; width * added.len()],
             |buffer, (y, (mut sums, bad))| {
                 if first == 1 {
+                    // Memory that is new to the program costs less where it is written before it is read.
+                    sums.clear();
+                    bad.fill(0);
                     row(0, y, sums.pivot, bad);
                 }
                 let mut runs = Vec::with_capacity(added.len());

@@ -1,7 +1,7 @@
 // A picture on a screen: what is too bright is compressed, what no screen shows loses saturation (as the processor's PNG).
 
 struct Show {
-    values: vec4<f32>, // exposure; 1 where the picture's colours are no light; width and height of the screen
+    values: vec4<f32>, // exposure; 1 where the picture's colours are no light; width and height of the screen, below 0 where its rows are counted from above
 }
 
 @group(0) @binding(0) var<uniform> show: Show;
@@ -19,8 +19,9 @@ fn encoded(light: vec3<f32>) -> vec3<f32> {
 @fragment
 fn display(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let size = vec2<i32>(textureDimensions(picture));
-    // Row 0 of the picture is its uppermost; a browser's canvas counts from below.
-    let place = vec2(position.x / show.values.z, 1.0 - position.y / show.values.w) * vec2<f32>(size) - 0.5;
+    // Row 0 of the picture is its uppermost; a canvas of WebGL counts from below.
+    let row = position.y / show.values.w;
+    let place = vec2(position.x / show.values.z, select(1.0 - row, -row, row < 0.0)) * vec2<f32>(size) - 0.5;
     let low = vec2<i32>(floor(place));
     let t = place - floor(place);
     let last = size - 1;

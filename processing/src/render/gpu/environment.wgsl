@@ -1,5 +1,5 @@
-// Light from everywhere: gratings and slits as sums over orders and wavelengths in their exact directions; all else is looked up over directions of
-// view where the sample is flat, and else a base is drawn by chance.
+// Light from everywhere: gratings and slits as sums over orders and wavelengths in their exact directions, lattices by orders drawn by chance; tables
+// and bases are looked up over directions of view where the sample is flat, and else drawn by chance.
 
 // Pixel of a column and a row that may lie beyond the edges: columns wrap, rows go on beyond the pole.
 fn sky_pixel(at: vec2<i32>, size: vec2<i32>) -> vec3<f32> {
@@ -143,6 +143,89 @@ fn rough_under(view: vec3<f32>, hit: Hit, u: vec3<f32>) -> vec3<f32> {
     return sum;
 }
 
+// A direction of light for three numbers from 0 to 1, as often as the table is bright at its half vector; below the horizon there is none. Where the
+// sample is not flat, `under_top` holds what cells of the table are drawn by (see under.rs).
+fn table_drawn(view: vec3<f32>, u: vec3<f32>) -> vec3<f32> {
+    let size = vec2<i32>(textureDimensions(under_top));
+    let place = u.xy * vec2<f32>(size);
+    var at = min(vec2<i32>(place), size - 1);
+    let draw = textureLoad(under_top, at, 0);
+    if u.z >= draw.x {
+        at = vec2<i32>(draw.yz);
+    }
+    let h = (2.0 * (vec2<f32>(at) + fract(place)) / vec2<f32>(size) - 1.0) * scene.table.x;
+    let s = h - view.xy;
+    return vec3(s, select(-1.0, sqrt(max(1.0 - dot(s, s), 0.0)), dot(s, s) < 1.0));
+}
+
+// Density of table_drawn per solid angle.
+fn table_density(light: vec3<f32>, view: vec3<f32>) -> f32 {
+    let size = vec2<f32>(textureDimensions(under_top));
+    let place = 0.5 * ((light.xy + view.xy) / scene.table.x + 1.0) * size;
+    if any(place < vec2(0.0)) || any(place >= size) {
+        return 0.0;
+    }
+    return textureLoad(under_top, vec2<i32>(place), 0).w * light.z;
+}
+
+// A table by two directions, one as the sky is bright and one as the table is, weighted as those of the base.
+fn table_under(view: vec3<f32>, hit: Hit, u: vec3<f32>) -> vec3<f32> {
+    let own = table_drawn(view, u);
+    var sum = vec3(0.0);
+    for (var k = 0; k < 2; k++) {
+        let towards = select(sky_drawn(u), hit.across * own.x + hit.along * own.y + hit.up * own.z, k == 1);
+        let light = vec3(dot(hit.across, towards), dot(hit.along, towards), dot(hit.up, towards));
+        if light.z > 0.0 && (k == 0 || own.z > 0.0) && !shaded(hit, towards, 1e30) {
+            sum += table_lit(view, light) * sky_at(towards) / (sky_density(towards) + table_density(light, view));
+        }
+    }
+    return sum;
+}
+
+// An order of a lattice along one of its axes, as often as it has power: `powers` has running sums.
+fn drawn_order(axis: i32, u: f32) -> i32 {
+    let last = i32(textureDimensions(powers).x) - 1;
+    let wanted = u * textureLoad(powers, vec2(last, axis), 0).x;
+    var low = 0;
+    var high = last;
+    while low < high {
+        let middle = (low + high) / 2;
+        if textureLoad(powers, vec2(middle, axis), 0).x <= wanted {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    return low - last / 2;
+}
+
+// Light of the sky that a lattice sends towards a direction of view, X, Y, Z: one order for each of some wave numbers (slits.rs).
+fn lattice_under(view: vec3<f32>, hit: Hit, u: vec4<f32>) -> vec3<f32> {
+    let cosine = scene.turn.x;
+    let sine = scene.turn.y;
+    let own = vec2(cosine * view.x + sine * view.y, cosine * view.y - sine * view.x);
+    let step = (LAST - FIRST) / 16.0;
+    // The digits that orders do not look at.
+    let shift = fract(256.0 * u.w);
+    var sum = vec3(0.0);
+    for (var k = 0; k < 16; k++) {
+        let number = FIRST + step * (f32(k) + shift);
+        // Other numbers for each (Roberts' R5 sequence).
+        let r = fract(u + f32(k) * vec4(0.88127146, 0.77663938, 0.68443212, 0.60317050));
+        let order = vec2(f32(drawn_order(0, r.x)), f32(drawn_order(1, r.y)));
+        let blur = sqrt(-2.0 * scene.grooves.w * log(max(r.z, 1e-12))) * vec2(cos(2.0 * PI * r.w), sin(2.0 * PI * r.w));
+        let sent = (order / scene.repeat.xy + blur) / number - own;
+        // What would come from below the horizon comes from the mirror direction.
+        let s = select(-own, sent, dot(sent, sent) < 1.0);
+        let light = vec3(cosine * s.x - sine * s.y, sine * s.x + cosine * s.y, sqrt(max(1.0 - dot(s, s), 0.0)));
+        let towards = hit.across * light.x + hit.along * light.y + hit.up * light.z;
+        if !shaded(hit, towards, 1e30) {
+            sum += sky_seen(sky_at(towards), number) * (step * sqrt(scene.detail.z) * reflectance(half_cos(view, light), number));
+        }
+    }
+    return sum;
+}
+
 // What is seen of the sky, linear sRGB.
 fn under(view: vec3<f32>, hit: Hit, at: Groove, u: vec4<f32>) -> vec3<f32> {
     let kind = scene.what.x;
@@ -150,8 +233,12 @@ fn under(view: vec3<f32>, hit: Hit, at: Groove, u: vec4<f32>) -> vec3<f32> {
     let covered = select(scene.what.w, 0.0, kind == 0.0 || masked);
     var sum = vec3(0.0);
     if covered > 0.0 {
-        if kind == 2.0 {
+        if kind == 2.0 && scene.form.x == 0.0 {
             sum = covered * over_view(under_top, view);
+        } else if kind == 2.0 {
+            sum = covered * table_under(view, hit, u.xyz);
+        } else if kind == 4.0 {
+            sum = covered * linear_srgb(lattice_under(view, hit, u));
         } else {
             let share = select(1.0, scene.detail.z, kind == 3.0);
             sum = covered * share * linear_srgb(grating_under(view, hit, at, u));

@@ -1,11 +1,5 @@
 // A picture of one sample under lights or a sky, linear sRGB: each run adds samples to what is there.
 
-@vertex
-fn corner(@builtin(vertex_index) k: u32) -> @builtin(position) vec4<f32> {
-    // One triangle that covers everything.
-    return vec4(select(-1.0, 3.0, k == 1u), select(-1.0, 3.0, k == 2u), 0.0, 1.0);
-}
-
 // What is seen of a colour, as the processor does it.
 fn linear_srgb(xyz: vec3<f32>) -> vec3<f32> {
     return vec3(

@@ -42,5 +42,6 @@ pub const SHADER: &str = concat!(
     include_str!("field.wgsl"),
     include_str!("surface.wgsl"),
     include_str!("environment.wgsl"),
+    include_str!("corner.wgsl"),
     include_str!("light.wgsl")
 );

@@ -65,7 +65,12 @@ pub(super) fn all(
             powers = self::powers(&comb.orders);
             mirror = self::mirror(&comb.orders.reflectance);
         }
-        Some(Diffraction::Lattice(lattice)) => mirror = self::mirror(&lattice.reflectance),
+        Some(Diffraction::Lattice(lattice)) => {
+            // Under an environment, orders are drawn by their running sums.
+            let values = lattice.running.iter().flatten().map(|v| *v as f32).collect();
+            powers = Texture::new("powers", lattice.running[0].len(), 1, values);
+            mirror = self::mirror(&lattice.reflectance);
+        }
         Some(Diffraction::Relief(relief)) => mirror = self::mirror(&relief.reflectance),
         Some(Diffraction::Table(of)) => (table, albedo) = half_vectors(of),
         None => {}

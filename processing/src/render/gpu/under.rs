@@ -1,5 +1,5 @@
-//! What a sample shows of an environment. Every place of a flat one has the same frame, so that all that is not a sum over a grating's orders
-//! depends on the direction of view alone: tables by the exact correlation ([`planar`]), the base by the processor's own samples.
+//! What a sample shows of an environment. Every place of a flat one has the same frame, so that what tables and bases show depends on the direction
+//! of view alone: tables by the exact correlation ([`planar`]), the base by the processor's own samples. On other shapes light is drawn by chance.
 
 use super::super::diffraction::Diffraction;
 use super::super::light::Sky;
@@ -41,8 +41,8 @@ pub(super) fn all(sky: &Sky, material: &Material, form: &Form, from: V3) -> Resu
     if material.base.is_some() && material.diffraction.is_some() && material.blend == Blend::Fresnel {
         return Err("its base lies below a Fresnel reflectance, under an environment".into());
     }
-    if let Some(Diffraction::Lattice(_) | Diffraction::Relief(_)) = &material.diffraction {
-        return Err("its material repeats in two directions, under an environment".into());
+    if let Some(Diffraction::Relief(_)) = &material.diffraction {
+        return Err("its height field is under an environment".into());
     }
     if let Form::Flat { center, frame, .. } = form {
         let side = if (from - center).dot(&frame[2]) < 0.0 { -1.0 } else { 1.0 };
@@ -53,8 +53,8 @@ pub(super) fn all(sky: &Sky, material: &Material, form: &Form, from: V3) -> Resu
         if let Some(of) = &material.base {
             base = self::base(of, sky, &frame);
         }
-    } else if let Some(Diffraction::Table(_)) = &material.diffraction {
-        return Err("its table is not flat, under an environment".into());
+    } else if let Some(Diffraction::Table(of)) = &material.diffraction {
+        top = cells(of);
     }
     Ok(vec![picture(sky), colors(sky), top, base])
 }
@@ -116,6 +116,19 @@ fn over_views(name: &'static str, size: usize, value: impl Fn(usize, [f64; 3]) -
     };
     let texels: Vec<[f32; 4]> = (0..size * size).into_par_iter().map(texel).collect();
     Texture::new(name, size, 4, texels.into_flattened())
+}
+
+/// What cells of a table are drawn by: their own share of draws, which other one has the rest, and the density over half vectors.
+fn cells(of: &Table) -> Texture {
+    let (side, shares) = of.shares();
+    let per_area = (side as f64 / (2.0 * of.extent)).powi(2);
+    let density: Vec<f64> = shares.iter().map(|share| share * per_area).collect();
+    let even = (side * side) as f64;
+    let draws = draws(shares.iter().map(|share| share * even).collect());
+    let texel = |((share, other), density): ((f64, usize), f64)| {
+        [share as f32, (other % side) as f32, (other / side) as f32, density as f32]
+    };
+    Texture::new("under_top", side, 4, draws.into_iter().zip(density).flat_map(texel).collect())
 }
 
 fn table(of: &Table, sky: &Sky, frame: &[V3; 3]) -> Result<Texture, String> {

@@ -1,12 +1,14 @@
 //! How long `nacre reconstruct` takes beside decoding its photographs and writing its results, and the fit beside a copy.
 //!
-//! `cargo run --release -p nacre-processing --example speed -- SESSION SCRATCH` for the command, also its memory; without
-//! arguments for the fit.
+//! `cargo run --release -p nacre-processing --example speed -- SESSION SCRATCH` for the command, also its memory, on photographs
+//! that are made where there are none; without arguments for the fit.
 //!
 //! Everything is run in turns and the least of each is printed, so that other programs on the machine disturb all alike. CPU
 //! seconds (Linux only) do not count waiting for others or for the disk.
 
 #![allow(clippy::print_stdout)]
+
+mod scene;
 
 use nacre_processing::frames::load;
 use nacre_processing::image::read;
@@ -75,23 +77,35 @@ fn thread_seconds(job: impl FnOnce()) -> Outcome<f64> {
 }
 
 fn whole(session: &Path, scratch: &Path) -> Outcome<()> {
+    if !session.exists() {
+        scene::make(session, [4096, PIXELS / 4096], FRAMES)?;
+    }
     fs::create_dir_all(scratch)?;
     let out = scratch.join("result");
     let command = |model: Model, smooth: Smoothing| -> Outcome<()> {
-        let options = Options { model, smooth, overwrite: true, ..Options::default() };
+        let options = Options { model, smooth, ..Options::default() };
         let report = reconstruct(session, &out, &options, &Silent)?;
         println!("  {model:?}, smoothing {smooth}: {:?}", report.seconds);
         Ok(())
     };
+    if out.exists() {
+        fs::remove_dir_all(&out)?;
+    }
     command(Model::Sinusoid, Smoothing::NONE)?;
     let status = fs::read_to_string("/proc/self/status")?;
     status.lines().filter(|l| l.starts_with("VmHWM")).for_each(|peak| println!("peak of its memory: {peak}"));
     let bytes = fs::read_dir(&out)?.map(|entry| Ok(fs::read(entry?.path())?)).collect::<Outcome<Vec<_>>>()?;
     let names = ["decode and write", "sinusoid", "auto", "decode only"];
     let mut times = [const { vec![] }; 4];
+    let written = scratch.join("written");
     for _ in 0..ROUNDS {
-        times[0].push(timed(|| decode(session).and_then(|()| write(&scratch.join("written"), &bytes)))?);
+        // Into folders that are not there yet; throwing old files away is nobody's work.
+        let fresh = || [&out, &written].into_iter().filter(|old| old.exists()).try_for_each(fs::remove_dir_all);
+        fresh()?;
+        times[0].push(timed(|| decode(session).and_then(|()| write(&written, &bytes)))?);
+        fresh()?;
         times[1].push(timed(|| command(Model::Sinusoid, Smoothing::NONE))?);
+        fresh()?;
         times[2].push(timed(|| command(Model::Auto, Smoothing::NONE))?);
         times[3].push(timed(|| decode(session))?);
     }
@@ -126,8 +140,6 @@ fn write(folder: &Path, files: &[Vec<u8>]) -> Outcome<()> {
     fs::create_dir_all(folder)?;
     files.par_iter().enumerate().try_for_each(|(i, bytes)| -> Outcome<()> {
         let path = folder.join(i.to_string());
-        // As the command does, which never writes over what is there.
-        _ = fs::remove_file(&path);
         fs::write(&path, bytes)?;
         Ok(fs::File::open(&path)?.sync_all()?)
     })
