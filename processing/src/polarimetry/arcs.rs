@@ -7,11 +7,11 @@ use std::f32::consts::{FRAC_PI_2, PI};
 
 /// atan(t)/t in powers of t² for t from 0 to 1: minimax of the relative error, which is 1.5e-8 before rounding.
 const ATAN: [f32; 9] = [
-    0.999_999_985,
-    -0.333_330_734,
-    0.199_926_202,
-    -0.142_036_496,
-    0.106_409_511,
+    1.0,
+    -0.333_330_72,
+    0.199_926_2,
+    -0.142_036_5,
+    0.106_409_51,
     -0.075_043_27,
     0.042_691_87,
     -0.016_068_83,
@@ -44,7 +44,7 @@ pub(super) fn atan2(y: f32, x: f32) -> f32 {
 pub(super) fn sin_cos(angle: f32) -> [f32; 2] {
     // Quarter turns that are taken off, the last in two parts so that nothing is lost.
     let quarters = (angle * (2.0 / PI)).round_ties_even();
-    let left = angle - quarters * 1.570_312_5 - quarters * 4.838_267_9e-4;
+    let left = angle - quarters * 1.570_312_5 - quarters * 4.838_268e-4;
     let square = left * left;
     let sin = left + left * square * (SIN[0] + square * (SIN[1] + square * (SIN[2] + square * SIN[3])));
     let cos = 1.0 + square * (COS[0] + square * (COS[1] + square * (COS[2] + square * COS[3])));

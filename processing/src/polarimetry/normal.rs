@@ -77,17 +77,15 @@ impl Normal {
                 row[k] = (gx[k] * (px[k] - qx[k]) + gy[k] * (py[k] - qy[k])) / step;
             }
         }
-        for i in 0..moved.len().min(MOST) {
+        let sums = self.matrix.iter_mut().zip(&mut self.right);
+        for (i, (sums, right)) in sums.enumerate().take(moved.len()) {
             let mut weighted = feet.weight;
             weighted.iter_mut().zip(&rows[i]).for_each(|(w, entry)| *w *= entry);
-            for j in 0..=i {
-                for k in 0..SIDE_BY_SIDE {
-                    self.matrix[i][j][k] += weighted[k] * rows[j][k];
-                }
-            }
-            for k in 0..SIDE_BY_SIDE {
-                self.right[i][k] += weighted[k] * feet.distance[k];
-            }
+            let add = |sum: &mut [f64; SIDE_BY_SIDE], by: &[f64; SIDE_BY_SIDE]| {
+                sum.iter_mut().zip(weighted.iter().zip(by)).for_each(|(sum, (w, by))| *sum += w * by);
+            };
+            sums.iter_mut().zip(&rows).take(i + 1).for_each(|(sum, row)| add(sum, row));
+            add(right, &feet.distance);
         }
     }
 }
