@@ -92,8 +92,14 @@ pub(super) fn sum_up(
 ) -> Result<Option<f64>> {
     let by_chance = pilot.lit_pixels(ready.size()) * (passes * SAMPLES) as f64;
     let mut summed: Option<f64> = None;
+    if ready.skies.is_empty() {
+        return Ok(None);
+    }
     for shape in 0..ready.shapes.len() {
         let views = ready.views_of(shape);
+        if views.is_empty() {
+            continue;
+        }
         let cost = |size: usize| CELL * (size * size) as f64;
         let (mut size, mut spent, mut before) = (SIZES[0], 0.0, None::<Flat>);
         while size <= SIZES[1] && spent + cost(size) <= SHARE * by_chance {
