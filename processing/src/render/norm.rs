@@ -37,7 +37,7 @@ const FLAT: f64 = 0.35;
 const RIM: f64 = 0.9;
 
 /// A power density changes its course within half a turn of the deepest place's phase: linear between so many nodes of it.
-const NODES_PER_TURN: f64 = 48.0;
+const NODES_PER_TURN: f64 = 32.0;
 const MOST_NODES: usize = 800;
 
 /// Albedo times cos² θ over directions of view and wave numbers: at grazing views Stam's gain makes the albedo times cos θ grow as 1 / cos θ.
@@ -176,9 +176,14 @@ impl Places {
         let mut power = vec![0.0_f32; all.len() * nodes];
         let rows = power.par_chunks_mut(nodes).zip(&all);
         rows.for_each_init(Workspace::default, |w, (row, (_, _, members, of))| {
+            // A lobe is four places wide: each second one along both axes tells of a block.
+            let odd = |k: &&usize| (**k % width) % 2 == 1 && (**k / width) % 2 == 1;
+            let some: Vec<usize> = members.iter().filter(odd).copied().collect();
+            let looked_at = if some.is_empty() { members } else { &some };
+            let share = members.len() as f64 / (looked_at.len() as f64 * of);
             for (n, out) in row.iter_mut().enumerate() {
-                let sum: f64 = members.iter().map(|k| densities.at(frequency(*k), n as f64 / per_q, w)).sum();
-                *out = (sum / of) as f32;
+                let at = |k: &usize| densities.at(frequency(*k), n as f64 / per_q, w);
+                *out = (share * looked_at.iter().map(at).sum::<f64>()) as f32;
             }
         });
         Self { places: all.into_iter().map(|(middle, sides, ..)| (middle, sides)).collect(), power, nodes, per_q }
