@@ -35,7 +35,6 @@ mod curve;
 mod curve_fit;
 mod design;
 mod disk;
-mod edges;
 mod errors;
 #[cfg(test)]
 mod errors_tests;
@@ -45,7 +44,6 @@ mod jones;
 mod locate;
 mod look;
 mod merge;
-mod mixture;
 mod models;
 mod noise;
 mod normal;

@@ -207,7 +207,6 @@ mod tests {
             curve,
             center,
             prior: 0.0,
-            told: None,
             cost: 0.0,
             uncertain: 0.0,
             film: None,
