@@ -104,7 +104,9 @@ fn a_card_renders_what_the_processor_renders() {
         }
         return;
     };
-    for material in MATERIALS.into_iter().filter(|m| m.name == only) {
+    let chosen: Vec<Material> = MATERIALS.into_iter().filter(|m| m.name == only).collect();
+    assert!(!chosen.is_empty(), "NACRE_MATERIAL={only} is none");
+    for material in chosen {
         let (mut worst, mut sum) = (0.0_f64, 0.0);
         let [side, fewer, more] = effort(&material);
         for _ in 0..VIEWS {

@@ -98,13 +98,12 @@ pub(crate) fn correlate(
     let mut cells = vec![[[0.0_f32; 5]; 3]; size * size];
     // ωi + ωo of cells a and b is 2(a + b + 1)/size - 2.
     let half_vector = |i: usize| [i % side, i / side].map(|k| 2.0 * (k as f64 + 1.0) / size as f64 - 2.0);
+    let entries: Vec<Entry> = (0..side * side).into_par_iter().map(|i| table(half_vector(i))).collect();
     for channel in 0..3 {
         let light = light(channel);
         progress.check()?;
-        let entries: Vec<[f64; 3]> =
-            (0..side * side).into_par_iter().map(|i| table(half_vector(i)).map(|power| power[channel])).collect();
         let tables = [0, 1, 2].map(|power| {
-            let mut plane: Vec<_> = entries.iter().map(|e| Complex64::new(e[power], 0.0)).collect();
+            let mut plane: Vec<_> = entries.iter().map(|e| Complex64::new(e[power][channel], 0.0)).collect();
             fourier.run(&mut plane, false);
             plane
         });

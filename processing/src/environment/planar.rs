@@ -7,7 +7,7 @@ use crate::progress::Silent;
 use crate::{Error, Result};
 use rayon::prelude::*;
 
-/// Cells along a side of the disc of direction cosines at most: transforms take half a GiB.
+/// Cells along a side of the disc of direction cosines at most: the table and its transforms take a GiB.
 const MOST: usize = 1024;
 
 /// Parts of a cell in which its solid angle is summed up.

@@ -107,7 +107,8 @@ impl Table {
 
     /// Mean over a cell of half vectors, so that edges and what is narrower than a cell count for what they are.
     pub(super) fn around(&self, [x, y]: [f64; 2], cell: f64) -> Entry {
-        let count = (cell * self.size as f64 / self.extent).ceil().clamp(3.0, 16.0) as usize;
+        // Even: the table's edge may run through the middle of a cell, which it halves.
+        let count = 2 * (0.5 * cell * self.size as f64 / self.extent).ceil().clamp(2.0, 8.0) as usize;
         let at = |k: usize| ((k as f64 + 0.5) / count as f64 - 0.5) * cell;
         let mut sum = [[0.0; 3]; 3];
         if x.abs().max(y.abs()) > self.extent + cell {

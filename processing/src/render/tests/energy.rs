@@ -84,7 +84,8 @@ fn tables_give_back_what_they_get() {
 fn lossless_is_white(dir: &Path, material: &str) {
     for (angle, azimuth) in [(0.0, 0.0), (40.0, 0.0), (65.0, 70.0)] {
         let text = plane(angle, azimuth, &format!("{material}{SKY}"));
-        let found = mean(&picture(&text, dir, &settings(65_536, 1e-4)));
+        // By chance: summed up, a table would be divided by the same sum.
+        let found = mean(&picture(&text, dir, &Settings { by_chance: true, ..settings(65_536, 1e-4) }));
         assert!(found.iter().all(|v| (v - 1.0).abs() < 0.005), "{angle} {azimuth}: {found:?}\n{material}");
     }
 }

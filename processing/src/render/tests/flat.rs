@@ -2,6 +2,7 @@
 
 use super::super::diffraction::Diffraction;
 use super::super::flat::Flat;
+use super::super::table::Table;
 use super::*;
 use std::f64::consts::PI;
 
@@ -51,7 +52,9 @@ fn what_is_summed_up_is_what_is_drawn_by_chance() {
             "{position:?}: off {off}, bias {bias}, noise {noise}, {} against {} samples",
             report.samples, other.samples
         );
+        // Measured: a 47th to a 460th.
         assert!(report.samples < other.samples / 20);
+        // The mean of both pictures has 1/48 of the noise, 0.06 %.
         assert!(
             off < 1.2 * noise && bias.abs() < report.predicted_model_error + 0.001,
             "{position:?}: {off} {bias} {noise}"
@@ -73,24 +76,44 @@ fn sums_are_left_out_where_they_do_not_hold_or_do_not_pay() {
     }
 }
 
-/// A white sky is seen as it is in a lossless table, up to the horizon.
+/// What a white sky becomes, times the cosine of view, by a plain sum over light.
+fn plainly(table: &Table, view: [f64; 3]) -> [f64; 3] {
+    let (n, mut sum) = (400, [0.0; 3]);
+    for i in 0..2 * n * n {
+        let (z, azimuth) = (((i / (2 * n)) as f64 + 0.5) / n as f64, PI * ((i % (2 * n)) as f64 + 0.5) / n as f64);
+        let (flat, (sin, cos)) = ((1.0 - z * z).sqrt(), azimuth.sin_cos());
+        let light = [flat * cos, flat * sin, z];
+        let rgb = table.raw([light[0] + view[0], light[1] + view[1]]);
+        let gain = (1.0 + (0..3).map(|k| light[k] * view[k]).sum::<f64>()).powi(2);
+        (0..3).for_each(|c| sum[c] += rgb[c] * gain * PI / (n * n) as f64);
+    }
+    sum
+}
+
+/// A white sky summed up, and what a lossless table is divided by so that it stays white, are those of plain sums up to the horizon.
 #[test]
-fn white_stays_white_when_it_is_summed_up() {
+fn white_skies_are_those_of_plain_sums() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
     let text = plane(0.0, 30.0, &format!("{LUT}lossless = true\n{SKY}"));
     let ready = Ready::new(&Scene::parse(&text).unwrap(), dir.path(), Accuracy::new(1e-3, None), &Silent).unwrap();
-    let flat = Flat::new(&ready, 0, 128, &Silent).unwrap().unwrap();
+    let flats = [64, 128, 256].map(|size| Flat::new(&ready, 0, size, &Silent).unwrap().unwrap());
     let Some(Diffraction::Table(table)) = &ready.materials[0].diffraction else { panic!("no table") };
+    // Farthest off: by cells, and what the table is divided by.
+    let mut worst = [0.0_f64; 4];
     for angle in [0.0_f64, 40.0, 65.0, 80.0, 88.0, 89.5] {
         for azimuth in [10.0_f64, 75.0, 200.0] {
             let ((sin, cos), (s, c)) = (angle.to_radians().sin_cos(), azimuth.to_radians().sin_cos());
             let view = [sin * c, sin * s, cos];
-            let (found, whole) = (flat.at(0, view), table.whole(view));
-            for k in 0..3 {
-                let white = found[k] * table.scale / whole[k];
-                assert!((white - 1.0).abs() < 0.005, "{angle}° {azimuth}°: {white}");
+            let truth = plainly(table, view);
+            let whole = table.whole(view).map(|v| v / table.scale);
+            for (k, found) in flats.iter().map(|flat| flat.at(0, view)).chain([whole]).enumerate() {
+                let off = (0..3).map(|c| (found[c] / truth[c] - 1.0).abs()).fold(0.0, f64::max);
+                worst[k] = worst[k].max(off);
             }
         }
     }
+    // Half a per cent is what a white furnace is asked for. Measured: 0.43, 0.18 and 0.13 %, and 0.14 % for the table; where a cell of the table's edge
+    // counted for two thirds instead of a half, 1.9, 1.1, 0.6 and 0.8 %.
+    assert!(worst.iter().all(|off| *off < 0.005), "{worst:?}");
 }
