@@ -3,14 +3,18 @@
 use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::curve_fit::Path;
-use super::models::{Candidate, Evidence, Model, candidates, orientation};
-use super::search::{Begin, at_limit, curves};
+use super::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
+use super::search::{Begin, at_limit, curves, thinned};
 use serde::Serialize;
 
 /// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
-/// standard deviations of chance, may be true as well: the simplest of these is taken.
+/// standard deviations of chance, may be true as well, which is warned of.
 const UNDECIDED: f64 = 10.0;
 const UNDECIDED_SIGMA: f64 = 2.0;
+
+/// The simplest model that is behind the best by no more than this is taken: as much is left to chance in the evidence, and most films
+/// have no more to them.
+const SIMPLER: f64 = 8.0;
 
 /// Points that scatter farther from every curve than this share of the curve's size, and than twice their noise, form no
 /// curve at all.
@@ -30,10 +34,21 @@ const UNMODELLED: f64 = 0.005;
 const FEW_PLACES: f64 = 0.4;
 const AS_GOOD: f64 = 1.02;
 
-/// Fewer points than this tell a circle, but not the film behind it, unless they are far off every circle and lie on a curve to
-/// their noise.
+/// Fewer points than this tell a film only where they lie on its curve to their noise, and fewer than the others only where they are
+/// far off every circle, too.
 const CURVE_POINTS: usize = 5000;
 const FEW_CURVE_POINTS: usize = 1000;
+
+/// Points on which all candidates are compared, and how far behind (-2 ln likelihood of these) one is left out when the others
+/// are compared on all.
+const LOOKED_AT: usize = 4000;
+const HOPELESS: f64 = 100.0;
+
+/// How much farther along a curve that is taken for a circle points are off than across it.
+const BENT: f64 = 6.0;
+
+/// With fewer points than this not even a circle is fitted.
+const FEWEST_POINTS: usize = 20;
 
 /// A centred circle that explains the points to this, with a centre that costs less than this in degrees, needs no
 /// other model to compare with.
@@ -59,19 +74,24 @@ pub(super) struct Choice {
     pub explained: bool,
     /// Error of the orientations that the model may cause, in rad; None when no model explains the points.
     pub error: Option<f64>,
+    /// The same, or where it is not known, what other models say of it: what σ must hold at least.
+    pub systematic: f64,
 }
 
-/// Chooses among models by points that carry modulation; None when there are fewer than 100.
+/// Chooses among models by points that carry modulation; None when there are fewer than 20.
 pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> Option<Choice> {
-    if points.len() < 100 {
+    if points.len() < FEWEST_POINTS {
         return None;
     }
     let mut candidates = candidates(points);
     let enough = wanted == Model::Auto && sinusoid_is_enough(&candidates, points.len());
     let least = |all: &[Candidate]| all.iter().map(|c| c.widened(points.len())).fold(f64::INFINITY, f64::min);
-    let fewest = if least(&candidates) < UNEXPLAINED { CURVE_POINTS } else { FEW_CURVE_POINTS };
+    let fewest = if least(&candidates) < UNEXPLAINED { MIXTURE } else { FEW_CURVE_POINTS };
     let few = wanted == Model::Auto && points.len() < fewest;
-    if matches!(wanted, Model::Auto | Model::Curve) && !enough && !few {
+    // Of a circle that was asked for, the curve tells how wrong it is.
+    let asked = !matches!(wanted, Model::Auto | Model::Curve);
+    let off = least(&candidates) > UNMODELLED_WIDENED && points.len() >= FEW_CURVE_POINTS;
+    if !enough && !few && (!asked || off) {
         let circle = candidates.last()?.curve;
         let all = wanted == Model::Curve || points.len() >= CURVE_POINTS;
         // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
@@ -79,7 +99,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         candidates.extend(curves(points, &circle, begin).into_iter().filter(|c| all || to_their_noise(c)));
     }
     let widened = least(&candidates);
-    let each: Vec<Evidence> = candidates.iter().map(|c| c.evidence(points, widened)).collect();
+    let each = compare(&candidates, points, widened);
     let evidence: Vec<f64> = each.iter().map(|e| e.total).collect();
     let likeliest = |model: Option<Model>| {
         (0..candidates.len())
@@ -92,10 +112,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
     let explained = explains(&candidates[best], points);
     let chosen = match wanted {
         Model::Auto if !explained => likeliest(Some(Model::Sinusoid))?,
-        Model::Auto => (0..candidates.len()).find(|k| {
-            let chance = UNDECIDED_SIGMA * each[*k].chance(&each[best]);
-            evidence[*k] <= evidence[best] + unmodelled.max(chance)
-        })?,
+        Model::Auto => (0..candidates.len()).find(|k| evidence[*k] <= evidence[best] + unmodelled.max(SIMPLER))?,
         model => likeliest(Some(model))?,
     };
     let chance: Vec<f64> = each.iter().map(|e| e.chance(&each[chosen])).collect();
@@ -111,11 +128,22 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         odds.sqrt() * differences[k]
     };
     let rivals = (0..candidates.len()).map(of_rival).fold(0.0, f64::max);
-    let widened_here = candidates[chosen].widened(points.len());
+    // A model that was asked for is as wrong as it differs from the likeliest one, if that is right.
+    let right = &candidates[if asked { best } else { chosen }];
     // What metal without a grating scatters, or reflects at its front, is only right where the points lie on the curve.
-    let limit = if candidates[chosen].curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
-    let known = explained && widened_here < limit && !candidates[chosen].film.is_some_and(|f| at_limit(&f));
+    let limit = if right.curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
+    let known = explained && right.widened(points.len()) < limit && !right.film.is_some_and(|f| at_limit(&f));
     let error = known.then(|| candidates[chosen].uncertain.hypot(rivals));
+    // Otherwise, models that do little worse are the only measure.
+    let of_other = |k: usize| differences[k] * (widened / candidates[k].widened(points.len())).sqrt();
+    let guessed = || (0..candidates.len()).map(of_other).fold(rivals, f64::max);
+    // Of points too few for a curve, what lies across the circle tells of what lies along it.
+    let bent = if candidates.iter().all(|c| c.film.is_none()) && widened > UNMODELLED_WIDENED {
+        BENT * (widened - 1.0).sqrt() * typical_sigma(right, points)
+    } else {
+        0.0
+    };
+    let systematic = error.unwrap_or_else(guessed).hypot(bent);
     Some(Choice {
         widened: candidates[chosen].widened(points.len()),
         reason: reason(wanted, &candidates, &behind, chosen, explained, enough),
@@ -127,7 +155,31 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         chosen,
         explained,
         error,
+        systematic,
     })
+}
+
+/// Evidence of each candidate, of the hopeless ones from a part of the points.
+fn compare(candidates: &[Candidate], points: &[CloudPoint], widened: f64) -> Vec<Evidence> {
+    let few = thinned(points, LOOKED_AT);
+    let first: Vec<Evidence> = candidates.iter().map(|c| c.evidence(&few, widened)).collect();
+    let least = first.iter().map(|e| e.total).fold(f64::INFINITY, f64::min);
+    let scale = points.len() as f64 / few.len().max(1) as f64;
+    let hopeful: Vec<Option<Evidence>> = candidates
+        .iter()
+        .zip(&first)
+        .map(|(c, e)| (e.total <= least + HOPELESS).then(|| c.evidence(points, widened)))
+        .collect();
+    let best = hopeful.iter().flatten().map(|e| e.total).fold(f64::INFINITY, f64::min);
+    let or_scaled = |(all, few): (Option<Evidence>, Evidence)| all.unwrap_or_else(|| few.scaled(least, scale, best));
+    hopeful.into_iter().zip(first).map(or_scaled).collect()
+}
+
+/// Median σ of the orientations from noise, in rad.
+fn typical_sigma(candidate: &Candidate, points: &[CloudPoint]) -> f64 {
+    let path = Path::new(candidate.curve);
+    let mut all: Vec<f64> = thinned(points, LOOKED_AT).iter().map(|p| orientation(candidate, &path, p).1).collect();
+    super::repeats::median(&mut all).unwrap_or(0.0)
 }
 
 /// A circle about the origin explains everything.
@@ -286,8 +338,8 @@ impl Choice {
         }
         if self.candidates[self.chosen].film.is_some_and(|film| at_limit(&film)) {
             warnings.push(
-                "the film delays by 45° at least, the most that is looked for: if it delays more, orientations are wrong by much more \
-                 than σ says"
+                "the film delays by more than 90°, the most that is looked for: if it delays yet more, orientations are wrong by much \
+                 more than σ says"
                     .into(),
             );
         }

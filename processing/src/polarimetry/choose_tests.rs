@@ -4,10 +4,10 @@ use super::choose::{Choice, choose};
 use super::cloud::{CloudPoint, cloud};
 use super::curve_fit::Path;
 use super::models::{Candidate, Model, orientation};
-use super::reconstruct::{Asked, solve_model};
+use super::reconstruct::{Asked, orient_with, solve_model};
 use super::search::Begin;
 use super::synthetic::{Series, Spread, Synthetic, even_angles, uniform};
-use super::{MASK_SNR, angle_difference};
+use super::{MASK_SNR, OrientationMaps, angle_difference};
 use num_complex::Complex;
 use std::f64::consts::{PI, TAU};
 
@@ -145,11 +145,13 @@ fn drawn(seed: u64) -> Synthetic {
     }
 }
 
-/// Films and gratings drawn anew each time.
+/// Films and gratings drawn anew each time: what is farther from the best than 1.25 x + 0.05° is few, and says so. `NACRE_DRAWS=200`
+/// takes all that there is time for.
 #[test]
 fn auto_is_nearly_the_best_of_its_models() {
-    let count: u64 = std::env::var("NACRE_DRAWS").ok().and_then(|n| n.parse().ok()).unwrap_or(6);
-    let seed = std::env::var("NACRE_SEED").ok().and_then(|n| n.parse().ok()).unwrap_or(u64::from(std::process::id()));
+    let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse::<u64>().ok());
+    let count = number("NACRE_DRAWS").unwrap_or(12);
+    let seed = number("NACRE_SEED").unwrap_or(u64::from(std::process::id()));
     println!("seed {seed}");
     let mut bad = 0;
     for k in 0..count {
@@ -158,22 +160,77 @@ fn auto_is_nearly_the_best_of_its_models() {
         let (choice, errors) = compared(&scene, 30_000, seed);
         let best = errors.iter().copied().fold(f64::INFINITY, f64::min);
         let found = errors[choice.chosen];
-        if found > 1.25 * best + 0.05 {
-            bad += 1;
-            let (ratio, dn) = (scene.ratio, scene.retardance.to_degrees());
-            let (r, zeta, claimed) = (ratio.norm(), ratio.arg().to_degrees(), choice.error.map(f64::to_degrees));
-            println!(
-                "{seed}: r {r:.3} ζ {zeta:.0}° Δn {dn:.1}° front {:.2} {:?}: {found:.3}° instead of {best:.3}°, claimed {claimed:.2?}\n{}",
-                scene.front.norm(),
-                scene.spread,
-                told(&choice, &errors)
-            );
+        if found <= 1.25 * best + 0.05 {
+            continue;
         }
+        bad += 1;
+        let (ratio, dn) = (scene.ratio, scene.retardance.to_degrees());
+        let (r, zeta, claimed) = (ratio.norm(), ratio.arg().to_degrees(), choice.error.map(f64::to_degrees));
+        let told = format!(
+            "{seed}: r {r:.3} ζ {zeta:.0}° Δn {dn:.1}° front {:.2} {:?}: {found:.3}° instead of {best:.3}°, claimed {claimed:.2?}\n{}",
+            scene.front.norm(),
+            scene.spread,
+            told(&choice, &errors)
+        );
+        println!("{told}");
+        assert!(claimed.is_none_or(|c| found < 3.0 * c), "wrong and not told: {told}");
     }
     println!("{bad} of {count} farther from the best than 1.25 x + 0.05°");
-    // One in seven was measured, mostly five orientations with a front reflection: more than four of six are chance once in 2500 runs,
-    // and what a broken choice does.
-    assert!(3 * bad <= 2 * count, "seed {seed}: {bad} of {count}");
+    // Three of 48 were measured while this was built: films that the points do not determine.
+    assert!(4 * bad <= count, "seed {seed}: {bad} of {count}");
+}
+
+/// Hardly any pixel is more than 5σ off where models fail: films that delay by more than any packaging does, a model that was
+/// asked for and is wrong, and too few points for the right one.
+#[test]
+fn no_model_is_wrong_and_confident() {
+    let film = |retardance: f64| Synthetic {
+        ratio: Complex::from_polar(1.2, 150f64.to_radians()),
+        retardance: retardance.to_radians(),
+        axis: 20f64.to_radians(),
+        reflectance: 0.2,
+        ..Synthetic::default()
+    };
+    let near_mirror = Synthetic { ratio: Complex::from_polar(1.2, 176f64.to_radians()), ..film(3.0) };
+    let scenes = [
+        ("film of 60°", film(60.0), Model::Auto, 4000),
+        ("film of 75°", film(75.0), Model::Auto, 4000),
+        ("film of 90°", film(90.0), Model::Auto, 4000),
+        ("film of 5° in a small map", film(5.0), Model::Auto, 1200),
+        ("sinusoid, film of 2°", film(2.0), Model::Sinusoid, 4000),
+        ("sinusoid, film of 10°", film(10.0), Model::Sinusoid, 4000),
+        ("sinusoid, film of 75°", film(75.0), Model::Sinusoid, 4000),
+        ("sinusoid, ζ 176°", near_mirror.clone(), Model::Sinusoid, 4000),
+        ("circle, film of 10°", film(10.0), Model::Circle, 4000),
+        ("auto, ζ 176°", near_mirror, Model::Auto, 4000),
+    ];
+    for (name, scene, model, pixels) in scenes {
+        let Series { mut maps, design, noise, truth } = scene.photograph(pixels, 5).unwrap();
+        let map = orient_with(&mut maps, &design, &noise, model, pixels);
+        assert_hardly_wrong(name, &map, &truth);
+    }
+    // Fifty points for four thousand pixels.
+    let Series { mut maps, design, noise, truth } = film(10.0).photograph(4000, 5).unwrap();
+    let map = orient_with(&mut maps, &design, &noise, Model::Auto, 50);
+    assert_hardly_wrong("fifty points", &map, &truth);
+}
+
+fn assert_hardly_wrong(name: &str, map: &OrientationMaps, truth: &[f32]) {
+    let found = super::compare(&map.orientation, &map.sigma, truth, |_| true).unwrap();
+    let error = |i: usize| {
+        let off = f64::from(map.orientation[i]) - found.offset_deg.to_radians();
+        angle_difference(off, f64::from(truth[i])).abs()
+    };
+    let is_wrong = |i: &usize| map.orientation[*i].is_finite() && error(*i) > 5.0 * f64::from(map.sigma[*i]);
+    let wrong = (0..truth.len()).filter(is_wrong).count() as f64 / truth.len() as f64;
+    let mut sigma = map.sigma.clone();
+    sigma.sort_by(f32::total_cmp);
+    println!(
+        "{name}: {:.2}° off, median σ {:.2}°, {wrong:.4} wrong",
+        found.mean_deg,
+        sigma[sigma.len() / 2].to_degrees()
+    );
+    assert!(wrong <= 1e-3, "{name}: {wrong} {found:?}");
 }
 
 /// σ is the scatter: in every decile of σ and every 20° of orientation 68 % of the pixels are within 1σ and 99 % within 3σ,

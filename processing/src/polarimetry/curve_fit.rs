@@ -189,6 +189,53 @@ impl Path {
             beside.filter(|m| m.distance < foot.distance.abs()).unwrap_or(foot)
         })
     }
+
+    /// The places that are nearer to a point than all around them, of those that are farther than the nearest one by no more
+    /// than so many standard deviations.
+    pub(super) fn feet_within(&self, point: &CloudPoint, farther: f64) -> Vec<Foot> {
+        let [a, b, c] = point.weights();
+        let distance = |k: usize| {
+            let (x, y) = (point.at[0] - f64::from(self.nodes[0][k]), point.at[1] - f64::from(self.nodes[1][k]));
+            (a * x * x + 2.0 * b * x * y + c * y * y).sqrt()
+        };
+        let distances: [f64; NODES] = std::array::from_fn(distance);
+        let between = |j: usize, k: usize| {
+            let [x, y] = [0, 1].map(|i| f64::from(self.nodes[i][j]) - f64::from(self.nodes[i][k]));
+            (a * x * x + 2.0 * b * x * y + c * y * y).sqrt()
+        };
+        let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
+        let near = |k: &usize| {
+            let (before, after) = ((k + NODES - 1) % NODES, (k + 1) % NODES);
+            let is_least = distances[*k] <= distances[before] && distances[*k] < distances[after];
+            is_least && distances[*k] - between(*k, before).max(between(*k, after)) < least + farther
+        };
+        (0..NODES).filter(near).map(|k| self.foot_near(point, k)).collect()
+    }
+
+    /// The nearest place near a node.
+    fn foot_near(&self, point: &CloudPoint, node: usize) -> Foot {
+        let [a, b, c] = point.weights();
+        let step = PI / NODES as f64;
+        let (mut theta, mut turn) = (step * node as f64, self.turns[node]);
+        for _ in 0..3 {
+            let (q, t) = self.curve.at_turn(turn);
+            let (x, y) = (point.at[0] - q[0], point.at[1] - q[1]);
+            let (wx, wy) = (a * t[0] + b * t[1], b * t[0] + c * t[1]);
+            let speed = wx * t[0] + wy * t[1];
+            if speed > 0.0 {
+                let on = ((wx * x + wy * y) / speed).clamp(-step, step);
+                theta += on;
+                turn = turned(turn, 2.0 * on);
+            }
+        }
+        let (q, t) = self.curve.at_turn(turn);
+        let [va, vb, vc] = point.covariance;
+        let (nx, ny) = (-t[1], t[0]);
+        let scale = (va * nx * nx + 2.0 * vb * nx * ny + vc * ny * ny).sqrt().max(f64::MIN_POSITIVE);
+        let gradient = [nx / scale, ny / scale];
+        let distance = gradient[0] * (point.at[0] - q[0]) + gradient[1] * (point.at[1] - q[1]);
+        Foot { theta, turn, distance, gradient, mirror: false }
+    }
 }
 
 /// A point as metal without a grating. Its distance has two directions, so that of noise is √2 on average: it is given in
@@ -317,6 +364,21 @@ impl Family<'_> {
                 ((self.curve)(&moved), STEP)
             })
             .collect()
+    }
+
+    /// What points whose variance is `widened` times their noise tell of the parameters: ln of how much smaller the volume is that
+    /// is left than that of what was expected (Laplace's factor, as -2 ln). Where nothing is expected, parameters are angles of
+    /// half a turn.
+    pub fn told(&self, fitted: &Fitted, widened: f64) -> f64 {
+        let size = |e: &f64| if e.is_finite() { *e } else { PI / 12f64.sqrt() };
+        let sizes: Vec<f64> = self.expected.iter().map(size).collect();
+        let n = sizes.len();
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            let expected = if i == j { self.expected[i].powi(-2) } else { 0.0 };
+            let told = (fitted.information[(i, j)] - expected) / widened * sizes[i] * sizes[j];
+            told + if i == j { 1.0 } else { 0.0 }
+        });
+        scaled.symmetric_eigen().eigenvalues.iter().map(|v| v.max(1.0).ln()).sum()
     }
 
     /// Root mean square error of the orientations of `points` in rad that the uncertainty of the parameters causes,

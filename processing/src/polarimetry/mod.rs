@@ -35,6 +35,7 @@ mod curve;
 mod curve_fit;
 mod design;
 mod disk;
+mod edges;
 mod errors;
 #[cfg(test)]
 mod errors_tests;
@@ -44,6 +45,7 @@ mod jones;
 mod locate;
 mod look;
 mod merge;
+mod mixture;
 mod models;
 mod noise;
 mod normal;

@@ -8,16 +8,19 @@
 //! | `curve` | the closed curve of the 2018 paper's Eq. 4-6 | any film; with the axis, and where needed the front reflection and the retarder's error, fitted as well |
 //!
 //! The better the model the more there is to fit, and what the points cannot tell apart is noise in the result. So `auto`
-//! takes the model of least `cost + parameters · ln(points)` (Schwarz' criterion), where the cost is the robust misfit in
-//! units of the noise.
+//! takes the model of most evidence: -2 ln likelihood of the points where the distribution of the orientations in view is
+//! fitted too, and what its parameters must be worth (Laplace's factor for curves, Schwarz' for circles).
 
 use super::cloud::CloudPoint;
 use super::curve::{Curve, Film};
 use super::curve_fit::{COST_OF_NOISE, Family, Fitted, Path};
-use super::evidence;
+use super::{evidence, mixture};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
+
+/// With fewer points than this the distribution of orientations cannot be fitted place by place.
+pub(super) const MIXTURE: usize = 2000;
 
 /// How the fitted phase becomes an orientation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -51,6 +54,9 @@ pub(super) struct Candidate {
     pub center: Option<[f64; 2]>,
     /// -2 ln likelihood of the parameters by themselves.
     pub prior: f64,
+    /// What the points tell of the parameters beyond what was expected of them, as ln of a ratio of variances; None where
+    /// nothing was expected.
+    pub told: Option<f64>,
     /// Robust misfit in units of the noise, -2 ln likelihood.
     pub cost: f64,
     /// Error of the orientations in rad that the uncertainty of the parameters causes, root mean square.
@@ -119,6 +125,11 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
+    /// That of a candidate which is so far behind the least of a part of the points, carried over to all, of which the best has `best`.
+    pub fn scaled(self, least: f64, scale: f64, best: f64) -> Self {
+        Self { total: best + scale * (self.total - least), terms: vec![] }
+    }
+
     /// Standard deviation that the difference of two has by chance (Vuong 1989): how differently the single points decide.
     pub fn chance(&self, other: &Self) -> f64 {
         let n = self.terms.len().max(1) as f64;
@@ -133,8 +144,13 @@ impl Candidate {
     /// (Schwarz).
     pub(super) fn evidence(&self, points: &[CloudPoint], widened: f64) -> Evidence {
         let points: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
-        let terms = evidence::terms(&points, &self.curve);
-        let paid = self.parameters as f64 * (points.len().max(2) as f64).ln();
+        let terms = if points.len() < MIXTURE {
+            evidence::terms(&points, &self.curve)
+        } else {
+            mixture::terms(&points, &self.curve)
+        };
+        // Laplace's factor, or Schwarz' for it.
+        let paid = self.told.unwrap_or(self.parameters as f64 * (points.len().max(2) as f64).ln());
         Evidence { total: terms.iter().sum::<f64>() + paid + self.prior, terms }
     }
 
@@ -160,6 +176,7 @@ fn phase(
         curve: fitted.curve,
         center: Some(center),
         prior: fitted.prior,
+        told: None,
         cost: fitted.cost,
         uncertain,
         film: None,

@@ -23,7 +23,8 @@ pub struct OrientationMaps {
     pub height: usize,
     /// Orientation in `[0, π)` rad, up to one offset common to all pixels (a gauge: 2018 paper, section 5.3).
     pub orientation: Vec<f32>,
-    /// Standard deviation of the orientation in rad, from noise. Not masked, so that one sees why a pixel is.
+    /// Standard deviation of the orientation in rad: of noise, and in what is written of the model and of edges as well. Not
+    /// masked, so that one sees why a pixel is.
     pub sigma: Vec<f32>,
 }
 

@@ -4,6 +4,7 @@ use super::aligned::smoothed_noise;
 use super::choose::Choice;
 use super::cloud::cloud;
 use super::correction::{Corrected, Stand, choose_corrected};
+use super::edges::widen_at_edges;
 use super::locate::{Lens, locate};
 use super::merge::Merge;
 use super::orient::phases;
@@ -21,6 +22,7 @@ use crate::frames::{Linearizer, LoadedFrames, load};
 use crate::image::OutputFolder;
 use crate::progress::Progress;
 use crate::{Error, Result};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// What the user may choose.
@@ -91,6 +93,15 @@ pub(super) struct Solved {
     pub oblique: Option<ObliqueReport>,
 }
 
+impl Solved {
+    /// σ of noise becomes that of noise, of the model and of what the lens mixes at edges.
+    pub fn tell_systematic(&mut self) {
+        let systematic = self.choice.as_ref().map_or(0.0, |c| c.systematic) as f32;
+        self.map.sigma.par_iter_mut().for_each(|s| *s = s.hypot(systematic).min(std::f32::consts::FRAC_PI_2));
+        widen_at_edges(&mut self.map);
+    }
+}
+
 /// What is asked of a solution.
 pub(super) struct Asked {
     pub model: Model,
@@ -132,7 +143,9 @@ pub(crate) fn orient_with(
     model: Model,
     pixels: usize,
 ) -> OrientationMaps {
-    solve_model(maps, design, noise, &Asked { pixels, ..Asked::of(model) }).map
+    let mut solved = solve_model(maps, design, noise, &Asked { pixels, ..Asked::of(model) });
+    solved.tell_systematic();
+    solved.map
 }
 
 /// From intensities to orientations. Consumes the residual map: σ takes its place in memory.

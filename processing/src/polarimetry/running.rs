@@ -272,6 +272,8 @@ impl Running {
             report.warnings.extend(warnings);
             report.period = Some(said);
         }
+        // The report has these terms one by one.
+        solved.tell_systematic();
         writer.maps(maps, &solved.map, &disk)?;
         report.took(read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
         folder.write_json("report.json", &report)?;

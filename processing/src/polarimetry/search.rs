@@ -4,8 +4,8 @@ use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::curve::{Curve, Film, PARAMETERS};
 use super::curve_fit::{Family, Fitted, Path};
-use super::evidence;
-use super::models::{Candidate, Model, widened};
+use super::models::{Candidate, MIXTURE, Model, widened};
+use super::{evidence, mixture};
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
@@ -32,7 +32,7 @@ const SAME_MINIMUM: f64 = 0.1;
 const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.3, f64::INFINITY, 0.1, 0.1, 0.03, 0.015, 0.5];
 
 /// And how far at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
-const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 0.8, f64::INFINITY, 0.3, 0.3, 0.1, 0.1, 1.0];
+const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 1.65, f64::INFINITY, 0.3, 0.3, 0.1, 0.1, 1.0];
 
 /// The film's retardance.
 const RETARDANCE: usize = 2;
@@ -143,7 +143,7 @@ impl Samples<'_> {
             let fits = tried.par_iter().filter_map(|f| family.fit(&self.followed, &f.parameters, 25));
             let first = distinct(best_first(fits, |f| evidence::misfit(&self.followed, &f.curve)));
             let fits = first.par_iter().filter_map(|f| family.fit(&self.last, &f.parameters, 30));
-            let score = |f: &Fitted| evidence::misfit(&self.last, &f.curve) + f.prior;
+            let score = |f: &Fitted| misfit(&self.last, &f.curve) + f.prior;
             let best = best_first(fits, score);
             best.iter().map(|f| (score(f), f.cost, film(&f.parameters))).collect()
         })
@@ -155,11 +155,11 @@ impl Samples<'_> {
         let (free, extended) = *set;
         with_family(set, |family, film| {
             let fits = films.par_iter().filter_map(|start| family.fit(&self.last, &taken(free, start), 30));
-            let near = distinct(best_first(fits, |f| evidence::misfit(&self.last, &f.curve) + f.prior));
+            let near = distinct(best_first(fits, |f| misfit(&self.last, &f.curve) + f.prior));
             // In a narrow bent valley a small sample ends anywhere along it.
             let more = thinned(self.all, MORE);
             let fits = near.par_iter().take(3).filter_map(|f| family.fit(&more, &f.parameters, 60));
-            let near = best_first(fits, |f| evidence::misfit(&more, &f.curve) + f.prior);
+            let near = best_first(fits, |f| misfit(&more, &f.curve) + f.prior);
             let fits = near.par_iter().take(2).filter_map(|f| family.fit(self.all, &f.parameters, 10));
             // What ends at a limit of what more there may be has taken something else for it.
             let inside = |f: &Fitted| {
@@ -167,7 +167,7 @@ impl Samples<'_> {
                 more.all(|(k, p)| p.abs() < 0.99 * LIMITS[*k])
             };
             let fits = fits.filter(inside);
-            let near = distinct(best_first(fits, |f| evidence::misfit(self.all, &f.curve) + f.prior));
+            let near = distinct(best_first(fits, |f| misfit(&more, &f.curve) + f.prior));
             let candidates = near.into_iter().take(2).map(|fit| Candidate {
                 model: Model::Curve,
                 extended,
@@ -175,6 +175,7 @@ impl Samples<'_> {
                 curve: fit.curve,
                 center: None,
                 prior: fit.prior,
+                told: Some(family.told(&fit, widened(fit.cost, self.all.len()))),
                 cost: fit.cost,
                 uncertain: family.spread(&fit, &thinned(self.all, 500), widened(fit.cost, self.all.len())),
                 film: Some(film(&fit.parameters)),
@@ -199,6 +200,11 @@ fn taken(free: &[usize], film: &Film) -> Vec<f64> {
 /// Whether a set takes some points for metal without a grating.
 fn mirrors(set: &Set) -> bool {
     set.1.contains(&"mirror")
+}
+
+/// -2 ln likelihood of points under a curve.
+fn misfit(points: &[CloudPoint], curve: &Curve) -> f64 {
+    if points.len() < MIXTURE { evidence::misfit(points, curve) } else { mixture::terms(points, curve).iter().sum() }
 }
 
 /// Does something with the family of films whose other parameters are 0, and the film of its parameters.
@@ -286,7 +292,7 @@ fn grid() -> Vec<Film> {
     let mut films = vec![];
     for ln_r in [-0.6, -0.1, 0.1, 0.6, 2.0] {
         for zeta in [3.0_f64, 12.0, 30.0, 60.0, 90.0, 120.0, 150.0, 165.0, 176.0] {
-            for retardance in [2.0_f64, 6.0, 14.0, 24.0] {
+            for retardance in [2.0_f64, 6.0, 14.0, 24.0, 42.0, 65.0, 85.0] {
                 for axis in 0..6 {
                     let (retardance, axis) = (retardance.to_radians(), PI * f64::from(axis) / 6.0);
                     films.push(Film { ln_r, zeta: zeta.to_radians(), retardance, axis, ..Film::NONE });
@@ -329,6 +335,6 @@ fn is_mirror_like(film: &Film) -> bool {
     film.zeta.cos() < 0.0
 }
 
-fn thinned(points: &[CloudPoint], count: usize) -> Vec<CloudPoint> {
+pub(super) fn thinned(points: &[CloudPoint], count: usize) -> Vec<CloudPoint> {
     points.iter().step_by(points.len().div_ceil(count).max(1)).copied().collect()
 }

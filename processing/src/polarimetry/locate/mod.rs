@@ -207,6 +207,7 @@ mod tests {
             curve,
             center,
             prior: 0.0,
+            told: None,
             cost: 0.0,
             uncertain: 0.0,
             film: None,
