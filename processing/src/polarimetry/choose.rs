@@ -29,11 +29,6 @@ const UNEXPLAINED: f64 = 4.0;
 const UNMODELLED_WIDENED: f64 = 1.2;
 const UNMODELLED: f64 = 0.005;
 
-/// Where orientations in view fill less than this share of the curve, as five bands do, several curves pass through them: one
-/// about which points scatter by hardly more (as a variance) is not ruled out by what noise leaves of its likelihood.
-const FEW_PLACES: f64 = 0.4;
-const AS_GOOD: f64 = 1.02;
-
 /// Fewer points than this tell a film only where they lie on its curve to their noise, and fewer than the others only where they are
 /// far off every circle, too.
 const CURVE_POINTS: usize = 5000;
@@ -118,13 +113,10 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
     let chance: Vec<f64> = each.iter().map(|e| e.chance(&each[chosen])).collect();
     let behind: Vec<f64> = evidence.iter().map(|e| e - evidence[best]).collect();
     let differences: Vec<f64> = candidates.iter().map(|c| difference(c, &candidates[chosen], points)).collect();
-    let few_places = places(&candidates[chosen], points) < FEW_PLACES;
     // Whatever may be true as well costs its difference as often as it is true.
     let of_rival = |k: usize| {
         let ahead = behind[k] - behind[chosen] - unmodelled;
         let odds = 0.5 * libm::erfc(ahead / chance[k].max(0.5 * UNDECIDED) / std::f64::consts::SQRT_2);
-        let as_good = candidates[k].widened(points.len()) < AS_GOOD * candidates[chosen].widened(points.len());
-        let odds = if few_places && as_good { 0.5 } else { odds };
         odds.sqrt() * differences[k]
     };
     let rivals = (0..candidates.len()).map(of_rival).fold(0.0, f64::max);
@@ -204,21 +196,6 @@ fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
     let at = off.len() * 4 / 5;
     let off = *off.select_nth_unstable_by(at, f64::total_cmp).1 / 1.2816;
     candidate.widened(points.len()) < NO_CURVE_WIDENED || off < NO_CURVE * candidate.size()
-}
-
-/// Share of the curve on which there are points: stretches that hold a tenth at least of what they would if all were alike.
-fn places(candidate: &Candidate, points: &[CloudPoint]) -> f64 {
-    const PLACES: usize = 60;
-    const LOOKED_AT: usize = 6000;
-    let (path, mut counts) = (Path::new(candidate.curve), [0_usize; PLACES]);
-    let all = points.iter().step_by(points.len().div_ceil(LOOKED_AT).max(1));
-    let looked_at = all.clone().count();
-    for point in all {
-        let turn = orientation(candidate, &path, point).0.rem_euclid(std::f64::consts::PI) / std::f64::consts::PI;
-        counts[((turn * PLACES as f64) as usize).min(PLACES - 1)] += 1;
-    }
-    let held = |count: &&usize| **count * 10 * PLACES > looked_at;
-    counts.iter().filter(held).count() as f64 / PLACES as f64
 }
 
 /// Mean difference of the orientations under two models after the best common offset, in rad.

@@ -179,14 +179,24 @@ impl Curve {
 
     /// The same, given sine and cosine of 2θ.
     #[inline(always)]
-    pub(super) fn at_turn(&self, (s, c): (f64, f64)) -> ([f64; 2], [f64; 2]) {
+    pub(super) fn at_turn(&self, turn: (f64, f64)) -> ([f64; 2], [f64; 2]) {
+        let (at, tangent, _) = self.bent_at_turn(turn);
+        (at, tangent)
+    }
+
+    /// The same and the second derivative.
+    #[inline(always)]
+    pub(super) fn bent_at_turn(&self, (s, c): (f64, f64)) -> ([f64; 2], [f64; 2], [f64; 2]) {
         let (s2, c2) = (2.0 * s * c, c * c - s * s);
         let value = |k: &[f64; 5]| k[0] + k[1] * c + k[2] * s + k[3] * c2 + k[4] * s2;
         let slope = |k: &[f64; 5]| 2.0 * (k[2] * c - k[1] * s) + 4.0 * (k[4] * c2 - k[3] * s2);
+        let bend = |k: &[f64; 5]| -4.0 * (k[1] * c + k[2] * s) - 16.0 * (k[3] * c2 + k[4] * s2);
         let [s0, s1, s2] = self.stokes.each_ref().map(value);
         let [d0, d1, d2] = self.stokes.each_ref().map(slope);
+        let [e0, e1, e2] = self.stokes.each_ref().map(bend);
         let (x, y) = (s1 / s0, s2 / s0);
-        ([x, y], [(d1 - x * d0) / s0, (d2 - y * d0) / s0])
+        let (dx, dy) = ((d1 - x * d0) / s0, (d2 - y * d0) / s0);
+        ([x, y], [dx, dy], [(e1 - x * e0 - 2.0 * dx * d0) / s0, (e2 - y * e0 - 2.0 * dy * d0) / s0])
     }
 }
 
@@ -225,6 +235,12 @@ mod tests {
             for k in 0..2 {
                 let slope = (after[k] - before[k]) / 2e-6;
                 prop_assert!((slope - tangent[k]).abs() < 1e-4 * (1.0 + slope.abs()), "{slope} {}", tangent[k]);
+            }
+            let (_, tangent, bend) = film.curve().bent_at_turn((2.0 * theta).sin_cos());
+            let later = film.curve().with_tangent(theta + 1e-7).1;
+            for k in 0..2 {
+                let second = (later[k] - tangent[k]) / 1e-7;
+                prop_assert!((second - bend[k]).abs() < 1e-3 * (1.0 + second.abs() + tangent[k].powi(2)), "{second} {}", bend[k]);
             }
         }
 

@@ -3,7 +3,7 @@
 use super::{OrientationMaps, angle_difference};
 use rayon::prelude::*;
 
-/// A second difference of so many standard deviations is an edge; in noise one pixel in thousands has one.
+/// A second difference of up to so many standard deviations is noise; one pixel in thousands has a larger one by chance.
 const JUMP: f32 = 4.0;
 
 /// Share of a second difference, here or in a neighbour, that a mixed pixel may be wrong by: half-way up an edge it is half of it.
@@ -38,9 +38,11 @@ pub(super) fn widen_at_edges(map: &mut OrientationMaps) {
                 let at = k * width + x;
                 most = most.max(bend(at - width, at, at + width));
             }
-            // The variance of a second difference is six times that of a pixel.
-            if most > JUMP * 6f32.sqrt() * *sigma {
-                *sigma = sigma.hypot(MIXED * most).min(std::f32::consts::FRAC_PI_2);
+            // The variance of a second difference is six times that of a pixel. What noise may have of it is taken off, so that
+            // what is noise after all widens σ by next to nothing.
+            let beyond = most * most - JUMP * JUMP * 6.0 * *sigma * *sigma;
+            if beyond > 0.0 {
+                *sigma = sigma.hypot(MIXED * beyond.sqrt()).min(std::f32::consts::FRAC_PI_2);
             }
         }
     });

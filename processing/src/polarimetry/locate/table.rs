@@ -29,7 +29,7 @@ const BENT: f32 = 0.01;
 
 /// Where the curve is that much slower within the noise than at the point itself, no σ describes the error, and the pixel is
 /// masked.
-const TOO_BENT: f32 = 1.3;
+const TOO_BENT: f32 = 1.23;
 
 /// Leads from a point to the nearest places of a curve.
 pub(in super::super) struct Table {
@@ -207,7 +207,7 @@ impl Table {
         };
         let least = weighted(theta + 2.0 * along).min(weighted(theta - 2.0 * along));
         let slower = (2.0 / least).max(1.0);
-        if slower > TOO_BENT { f32::INFINITY } else { along * (0.5 + 0.5 * slower) }
+        if slower > TOO_BENT { f32::INFINITY } else { along * (0.6 + 0.4 * slower) }
     }
 }
 
@@ -252,7 +252,9 @@ impl Feet {
 #[inline(always)]
 fn better(first: &Feet, i: usize, second: &Feet, k: usize) -> (f32, f32) {
     let apart = folded(folded(first.theta[i] - second.theta[k]) + FRAC_PI_2) - FRAC_PI_2;
-    let along = first.along[i].max(second.along[k]);
+    // A place where the curve is too bent for a σ rivals no less.
+    let (less, more) = (first.along[i].min(second.along[k]), first.along[i].max(second.along[k]));
+    let along = if more.is_finite() { more } else { less };
     let lead = second.distance2[k] - first.distance2[i];
     let (theta, sigma) = if lead < 0.0 { (second.theta[k], second.sigma(k)) } else { (first.theta[i], first.sigma(i)) };
     let rival = lead.abs() < RIVAL && apart.abs() > 3.0 * along;
