@@ -9,12 +9,18 @@ use crate::surface::{Densities, HeightField, Workspace};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Most places of the patch's spectrum that are added up one by one, the brightest ones.
-const BRIGHTEST: usize = 5000;
-
-/// Places along a side of a block in which the others are added up together: they hold little light, but grazing views see nothing else.
+/// Places along a side of a block, which are added up together where nothing changes much within it. A block is as wide as a lobe's standard
+/// deviation.
 const BLOCK: i32 = 4;
+
+/// Most blocks whose places are added up one by one near the rim, the brightest ones. The others hold little light, but grazing views see
+/// nothing else.
+const BRIGHTEST: usize = 312;
+
+/// Within this radius of the disc of direction cosines nothing changes much within a block.
+const INSIDE: f64 = 0.7;
 
 /// Nodes in a lobe's standard deviation, which is how fast the albedo changes where a lobe sets; cubics between them.
 const FINE: f64 = 2.0;
@@ -43,22 +49,36 @@ const MOST_NODES: usize = 800;
 /// Albedo times cos² θ over directions of view and wave numbers: at grazing views Stam's gain makes the albedo times cos θ grow as 1 / cos θ.
 ///
 /// Directions lie evenly in a projection `(x, y) / √((1 + z)(1 + √z))` whose radius is `√(1 - √z)`: smooth in the middle, and close where the
-/// cosine z is small.
+/// cosine z is small. A node is summed up when it is first asked for: a picture of a plane from afar needs one in a thousand.
 pub(super) struct Norm {
     views: usize,
     numbers: usize,
-    albedo: Vec<f32>,
+    places: Places,
+    /// Bits of a single; those of NaN where nothing has been summed up.
+    albedo: Vec<AtomicU32>,
 }
 
-/// The patch's spectrum, place by place.
+const UNKNOWN: u32 = f32::NAN.to_bits();
+
+/// The patch's spectrum, block by block.
 struct Places {
-    /// Middle and sides of each.
-    places: Vec<([f64; 2], [f64; 2])>,
-    /// Power densities at nodes of `q`, place by place.
+    blocks: Vec<Block>,
+    /// Power densities at nodes of `q`, row by row.
     power: Vec<f32>,
+    /// Sides of a place.
+    sides: [f64; 2],
     nodes: usize,
     /// Nodes per unit of q.
     per_q: f64,
+}
+
+/// Places side by side.
+struct Block {
+    middle: [f64; 2],
+    /// Number of its row of power densities.
+    row: usize,
+    /// Middles of its places, whose rows follow its own; none of a dim block.
+    places: Vec<[f64; 2]>,
 }
 
 impl Norm {
@@ -68,29 +88,33 @@ impl Norm {
     /// # Errors
     /// `Cancelled`.
     pub(super) fn new(densities: &Densities, sides: [f64; 2], depth_um: f64, progress: &dyn Progress) -> Result<Self> {
+        progress.check()?;
         let places = Places::new(densities, sides, depth_um);
         let lobe = densities.window.sigma / FINE;
         let within = |n: f64, [least, most]: [usize; 2]| (n.ceil() as usize).clamp(least, most);
         let views = within(2.0 * 2f64.sqrt() * 1.9 / lobe, VIEWS) | 1;
         let numbers = within((RANGE[1] - RANGE[0]) / lobe, NUMBERS);
-        let mut norm = Self { views, numbers, albedo: vec![] };
+        let albedo = (0..views * views * numbers).map(|_| AtomicU32::new(UNKNOWN)).collect();
         progress.check()?;
-        norm.albedo = (0..views * views * numbers)
-            .into_par_iter()
-            .map(|k| {
-                if progress.cancelled() {
-                    return 0.0;
-                }
-                let number = RANGE[0] + (RANGE[1] - RANGE[0]) * (k / (views * views)) as f64 / (numbers - 1) as f64;
-                norm.node(&places, k % (views * views), number) as f32
-            })
-            .collect();
-        progress.check()?;
-        Ok(norm)
+        Ok(Self { views, numbers, places, albedo })
+    }
+
+    /// Value at a node: `k` counts row by row, wave number by wave number.
+    fn value(&self, k: usize) -> f32 {
+        let known = self.albedo[k].load(Ordering::Relaxed);
+        if known != UNKNOWN {
+            return f32::from_bits(known);
+        }
+        let views = self.views * self.views;
+        let number = RANGE[0] + (RANGE[1] - RANGE[0]) * (k / views) as f64 / (self.numbers - 1) as f64;
+        // Two threads that come here at once find the same.
+        let value = self.node(k % views, number) as f32;
+        self.albedo[k].store(value.to_bits(), Ordering::Relaxed);
+        value
     }
 
     /// Value at a node. Beyond the rim, where cubics near to it need values as well, it goes on as it came.
-    fn node(&self, places: &Places, k: usize, number: f64) -> f64 {
+    fn node(&self, k: usize, number: f64) -> f64 {
         let at = |k: usize| 2.0 * k as f64 / (self.views - 1) as f64 - 1.0;
         let [x, y] = [at(k % self.views), at(k / self.views)];
         let radius = x.hypot(y);
@@ -98,7 +122,7 @@ impl Norm {
             let z = (1.0 - to * to).max(0.0).powi(2);
             let scale = ((1.0 + z) * (1.0 + z.sqrt())).sqrt() * to / radius.max(1e-9);
             let z = z.max(GRAZING);
-            places.albedo([x * scale, y * scale, z], number) * z
+            self.places.albedo([x * scale, y * scale, z], number) * z
         };
         let beyond = radius - 1.0;
         if beyond <= 0.0 {
@@ -110,9 +134,14 @@ impl Norm {
         }
     }
 
-    /// Nodes along a side, wave numbers, and the values at the nodes: wave number by wave number, row by row.
-    pub(super) fn nodes(&self) -> (usize, usize, &[f32]) {
-        (self.views, self.numbers, &self.albedo)
+    /// Nodes along a side, and wave numbers.
+    pub(super) fn size(&self) -> [usize; 2] {
+        [self.views, self.numbers]
+    }
+
+    /// Values at all nodes: wave number by wave number, row by row.
+    pub(super) fn values(&self) -> Vec<f32> {
+        (0..self.albedo.len()).into_par_iter().map(|k| self.value(k)).collect()
     }
 
     /// Albedo times cos θ of view.
@@ -131,8 +160,7 @@ impl Norm {
         let mut sum = 0.0;
         for (k, w) in near(k, m).into_iter().zip(w) {
             for (j, v) in rows.iter().zip(v) {
-                let row = &self.albedo[(k * n + j) * n..][..n];
-                let across: f32 = columns.iter().zip(u).map(|(i, u)| u * row[*i]).sum();
+                let across: f32 = columns.iter().zip(u).map(|(i, u)| u * self.value((k * n + j) * n + i)).sum();
                 sum += w * v * across;
             }
         }
@@ -159,60 +187,97 @@ impl Places {
                 [0.35, 0.5, 0.65].iter().map(|part| densities.at(frequency(k), part * most_q, w)).sum()
             })
             .collect();
-        let mut order: Vec<usize> = (0..count).collect();
-        order.sort_by(|a, b| light[*b].total_cmp(&light[*a]));
-        let (bright, dim) = order.split_at(count.min(BRIGHTEST));
         let mut blocks: BTreeMap<[i32; 2], Vec<usize>> = BTreeMap::new();
-        for k in dim {
+        for k in 0..count {
             let at = [(k % width) as i32 - half[0], (k / width) as i32 - half[1]];
-            blocks.entry(at.map(|v| v.div_euclid(BLOCK))).or_default().push(*k);
+            blocks.entry(at.map(|v| v.div_euclid(BLOCK))).or_default().push(k);
         }
-        let one = |k: &usize| (frequency(*k), sides, vec![*k], 1.0);
-        let block = |(at, members): ([i32; 2], Vec<usize>)| {
-            let middle = |i: usize| (f64::from(BLOCK * at[i]) + 0.5 * f64::from(BLOCK - 1)) * sides[i];
-            ([middle(0), middle(1)], sides.map(|s| f64::from(BLOCK) * s), members, f64::from(BLOCK * BLOCK))
+        let mut blocks: Vec<_> = blocks.into_iter().collect();
+        let light_of = |members: &[usize]| members.iter().map(|k| light[*k]).sum::<f64>();
+        blocks.sort_by(|a, b| light_of(&b.1).total_cmp(&light_of(&a.1)));
+        // Where a block's light is in the middle, so that no first order of what changes within it is lost.
+        let middle = |members: &[usize]| {
+            let all = light_of(members).max(f64::MIN_POSITIVE);
+            [0, 1].map(|i| members.iter().map(|k| (light[*k] / all) * frequency(*k)[i]).sum::<f64>())
         };
-        let all: Vec<_> = bright.iter().map(one).chain(blocks.into_iter().map(block)).collect();
-        let mut power = vec![0.0_f32; all.len() * nodes];
-        let rows = power.par_chunks_mut(nodes).zip(&all);
-        rows.for_each_init(Workspace::default, |w, (row, (_, _, members, of))| {
-            // A lobe is four places wide: each second one along both axes tells of a block.
+        let mut rows = 0;
+        let each = blocks.iter().enumerate().map(|(n, (_, members))| {
+            let places: Vec<[f64; 2]> = members.iter().filter(|_| n < BRIGHTEST).map(|k| frequency(*k)).collect();
+            let block = Block { middle: middle(members), row: rows, places };
+            rows += 1 + block.places.len();
+            block
+        });
+        let each: Vec<Block> = each.collect();
+        let mut power = vec![0.0_f32; rows * nodes];
+        let mut rest = power.as_mut_slice();
+        let mut tasks = vec![];
+        for (block, (_, members)) in each.iter().zip(&blocks) {
+            let rows;
+            (rows, rest) = std::mem::take(&mut rest).split_at_mut((1 + block.places.len()) * nodes);
+            tasks.push((rows, members));
+        }
+        tasks.into_par_iter().for_each_init(Workspace::default, |w, (rows, members)| {
+            let (whole, places) = rows.split_at_mut(nodes);
+            // A lobe is four places wide: each second one along both axes tells of a dim block.
             let odd = |k: &&usize| (**k % width) % 2 == 1 && (**k / width) % 2 == 1;
             let some: Vec<usize> = members.iter().filter(odd).copied().collect();
-            let looked_at = if some.is_empty() { members } else { &some };
-            let share = members.len() as f64 / (looked_at.len() as f64 * of);
-            for (n, out) in row.iter_mut().enumerate() {
-                let at = |k: &usize| densities.at(frequency(*k), n as f64 / per_q, w);
-                *out = (share * looked_at.iter().map(at).sum::<f64>()) as f32;
+            let looked_at = if some.is_empty() || !places.is_empty() { members } else { &some };
+            let share = members.len() as f64 / (looked_at.len() as f64 * f64::from(BLOCK * BLOCK));
+            for n in 0..nodes {
+                let mut sum = 0.0;
+                for (j, k) in looked_at.iter().enumerate() {
+                    let density = densities.at(frequency(*k), n as f64 / per_q, w);
+                    sum += density;
+                    if !places.is_empty() {
+                        places[j * nodes + n] = density as f32;
+                    }
+                }
+                whole[n] = (share * sum) as f32;
             }
         });
-        Self { places: all.into_iter().map(|(middle, sides, ..)| (middle, sides)).collect(), power, nodes, per_q }
+        Self { blocks: each, power, sides, nodes, per_q }
     }
 
     /// `∬ (1 + ωi·ωo)² / w² · P(f, q) ν² / cos θi dx dy`, which is the albedo times cos θ of view before anything is divided.
     fn albedo(&self, view: [f64; 3], number: f64) -> f64 {
         let turn = 1.0 / number;
-        let flat = view[2] < FLAT;
+        let sides = self.sides.map(|s| s * turn);
+        let whole = sides.map(|s| s * f64::from(BLOCK));
+        let reach = 0.5 * whole[0].hypot(whole[1]);
         let mut sum = 0.0;
-        for ((f, sides), power) in self.places.iter().zip(self.power.chunks_exact(self.nodes)) {
-            let sides = sides.map(|s| s * turn);
-            let [x, y] = [f[0] * turn - view[0], f[1] * turn - view[1]];
+        for block in &self.blocks {
+            let [x, y] = [0, 1].map(|k| block.middle[k] * turn - view[k]);
             let square = x * x + y * y;
-            if square > 1.4 {
+            if square > (1.0 + reach) * (1.0 + reach) {
                 continue;
             }
-            let value = |x: f64, y: f64, z: f64| {
-                let w = (z + view[2]).max(1e-6);
-                let gain = (1.0 + x * view[0] + y * view[1] + z * view[2]) / w;
-                self.density(power, TAU * number * w) * gain * gain
-            };
-            sum += if flat && square > RIM * RIM {
-                at_rim([x, y], sides, view[2].max(1e-3), value)
-            } else {
-                value(x, y, (1.0 - square).max(0.0).sqrt()) * solid_angle([x, y], sides, 1)
-            };
+            if square < INSIDE * INSIDE || block.places.is_empty() {
+                sum += self.part(block.row, [x, y], whole, view, number);
+                continue;
+            }
+            for (k, place) in block.places.iter().enumerate() {
+                let at = [0, 1].map(|k| place[k] * turn - view[k]);
+                sum += self.part(block.row + 1 + k, at, sides, view, number);
+            }
         }
         sum * number * number
+    }
+
+    /// What a cell with these sides about a place in the disc of direction cosines adds.
+    #[inline]
+    fn part(&self, row: usize, [x, y]: [f64; 2], sides: [f64; 2], view: [f64; 3], number: f64) -> f64 {
+        let power = &self.power[row * self.nodes..][..self.nodes];
+        let square = x * x + y * y;
+        let value = |x: f64, y: f64, z: f64| {
+            let w = (z + view[2]).max(1e-6);
+            let gain = (1.0 + x * view[0] + y * view[1] + z * view[2]) / w;
+            self.density(power, TAU * number * w) * gain * gain
+        };
+        if view[2] < FLAT && square > RIM * RIM {
+            at_rim([x, y], sides, view[2].max(1e-3), value)
+        } else {
+            value(x, y, (1.0 - square).max(0.0).sqrt()) * solid_angle([x, y], sides, 1)
+        }
     }
 
     /// Power density of a place, from its nodes.

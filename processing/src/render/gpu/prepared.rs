@@ -294,7 +294,7 @@ impl Values {
                 self.repeating(of.size_um(), field.reach.map(|r| r as f64), of.turn, of.sigma());
                 let [cos, sin] = of.turn;
                 self.set("turn", [cos, sin, field.pairs as f64, field.half_um]);
-                let (views, numbers, _) = of.norm().nodes();
+                let [views, numbers] = of.norm().size();
                 self.set("detail", [field.per_x, flag(of.lossless), views as f64, numbers as f64]);
                 4.0
             }

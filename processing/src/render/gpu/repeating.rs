@@ -71,10 +71,10 @@ impl Field {
         let row = |k: usize| set.functions((k as f64 / per_x).min(set.about.x_most));
         let texel = |pair: &[f64]| [pair[0] as f32, pair.get(1).map_or(0.0, |v| *v as f32), 0.0, 0.0];
         let phases = (0..ROWS).flat_map(|k| row(k).chunks(2).flat_map(texel).collect::<Vec<f32>>()).collect();
-        let (views, numbers, albedo) = relief.norm().nodes();
+        let [views, numbers] = relief.norm().size();
         let across = beside(numbers);
         let mut norm = vec![0.0_f32; views * across * views * numbers.div_ceil(across)];
-        for (k, line) in albedo.chunks_exact(views).enumerate() {
+        for (k, line) in relief.norm().values().chunks_exact(views).enumerate() {
             let (n, y) = (k / views, k % views);
             let at = (n / across * views + y) * views * across + n % across * views;
             norm[at..at + views].copy_from_slice(line);
