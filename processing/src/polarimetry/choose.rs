@@ -2,7 +2,7 @@
 
 use super::angle_difference;
 use super::cloud::CloudPoint;
-use super::curve_fit::Path;
+use super::foot::Path;
 use super::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
 use super::search::{Begin, at_limit, curves, thinned};
 use serde::Serialize;

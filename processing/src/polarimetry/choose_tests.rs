@@ -2,7 +2,7 @@
 
 use super::choose::{Choice, choose};
 use super::cloud::{CloudPoint, cloud};
-use super::curve_fit::Path;
+use super::foot::Path;
 use super::models::{Candidate, Model, orientation};
 use super::reconstruct::{Asked, orient_with, solve_model};
 use super::search::Begin;
@@ -176,7 +176,7 @@ fn auto_is_nearly_the_best_of_its_models() {
         assert!(claimed.is_none_or(|c| found < 3.0 * c), "wrong and not told: {told}");
     }
     println!("{bad} of {count} farther from the best than 1.25 x + 0.05°");
-    // Three of 48 were measured while this was built: films that the points do not determine.
+    // Four of 48 were measured (seed 5): two in which films differ by less than the points tell, two whose film was not found.
     assert!(4 * bad <= count, "seed {seed}: {bad} of {count}");
 }
 

@@ -3,7 +3,7 @@
 use super::angle_error::angle_sigma;
 use super::choose::Choice;
 use super::cloud::{CloudPoint, cloud};
-use super::curve_fit::Path;
+use super::foot::Path;
 use super::models::{Candidate, orientation};
 use super::repeats::median;
 use super::sample::{AREA, SIDE, Sample};

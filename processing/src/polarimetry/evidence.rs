@@ -6,7 +6,8 @@
 
 use super::cloud::CloudPoint;
 use super::curve::Curve;
-use super::curve_fit::{CAUCHY, Foot, Path, feet, scale_of};
+use super::curve_fit::CAUCHY;
+use super::foot::{Foot, Path, feet, scale_of};
 use std::f64::consts::{PI, TAU};
 
 /// Stretches of the curve whose lengths are added up.

@@ -7,7 +7,7 @@
 
 use super::cloud::CloudPoint;
 use super::curve::Curve;
-use super::curve_fit::{Foot, Path};
+use super::foot::{Foot, Path};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 

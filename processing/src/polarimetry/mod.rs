@@ -41,6 +41,7 @@ mod errors;
 mod errors_tests;
 mod evidence;
 mod fit;
+mod foot;
 mod jones;
 mod locate;
 mod look;

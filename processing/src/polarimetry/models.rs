@@ -13,7 +13,8 @@
 
 use super::cloud::CloudPoint;
 use super::curve::{Curve, Film};
-use super::curve_fit::{COST_OF_NOISE, Family, Fitted, Path};
+use super::curve_fit::{COST_OF_NOISE, Family, Fitted};
+use super::foot::Path;
 use super::{evidence, mixture};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

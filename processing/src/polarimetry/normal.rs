@@ -1,7 +1,8 @@
 //! The sums of a least-squares step, over several points side by side, which the compiler makes vectors of.
 
 use super::curve::{Curve, PARAMETERS};
-use super::curve_fit::{CAUCHY, Foot, SIDE_BY_SIDE};
+use super::curve_fit::CAUCHY;
+use super::foot::{Foot, SIDE_BY_SIDE};
 
 /// Most parameters that a family can have: those of a film.
 const MOST: usize = PARAMETERS;

@@ -3,7 +3,8 @@
 use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::curve::{Curve, Film, PARAMETERS};
-use super::curve_fit::{Family, Fitted, Path};
+use super::curve_fit::{Family, Fitted};
+use super::foot::Path;
 use super::models::{Candidate, MIXTURE, Model, widened};
 use super::{evidence, mixture};
 use num_complex::Complex;
