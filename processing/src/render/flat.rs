@@ -78,8 +78,8 @@ impl Flat {
 
 /// Sums up what flat tables reflect, where that takes less than drawing by chance to an error; nothing where it does not.
 ///
-/// Cells are halved until they differ from those before by less than `allowed`; returns what they are off by in directions that are in view: root mean
-/// square over the mean, at most.
+/// Cells are halved until they differ from those before by less than `allowed`, or at the finest ones by less than `better`: what is then still less than
+/// what drawing by chance would leave. Returns what they are off by in directions that are in view: root mean square over the mean, at most.
 ///
 /// # Errors
 /// `Cancelled`.
@@ -87,7 +87,7 @@ pub(super) fn sum_up(
     ready: &mut Ready,
     pilot: &Pilot,
     passes: usize,
-    allowed: f64,
+    (allowed, better): (f64, f64),
     progress: &dyn Progress,
 ) -> Result<Option<f64>> {
     let by_chance = pilot.lit_pixels(ready.size()) * (passes * SAMPLES) as f64;
@@ -106,7 +106,8 @@ pub(super) fn sum_up(
             let Some(flat) = Flat::new(ready, shape, size, progress)? else { break };
             spent += cost(size);
             let differs = before.map(|before| before.differs(&flat, &views));
-            if let Some(error) = differs.filter(|d| *d <= allowed) {
+            let enough = if size == SIZES[1] { allowed.max(better) } else { allowed };
+            if let Some(error) = differs.filter(|d| *d <= enough) {
                 summed = Some(summed.unwrap_or(0.0).max(error));
                 ready.note_flat(shape, size, error);
                 ready.flats[shape] = Some(flat);

@@ -16,6 +16,9 @@ use std::path::Path;
 /// Part of the wanted error that sums may take.
 const MODEL: f64 = 0.25;
 
+/// Part of the noise that samples would leave that what is summed up instead may be off by.
+const BETTER: f64 = 0.25;
+
 /// Finer sums are asked for this part of the error, and for finer ones still so many times. A sixteenth left flanks out that both sums did not
 /// follow: errors were 2.4 times as large as was said, once.
 const FINER: f64 = 1.0 / 64.0;
@@ -72,7 +75,10 @@ impl Sums {
             return Ok(pilot);
         }
         let passes = pilot.passes(settings.max_error, most);
-        let Some(error) = flat::sum_up(&mut self.ready, &pilot, passes, self.allowed, progress)? else {
+        // Where samples do not suffice, what is summed up may be off by more, as long as it is off by less than they.
+        let left = pilot.noise(passes);
+        let better = if left > settings.max_error { BETTER * left } else { 0.0 };
+        let Some(error) = flat::sum_up(&mut self.ready, &pilot, passes, (self.allowed, better), progress)? else {
             return Ok(pilot);
         };
         self.error = self.error.hypot(error);
@@ -94,7 +100,8 @@ impl Sums {
         // Next to what is allowed is near enough: it is a part of the whole error only.
         (self.error > 2.0 * self.allowed).then(|| {
             format!(
-                "sums over orders and wavelengths are off by {:.2} %, {:.2} % are allowed: what is in view is far from any order",
+                "sums over orders, wavelengths and skies are off by {:.2} %, {:.2} % are allowed: what is in view is far from any order, or light and \
+                 pattern are too sharp",
                 100.0 * self.error,
                 100.0 * self.allowed
             )

@@ -76,6 +76,22 @@ fn sums_are_left_out_where_they_do_not_hold_or_do_not_pay() {
     }
 }
 
+/// An error that neither way reaches: what is summed up with the finest cells is closer than what the samples leave by chance.
+#[test]
+fn what_samples_do_not_reach_is_summed_up_all_the_same() {
+    let dir = tempfile::tempdir().unwrap();
+    table(dir.path());
+    sky(dir.path());
+    let scene = Scene::parse(&lit([-300.0, 100.0, 350.0], "")).unwrap();
+    let asked = settings(1 << 13, 1e-4);
+    let (_, report) = render(&scene, dir.path(), &asked, &Silent).unwrap();
+    assert!(report.materials["a"].method.contains("summed up once for 512"), "{report:?}");
+    let (_, other) = render(&scene, dir.path(), &Settings { by_chance: true, ..asked }, &Silent).unwrap();
+    let off = report.noise.hypot(report.predicted_model_error);
+    println!("{} {} against {}", report.noise, report.predicted_model_error, other.noise);
+    assert!(other.noise > 1e-4 && off < 0.5 * other.noise, "{off} {}", other.noise);
+}
+
 /// What a white sky becomes, times the cosine of view, by a plain sum over light.
 fn plainly(table: &Table, view: [f64; 3]) -> [f64; 3] {
     let (n, mut sum) = (400, [0.0; 3]);
