@@ -122,6 +122,18 @@ impl Path {
     /// The same of a few side by side, which the compiler makes vectors of.
     #[inline(always)]
     fn places<const N: usize>(&self, points: &[CloudPoint; N]) -> [Foot; N] {
+        let nodes = points.each_ref().map(|p| self.nearest_node(p.at, p.weights()));
+        let feet = self.refined(points, nodes);
+        std::array::from_fn(|i| {
+            let foot = feet[i];
+            let beside = self.curve.mirror.and_then(|at| mirror(&points[i], at, &foot));
+            beside.filter(|m| m.distance < foot.distance.abs()).unwrap_or(foot)
+        })
+    }
+
+    /// The nearest places near nodes.
+    #[inline(always)]
+    fn refined<const N: usize>(&self, points: &[CloudPoint; N], nodes: [usize; N]) -> [Foot; N] {
         let step = PI / NODES as f64;
         let [px, py] = [0, 1].map(|k| points.each_ref().map(|p| p.at[k]));
         let weights = points.each_ref().map(|p| p.weights());
@@ -129,9 +141,8 @@ impl Path {
         let [va, vb, vc] = [0, 1, 2].map(|k| points.each_ref().map(|p| p.covariance[k]));
         let (mut theta, mut sin, mut cos) = ([0.0; N], [0.0; N], [0.0; N]);
         for i in 0..N {
-            let nearest = self.nearest_node([px[i], py[i]], weights[i]);
-            theta[i] = step * nearest as f64;
-            (sin[i], cos[i]) = self.turns[nearest];
+            theta[i] = step * nodes[i] as f64;
+            (sin[i], cos[i]) = self.turns[nodes[i]];
         }
         for _ in 0..3 {
             for i in 0..N {
@@ -157,9 +168,7 @@ impl Path {
         }
         std::array::from_fn(|i| {
             let (turn, gradient) = ((sin[i], cos[i]), [gx[i], gy[i]]);
-            let foot = Foot { theta: theta[i], turn, distance: distance[i], gradient, mirror: false };
-            let beside = self.curve.mirror.and_then(|at| mirror(&points[i], at, &foot));
-            beside.filter(|m| m.distance < foot.distance.abs()).unwrap_or(foot)
+            Foot { theta: theta[i], turn, distance: distance[i], gradient, mirror: false }
         })
     }
 
@@ -182,32 +191,7 @@ impl Path {
             let is_least = distances[*k] <= distances[before] && distances[*k] < distances[after];
             is_least && distances[*k] - between(*k, before).max(between(*k, after)) < least + farther
         };
-        (0..NODES).filter(near).map(|k| self.foot_near(point, k)).collect()
-    }
-
-    /// The nearest place near a node.
-    fn foot_near(&self, point: &CloudPoint, node: usize) -> Foot {
-        let [a, b, c] = point.weights();
-        let step = PI / NODES as f64;
-        let (mut theta, mut turn) = (step * node as f64, self.turns[node]);
-        for _ in 0..3 {
-            let (q, t) = self.curve.at_turn(turn);
-            let (x, y) = (point.at[0] - q[0], point.at[1] - q[1]);
-            let (wx, wy) = (a * t[0] + b * t[1], b * t[0] + c * t[1]);
-            let speed = wx * t[0] + wy * t[1];
-            if speed > 0.0 {
-                let on = ((wx * x + wy * y) / speed).clamp(-step, step);
-                theta += on;
-                turn = turned(turn, 2.0 * on);
-            }
-        }
-        let (q, t) = self.curve.at_turn(turn);
-        let [va, vb, vc] = point.covariance;
-        let (nx, ny) = (-t[1], t[0]);
-        let scale = (va * nx * nx + 2.0 * vb * nx * ny + vc * ny * ny).sqrt().max(f64::MIN_POSITIVE);
-        let gradient = [nx / scale, ny / scale];
-        let distance = gradient[0] * (point.at[0] - q[0]) + gradient[1] * (point.at[1] - q[1]);
-        Foot { theta, turn, distance, gradient, mirror: false }
+        (0..NODES).filter(near).map(|k| self.refined(&[*point], [k])[0]).collect()
     }
 }
 
@@ -239,4 +223,26 @@ pub fn scale_of(feet: &[Foot]) -> f64 {
         return 1.0;
     }
     (1.4826 * *distances.select_nth_unstable_by(middle, f64::total_cmp).1).clamp(1.0, 1e12)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::normal;
+    use super::*;
+
+    /// Points about a circle of five standard deviations are 0.1 of one farther out than it on average; distances are not (200,000 points tell
+    /// 0.0022, and the next order is 0.001).
+    #[test]
+    fn noise_about_a_bent_curve_has_no_mean_distance() {
+        let (radius, sigma, n) = (0.25, 0.05, 200_000);
+        let point = |i: u64| {
+            let (sin, cos) = (2.0 * PI * i as f64 / n as f64).sin_cos();
+            let at = [radius * cos + sigma * normal(1, i), radius * sin + sigma * normal(2, i)];
+            CloudPoint { pixel: 0, at, covariance: [sigma * sigma, 0.0, sigma * sigma], snr: 5.0 }
+        };
+        let points: Vec<CloudPoint> = (0..n).map(point).collect();
+        let feet = feet(&points, Curve::circle([0.0; 2], radius));
+        let mean = feet.iter().map(|f| f.distance).sum::<f64>() / n as f64;
+        assert!(mean.abs() < 0.012, "{mean}");
+    }
 }

@@ -11,8 +11,8 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Places along a side of a block, which are added up together where nothing changes much within it. A block is as wide as a lobe's standard
-/// deviation.
+/// Places along a side of a block, which are added up together where nothing changes much within it. A block is as wide as the patch's
+/// frequencies are apart, or as a lobe's standard deviation if that is more.
 const BLOCK: i32 = 4;
 
 /// Most blocks whose places are added up one by one near the rim, the brightest ones. The others hold little light, but grazing views see
@@ -49,7 +49,7 @@ const MOST_NODES: usize = 800;
 /// Albedo times cos² θ over directions of view and wave numbers: at grazing views Stam's gain makes the albedo times cos θ grow as 1 / cos θ.
 ///
 /// Directions lie evenly in a projection `(x, y) / √((1 + z)(1 + √z))` whose radius is `√(1 - √z)`: smooth in the middle, and close where the
-/// cosine z is small. A node is summed up when it is first asked for: a picture of a plane from afar needs one in a thousand.
+/// cosine z is small. A node is summed up when it is first asked for: a picture of a plane from afar needs those around one direction of view.
 pub(super) struct Norm {
     views: usize,
     numbers: usize,

@@ -16,7 +16,7 @@ use std::path::Path;
 /// Part of the wanted error that sums may take.
 const MODEL: f64 = 0.25;
 
-/// Part of the noise that samples would leave that what is summed up instead may be off by.
+/// Part of the noise that samples would leave that what is summed up instead may be off by: the same as of a wanted error.
 const BETTER: f64 = 0.25;
 
 /// Finer sums are asked for this part of the error, and for finer ones still so many times. A sixteenth left flanks out that both sums did not

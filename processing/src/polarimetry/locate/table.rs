@@ -28,7 +28,7 @@ const MIRROR: f32 = 16.0;
 const BENT: f32 = 0.01;
 
 /// Where the curve is that much slower within the noise than at the point itself, no σ describes the error, and the pixel is
-/// masked.
+/// masked. With 1.3, 98.8 % of the worst tenth of a film's pixels are within 3σ, with 1.25 99.1 %; 1.2 masks 4.4 % of all, this 3.2 %.
 const TOO_BENT: f32 = 1.23;
 
 /// Leads from a point to the nearest places of a curve.
