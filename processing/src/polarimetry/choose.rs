@@ -79,8 +79,8 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         return None;
     }
     let mut candidates = candidates(points);
-    let enough = wanted == Model::Auto && sinusoid_is_enough(&candidates, points.len());
-    let least = |all: &[Candidate]| all.iter().map(|c| c.widened(points.len())).fold(f64::INFINITY, f64::min);
+    let enough = wanted == Model::Auto && sinusoid_is_enough(&candidates);
+    let least = |all: &[Candidate]| all.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
     let fewest = if least(&candidates) < UNEXPLAINED { MIXTURE } else { FEW_CURVE_POINTS };
     let few = wanted == Model::Auto && points.len() < fewest;
     // Of a circle that was asked for, the curve tells how wrong it is.
@@ -90,8 +90,11 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         let circle = candidates.last()?.curve;
         let all = wanted == Model::Curve || points.len() >= CURVE_POINTS;
         // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
-        let to_their_noise = |c: &Candidate| c.curve.mirror.is_none() && c.widened(points.len()) < UNMODELLED_WIDENED;
-        candidates.extend(curves(points, &circle, begin).into_iter().filter(|c| all || to_their_noise(c)));
+        let to_their_noise = |c: &Candidate| c.curve.mirror.is_none() && c.widened < UNMODELLED_WIDENED;
+        // How wrong a circle is, to a few per cent, is told by a part of the points.
+        let some = if asked { thinned(points, LOOKED_AT) } else { vec![] };
+        let found = curves(if asked { &some } else { points }, &circle, begin);
+        candidates.extend(found.into_iter().filter(|c| all || to_their_noise(c)));
     }
     let widened = least(&candidates);
     let each = compare(&candidates, points, widened);
@@ -113,31 +116,8 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
     let chance: Vec<f64> = each.iter().map(|e| e.chance(&each[chosen])).collect();
     let behind: Vec<f64> = evidence.iter().map(|e| e - evidence[best]).collect();
     let differences: Vec<f64> = candidates.iter().map(|c| difference(c, &candidates[chosen], points)).collect();
-    // Whatever may be true as well costs its difference as often as it is true.
-    let of_rival = |k: usize| {
-        let ahead = behind[k] - behind[chosen] - unmodelled;
-        let odds = 0.5 * libm::erfc(ahead / chance[k].max(0.5 * UNDECIDED) / std::f64::consts::SQRT_2);
-        odds.sqrt() * differences[k]
-    };
-    let rivals = (0..candidates.len()).map(of_rival).fold(0.0, f64::max);
-    // A model that was asked for is as wrong as it differs from the likeliest one, if that is right.
-    let right = &candidates[if asked { best } else { chosen }];
-    // What metal without a grating scatters, or reflects at its front, is only right where the points lie on the curve.
-    let limit = if right.curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
-    let known = explained && right.widened(points.len()) < limit && !right.film.is_some_and(|f| at_limit(&f));
-    let error = known.then(|| candidates[chosen].uncertain.hypot(rivals));
-    // Otherwise, models that do little worse are the only measure.
-    let of_other = |k: usize| differences[k] * (widened / candidates[k].widened(points.len())).sqrt();
-    let guessed = || (0..candidates.len()).map(of_other).fold(rivals, f64::max);
-    // Of points too few for a curve, what lies across the circle tells of what lies along it.
-    let bent = if candidates.iter().all(|c| c.film.is_none()) && widened > UNMODELLED_WIDENED {
-        BENT * (widened - 1.0).sqrt() * typical_sigma(right, points)
-    } else {
-        0.0
-    };
-    let systematic = error.unwrap_or_else(guessed).hypot(bent);
-    Some(Choice {
-        widened: candidates[chosen].widened(points.len()),
+    let mut choice = Choice {
+        widened: candidates[chosen].widened,
         reason: reason(wanted, &candidates, &behind, chosen, explained, enough),
         likelihood: evidence[chosen],
         candidates,
@@ -146,9 +126,44 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         differences,
         chosen,
         explained,
-        error,
-        systematic,
-    })
+        error: None,
+        systematic: 0.0,
+    };
+    // A model that was asked for is as wrong as it differs from the likeliest one, if that is right.
+    choice.doubt(points, if asked { best } else { chosen }, unmodelled);
+    Some(choice)
+}
+
+impl Choice {
+    /// Finds how wrong the chosen model may be, if that of number `right` is right; others are as likely when they are behind by `unmodelled`.
+    fn doubt(&mut self, points: &[CloudPoint], right: usize, unmodelled: f64) {
+        let Self { candidates, chance, behind, differences, chosen, .. } = &*self;
+        let all = 0..candidates.len();
+        let widened = candidates.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
+        // Whatever may be true as well costs its difference as often as it is true.
+        let of_rival = |k: usize| {
+            let ahead = behind[k] - behind[*chosen] - unmodelled;
+            let odds = 0.5 * libm::erfc(ahead / chance[k].max(0.5 * UNDECIDED) / std::f64::consts::SQRT_2);
+            odds.sqrt() * differences[k]
+        };
+        let rivals = all.clone().map(of_rival).fold(0.0, f64::max);
+        let right = &candidates[right];
+        // What metal without a grating scatters, or reflects at its front, is only right where the points lie on the curve.
+        let limit = if right.curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
+        let known = self.explained && right.widened < limit && !right.film.is_some_and(|f| at_limit(&f));
+        let error = known.then(|| candidates[*chosen].uncertain.hypot(rivals));
+        // Otherwise, models that do little worse are the only measure.
+        let of_other = |k: usize| differences[k] * (widened / candidates[k].widened).sqrt();
+        let guessed = || all.map(of_other).fold(rivals, f64::max);
+        // Of points too few for a curve, what lies across the circle tells of what lies along it.
+        let bent = if candidates.iter().all(|c| c.film.is_none()) && widened > UNMODELLED_WIDENED {
+            BENT * (widened - 1.0).sqrt() * typical_sigma(right, points)
+        } else {
+            0.0
+        };
+        self.systematic = error.unwrap_or_else(guessed).hypot(bent);
+        self.error = error;
+    }
 }
 
 /// Evidence of each candidate, of the hopeless ones from a part of the points.
@@ -175,13 +190,13 @@ fn typical_sigma(candidate: &Candidate, points: &[CloudPoint]) -> f64 {
 }
 
 /// A circle about the origin explains everything.
-fn sinusoid_is_enough(simple: &[Candidate], points: usize) -> bool {
+fn sinusoid_is_enough(simple: &[Candidate]) -> bool {
     let of = |model| simple.iter().find(|c| c.model == model);
     let (Some(sinusoid), Some(circle)) = (of(Model::Sinusoid), of(Model::Circle)) else { return false };
     let Some([x, y]) = circle.center else { return false };
     // The mean of |sin| over the turn, halved: orientations turn by half as much as phases.
     let cost_deg = (x.hypot(y) / circle.size() / std::f64::consts::PI).to_degrees();
-    sinusoid.widened(points) < GOOD_WIDENED && cost_deg < GOOD_CENTER_DEG
+    sinusoid.widened < GOOD_WIDENED && cost_deg < GOOD_CENTER_DEG
 }
 
 fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
@@ -195,7 +210,7 @@ fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
         .collect();
     let at = off.len() * 4 / 5;
     let off = *off.select_nth_unstable_by(at, f64::total_cmp).1 / 1.2816;
-    candidate.widened(points.len()) < NO_CURVE_WIDENED || off < NO_CURVE * candidate.size()
+    candidate.widened < NO_CURVE_WIDENED || off < NO_CURVE * candidate.size()
 }
 
 /// Mean difference of the orientations under two models after the best common offset, in rad.
@@ -348,13 +363,13 @@ impl Choice {
     }
 
     /// All candidates.
-    pub fn report(&self, points: usize) -> Vec<ModelReport> {
+    pub fn report(&self) -> Vec<ModelReport> {
         let each = self.candidates.iter().zip(&self.behind).zip(&self.differences);
         each.map(|((c, behind), difference)| ModelReport {
             model: c.name(),
             parameters: c.parameters,
             behind: *behind,
-            scatter: c.widened(points).sqrt(),
+            scatter: c.widened.sqrt(),
             difference_deg: difference.to_degrees(),
             uncertain_deg: c.uncertain.to_degrees(),
             center: c.center,

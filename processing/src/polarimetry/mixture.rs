@@ -8,6 +8,7 @@
 use super::cloud::CloudPoint;
 use super::curve::Curve;
 use super::foot::{Foot, Path};
+use crate::vectors::vectorised;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -24,14 +25,14 @@ const REACH: f64 = 6.0;
 
 /// Powers of the gain in a cycle of expectation and maximization: those of Chebyshev's iteration, which go as far as eight
 /// rounds of power 1. More at once leads astray where orientations are spread evenly.
-const POWERS: [f64; 2] = [6.83, 1.17];
+const POWERS: [f32; 2] = [6.83, 1.17];
 const CYCLES: usize = 24;
 
 /// A cycle that makes the points likelier by less than this (in ln) is the last.
 const SETTLED: f64 = 0.3;
 
 /// The most that a weight changes in a round, as ln.
-const LEAP: f64 = 3.0;
+const LEAP: f32 = 3.0;
 
 /// Share of points on nothing, anywhere in the unit disc (edges, dust), that is begun with.
 const STRAYING: f64 = 0.01;
@@ -79,82 +80,191 @@ impl Places {
     }
 }
 
-/// What a point can come from: places in a row, with how likely each makes it.
-struct Row {
-    /// ln of what all are in units of.
-    unit: f64,
-    /// Runs of places, the first and how many, and where their numbers begin.
-    runs: Vec<(usize, usize)>,
+/// ln of a normal density in two dimensions, as a function of how far off.
+fn log_density([a, b, c]: [f64; 3]) -> impl Fn([f64; 2]) -> f64 {
+    let determinant = a * c - b * b;
+    let [xx, xy, yy] = [c, -2.0 * b, a].map(|v| -0.5 * v / determinant);
+    let middle = -0.5 * determinant.ln() - TAU.ln();
+    move |[x, y]| middle + xx * x * x + xy * x * y + yy * y * y
+}
+
+/// What a few points can come from: for each of them runs of places with how likely each place makes it, one after the other.
+#[derive(Default)]
+struct Rows {
+    points: Vec<Row>,
+    runs: Vec<Run>,
+    /// In single precision, which is exact enough for sums of positive numbers, and eight at a time.
     values: Vec<f32>,
-    /// The same of a point on nothing, and of metal without a grating.
+}
+
+/// A point. Likelihoods are in units of its own.
+struct Row {
+    /// ln of the unit.
+    unit: f64,
+    /// Those of a point on nothing, and of metal without a grating.
     straying: f64,
     mirror: f64,
+    /// How many runs it has.
+    runs: usize,
 }
 
-/// ln of a normal density.
-fn log_density([x, y]: [f64; 2], [va, vb, vc]: [f64; 3]) -> f64 {
-    let determinant = va * vc - vb * vb;
-    let square = (vc * x * x - 2.0 * vb * x * y + va * y * y) / determinant;
-    -0.5 * (square + determinant.ln()) - TAU.ln()
+/// Places in a row, the number of which is a multiple of [`LANES`]: those beyond the end of the run are impossible. They go on after the last
+/// place as after all places came once more.
+struct Run {
+    start: usize,
+    length: usize,
 }
 
-impl Row {
-    fn new(point: &CloudPoint, curve: &Curve, path: &Path, places: &Places) -> Self {
-        let count = places.at.len();
-        let mut runs: Vec<(usize, usize)> = vec![];
-        let mut logs: Vec<f64> = vec![];
+/// Least likelihood of a point in units of its own.
+const IMPOSSIBLE: f64 = 1e-200;
+
+/// Numbers that are worked on side by side.
+const LANES: usize = 8;
+
+impl Rows {
+    fn of(points: &[CloudPoint], curve: &Curve, path: &Path, places: &Places) -> Self {
+        let mut rows = Self::default();
+        let mut logs = vec![];
+        points.iter().for_each(|point| rows.add(point, curve, path, places, &mut logs));
+        rows
+    }
+
+    fn add(&mut self, point: &CloudPoint, curve: &Curve, path: &Path, places: &Places, logs: &mut Vec<f64>) {
+        let (count, first_run) = (places.at.len(), self.runs.len());
+        let density = log_density(point.covariance);
+        let [a, b, c] = point.covariance;
+        logs.clear();
         for Foot { theta, gradient: [x, y], .. } in path.feet_within(point, REACH) {
-            let [a, b, c] = point.covariance;
             let along = ((a * c - b * b) * (x * x + y * y)).sqrt();
             let reach = (REACH * along / places.step + 2.0).min(0.5 * count as f64);
-            let middle = places.of(theta);
-            let first = (middle - reach).floor().rem_euclid(count as f64) as usize % count;
-            let (mut begun, length) = (None, ((2.0 * reach) as usize + 1).min(count));
-            let known = runs.clone();
-            let is_known = |k: usize| known.iter().any(|(start, len)| (k + count - start) % count < *len);
+            let first = (places.of(theta) - reach).floor().rem_euclid(count as f64) as usize % count;
+            let (known, length) = (first_run..self.runs.len(), ((2.0 * reach) as usize + 1).min(count));
+            let mut begun = None;
             for i in 0..=length {
                 let k = (first + i) % count;
-                if i == length || is_known(k) {
-                    if let Some(start) = begun.take() {
-                        runs.push((start, (k + count - start - 1) % count + 1));
+                let is_known = |run: &Run| (k + count - run.start) % count < run.length;
+                if i == length || self.runs[known.clone()].iter().any(is_known) {
+                    if let Some((start, from)) = begun.take() {
+                        self.runs.push(Run { start, length: i - from });
                     }
                     continue;
                 }
-                begun.get_or_insert(k);
-                let off = [point.at[0] - places.at[k][0], point.at[1] - places.at[k][1]];
-                logs.push(log_density(off, point.covariance));
+                begun.get_or_insert((k, i));
+                logs.push(density([point.at[0] - places.at[k][0], point.at[1] - places.at[k][1]]));
             }
         }
-        let of_mirror = curve.mirror.map(|m| log_density([point.at[0] - m[0], point.at[1] - m[1]], point.covariance));
+        let of_mirror = curve.mirror.map(|m| density([point.at[0] - m[0], point.at[1] - m[1]]));
         let of_straying = -PI.ln();
         let unit = logs.iter().copied().fold(of_straying, f64::max).max(of_mirror.unwrap_or(f64::NEG_INFINITY));
-        Self {
+        let mut logs = logs.iter();
+        for run in &mut self.runs[first_run..] {
+            self.values.extend(logs.by_ref().take(run.length).map(|l| (l - unit).exp() as f32));
+            let padded = run.length.next_multiple_of(LANES);
+            self.values.extend(std::iter::repeat_n(0.0, padded - run.length));
+            run.length = padded;
+        }
+        self.points.push(Row {
             unit,
-            runs,
-            values: logs.into_iter().map(|l| (l - unit).exp() as f32).collect(),
             straying: (of_straying - unit).exp(),
             mirror: of_mirror.map_or(0.0, |l| (l - unit).exp()),
-        }
+            runs: self.runs.len() - first_run,
+        });
     }
 
-    /// Does something with each place and its number.
-    #[inline]
-    fn each(&self, count: usize, mut work: impl FnMut(usize, f64)) {
-        let mut values = self.values.iter();
-        for (start, length) in &self.runs {
-            let (first, second) = (*start..(start + length).min(count), 0..(start + length).saturating_sub(count));
-            for (k, value) in first.chain(second).zip(values.by_ref().take(*length)) {
-                work(k, f64::from(*value));
+    /// Does something with each point and its likelihood, its runs and their values.
+    #[inline(always)]
+    fn each(&self, weights: &Weights, mut work: impl FnMut(&Row, f64, &[Run], &[f32])) {
+        let (mut runs, mut values) = (self.runs.as_slice(), self.values.as_slice());
+        for row in &self.points {
+            let (own, rest) = runs.split_at(row.runs);
+            let (of_runs, others) = values.split_at(own.iter().map(|run| run.length).sum());
+            (runs, values) = (rest, others);
+            let mut sums = [0.0_f32; LANES];
+            let mut left = of_runs;
+            for run in own {
+                let (of_run, rest) = left.split_at(run.length);
+                left = rest;
+                let weights = &weights.twice[run.start..][..run.length];
+                let pairs = of_run.as_chunks::<LANES>().0.iter().zip(weights.as_chunks::<LANES>().0);
+                pairs.for_each(|(v, w)| (0..LANES).for_each(|i| sums[i] += v[i] * w[i]));
             }
+            let places = f64::from(sums.iter().sum::<f32>());
+            let likelihood = places + row.straying * weights.straying + row.mirror * weights.mirror;
+            work(row, likelihood.max(IMPOSSIBLE), own, of_runs);
         }
     }
 
-    /// Likelihood in units of its own.
-    fn likelihood(&self, weights: &[f64]) -> f64 {
-        let count = weights.len() - 2;
-        let mut sum = self.straying * weights[count] + self.mirror * weights[count + 1];
-        self.each(count, |k, value| sum += value * weights[k]);
-        sum.max(f64::MIN_POSITIVE)
+    /// Sums over points of what each place adds to their likelihood, over it; the same of straying and of mirrors; and the sum of ln likelihoods.
+    fn gains(&self, weights: &Weights) -> (Vec<f32>, [f64; 2], f64) {
+        let mut sums = vec![0.0_f32; weights.twice.len()];
+        let (mut others, mut total, mut product) = ([0.0; 2], 0.0, 1.0);
+        vectorised(
+            #[inline(always)]
+            || {
+                self.each(weights, |row, likelihood, runs, values| {
+                    // What is farther from all that is likely counts as much as this.
+                    let scale = 1.0 / likelihood.max(1e-30);
+                    let mut left = values;
+                    for run in runs {
+                        let (of_run, rest) = left.split_at(run.length);
+                        left = rest;
+                        let sums = &mut sums[run.start..][..run.length];
+                        let pairs = of_run.as_chunks::<LANES>().0.iter().zip(sums.as_chunks_mut::<LANES>().0);
+                        pairs.for_each(|(v, s)| (0..LANES).for_each(|i| s[i] += v[i] * scale as f32));
+                    }
+                    others[0] += row.straying * scale;
+                    others[1] += row.mirror * scale;
+                    // The logarithm of a product takes as long as that of one number.
+                    product *= likelihood;
+                    if !(1e-100..1e100).contains(&product) {
+                        total += product.ln();
+                        product = 1.0;
+                    }
+                });
+            },
+        );
+        (sums, others, total + product.ln())
+    }
+}
+
+/// How many points there are at each place.
+struct Weights {
+    places: Vec<f64>,
+    straying: f64,
+    mirror: f64,
+    /// Those of places twice over, and some more, so that no run ends before its last place.
+    twice: Vec<f32>,
+}
+
+impl Weights {
+    fn even(count: usize, mirrors: f64) -> Self {
+        let each = (1.0 - STRAYING - mirrors) / count as f64;
+        let mut weights = Self {
+            places: vec![each; count],
+            straying: STRAYING,
+            mirror: mirrors,
+            twice: vec![0.0; 2 * count + LANES],
+        };
+        weights.doubled();
+        weights
+    }
+
+    fn doubled(&mut self) {
+        // Numbers below are slow, and their places do not matter.
+        let single = |w: &f64| if *w > 1e-30 { *w as f32 } else { 0.0 };
+        self.twice.iter_mut().zip(self.places.iter().cycle()).for_each(|(to, w)| *to = single(w));
+    }
+
+    /// Multiplies them by a power of their gains, and makes them add up to 1.
+    fn grow(&mut self, gains: &[f64], [straying, mirror]: [f64; 2], power: f32) {
+        // In single precision it takes a quarter of the time.
+        let by = |gain: f64| f64::from((gain as f32).powf(power).clamp((-LEAP).exp(), LEAP.exp()));
+        self.places.iter_mut().zip(gains).for_each(|(w, gain)| *w *= by(*gain));
+        self.straying *= by(straying);
+        self.mirror *= by(mirror);
+        let sum = self.places.iter().sum::<f64>() + self.straying + self.mirror;
+        self.places.iter_mut().chain([&mut self.straying, &mut self.mirror]).for_each(|w| *w /= sum);
+        self.doubled();
     }
 }
 
@@ -168,39 +278,24 @@ pub(super) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
     let noise = *noise.select_nth_unstable_by(middle, f64::total_cmp).1;
     let (path, places) = (Path::new(*curve), Places::new(curve, noise));
     let count = places.at.len();
-    let rows: Vec<Row> = points.par_iter().with_min_len(256).map(|p| Row::new(p, curve, &path, &places)).collect();
-    let mirrors = if curve.mirror.is_some() { STRAYING } else { 0.0 };
-    let mut weights = vec![(1.0 - STRAYING - mirrors) / count as f64; count];
-    weights.extend([STRAYING, mirrors]);
-    let gains = |weights: &[f64]| -> (Vec<f64>, f64) {
-        let of_chunk = |rows: &[Row]| {
-            let (mut sums, mut total) = (vec![0.0; count + 2], 0.0);
-            for row in rows {
-                let likelihood = row.likelihood(weights);
-                let scale = 1.0 / likelihood;
-                total += likelihood.ln();
-                row.each(count, |k, value| sums[k] += value * scale);
-                sums[count] += row.straying * scale;
-                sums[count + 1] += row.mirror * scale;
-            }
-            (sums, total)
-        };
-        // Chunks of fixed size, added in order: the result does not depend on timing.
-        let sums: Vec<(Vec<f64>, f64)> = rows.par_chunks(CHUNK).map(of_chunk).collect();
-        let gain = |k: usize| sums.iter().map(|s| s.0[k]).sum::<f64>() / rows.len() as f64;
-        ((0..count + 2).map(gain).collect(), sums.iter().map(|s| s.1).sum())
-    };
+    // Of fixed size, added in order: the result does not depend on timing.
+    let chunks: Vec<Rows> = points.par_chunks(CHUNK).map(|points| Rows::of(points, curve, &path, &places)).collect();
+    let mut weights = Weights::even(count, if curve.mirror.is_some() { STRAYING } else { 0.0 });
     let mut before = f64::NEG_INFINITY;
     for _ in 0..CYCLES {
         let mut total = 0.0;
         for power in POWERS {
-            let gain;
-            (gain, total) = gains(&weights);
-            for (weight, gain) in weights.iter_mut().zip(&gain) {
-                *weight *= (power * gain.max(f64::MIN_POSITIVE).ln()).clamp(-LEAP, LEAP).exp();
+            let sums: Vec<_> = chunks.par_iter().map(|rows| rows.gains(&weights)).collect();
+            let mean = |sum: f64| sum / points.len() as f64;
+            let mut gains = vec![0.0; count];
+            for (places, ..) in &sums {
+                let rounds = places.chunks(count);
+                rounds.for_each(|sums| gains.iter_mut().zip(sums).for_each(|(gain, sum)| *gain += f64::from(*sum)));
             }
-            let sum: f64 = weights.iter().sum();
-            weights.iter_mut().for_each(|w| *w /= sum);
+            gains.iter_mut().for_each(|gain| *gain = mean(*gain));
+            let others = [0, 1].map(|k| mean(sums.iter().map(|s| s.1[k]).sum()));
+            weights.grow(&gains, others, power);
+            total = sums.iter().map(|s| s.2).sum();
         }
         // That after the larger power, which the smaller one evens out.
         if (total - before).abs() < SETTLED {
@@ -208,5 +303,10 @@ pub(super) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
         }
         before = total;
     }
-    rows.par_iter().map(|row| -2.0 * (row.likelihood(&weights).ln() + row.unit)).collect()
+    let of_rows = |rows: &Rows| {
+        let mut terms = Vec::with_capacity(rows.points.len());
+        rows.each(&weights, |row, likelihood, _, _| terms.push(-2.0 * (likelihood.ln() + row.unit)));
+        terms
+    };
+    chunks.par_iter().flat_map_iter(of_rows).collect()
 }

@@ -58,8 +58,8 @@ pub(super) struct Candidate {
     /// What the points tell of the parameters beyond what was expected of them, as ln of a ratio of variances; None where
     /// nothing was expected.
     pub told: Option<f64>,
-    /// Robust misfit in units of the noise, -2 ln likelihood.
-    pub cost: f64,
+    /// How much larger than their noise the scatter of points about the curve is, as a variance.
+    pub widened: f64,
     /// Error of the orientations in rad that the uncertainty of the parameters causes, root mean square.
     pub uncertain: f64,
     /// Parameters of the film, for the curve.
@@ -154,11 +154,6 @@ impl Candidate {
         let paid = self.told.unwrap_or(self.parameters as f64 * (points.len().max(2) as f64).ln());
         Evidence { total: terms.iter().sum::<f64>() + paid + self.prior, terms }
     }
-
-    /// How much larger than their noise the scatter of points about the curve is, as a variance.
-    pub(super) fn widened(&self, points: usize) -> f64 {
-        widened(self.cost, points)
-    }
 }
 
 fn phase(
@@ -169,7 +164,8 @@ fn phase(
     fitted: Fitted,
     points: &[CloudPoint],
 ) -> Candidate {
-    let uncertain = family.spread(&fitted, points, widened(fitted.cost, points.len()));
+    let widened = widened(fitted.cost, points.len());
+    let uncertain = family.spread(&fitted, points, widened);
     Candidate {
         model,
         extended: &[],
@@ -178,7 +174,7 @@ fn phase(
         center: Some(center),
         prior: fitted.prior,
         told: None,
-        cost: fitted.cost,
+        widened,
         uncertain,
         film: None,
     }

@@ -87,8 +87,6 @@ pub(super) struct Solved {
     pub without_grating: usize,
     pub circle: Option<CircleCheck>,
     pub choice: Option<Choice>,
-    /// Points that the models were compared on.
-    pub points: usize,
     /// What was done about oblique incidence.
     pub oblique: Option<ObliqueReport>,
 }
@@ -164,24 +162,16 @@ pub(super) fn solve_with(
 ) -> Solved {
     let mut points = cloud(maps, design, noise, asked.pixels);
     points.retain(|p| p.snr >= f64::from(MASK_SNR));
-    let count = points.len();
     let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked.model, asked.stand) else {
         let map = phases(maps, residual, design, noise, asked.offset);
-        return Solved {
-            circle: check_circle(maps, &map),
-            map,
-            without_grating: 0,
-            choice: None,
-            points: count,
-            oblique: None,
-        };
+        return Solved { circle: check_circle(maps, &map), map, without_grating: 0, choice: None, oblique: None };
     };
     let chosen = &choice.candidates[choice.chosen];
     let lens = Lens { design, noise, model: chosen, correction: correction.as_ref(), offset: asked.offset };
     let (map, without_grating) = locate(maps, residual, &lens);
     // The check looks at the points as they are.
     let circle = if correction.is_none() { check_circle(maps, &map) } else { None };
-    Solved { map, without_grating, circle, choice: Some(choice), points: count, oblique: report }
+    Solved { map, without_grating, circle, choice: Some(choice), oblique: report }
 }
 
 /// Refuses sets in which no pixel can be used at all.
@@ -265,11 +255,10 @@ pub(super) fn reported(
     maps: &StokesMaps,
     solved: &Solved,
 ) -> Report {
-    let choice = solved.choice.as_ref().map(|c| (c, solved.points));
     let pixels = Pixels::count(maps, &solved.map, solved.without_grating);
     Report {
         oblique: solved.oblique.clone(),
-        ..Report::new(frames, options, design, noise, pixels, solved.circle, choice)
+        ..Report::new(frames, options, design, noise, pixels, solved.circle, solved.choice.as_ref())
     }
 }
 

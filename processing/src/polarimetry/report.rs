@@ -129,17 +129,17 @@ impl Report {
         (noise, source): (&[FrameNoise], NoiseSource),
         pixels: Pixels,
         circle: Option<CircleCheck>,
-        choice: Option<(&Choice, usize)>,
+        choice: Option<&Choice>,
     ) -> Self {
         let block = if frames.set.layout.is_some() { 2 } else { 1 };
         let mean = |of: fn(&FrameNoise) -> f64| noise.iter().map(of).sum::<f64>() / noise.len().max(1) as f64;
         let set = &frames.set;
-        let chosen = choice.map(|(c, _)| &c.candidates[c.chosen]);
+        let chosen = choice.map(|c| &c.candidates[c.chosen]);
         let model = chosen.map_or(Model::Sinusoid, |c| c.model);
         // What is wrong with the sinusoid does not matter to who has a better model.
         let checked = circle.iter().filter(|_| model == Model::Sinusoid);
         let mut warnings: Vec<String> = checked.flat_map(CircleCheck::warnings).collect();
-        warnings.extend(choice.iter().filter(|_| model != Model::Sinusoid).flat_map(|(c, _)| c.warnings()));
+        warnings.extend(choice.iter().filter(|_| model != Model::Sinusoid).flat_map(|c| c.warnings()));
         if pixels.valid == 0 {
             warnings.push("no pixel shows enough modulation to carry an orientation: the map is empty".into());
         }
@@ -153,15 +153,13 @@ impl Report {
         if source == NoiseSource::Assumed {
             warnings.push("three angles leave no residual and no noise is given, so σ assumes a modest camera".into());
         }
-        let error = ErrorReport::new(pixels.sigma_median_deg, error_of_model(circle.as_ref(), choice.map(|(c, _)| c)));
+        let error = ErrorReport::new(pixels.sigma_median_deg, error_of_model(circle.as_ref(), choice));
         Self {
             method: "polarization",
             model: chosen.map_or_else(|| Model::Sinusoid.word().to_owned(), |c| c.name()),
-            model_reason: choice.map_or_else(
-                || "too few pixels carry an orientation to compare models".into(),
-                |(c, _)| c.reason.clone(),
-            ),
-            models: choice.map(|(c, points)| c.report(points)).unwrap_or_default(),
+            model_reason: choice
+                .map_or_else(|| "too few pixels carry an orientation to compare models".into(), |c| c.reason.clone()),
+            models: choice.map(Choice::report).unwrap_or_default(),
             warnings,
             width: frames.info.width / block,
             height: frames.info.height / block,

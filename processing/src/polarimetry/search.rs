@@ -169,6 +169,7 @@ impl Samples<'_> {
             };
             let fits = fits.filter(inside);
             let near = distinct(best_first(fits, |f| misfit(&more, &f.curve) + f.prior));
+            let widened = |fit: &Fitted| widened(fit.cost, self.all.len());
             let candidates = near.into_iter().take(2).map(|fit| Candidate {
                 model: Model::Curve,
                 extended,
@@ -176,9 +177,9 @@ impl Samples<'_> {
                 curve: fit.curve,
                 center: None,
                 prior: fit.prior,
-                told: Some(family.told(&fit, widened(fit.cost, self.all.len()))),
-                cost: fit.cost,
-                uncertain: family.spread(&fit, &thinned(self.all, 500), widened(fit.cost, self.all.len())),
+                told: Some(family.told(&fit, widened(&fit))),
+                widened: widened(&fit),
+                uncertain: family.spread(&fit, &thinned(self.all, 500), widened(&fit)),
                 film: Some(film(&fit.parameters)),
             });
             candidates.collect()

@@ -208,7 +208,7 @@ mod tests {
             center,
             prior: 0.0,
             told: None,
-            cost: 0.0,
+            widened: 1.0,
             uncertain: 0.0,
             film: None,
         };
