@@ -6,6 +6,7 @@ use super::foot::Path;
 use super::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
 use super::search::{Begin, at_limit, curves, thinned};
 use serde::Serialize;
+use std::borrow::Cow;
 
 /// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
 /// standard deviations of chance, may be true as well, which is warned of.
@@ -91,9 +92,10 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         let all = wanted == Model::Curve || points.len() >= CURVE_POINTS;
         // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
         let to_their_noise = |c: &Candidate| c.curve.mirror.is_none() && c.widened < UNMODELLED_WIDENED;
-        // How wrong a circle is, to a few per cent, is told by a part of the points.
-        let some = if asked { thinned(points, LOOKED_AT) } else { vec![] };
-        let found = curves(if asked { &some } else { points }, &circle, begin);
+        // Curves beside a circle that was asked for only tell how wrong it is: a part of the points does. They pay for what these tell of their
+        // parameters, which is less than all would, so that the circle is doubted sooner.
+        let fitted_to = if asked { Cow::Owned(thinned(points, LOOKED_AT)) } else { Cow::Borrowed(points) };
+        let found = curves(&fitted_to, &circle, begin);
         candidates.extend(found.into_iter().filter(|c| all || to_their_noise(c)));
     }
     let widened = least(&candidates);

@@ -93,7 +93,7 @@ fn log_density([a, b, c]: [f64; 3]) -> impl Fn([f64; 2]) -> f64 {
 struct Rows {
     points: Vec<Row>,
     runs: Vec<Run>,
-    /// In single precision, which is exact enough for sums of positive numbers, and eight at a time.
+    /// In single precision: sums of positive numbers lose no more to it than their last digits.
     values: Vec<f32>,
 }
 
@@ -257,7 +257,7 @@ impl Weights {
 
     /// Multiplies them by a power of their gains, and makes them add up to 1.
     fn grow(&mut self, gains: &[f64], [straying, mirror]: [f64; 2], power: f32) {
-        // In single precision it takes a quarter of the time.
+        // There may be thousands of places, and single precision has the faster power.
         let by = |gain: f64| f64::from((gain as f32).powf(power).clamp((-LEAP).exp(), LEAP.exp()));
         self.places.iter_mut().zip(gains).for_each(|(w, gain)| *w *= by(*gain));
         self.straying *= by(straying);
