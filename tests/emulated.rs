@@ -151,11 +151,11 @@ fn cases(whole: &[(String, Vec<u8>)]) -> Vec<Case> {
     };
     let mut cases = vec![];
     for (device, faults, some) in [
-        ("elliptec", &WIRE[..], &[0, 7, 16, 30][..]),
-        ("grbl", &WIRE, &[0, 7, 16, 30]),
-        ("relay", &WIRE, &[0, 3, 7]),
-        ("blink1", &WIRE, &[0, 3, 7]),
-        ("bulk", &WIRE, &[0, 3, 7]),
+        ("elliptec", &WIRE[..], &[0, 7, 30][..]),
+        ("grbl", &WIRE, &[0, 7, 30]),
+        ("relay", &WIRE, &[0, 7]),
+        ("blink1", &WIRE, &[0, 7]),
+        ("bulk", &WIRE, &[0, 7]),
         ("camera", &["silent", "lost", "wrong_size", "damaged"], &[0, 9, 20]),
         ("display", &["silent", "lost", "other_pattern"], &[0, 2, 4]),
     ] {
