@@ -52,7 +52,8 @@ fn tables_give_back_what_they_get() {
         )
     };
     let top = |text: &str| format!("[material.a.diffraction]\n{text}\n");
-    lossless_is_white(dir.path(), &top("type = \"table\"\nfile = \"lut.exr\"\nlossless = true"));
+    // Grazing light is drawn seldom and counts much: fewer samples leave 0.6 %.
+    lossless_is_white(dir.path(), &top("type = \"table\"\nfile = \"lut.exr\"\nlossless = true"), 65_536);
     // Not made lossless, they lose some at most.
     for material in [
         top("type = \"table\"\nfile = \"lut.exr\""),
@@ -84,11 +85,11 @@ fn luminance([r, g, b]: [f64; 3]) -> f64 {
 }
 
 /// A lossless material shows a white sky as it is.
-fn lossless_is_white(dir: &Path, material: &str) {
+fn lossless_is_white(dir: &Path, material: &str, samples: usize) {
     for (angle, azimuth) in [(0.0, 0.0), (40.0, 0.0), (65.0, 70.0)] {
         let text = plane(angle, azimuth, &format!("{material}{SKY}"));
         // By chance: summed up, a table would be divided by the same sum.
-        let found = mean(&picture(&text, dir, &Settings { by_chance: true, ..settings(8192, 1e-4) }));
+        let found = mean(&picture(&text, dir, &Settings { by_chance: true, ..settings(samples, 1e-4) }));
         let white = luminance(found);
         assert!((white - 1.0).abs() < 0.005, "{angle} {azimuth}: {white} {found:?}\n{material}");
         // Colours have three times the noise.
@@ -101,7 +102,7 @@ fn height_fields_give_back_what_they_get() {
     let dir = tempfile::tempdir().unwrap();
     heights(dir.path());
     let material = "[material.a.diffraction]\ntype = \"heightfield\"\nfile = \"heights.exr\"\nlossless = true\n";
-    lossless_is_white(dir.path(), material);
+    lossless_is_white(dir.path(), material, 8192);
     // Luminance, with noise of 0.5 %.
     let text = plane(88.0, 10.0, &format!("{material}{SKY}"));
     let found = mean(&picture(&text, dir.path(), &settings(16_384, 1e-4)));
@@ -109,7 +110,7 @@ fn height_fields_give_back_what_they_get() {
     let material = material.replace("lossless = true\n", "");
     let text = plane(75.0, 10.0, &format!("{material}{SKY}"));
     let found = mean(&picture(&text, dir.path(), &settings(4096, 1e-4)));
-    assert!(found.iter().all(|v| (0.2..1.005).contains(v)), "{found:?}");
+    assert!((0.2..1.005).contains(&luminance(found)), "{found:?}");
 }
 
 #[test]
