@@ -168,8 +168,8 @@ const FOIL: &str = "
 position = [0, 0, 300]
 target = [0, 0, 0]
 fov_deg = 20
-width = 120
-height = 90
+width = 240
+height = 180
 [[shape]]
 type = \"plane\"
 size = [110, 80]
@@ -224,7 +224,7 @@ fn a_person_renders_scenes() {
     set("render-error", "5");
     browser.run("document.querySelector('#render-check').click()");
     browser.click("#render-start");
-    browser.until("document.querySelector('#result-picture')?.naturalWidth === 120");
+    browser.until("document.querySelector('#result-picture')?.naturalWidth === 240");
     browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'render.exr')");
     browser.until("document.body.innerText.includes('sums off by, measured')");
     browser.both("result-render");

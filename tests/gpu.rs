@@ -25,9 +25,10 @@ const MOST: f64 = 1.0;
 /// Relative error of sums over orders and wavelengths: what `nacre render` takes by default.
 const SUMS: f64 = 0.0025;
 
-/// Views of each material; fewer of a height field, whose albedo takes half a minute to sum up for each, unless `NACRE_EVERY_VIEW` is set.
+/// Views of each material.
 const VIEWS: usize = 10;
 
+/// Fewer of a height field, whose albedo takes half a minute to sum up for each, unless `NACRE_EVERY_VIEW` is set.
 fn views(material: &Material) -> usize {
     if material.name == "height field" && std::env::var_os("NACRE_EVERY_VIEW").is_none() { 2 } else { VIEWS }
 }
@@ -79,8 +80,8 @@ fn effort(material: &Material) -> [usize; 3] {
         "lattice under a sky" | "lattice on a cylinder under a sky" => [12, 512, 1024],
         // As much noise as that of a flat one on the processor, and on the card too.
         "table on a cylinder under a sky" => [6, 8192, 32_768],
-        // A sample takes the processor a millisecond.
-        "height field" => [10, 256, 256],
+        // The processor draws places of the lamp.
+        "height field" => [12, 64, 4096],
         // Drawn by chance from the sky on both sides.
         "slits under a sky" => [12, 128, 1024],
         _ => [12, 64, 128],

@@ -149,9 +149,7 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     let [x, y] = if length(&both[0]) < length(&both[1]) { both[0] } else { both[1] };
     let z = (1.0 - x * x - y * y).max(0.01).sqrt();
     let light = [0, 1, 2].map(|k| 500.0 * (x * u[k] + y * v[k] + z * n[k]));
-    // The processor draws places of a lamp over a height field, each of which takes long; a few tell all of a small one.
-    let size = if material.text == HEIGHTS { 0.25 } else { 1.0 };
-    let sigma = size * chance.between(5.0, 15.0);
+    let sigma = chance.between(5.0, 15.0);
     let spectrum = ["D65", "A", "E"][(chance.between(0.0, 3.0) as usize).min(2)];
     let shape = match material.setting {
         Setting::Plane | Setting::Sky | Setting::Area => {

@@ -117,15 +117,7 @@ mod tests {
                     run(96, way, [electrons, width], 3).unwrap().error.unwrap()
                 };
                 let fixed = [1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 40, 50, 70, 100, 150, 220];
-                // Errors fall, and rise again as noise is sharpened: far behind the best none is better.
-                let mut best = f64::INFINITY;
-                for iterations in fixed {
-                    let found = error(Iterations::Count(iterations));
-                    if found > 1.2 * best {
-                        break;
-                    }
-                    best = best.min(found);
-                }
+                let best = fixed.map(|n| error(Iterations::Count(n))).into_iter().fold(f64::INFINITY, f64::min);
                 let ratio = error(Iterations::Auto(AT_MOST)) / best;
                 (sum, worst, count) = (sum + ratio, worst.max(ratio), count + 1.0);
             }

@@ -52,7 +52,7 @@ fn spectra_add_up_to_the_colours() {
         (&field, LAMP, 4, 0.01),
         (GRATING, sky, 64, 0.01),
         ("[material.a.base]\nalbedo = [0.5, 0.5, 0.5]\n", sky, 16, 0.01),
-        // Directions are drawn by chance, others for each three bands: pixels scatter, 0.1 to 1.5 % is left of the mean.
+        // Directions are drawn by chance, others for each three bands: pixels scatter, and of 64 samples 0.1 to 1.5 % was left of the mean.
         (&field, sky, 32, 1.0),
     ];
     for (material, light, samples, allowed) in cases {
