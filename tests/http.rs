@@ -100,7 +100,7 @@ impl Service {
             if answer.status == 200 && wanted(&answer.json()) {
                 return answer.json();
             }
-            assert!(begun.elapsed() < Duration::from_secs(60), "{path}: {}", answer.text());
+            assert!(begun.elapsed() < Duration::from_secs(180), "{path}: {}", answer.text());
             std::thread::sleep(Duration::from_millis(20));
         }
     }
