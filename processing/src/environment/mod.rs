@@ -18,7 +18,6 @@ mod tests;
 
 pub use azimuth::facing;
 pub(crate) use correlation::{Entry, Reflected, correlate, entry, light};
-pub(crate) use cosines::{slices, solid_angle};
 pub use grating::{Grating, Steps};
 pub use lamps::{Lamp, lamps};
 pub use map::Environment;

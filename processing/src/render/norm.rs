@@ -2,7 +2,6 @@
 
 use super::spectrum::RANGE;
 use crate::Result;
-use crate::environment::{slices, solid_angle};
 use crate::image::catmull_rom;
 use crate::progress::Progress;
 use crate::surface::{Densities, HeightField, Workspace};
@@ -38,8 +37,7 @@ const NUMBERS: [usize; 2] = [12, 48];
 /// Least cosine of view that is told from none.
 const GRAZING: f64 = 2e-3;
 
-/// In views whose cosine is less, gains change within cells beyond this radius of the disc of direction cosines: they are integrated over.
-const FLAT: f64 = 0.35;
+/// Beyond this radius of the disc of direction cosines gains and solid angles change within cells: they are integrated over.
 const RIM: f64 = 0.9;
 
 /// A power density changes its course within half a turn of the deepest place's phase: linear between so many nodes of it.
@@ -268,15 +266,17 @@ impl Places {
     fn part(&self, row: usize, [x, y]: [f64; 2], sides: [f64; 2], view: [f64; 3], number: f64) -> f64 {
         let power = &self.power[row * self.nodes..][..self.nodes];
         let square = x * x + y * y;
-        let value = |x: f64, y: f64, z: f64| {
+        // One division: they take longest.
+        let value = |[x, y, z]: [f64; 3], by: f64| {
             let w = (z + view[2]).max(1e-6);
-            let gain = (1.0 + x * view[0] + y * view[1] + z * view[2]) / w;
-            self.density(power, TAU * number * w) * gain * gain
+            let aligned = 1.0 + x * view[0] + y * view[1] + z * view[2];
+            self.density(power, TAU * number * w) * aligned * aligned / (w * w * by)
         };
-        if view[2] < FLAT && square > RIM * RIM {
+        if square > RIM * RIM {
             at_rim([x, y], sides, view[2].max(1e-3), value)
         } else {
-            value(x, y, (1.0 - square).max(0.0).sqrt()) * solid_angle([x, y], sides, 1)
+            let z = (1.0 - square).sqrt();
+            value([x, y, z], z) * sides[0] * sides[1]
         }
     }
 
@@ -292,24 +292,34 @@ impl Places {
 }
 
 /// Integral over the solid angle of the part of a cell of the disc of direction cosines that is above the horizon, of what changes with
-/// the cosine of light `z` as a power of `z + low`: by Gauss, octave by octave of that sum.
-fn at_rim(place: [f64; 2], sides: [f64; 2], low: f64, value: impl Fn(f64, f64, f64) -> f64) -> f64 {
+/// the cosine of light `z` as a power of `z + low`: along the cell's middle by Gauss, octave by octave of that sum. The solid angle is
+/// `dx dy / z`, which is `dz dy / x` on a line of the same y. `value` divides by its second argument.
+#[inline]
+fn at_rim([x, y]: [f64; 2], sides: [f64; 2], low: f64, value: impl Fn([f64; 3], f64) -> f64) -> f64 {
     const GAUSS: [f64; 2] = [-0.577_350_269_189_625_8, 0.577_350_269_189_625_8];
-    let mut sum = 0.0;
-    for slice in slices(place, sides, 1) {
-        let [mut from, to] = slice.angles.map(|angle| angle + low);
-        let octaves = (to / from).log2().ceil().clamp(1.0, 20.0);
-        let ratio = (to / from).powf(1.0 / octaves);
-        for _ in 0..octaves as usize {
-            let half = 0.5 * from * (ratio - 1.0);
-            for node in GAUSS {
-                let [x, y, z] = slice.direction(from + half * (1.0 + node) - low);
-                sum += value(x, y, z) * half * slice.width;
-            }
-            from *= ratio;
-        }
+    let along_x = x.abs() >= y.abs();
+    let ([along, across], [length, width]) = if along_x { ([x, y], sides) } else { ([y, x], [sides[1], sides[0]]) };
+    let square = 1.0 - across * across;
+    let height = |along: f64| (square - along.max(0.0).powi(2)).max(0.0).sqrt();
+    let [first, last] = [height(along.abs() + 0.5 * length), height(along.abs() - 0.5 * length)];
+    if last <= first {
+        return 0.0;
     }
-    sum
+    let [mut from, to] = [first, last].map(|z| z + low);
+    let mut sum = 0.0;
+    while from < to {
+        let next = to.min(2.0 * from);
+        let half = 0.5 * (next - from);
+        for node in GAUSS {
+            let z = from + half * (1.0 + node) - low;
+            let flat = (square - z * z).max(1e-6).sqrt();
+            let along = flat.copysign(along);
+            let [x, y] = if along_x { [along, across] } else { [across, along] };
+            sum += value([x, y, z], flat) * half;
+        }
+        from = next;
+    }
+    sum * width
 }
 
 #[cfg(test)]
