@@ -198,7 +198,7 @@ fn a_person_renders_scenes() {
     };
     browser.open(&format!("{url}/#/render"));
     browser.until("document.querySelectorAll('input[name=gallery]').length === 10");
-    browser.click("input[value=kinematic-tile]");
+    browser.click("input[value=cd]");
     browser.both("render");
     set("render-error", "0.5");
     set("render-samples", "100000");
