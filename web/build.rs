@@ -14,12 +14,13 @@ const SOURCES: &str = "../processing/src/render/gpu";
 
 /// Uniforms that do not change while a scene is shown, and what a browser gives in their place: compilers leave out what they switch off. With all
 /// of it, software took more than six minutes to compile what then takes less than a second.
-const SETTLED: [(&str, &str); 3] = [("what.x", "KIND"), ("form.x", "FORM"), ("sky_x.w", "SKY")];
+const SETTLED: [(&str, &str); 4] = [("what.x", "KIND"), ("what.y", "LAMPS"), ("form.x", "FORM"), ("sky_x.w", "SKY")];
 
 fn main() -> Result<()> {
     println!("cargo::rerun-if-changed={SOURCES}");
     println!("cargo::rerun-if-changed=build.rs");
-    let light = read(&["scene", "shape", "grating", "slits", "field", "surface", "environment", "corner", "light"])?;
+    let light =
+        read(&["scene", "shape", "grating", "slits", "field", "surface", "environment", "heights", "corner", "light"])?;
     let display = read(&["corner", "display"])?;
     let mut script = String::from("// Made from the shaders by the build; see processing/src/render/gpu.\n");
     script += &format!("export const VERTEX = {};\n", text(&translated(&light, ShaderStage::Vertex, "corner")?.0));

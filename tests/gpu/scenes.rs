@@ -69,7 +69,7 @@ const SLITS: &str = "type = \"multislit\"\nspacing_um = 1.5\nwidth_um = 0.5\ncou
 const LATTICE: &str = "type = \"lattice\"\nperiod_um = [6, 5]\naperture_um = [3, 2.5]\norientation_deg = 20\ncoherence_um = 10\nreflectance = \"silver\"";
 const HEIGHTS: &str = "type = \"heightfield\"\nfile = \"heights.exr\"\norientation_deg = 20\ncoherence_um = 10\nreflectance = \"aluminium\"";
 
-pub const MATERIALS: [Material; 23] = [
+pub const MATERIALS: [Material; 24] = [
     Material { name: "sinusoid", text: SINUSOID, groove: [30.0, 1.5], setting: Setting::Plane },
     Material {
         name: "blazed",
@@ -100,6 +100,12 @@ pub const MATERIALS: [Material; 23] = [
     Material { name: "slits under a sky", text: SLITS, groove: [30.0, 1.5], setting: Setting::Sky },
     Material { name: "lattice", text: LATTICE, groove: [20.0, 6.0], setting: Setting::Plane },
     Material { name: "height field", text: HEIGHTS, groove: [20.0, 3.2], setting: Setting::Plane },
+    Material {
+        name: "height field on a cylinder under a sky",
+        text: HEIGHTS,
+        groove: [20.0, 3.2],
+        setting: Setting::OutsideSky,
+    },
     Material { name: "maps on a sphere", text: MAPS, groove: [45.0, 1.2], setting: Setting::Sphere },
     Material { name: "maps on a sphere under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::SphereSky },
     Material { name: "maps on a cylinder under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::OutsideSky },

@@ -24,7 +24,7 @@ export function sums(error) {
 }
 
 /**
- * What shaders are compiled for, by the names that they have for it, as numbers with a point: the kind of sample, its shape, and whether there is a sky.
+ * What shaders are compiled for, by the names that they have for it, as numbers with a point: the kind of sample, how many lamps, its shape, and whether there is a sky.
  * @param {Uniforms} uniforms
  */
-export const settled = ({ what, form, sky_x }) => Object.entries({ KIND: what[0][0], FORM: form[0][0], SKY: sky_x[0][3] }).map(([name, value]) => [name, value.toFixed(1)]);
+export const settled = ({ what, form, sky_x }) => Object.entries({ KIND: what[0][0], LAMPS: what[0][1], FORM: form[0][0], SKY: sky_x[0][3] }).map(([name, value]) => [name, value.toFixed(1)]);

@@ -15,6 +15,9 @@ use std::f64::consts::TAU;
 const COARSE_UM: f64 = 32.0;
 const NORM_UM: f64 = 8.0;
 
+/// Least error that is asked of terms in single precision.
+const SINGLE: f64 = 1e-3;
+
 /// Running sums by which samples are drawn.
 const COURSES: usize = 8;
 
@@ -85,13 +88,14 @@ impl Relief {
         Ok(relief)
     }
 
-    /// The terms of an expansion of its phases whose densities are off by less than `error`, as cards look them up.
+    /// The terms of an expansion of its phases whose densities are off by less than `error`, or by what single precision leaves of deep fields, as
+    /// cards look them up.
     ///
     /// # Errors
     /// As [`TermSet::new`].
     pub(super) fn terms(&self, error: f64, progress: &dyn Progress) -> Result<TermSet> {
         let settings =
-            Settings { coherence_um: self.coherence_um, max_error: error.clamp(1e-4, 0.2), ..Settings::default() };
+            Settings { coherence_um: self.coherence_um, max_error: error.clamp(SINGLE, 0.2), ..Settings::default() };
         let wanted = TermsRequest { extent: 2.0, precision: Some(Precision::Float) };
         TermSet::new(&self.field, &settings, wanted, progress)
     }
@@ -104,6 +108,11 @@ impl Relief {
     /// Standard deviation of a lobe in 1/µm.
     pub(super) fn sigma(&self) -> f64 {
         self.densities.window.sigma
+    }
+
+    /// The same of sums over lights from everywhere.
+    pub(super) fn sigma_under(&self) -> f64 {
+        self.coarse.window.sigma
     }
 
     /// What directions of view are divided by.

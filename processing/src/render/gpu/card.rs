@@ -8,8 +8,12 @@ use wgpu::util::{BufferInitDescriptor, DeviceExt, TextureDataOrder};
 const PIXEL: u32 = 16;
 
 /// Uniforms that do not change while a scene is rendered, as shaders read them.
-const SETTLED: [(&str, &str, usize); 3] =
-    [("scene.what.x", "what", 0), ("scene.form.x", "form", 0), ("scene.sky_x.w", "sky_x", 3)];
+const SETTLED: [(&str, &str, usize); 4] = [
+    ("scene.what.x", "what", 0),
+    ("scene.what.y", "what", 1),
+    ("scene.form.x", "form", 0),
+    ("scene.sky_x.w", "sky_x", 3),
+];
 
 /// A scene on a card.
 pub(in super::super) struct Card {

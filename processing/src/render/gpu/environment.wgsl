@@ -42,16 +42,17 @@ fn sky_seen(rgb: vec3<f32>, number: f32) -> vec3<f32> {
     return rgb.r * red + rgb.g * green + rgb.b * blue;
 }
 
-// Four numbers from 0 to 1 of a sample: even over samples (Roberts' R4 sequence), another start for each pixel (PCG hash).
+// Four numbers from 0 to 1 of a sample, to 24 bits: even over samples (Roberts' R4 sequence), another start for each pixel (PCG hash).
 fn chance(pixel: vec2<f32>, sample: f32) -> vec4<f32> {
     var state = u32(pixel.x) + 65536u * u32(pixel.y);
-    var start = vec4(0.0);
+    var start = vec4(0u);
     for (var k = 0; k < 4; k++) {
         state = state * 747796405u + 2891336453u;
         let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
-        start[k] = f32(((word >> 22u) ^ word) >> 8u) / 16777216.0;
+        start[k] = (word >> 22u) ^ word;
     }
-    return fract(start + sample * vec4(0.85667488, 0.73389185, 0.62870672, 0.53859725));
+    let turns = start + u32(sample) * vec4(3679390609u, 3152041523u, 2700274806u, 2313257605u);
+    return vec4<f32>(turns >> vec4(8u)) / 16777216.0;
 }
 
 // Light of the sky that a grating sends towards a direction of view, X, Y, Z; u moves the wave numbers and blurs the lobes.
@@ -239,6 +240,8 @@ fn under(view: vec3<f32>, hit: Hit, at: Groove, u: vec4<f32>) -> vec3<f32> {
             sum = covered * table_under(view, hit, u.xyz);
         } else if kind == 4.0 {
             sum = covered * linear_srgb(lattice_under(view, hit, u));
+        } else if kind == 5.0 {
+            sum = covered * linear_srgb(heights_under(view, hit, u));
         } else {
             let share = select(1.0, scene.detail.z, kind == 3.0);
             sum = covered * share * linear_srgb(grating_under(view, hit, at, u));

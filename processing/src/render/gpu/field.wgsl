@@ -79,7 +79,7 @@ fn sinc_square(x: f32) -> f32 {
 
 // Power of a frequency at a wave number; w is the sum of both cosines.
 fn frequency_power(bin: vec2<i32>, number: f32, w: f32, cosine: f32) -> f32 {
-    if scene.turn.z > 0.0 {
+    if scene.what.x == 5.0 {
         return field_power(bin, 2.0 * PI * number * w * scene.turn.w) / norm_at(cosine, number);
     }
     let share = scene.detail.xy / scene.repeat.xy * vec2<f32>(bin);
@@ -138,7 +138,7 @@ fn field_lit(eye: vec3<f32>, towards: vec3<f32>, width: f32, lamp: i32) -> vec3<
         margin = margin.yx;
         most = most.yx;
     }
-    if scene.turn.z > 0.0 {
+    if scene.what.x == 5.0 {
         find_norms(view);
     }
     let first = i32(max(ceil(min(t.x * range.x, t.x * range.y) - margin.x), -most.x));
@@ -154,7 +154,7 @@ fn field_lit(eye: vec3<f32>, towards: vec3<f32>, width: f32, lamp: i32) -> vec3<
             sum += frequency_lobe(select(vec2(a, b), vec2(b, a), steep), range, view, light, width, lamp);
         }
     }
-    if scene.turn.z <= 0.0 {
+    if scene.what.x != 5.0 {
         return sum * light.z;
     }
     let aligned = (1.0 + dot(view, light)) / (view.z + light.z);

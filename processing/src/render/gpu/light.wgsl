@@ -74,7 +74,7 @@ fn lit(view: vec3<f32>, light: vec3<f32>, width: f32, lamp: i32, at: Groove) -> 
             if at.sigma >= 0.0 {
                 top = linear_srgb(slits_lit(view, light, width, lamp, at)) * light.z;
             }
-        } else if kind == 4.0 {
+        } else if kind >= 4.0 {
             top = linear_srgb(field_lit(view, light, width, lamp));
         }
     }
@@ -152,12 +152,15 @@ fn seen_at(pixel: vec2<f32>, sample: f32, u: vec4<f32>) -> vec4<f32> {
     }
     let view = vec3(dot(hit.across, -ray), dot(hit.along, -ray), dot(hit.up, -ray));
     var sum = vec3(0.0);
-    for (var lamp = 0; lamp < min(i32(scene.what.y), 8); lamp++) {
-        let source = beam(lamp, hit.point, sample, u.xy);
-        let light = vec3(dot(hit.across, source.towards), dot(hit.along, source.towards), dot(hit.up, source.towards));
-        let faces = light.z > 0.0 && view.z > 0.0 && dot(hit.face, source.towards) > 0.0;
-        if faces && source.illuminance > 0.0 && !shaded(hit, source.towards, source.distance) {
-            sum += lit(view, light, source.width, lamp, found) * source.illuminance;
+    // Whether there are lamps is settled before shaders are compiled: without, compilers leave the loop out.
+    if scene.what.y > 0.0 {
+        for (var lamp = 0; lamp < min(i32(scene.what.y), 8); lamp++) {
+            let source = beam(lamp, hit.point, sample, u.xy);
+            let light = vec3(dot(hit.across, source.towards), dot(hit.along, source.towards), dot(hit.up, source.towards));
+            let faces = light.z > 0.0 && view.z > 0.0 && dot(hit.face, source.towards) > 0.0;
+            if faces && source.illuminance > 0.0 && !shaded(hit, source.towards, source.distance) {
+                sum += lit(view, light, source.width, lamp, found) * source.illuminance;
+            }
         }
     }
     if scene.sky_x.w > 0.0 {

@@ -42,6 +42,7 @@ pub const SHADER: &str = concat!(
     include_str!("field.wgsl"),
     include_str!("surface.wgsl"),
     include_str!("environment.wgsl"),
+    include_str!("heights.wgsl"),
     include_str!("corner.wgsl"),
     include_str!("light.wgsl")
 );

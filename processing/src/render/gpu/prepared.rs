@@ -10,7 +10,7 @@ use super::super::scene::{Blend, Scene};
 use super::super::shape::Form;
 use super::super::spectrum::RANGE;
 use super::super::texture::Over;
-use super::repeating::Field;
+use super::repeating::{Cells, Field};
 use super::textures::{self, Texture};
 use super::under;
 use crate::progress::{Progress, Silent};
@@ -95,8 +95,10 @@ impl Prepared {
         let mut values = Values { by_name: BTreeMap::new(), lights: [[0.0; 4]; ROWS * LIGHTS] };
         values.camera(&ready.camera)?;
         let mesh = values.shape(&shape.form);
-        let field = match &material.diffraction {
-            Some(Diffraction::Relief(relief)) => Some(Field::new(relief, ready.accuracy.error, &Silent)?),
+        let mut field = match &material.diffraction {
+            Some(Diffraction::Relief(relief)) => {
+                Some(Field::new(relief, ready.accuracy.error, !ready.skies.is_empty(), &Silent)?)
+            }
             _ => None,
         };
         values.material(material, ready, field.as_ref())?;
@@ -104,11 +106,12 @@ impl Prepared {
             values.lamp(k, lamp);
         }
         let diffraction = material.diffraction.as_ref();
+        let cells = field.as_mut().and_then(|f| f.cells.take());
         let mut textures = textures::all(diffraction, &ready.lamps, most, field);
         match ready.skies.first() {
             Some(sky) => {
                 values.sky(sky);
-                textures.extend(under::all(sky, material, &shape.form, ready.camera.at)?);
+                textures.extend(under::all(sky, material, (&shape.form, ready.camera.at), cells)?);
             }
             None => textures.extend(under::none()),
         }
@@ -138,7 +141,7 @@ impl Prepared {
                 let longest = maps.fold(same[1], |longest, texel| longest.max(texel[1]));
                 longest > if meshed { SOFTWARE_MESH_UM } else { SOFTWARE_UM } || (meshed && sky[3] > 0.0)
             }
-            4.0 => self.frequency_turns() > TURNS,
+            4.0 | 5.0 => self.frequency_turns() > TURNS,
             _ => false,
         }
     }
@@ -159,7 +162,8 @@ impl Prepared {
             let along = 2.0 * (RANGE[1] - RANGE[0]) as f32 + margin;
             along * side * (1.5 * margin * side + 2.0) * (3.0 * sums[1] / sums[0].max(0.1)).max(4.0)
         });
-        lobes.sum::<f32>() * turn[2].max(1.0) + 1000.0
+        // Under an environment each sample draws 16 frequencies.
+        (lobes.sum::<f32>() + 16.0) * turn[2].max(1.0) + 1000.0
     }
 
     /// Uniforms as the shader's buffer holds them.
@@ -296,7 +300,11 @@ impl Values {
                 self.set("turn", [cos, sin, field.pairs as f64, field.half_um]);
                 let [views, numbers] = of.norm().size();
                 self.set("detail", [field.per_x, flag(of.lossless), views as f64, numbers as f64]);
-                4.0
+                if let Some(Cells { side: [x, y], fine, .. }) = &field.cells {
+                    let [x, y, fine] = [*x, *y, *fine].map(|n| n as f64);
+                    self.set("relief", [x, y, fine, of.sigma_under().powi(2)]);
+                }
+                5.0
             }
         };
         self.set("what", [kind, ready.lamps.len() as f64, 0.0, coverage]);

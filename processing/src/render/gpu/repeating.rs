@@ -3,7 +3,11 @@
 use super::super::relief::Relief;
 use super::super::spectrum::RANGE;
 use super::textures::Texture;
+use super::under::draws;
 use crate::progress::Progress;
+use crate::surface::TermSet;
+use num_complex::Complex32;
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Rows of the terms' functions of X: every card has textures of this height. Their linear interpolation is right to 2e-5 at X = 25.
@@ -11,6 +15,16 @@ const ROWS: usize = 2048;
 
 /// Most bytes of the terms' texture.
 const MOST_BYTES: usize = 1 << 30;
+
+/// Tables by which frequencies are drawn under an environment, from flat views to steep ones: a surface that is seen flat is nearly a mirror. As
+/// many as `heights.wgsl` looks at.
+const COURSES: usize = 8;
+
+/// Most cells of all these tables.
+const MOST_CELLS: usize = 1 << 22;
+
+/// Part of a mean cell's draws that each cell has at least: where there is no power at one phase there may be some at another.
+const FEWEST_DRAWS: f64 = 1e-3;
 
 /// A height field for cards.
 pub(super) struct Field {
@@ -28,6 +42,62 @@ pub(super) struct Field {
     pub per_x: f64,
     /// Half the range of heights in µm.
     pub half_um: f64,
+    /// By what frequencies are drawn under an environment.
+    pub cells: Option<Cells>,
+}
+
+/// Tables of cells of frequencies, each with its own share of draws, which other one has the rest, and how often it is drawn.
+pub(super) struct Cells {
+    /// One table after the other, in tiles.
+    pub texture: Texture,
+    /// Cells of a table along x and y.
+    pub side: [usize; 2],
+    /// Frequencies along a side of a cell.
+    pub fine: usize,
+}
+
+impl Cells {
+    /// Of the terms of a height field.
+    fn new(set: &TermSet) -> Self {
+        let reach = set.about.reach;
+        let frequencies = reach.map(|r| 2 * r + 1);
+        let sides = |fine: usize| frequencies.map(|n| n.div_ceil(fine));
+        let most = |fine: &usize| sides(*fine)[0] * sides(*fine)[1] * COURSES <= MOST_CELLS;
+        let fine = (1..).find(most).unwrap_or(1);
+        let (side, across) = (sides(fine), beside(COURSES));
+        let width = side[0] * across;
+        let mut values = vec![0.0_f32; 4 * width * side[1] * COURSES.div_ceil(across)];
+        for course in 0..COURSES {
+            // The phase in the mirror's direction.
+            let x = 2.0 * TAU * RANGE[1] * set.about.half_um * (course as f64 + 0.5) / COURSES as f64;
+            let functions = set.functions(x.min(set.about.x_most));
+            let power = |x: usize, y: usize| {
+                let at = [x as isize - reach[0] as isize, y as isize - reach[1] as isize];
+                let of = |(n, f): (usize, &f64)| set.amplitude(n, at) * *f as f32;
+                f64::from(functions.iter().enumerate().map(of).sum::<Complex32>().norm_sqr())
+            };
+            let cell = |k: usize| {
+                let [columns, rows] = [k % side[0], k / side[0]].map(|c| c * fine..(c + 1) * fine);
+                let all = columns.flat_map(|x| rows.clone().map(move |y| (x, y)));
+                all.filter(|(x, y)| *x < frequencies[0] && *y < frequencies[1]).map(|(x, y)| power(x, y)).sum::<f64>()
+            };
+            let count = side[0] * side[1];
+            let mut shares: Vec<f64> = (0..count).into_par_iter().map(cell).collect();
+            let mean = shares.iter().sum::<f64>() / count as f64;
+            // At least of a mean cell, and one on average.
+            shares
+                .iter_mut()
+                .for_each(|s| *s = (*s / mean.max(f64::MIN_POSITIVE) + FEWEST_DRAWS) / (1.0 + FEWEST_DRAWS));
+            let tile = [course % across * side[0], course / across * side[1]];
+            for (k, (share, (own, other))) in shares.iter().zip(draws(shares.clone())).enumerate() {
+                let at = 4 * ((tile[1] + k / side[0]) * width + tile[0] + k % side[0]);
+                let texel =
+                    [own as f32, (other % side[0]) as f32, (other / side[0]) as f32, (share / count as f64) as f32];
+                values[at..at + 4].copy_from_slice(&texel);
+            }
+        }
+        Self { texture: Texture::new("under_top", width, 4, values), side, fine }
+    }
 }
 
 /// Tiles beside each other, for a picture that is about square.
@@ -36,8 +106,8 @@ fn beside(tiles: usize) -> usize {
 }
 
 impl Field {
-    /// Of a relief, or why cards do not do it.
-    pub(super) fn new(relief: &Relief, error: f64, progress: &dyn Progress) -> Result<Self, String> {
+    /// Of a relief that may be under an environment, or why cards do not do it.
+    pub(super) fn new(relief: &Relief, error: f64, under: bool, progress: &dyn Progress) -> Result<Self, String> {
         let set = relief.terms(error, progress).map_err(|e| e.to_string())?;
         let reach = set.about.reach;
         let side = reach.map(|r| 2 * r + 1);
@@ -87,6 +157,7 @@ impl Field {
             pairs,
             per_x,
             half_um,
+            cells: under.then(|| Cells::new(&set)),
         })
     }
 }

@@ -10,14 +10,14 @@ struct Scene {
     along: vec4<f32>,    // direction of v (a quarter turn on); radius of its hole (first angle)
     normal: vec4<f32>,   // of its front (axis); radius, 0 for a rectangle (below 0: the cylinder's angle)
     form: vec4<f32>,     // 0 a plane or disc, 1 a part of a cylinder, 2 a sphere, 3 a mesh; its nodes
-    what: vec4<f32>,     // 0 nothing, 1 grating, 2 table, 3 slits, 4 what repeats in two directions diffracts; lights; what is shown; coverage
+    what: vec4<f32>,     // 0 nothing, 1 grating, 2 table, 3 slits, 4 rectangles, 5 heights diffract; lights; what is shown; coverage
     same: vec4<f32>,     // orientation and period; 1 where maps have them
     grooves: vec4<f32>,  // how often maps repeat along u and v; 1 around the middle of a disc; variance of a lobe in 1/µm²
-    relief: vec4<f32>,   // rows of `powers` per 1/µm of q; highest order of `powers`; highest order that counts
+    relief: vec4<f32>,   // rows of `powers` per 1/µm of q; highest order of `powers`; highest order that counts. Heights under a sky: cells of `under_top` along x and y, frequencies along a side of one, variance of a lobe in 1/µm²
     sums: vec4<f32>,     // step and reach in standard deviations of a lobe; most rounds of balancing; how near sums get to 1
     table: vec4<f32>,    // extent, warp, scale; 1 without loss
     repeat: vec4<f32>,   // µm after which it repeats, along x and y; highest frequencies that count, in cycles of it
-    turn: vec4<f32>,     // direction of its x: cosine and sine; pairs of terms, 0 for rectangles; half the range of heights in µm
+    turn: vec4<f32>,     // direction of its x: cosine and sine; heights: pairs of terms, half their range in µm
     detail: vec4<f32>,   // slits: width, how many, their share; rectangles: sides, their share squared; heights: rows of `phases` per unit of X, 1 without loss, views and wave numbers of `norm`
     albedo: vec4<f32>,   // of the base; roughness, 0 without a base
     specular: vec4<f32>, // of the base; 1 where the base lies below the top and gets what its Fresnel reflectance lets through

@@ -46,7 +46,7 @@ const ADDED_OPERATIONS: f64 = 1024.0 * 4.0 * 4.0 * 2.0;
 
 /// Lines of the shaders, and how many operations they and what follows up to the next loop take: additions, multiplications, roots and the like count
 /// one each, as read off the source. Counts tell what a card has to do to a fifth or so; compilers leave some out.
-const OPERATIONS: [(&str, u32); 18] = [
+const OPERATIONS: [(&str, u32); 19] = [
     ("let slope = dot(ray, scene.normal.xyz);", 80),
     ("let axis = scene.normal.xyz;", 120),
     ("let off = o + ray * middle;", 80),
@@ -65,6 +65,7 @@ const OPERATIONS: [(&str, u32); 18] = [
     ("let facets = distribution / (", 200),
     ("let own = rough_drawn(view, u);", 320),
     ("let exact = -(view.xy + f32(n) * g);", 170),
+    ("let off = (at - vec2<f32>(bin)) / s;", 380),
 ];
 
 /// What the counting shader counts with, and where it puts what it has counted.

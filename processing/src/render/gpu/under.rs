@@ -11,6 +11,7 @@ use super::super::spectrum::RANGE;
 use super::super::table::Table;
 use super::super::texture::Over;
 use super::super::vector::V3;
+use super::repeating::Cells;
 use super::textures::Texture;
 use crate::color::linear_srgb;
 use crate::environment::{self, Frame, planar};
@@ -35,14 +36,16 @@ pub(super) fn none() -> Vec<Texture> {
     ["sky", "sky_colors", "under_top", "under_base"].map(|name| Texture::none(name, 4)).to_vec()
 }
 
-/// The textures of an environment over a sample seen from a place; or why shaders do not do it.
-pub(super) fn all(sky: &Sky, material: &Material, form: &Form, from: V3) -> Result<Vec<Texture>, String> {
+/// The textures of an environment over a sample seen from a place, and of what a height field's frequencies are drawn by; or why shaders do not do it.
+pub(super) fn all(
+    sky: &Sky,
+    material: &Material,
+    (form, from): (&Form, V3),
+    frequencies: Option<Cells>,
+) -> Result<Vec<Texture>, String> {
     let [_, _, mut top, mut base] = none().try_into().map_err(|_| "report this")?;
     if material.base.is_some() && material.diffraction.is_some() && material.blend == Blend::Fresnel {
         return Err("its base lies below a Fresnel reflectance, under an environment".into());
-    }
-    if let Some(Diffraction::Relief(_)) = &material.diffraction {
-        return Err("its height field is under an environment".into());
     }
     if let Form::Flat { center, frame, .. } = form {
         let side = if (from - center).dot(&frame[2]) < 0.0 { -1.0 } else { 1.0 };
@@ -56,6 +59,7 @@ pub(super) fn all(sky: &Sky, material: &Material, form: &Form, from: V3) -> Resu
     } else if let Some(Diffraction::Table(of)) = &material.diffraction {
         top = cells(of);
     }
+    let top = frequencies.map_or(top, |cells| cells.texture);
     Ok(vec![picture(sky), colors(sky), top, base])
 }
 
@@ -82,7 +86,7 @@ fn picture(sky: &Sky) -> Texture {
 }
 
 /// Of shares whose mean is 1, by number: how much of it stays, and which one the rest goes to (Walker 1977; Vose 1991).
-fn draws(mut shares: Vec<f64>) -> Vec<(f64, usize)> {
+pub(super) fn draws(mut shares: Vec<f64>) -> Vec<(f64, usize)> {
     let mut found: Vec<(f64, usize)> = (0..shares.len()).map(|k| (1.0, k)).collect();
     let (mut poor, mut rich): (Vec<usize>, Vec<usize>) = (0..shares.len()).partition(|k| shares[*k] < 1.0);
     while let (Some(k), Some(from)) = (poor.pop(), rich.last().copied()) {
