@@ -4,7 +4,7 @@ use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::foot::Path;
 use super::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
-use super::search::{Begin, at_limit, curves, thinned};
+use super::search::{Begin, at_limit, curves, likelier, thinned};
 use serde::Serialize;
 use std::borrow::Cow;
 
@@ -99,7 +99,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         candidates.extend(found.into_iter().filter(|c| all || to_their_noise(c)));
     }
     let widened = least(&candidates);
-    let each = compare(&candidates, points, widened);
+    let each = compare(&mut candidates, points, widened);
     let evidence: Vec<f64> = each.iter().map(|e| e.total).collect();
     let likeliest = |model: Option<Model>| {
         (0..candidates.len())
@@ -137,14 +137,23 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
 }
 
 impl Choice {
-    /// Finds how wrong the chosen model may be, if that of number `right` is right; others are as likely when they are behind by `unmodelled`.
+    /// Finds how wrong the chosen model may be, if that of number `right` is right; no more complex others are as likely when they are
+    /// behind by `unmodelled`.
     fn doubt(&mut self, points: &[CloudPoint], right: usize, unmodelled: f64) {
         let Self { candidates, chance, behind, differences, chosen, .. } = &*self;
         let all = 0..candidates.len();
         let widened = candidates.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
+        // A circle about another place than the origin is what films make of it to first order, so that one of these is right, however much more
+        // its parameters must be worth.
+        let off_origin = candidates[*chosen].center.is_some_and(|c| c != [0.0; 2]);
+        let films = all.clone().filter(|k| off_origin && candidates[*k].film.is_some());
+        let likeliest_film = films.map(|k| behind[k]).reduce(f64::min).unwrap_or(f64::NEG_INFINITY);
         // Whatever may be true as well costs its difference as often as it is true.
         let of_rival = |k: usize| {
-            let ahead = behind[k] - behind[*chosen] - unmodelled;
+            let film = if candidates[k].film.is_some() { likeliest_film } else { f64::NEG_INFINITY };
+            // What no model holds does not speak for one that is behind although it has more parameters.
+            let simple = candidates[k].parameters <= candidates[*chosen].parameters;
+            let ahead = behind[k] - behind[*chosen].max(film) - if simple { unmodelled } else { 0.0 };
             let odds = 0.5 * libm::erfc(ahead / chance[k].max(0.5 * UNDECIDED) / std::f64::consts::SQRT_2);
             odds.sqrt() * differences[k]
         };
@@ -168,11 +177,24 @@ impl Choice {
     }
 }
 
-/// Evidence of each candidate, of the hopeless ones from a part of the points.
-fn compare(candidates: &[Candidate], points: &[CloudPoint], widened: f64) -> Vec<Evidence> {
+/// Evidence of each candidate, of the hopeless ones from a part of the points; the other curves are made as likely as
+/// they can be first.
+fn compare(candidates: &mut [Candidate], points: &[CloudPoint], widened: f64) -> Vec<Evidence> {
     let few = thinned(points, LOOKED_AT);
-    let first: Vec<Evidence> = candidates.iter().map(|c| c.evidence(&few, widened)).collect();
-    let least = first.iter().map(|e| e.total).fold(f64::INFINITY, f64::min);
+    let of_few = |all: &[Candidate]| -> Vec<Evidence> { all.iter().map(|c| c.evidence(&few, widened)).collect() };
+    let least = |all: &[Evidence]| all.iter().map(|e| e.total).fold(f64::INFINITY, f64::min);
+    let mut first = of_few(candidates);
+    let hopeless = least(&first) + HOPELESS;
+    if points.len() >= MIXTURE {
+        let noisier: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
+        for (candidate, _) in candidates.iter_mut().zip(&first).filter(|(_, e)| e.total <= hopeless) {
+            if let Some(likelier) = likelier(candidate, &noisier) {
+                *candidate = Candidate { widened: candidate.widened, ..likelier };
+            }
+        }
+        first = of_few(candidates);
+    }
+    let least = least(&first);
     let scale = points.len() as f64 / few.len().max(1) as f64;
     let hopeful: Vec<Option<Evidence>> = candidates
         .iter()

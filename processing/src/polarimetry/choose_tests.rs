@@ -129,6 +129,16 @@ fn few_orientations_leave_other_films_possible() {
     assert!(found < 1.0 || claimed.is_none_or(|c| c > 0.5 * found), "{found} {claimed:?}\n{}", told(&choice, &errors));
 }
 
+/// Films whose curves bend within the noise or run beside themselves: by distances alone, other ones explain the points better, 23° and 44° off, and
+/// one is not found at all.
+#[test]
+fn curves_within_their_noise_are_told_apart() {
+    for (seed, most) in [(5005, 1.0), (5021, 2.5), (5030, 12.0)] {
+        let (choice, errors) = compared(&drawn(seed), 30_000, seed);
+        assert!(errors[choice.chosen] < most, "{seed}\n{}", told(&choice, &errors));
+    }
+}
+
 /// A film and a grating: r 0.7 to 1.5, ζ 0 to 180°, Δn 0 to 12°, any axis, half of them with a front reflection of amplitude up to
 /// 0.25 and any phase, orientations evenly spread or five.
 fn drawn(seed: u64) -> Synthetic {
@@ -154,7 +164,7 @@ fn auto_is_nearly_the_best_of_its_models() {
     let seed = number("NACRE_SEED").unwrap_or(u64::from(std::process::id()));
     println!("seed {seed}");
     let (mut bad, mut lies) = (0, 0);
-    for k in 0..count {
+    for k in number("NACRE_FIRST").unwrap_or(0)..count {
         let seed = seed.wrapping_mul(1000) + k;
         let scene = drawn(seed);
         let (choice, errors) = compared(&scene, 30_000, seed);
@@ -178,9 +188,9 @@ fn auto_is_nearly_the_best_of_its_models() {
     println!(
         "{bad} of {count} farther from the best than 1.25 x + 0.05°, {lies} of them by more than three times what was claimed"
     );
-    // Four of 48 were measured (seed 5): two in which films differ by less than the points tell, two whose film was not found.
-    // Two of these claimed less than a third of their error. At these rates, six and four of twelve are chance once in 600 runs or less.
-    assert!(12 * bad <= 5 * count && 4 * lies as u64 <= count, "seed {seed}: {bad} of {count}, {lies} not told");
+    // Seven of 148 were measured (seeds 5 and 77), mostly films that differ by less than the points tell; two of these claimed less than a third
+    // of their error. At these rates, five and three of twelve are chance once in 2000 runs or less.
+    assert!(3 * bad <= count && 6 * lies as u64 <= count, "seed {seed}: {bad} of {count}, {lies} not told");
 }
 
 /// Hardly any pixel is more than 5σ off where models fail: films that delay by more than any packaging does, a model that was

@@ -91,15 +91,24 @@ impl Family<'_> {
                 }
             }
         }
-        let information = self.normal(&at, &feet, 1.0).0;
-        let curve = (self.curve)(&at);
-        let cost = self.cost(&feet, &at, 1.0);
-        let prior = self.prior(&at);
-        cost.is_finite().then_some(Fitted { parameters: at, curve, cost, prior, information })
+        self.fitted(at, &feet)
+    }
+
+    /// What a fit that ends at these parameters is; None when the points tell nothing.
+    pub(super) fn at(&self, points: &[CloudPoint], parameters: Vec<f64>) -> Option<Fitted> {
+        let feet = feet(points, (self.curve)(&parameters));
+        self.fitted(parameters, &feet)
+    }
+
+    fn fitted(&self, parameters: Vec<f64>, feet: &[Foot]) -> Option<Fitted> {
+        let information = self.normal(&parameters, feet, 1.0).0;
+        let (curve, prior) = ((self.curve)(&parameters), self.prior(&parameters));
+        let cost = self.cost(feet, &parameters, 1.0);
+        cost.is_finite().then_some(Fitted { parameters, curve, cost, prior, information })
     }
 
     /// Robust cost with distances in units of `scale` standard deviations.
-    fn cost(&self, feet: &[Foot], at: &[f64], scale: f64) -> f64 {
+    pub(super) fn cost(&self, feet: &[Foot], at: &[f64], scale: f64) -> f64 {
         let limit = (CAUCHY * scale).powi(2);
         // The logarithm of a product, which takes as long as that of one number.
         let of = |feet: &[Foot]| feet.iter().map(|f| 1.0 + f.distance * f.distance / limit).product::<f64>();
@@ -112,12 +121,12 @@ impl Family<'_> {
     }
 
     /// -2 ln likelihood of the parameters by themselves.
-    fn prior(&self, at: &[f64]) -> f64 {
+    pub(super) fn prior(&self, at: &[f64]) -> f64 {
         at.iter().zip(self.expected).map(|(a, e)| (a / e).powi(2)).sum()
     }
 
     /// Normal matrix and right side of a step.
-    fn normal(&self, at: &[f64], feet: &[Foot], scale: f64) -> (DMatrix<f64>, DVector<f64>) {
+    pub(super) fn normal(&self, at: &[f64], feet: &[Foot], scale: f64) -> (DMatrix<f64>, DVector<f64>) {
         let n = at.len();
         let moved = self.moved(at);
         let middle = (self.curve)(at);
@@ -150,7 +159,7 @@ impl Family<'_> {
     }
 
     /// The curve with each parameter moved a little, and by how much.
-    fn moved(&self, at: &[f64]) -> Vec<(Curve, f64)> {
+    pub(super) fn moved(&self, at: &[f64]) -> Vec<(Curve, f64)> {
         const STEP: f64 = 1e-6;
         (0..at.len())
             .map(|k| {

@@ -8,6 +8,7 @@
 use super::cloud::CloudPoint;
 use super::curve::Curve;
 use super::foot::{Foot, Path};
+use super::repeats::median;
 use crate::vectors::vectorised;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -24,7 +25,7 @@ const MOST: usize = 8192;
 const REACH: f64 = 6.0;
 
 /// Powers of the gain in a cycle of expectation and maximization: those of Chebyshev's iteration, which go as far as eight
-/// rounds of power 1. More at once leads astray where orientations are spread evenly.
+/// rounds of power 1. Powers beyond 2 may lead astray, so that the larger one is halved when it does.
 const POWERS: [f32; 2] = [6.83, 1.17];
 const CYCLES: usize = 24;
 
@@ -43,6 +44,8 @@ const CHUNK: usize = 1024;
 /// Places along a curve at equal distances.
 struct Places {
     at: Vec<[f64; 2]>,
+    /// Their orientations in rad.
+    thetas: Vec<f64>,
     /// Length of the curve up to the beginning of each stretch, in places.
     index: Vec<f64>,
     /// Distance of places.
@@ -60,16 +63,21 @@ impl Places {
         let total = length[STRETCHES].max(f64::MIN_POSITIVE);
         let count = ((total / (SPACING * noise)) as usize).clamp(FEWEST, MOST);
         let step = total / count as f64;
-        let (mut at, mut k) = (Vec::with_capacity(count), 0);
+        let (mut thetas, mut k) = (Vec::with_capacity(count), 0);
         for i in 0..count {
             let wanted = (i as f64 + 0.5) * step;
             while k + 1 < STRETCHES && length[k + 1] < wanted {
                 k += 1;
             }
             let part = (wanted - length[k]) / (length[k + 1] - length[k]).max(f64::MIN_POSITIVE);
-            at.push(curve.at((k as f64 + part.clamp(0.0, 1.0)) * turn));
+            thetas.push((k as f64 + part.clamp(0.0, 1.0)) * turn);
         }
-        Self { at, index: length.iter().map(|l| l / step).collect(), step }
+        Self {
+            at: thetas.iter().map(|theta| curve.at(*theta)).collect(),
+            thetas,
+            index: length.iter().map(|l| l / step).collect(),
+            step,
+        }
     }
 
     /// Place of an orientation in rad, in places.
@@ -268,47 +276,141 @@ impl Weights {
     }
 }
 
-/// -2 ln likelihood of each point under a curve.
-pub(super) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
-    let mut noise: Vec<f64> = points.iter().map(|p| (0.5 * (p.covariance[0] + p.covariance[2])).sqrt()).collect();
-    let middle = noise.len() / 2;
-    if noise.is_empty() {
-        return vec![];
+/// A curve as points come from it.
+struct Source<'a> {
+    curve: &'a Curve,
+    path: Path,
+    places: Places,
+}
+
+impl<'a> Source<'a> {
+    /// With places as fine as the noise of these points asks for; None without points.
+    fn of(points: &[CloudPoint], curve: &'a Curve) -> Option<Self> {
+        let noise = points.iter().map(|p| (0.5 * (p.covariance[0] + p.covariance[2])).sqrt());
+        let noise = median(&mut noise.collect::<Vec<f64>>())?;
+        Some(Self { curve, path: Path::new(*curve), places: Places::new(curve, noise) })
     }
-    let noise = *noise.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let (path, places) = (Path::new(*curve), Places::new(curve, noise));
-    let count = places.at.len();
-    // Of fixed size, added in order: the result does not depend on timing.
-    let chunks: Vec<Rows> = points.par_chunks(CHUNK).map(|points| Rows::of(points, curve, &path, &places)).collect();
-    let mut weights = Weights::even(count, if curve.mirror.is_some() { STRAYING } else { 0.0 });
-    let mut before = f64::NEG_INFINITY;
-    for _ in 0..CYCLES {
-        let mut total = 0.0;
-        for power in POWERS {
-            let sums: Vec<_> = chunks.par_iter().map(|rows| rows.gains(&weights)).collect();
-            let mean = |sum: f64| sum / points.len() as f64;
-            let mut gains = vec![0.0; count];
-            for (places, ..) in &sums {
-                let rounds = places.chunks(count);
-                rounds.for_each(|sums| gains.iter_mut().zip(sums).for_each(|(gain, sum)| *gain += f64::from(*sum)));
+
+    /// What points can come from, in chunks of fixed size.
+    fn rows(&self, points: &[CloudPoint]) -> Vec<Rows> {
+        let of_chunk = |points: &[CloudPoint]| Rows::of(points, self.curve, &self.path, &self.places);
+        points.par_chunks(CHUNK).map(of_chunk).collect()
+    }
+
+    /// How many points there are at each place.
+    fn weights(&self, chunks: &[Rows]) -> Weights {
+        let count = self.places.at.len();
+        let points = chunks.iter().map(|rows| rows.points.len()).sum::<usize>() as f64;
+        let mut weights = Weights::even(count, if self.curve.mirror.is_some() { STRAYING } else { 0.0 });
+        let (mut before, mut powers) = (f64::NEG_INFINITY, POWERS);
+        for _ in 0..CYCLES {
+            let mut total = 0.0;
+            for power in powers {
+                // Added in order: the result does not depend on timing.
+                let sums: Vec<_> = chunks.par_iter().map(|rows| rows.gains(&weights)).collect();
+                let mut gains = vec![0.0; count];
+                for (places, ..) in &sums {
+                    let rounds = places.chunks(count);
+                    rounds.for_each(|sums| gains.iter_mut().zip(sums).for_each(|(gain, sum)| *gain += f64::from(*sum)));
+                }
+                gains.iter_mut().for_each(|gain| *gain /= points);
+                let others = [0, 1].map(|k| sums.iter().map(|s| s.1[k]).sum::<f64>() / points);
+                weights.grow(&gains, others, power);
+                total = sums.iter().map(|s| s.2).sum();
             }
-            gains.iter_mut().for_each(|gain| *gain = mean(*gain));
-            let others = [0, 1].map(|k| mean(sums.iter().map(|s| s.1[k]).sum()));
-            weights.grow(&gains, others, power);
-            total = sums.iter().map(|s| s.2).sum();
+            // That after the larger power, which the smaller one evens out.
+            if (total - before).abs() < SETTLED {
+                break;
+            }
+            if total < before {
+                powers[0] = (0.5 * powers[0]).max(1.0);
+            }
+            before = total;
         }
-        // That after the larger power, which the smaller one evens out.
-        if (total - before).abs() < SETTLED {
-            break;
-        }
-        before = total;
+        weights
     }
-    let of_rows = |rows: &Rows| {
-        let mut terms = Vec::with_capacity(rows.points.len());
-        rows.each(&weights, |row, likelihood, _, _| terms.push(-2.0 * (likelihood.ln() + row.unit)));
-        terms
+}
+
+/// -2 ln likelihood of each point under a curve, where orientations are as many as in the other half of the points: places that are fitted to
+/// chance do not help, and a curve that winds more often has more of these.
+pub(super) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
+    let Some(source) = Source::of(points, curve) else { return vec![] };
+    let half = |first: usize| points.iter().skip(first).step_by(2).copied().collect::<Vec<CloudPoint>>();
+    let halves = [0, 1].map(|first| source.rows(&half(first)));
+    let mut terms = vec![0.0; points.len()];
+    for (first, other) in [(0, 1), (1, 0)] {
+        let weights = source.weights(&halves[other]);
+        let of_rows = |rows: &Rows| {
+            let mut terms = Vec::with_capacity(rows.points.len());
+            rows.each(&weights, |row, likelihood, _, _| terms.push(-2.0 * (likelihood.ln() + row.unit)));
+            terms
+        };
+        let of_half: Vec<f64> = halves[first].par_iter().flat_map_iter(of_rows).collect();
+        terms.iter_mut().skip(first).step_by(2).zip(of_half).for_each(|(term, of_half)| *term = of_half);
+    }
+    terms
+}
+
+/// How points pull at a curve.
+pub(super) struct Pulls {
+    /// -2 ln likelihood of all points.
+    pub misfit: f64,
+    /// At its places.
+    pub places: Vec<Place>,
+    /// At metal without a grating.
+    pub mirror: [f64; 2],
+}
+
+/// A place of a curve, and the slope of the ln likelihood of the points as it moves.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    pub theta: f64,
+    pub pull: [f64; 2],
+}
+
+/// How points pull at a curve: by how likely each of them is from which place, and how far off it is in the metric of its noise.
+pub(super) fn pulls(points: &[CloudPoint], curve: &Curve) -> Pulls {
+    let none = Pulls { misfit: 0.0, places: vec![], mirror: [0.0; 2] };
+    let Some(source) = Source::of(points, curve) else { return none };
+    let chunks = source.rows(points);
+    let (weights, places, count) = (source.weights(&chunks), &source.places, source.places.at.len());
+    let of_chunk = |(rows, points): (&Rows, &[CloudPoint])| {
+        let (mut sums, mut mirror, mut misfit) = (vec![[0.0; 2]; count], [0.0; 2], 0.0);
+        let mut points = points.iter();
+        rows.each(&weights, |row, likelihood, runs, values| {
+            misfit -= 2.0 * (likelihood.ln() + row.unit);
+            let Some(point) = points.next() else { return };
+            let [a, b, c] = point.weights();
+            let pull = |at: [f64; 2], share: f64| {
+                let [x, y] = [0, 1].map(|k| share * (point.at[k] - at[k]));
+                [a * x + b * y, b * x + c * y]
+            };
+            let add = |sum: &mut [f64; 2], by: [f64; 2]| (0..2).for_each(|k| sum[k] += by[k]);
+            let mut left = values;
+            for run in runs {
+                let (of_run, rest) = left.split_at(run.length);
+                left = rest;
+                for (i, value) in of_run.iter().enumerate().filter(|(_, v)| **v > 0.0) {
+                    let k = (run.start + i) % count;
+                    let share = f64::from(*value) * weights.places[k] / likelihood;
+                    add(&mut sums[k], pull(places.at[k], share));
+                }
+            }
+            if let Some(at) = curve.mirror {
+                add(&mut mirror, pull(at, row.mirror * weights.mirror / likelihood));
+            }
+        });
+        (sums, mirror, misfit)
     };
-    chunks.par_iter().flat_map_iter(of_rows).collect()
+    let parts: Vec<_> = chunks.par_iter().zip(points.par_chunks(CHUNK)).map(of_chunk).collect();
+    let thetas = places.thetas.iter();
+    let mut all = Pulls { places: thetas.map(|theta| Place { theta: *theta, pull: [0.0; 2] }).collect(), ..none };
+    for (sums, mirror, misfit) in parts {
+        all.misfit += misfit;
+        (0..2).for_each(|k| all.mirror[k] += mirror[k]);
+        all.places.iter_mut().zip(sums).for_each(|(place, sum)| (0..2).for_each(|k| place.pull[k] += sum[k]));
+    }
+    all
 }
 
 #[cfg(test)]
@@ -316,8 +418,8 @@ mod tests {
     use super::super::synthetic::normal;
     use super::*;
 
-    /// Orientations spread evenly over a circle: what is fitted is at least as likely as the density summed up plainly in double precision, and
-    /// not by more than its some 30 places that noise tells apart can gain by chance; another circle, a fifth of the noise larger, is not.
+    /// Orientations spread evenly over a circle: what the other half of the points tells of them costs no more than twice its some 30 places that
+    /// noise tells apart, by a sum of the density in double precision; another circle, a fifth of the noise larger, is less likely.
     #[test]
     fn points_are_as_likely_as_a_plain_sum_says() {
         let (radius, sigma, n) = (0.25, 0.05, 4000);
@@ -336,9 +438,10 @@ mod tests {
             -2.0 * (0..512).map(density).sum::<f64>().ln() + 2.0 * 512f64.ln()
         };
         let truth: f64 = points.iter().map(plainly).sum();
-        let of = |radius: f64| terms(&points, &Curve::circle([0.0; 2], radius)).iter().sum::<f64>();
-        let (found, other) = (of(radius), of(radius + 0.2 * sigma));
-        assert!((truth - 60.0..truth + 1.0).contains(&found), "{found} {truth}");
+        let of = |curve: &Curve| terms(&points, curve).iter().sum::<f64>();
+        let circle = |radius: f64| Curve::circle([0.0; 2], radius);
+        let (found, other) = (of(&circle(radius)), of(&circle(radius + 0.2 * sigma)));
+        assert!((truth - 1.0..truth + 60.0).contains(&found), "{found} {truth}");
         assert!(other > found + 80.0, "{other} {found}");
     }
 }

@@ -8,8 +8,8 @@
 //! | `curve` | the closed curve of the 2018 paper's Eq. 4-6 | any film; with the axis, and where needed the front reflection and the retarder's error, fitted as well |
 //!
 //! The better the model the more there is to fit, and what the points cannot tell apart is noise in the result. So `auto`
-//! takes the model of most evidence: -2 ln likelihood of the points where the distribution of the orientations in view is
-//! fitted too, and what its parameters must be worth (Laplace's factor for curves, Schwarz' for circles).
+//! takes the model of most evidence: -2 ln likelihood of each half of the points where the distribution of the orientations in
+//! view is that of the other half, and what its parameters must be worth (Laplace's factor for curves, Schwarz' for circles).
 
 use super::cloud::CloudPoint;
 use super::curve::{Curve, Film};

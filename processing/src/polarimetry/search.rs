@@ -1,11 +1,14 @@
-//! Looks for the film whose curve the points lie on: from many starts, since the misfit has many minima.
+//! Looks for the film whose curve the points lie on: from many starts, since the misfit has many minima. First by samples of the points, then,
+//! once a curve runs through them, by sums of all points about it.
 
 use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::curve::{Curve, Film, PARAMETERS};
 use super::curve_fit::{Family, Fitted};
 use super::foot::Path;
+use super::likeliest::likeliest;
 use super::models::{Candidate, MIXTURE, Model, widened};
+use super::sums::summed_up;
 use super::{evidence, mixture};
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -15,7 +18,6 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 const TRIED: usize = 200;
 const FOLLOWED: usize = 400;
 const LAST: usize = 4000;
-const MORE: usize = 12_000;
 
 /// Curves that are tried for a few steps, that are followed, and that are fitted to more points.
 const STARTS: usize = 120;
@@ -80,53 +82,81 @@ const MIRRORS_IN_VIEW: f64 = 1.2;
 /// better.
 pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) -> Vec<Candidate> {
     let of = |count| thinned(points, count);
-    let samples = Samples { all: points, last: of(LAST), followed: of(FOLLOWED), tried: of(TRIED) };
+    let samples = Samples { tried: of(TRIED), followed: of(FOLLOWED), last: of(LAST), score: likelihood };
     let begun = match begin {
         Begin::Anywhere => starts(&samples.tried, circle),
         Begin::At(films) => films.to_vec(),
     };
-    let mut found = samples.search_all(&SETS, begun.clone());
+    let (mut sets, mut found) = (&SETS, samples.search_all(&SETS, begun.clone()));
     if found.widened > MIRRORS_IN_VIEW {
-        let with_mirrors = samples.search_all(&MIRROR_SETS, begun);
+        let with_mirrors = samples.search_all(&MIRROR_SETS, begun.clone());
         if with_mirrors.score < found.score {
-            found = with_mirrors;
+            (sets, found) = (&MIRROR_SETS, with_mirrors);
         }
     }
+    // All films that explain the points run near to the best one, and sums about it tell them apart as all points do.
+    let Some(sums) = found.best.and_then(|(set, film)| about(&set, &film, points)) else { return vec![] };
+    let mut films = found.films();
+    if let Begin::Anywhere = begin {
+        films.extend(begun);
+        films.extend(best(&grid(), STARTS, |film| distance(&sums, film)));
+    }
+    let of_sums = Samples { tried: sums.clone(), followed: sums.clone(), last: sums.clone(), score: |_, f| f.cost };
+    let found = of_sums.search_all(sets, films);
     // What is a minimum with fewer parameters, or with more, may lead to one.
-    let films: Vec<Film> = found.films.iter().flat_map(|(_, films)| films).copied().collect();
-    found.films.iter().flat_map(|(set, _)| samples.finish(set, &films)).collect()
+    let films = found.films();
+    sets.iter().flat_map(|set| finish(set, &films, &sums, points)).collect()
+}
+
+/// Sums of all points about a film's curve, after it is fitted to them.
+fn about(set: &Set, film: &Film, points: &[CloudPoint]) -> Option<Vec<CloudPoint>> {
+    let fitted = with_family(set, |family, _| family.fit(points, &taken(set.0, film), 10))?;
+    Some(summed_up(points, &fitted.curve))
+}
+
+fn distance(points: &[CloudPoint], film: &Film) -> f64 {
+    Path::new(film.curve()).feet(points).iter().map(|f| f.distance.abs().min(1e6)).sum()
 }
 
 /// What a search has found.
 struct Found {
     /// Per set of parameters the most promising films.
     films: Vec<(Set, Vec<Film>)>,
-    /// -2 ln likelihood of the best.
+    /// The best of all, its -2 ln likelihood, and the scatter of the points about it over their noise, as a variance.
+    best: Option<(Set, Film)>,
     score: f64,
-    /// Scatter of the points about the best over their noise, as a variance.
     widened: f64,
 }
 
-/// Points to fit, in smaller and smaller samples.
-struct Samples<'a> {
-    all: &'a [CloudPoint],
-    last: Vec<CloudPoint>,
-    followed: Vec<CloudPoint>,
-    tried: Vec<CloudPoint>,
+impl Found {
+    fn films(&self) -> Vec<Film> {
+        self.films.iter().flat_map(|(_, films)| films).copied().collect()
+    }
 }
 
-impl Samples<'_> {
+/// Points to fit, in smaller and smaller samples, and which fit to them is better.
+struct Samples {
+    tried: Vec<CloudPoint>,
+    followed: Vec<CloudPoint>,
+    last: Vec<CloudPoint>,
+    score: fn(&[CloudPoint], &Fitted) -> f64,
+}
+
+impl Samples {
     /// Searches with one set of parameters after the other. Each is begun where the one before ended and at many other places.
     fn search_all(&self, sets: &[Set], mut begun: Vec<Film>) -> Found {
-        let mut found = Found { films: vec![], score: f64::INFINITY, widened: f64::INFINITY };
+        let mut found = Found { films: vec![], best: None, score: f64::INFINITY, widened: f64::INFINITY };
         for set in sets {
             let fits = self.search(set, &begun);
             let films: Vec<Film> = fits.iter().map(|(_, _, film)| *film).collect();
+            let count = begun.len().max(STARTS);
             begun.splice(0..0, films.iter().take(3).flat_map(with_fronts));
             begun.splice(0..0, films.iter().copied());
-            begun.truncate(STARTS);
-            if let Some((score, cost, _)) = fits.first() {
-                found.score = found.score.min(*score);
+            begun.truncate(count);
+            if let Some((score, cost, film)) = fits.first() {
+                if *score < found.score {
+                    (found.score, found.best) = (*score, Some((*set, *film)));
+                }
                 found.widened = found.widened.min(widened(*cost, self.last.len()));
             }
             found.films.push((*set, films.into_iter().take(2).collect()));
@@ -134,57 +164,75 @@ impl Samples<'_> {
         found
     }
 
-    /// The best films of a set with their -2 ln likelihood and cost, best first.
+    /// The best films of a set with their score and cost, best first.
     fn search(&self, set: &Set, begun: &[Film]) -> Vec<(f64, f64, Film)> {
         let free = set.0;
+        let score = self.score;
         with_family(set, |family, film| {
             let fits = begun.par_iter().filter_map(|start| family.fit(&self.tried, &taken(free, start), 8));
-            let mut tried = best_first(fits, |f| evidence::misfit(&self.tried, &f.curve));
+            let mut tried = best_first(fits, |f| score(&self.tried, f));
             tried.truncate(KEPT);
             let fits = tried.par_iter().filter_map(|f| family.fit(&self.followed, &f.parameters, 25));
-            let first = distinct(best_first(fits, |f| evidence::misfit(&self.followed, &f.curve)));
+            let first = distinct(best_first(fits, |f| score(&self.followed, f)));
             let fits = first.par_iter().filter_map(|f| family.fit(&self.last, &f.parameters, 30));
-            let score = |f: &Fitted| misfit(&self.last, &f.curve) + f.prior;
-            let best = best_first(fits, score);
-            best.iter().map(|f| (score(f), f.cost, film(&f.parameters))).collect()
+            let best = best_first(fits, |f| score(&self.last, f));
+            best.iter().map(|f| (score(&self.last, f), f.cost, film(&f.parameters))).collect()
         })
     }
+}
 
-    /// The candidates of a set from the most promising films: the best one, and what explains the points as well with other
-    /// orientations.
-    fn finish(&self, set: &Set, films: &[Film]) -> Vec<Candidate> {
-        let (free, extended) = *set;
-        with_family(set, |family, film| {
-            let fits = films.par_iter().filter_map(|start| family.fit(&self.last, &taken(free, start), 30));
-            let near = distinct(best_first(fits, |f| misfit(&self.last, &f.curve) + f.prior));
-            // In a narrow bent valley a small sample ends anywhere along it.
-            let more = thinned(self.all, MORE);
-            let fits = near.par_iter().take(3).filter_map(|f| family.fit(&more, &f.parameters, 60));
-            let near = best_first(fits, |f| misfit(&more, &f.curve) + f.prior);
-            let fits = near.par_iter().take(2).filter_map(|f| family.fit(self.all, &f.parameters, 10));
-            // What ends at a limit of what more there may be has taken something else for it.
-            let inside = |f: &Fitted| {
-                let mut more = free.iter().zip(&f.parameters).filter(|(k, _)| (4..SHADE).contains(*k));
-                more.all(|(k, p)| p.abs() < 0.99 * LIMITS[*k])
-            };
-            let fits = fits.filter(inside);
-            let near = distinct(best_first(fits, |f| misfit(&more, &f.curve) + f.prior));
-            let widened = |fit: &Fitted| widened(fit.cost, self.all.len());
-            let candidates = near.into_iter().take(2).map(|fit| Candidate {
-                model: Model::Curve,
-                extended,
-                parameters: free.len() + usize::from(mirrors(set)),
-                curve: fit.curve,
-                center: None,
-                prior: fit.prior,
-                told: Some(family.told(&fit, widened(&fit))),
-                widened: widened(&fit),
-                uncertain: family.spread(&fit, &thinned(self.all, 500), widened(&fit)),
-                film: Some(film(&fit.parameters)),
-            });
-            candidates.collect()
-        })
+/// The candidates of a set from the most promising films: the best one, and what explains the points as well with other
+/// orientations.
+fn finish(set: &Set, films: &[Film], sums: &[CloudPoint], points: &[CloudPoint]) -> Vec<Candidate> {
+    let free = set.0;
+    with_family(set, |family, film| {
+        let fits = films.par_iter().filter_map(|start| family.fit(sums, &taken(free, start), 60));
+        let near = distinct(best_first(fits, |f| f.cost));
+        let fits = near.par_iter().take(2).filter_map(|f| family.fit(points, &f.parameters, 10));
+        // What ends at a limit of what more there may be has taken something else for it.
+        let inside = |f: &Fitted| {
+            let mut more = free.iter().zip(&f.parameters).filter(|(k, _)| (4..SHADE).contains(*k));
+            more.all(|(k, p)| p.abs() < 0.99 * LIMITS[*k])
+        };
+        let near = distinct(best_first(fits.filter(inside), |f| f.cost));
+        near.iter().map(|fit| candidate(set, family, fit, film(&fit.parameters), points)).collect()
+    })
+}
+
+fn candidate(set: &Set, family: &Family<'_>, fit: &Fitted, film: Film, points: &[CloudPoint]) -> Candidate {
+    let widened = widened(fit.cost, points.len());
+    Candidate {
+        model: Model::Curve,
+        extended: set.1,
+        parameters: set.0.len() + usize::from(mirrors(set)),
+        curve: fit.curve,
+        center: None,
+        prior: fit.prior,
+        told: Some(family.told(fit, widened)),
+        widened,
+        uncertain: family.spread(fit, &thinned(points, 500), widened),
+        film: Some(film),
     }
+}
+
+/// A curve that makes the points likelier than this one, which was fitted by distances; None for a circle.
+pub(super) fn likelier(candidate: &Candidate, points: &[CloudPoint]) -> Option<Candidate> {
+    let start = candidate.film?;
+    let set = SETS.iter().chain(&MIRROR_SETS).find(|set| set.1 == candidate.extended)?;
+    with_family(set, |family, film| {
+        let fit = likeliest(family, &family.at(points, taken(set.0, &start))?, points);
+        Some(self::candidate(set, family, &fit, film(&fit.parameters), points))
+    })
+}
+
+/// -2 ln likelihood of points and of the parameters of a fit to them.
+fn likelihood(points: &[CloudPoint], fit: &Fitted) -> f64 {
+    let of_points = if points.len() < MIXTURE {
+        evidence::misfit(points, &fit.curve)
+    } else {
+        mixture::terms(points, &fit.curve).iter().sum()
+    };
+    of_points + fit.prior
 }
 
 /// The same film with front reflections of all phases, weaker over mirrors: from none, a fit may end at another minimum.
@@ -202,11 +250,6 @@ fn taken(free: &[usize], film: &Film) -> Vec<f64> {
 /// Whether a set takes some points for metal without a grating.
 fn mirrors(set: &Set) -> bool {
     set.1.contains(&"mirror")
-}
-
-/// -2 ln likelihood of points under a curve.
-fn misfit(points: &[CloudPoint], curve: &Curve) -> f64 {
-    if points.len() < MIXTURE { evidence::misfit(points, curve) } else { mixture::terms(points, curve).iter().sum() }
 }
 
 /// Does something with the family of films whose other parameters are 0, and the film of its parameters.
@@ -267,10 +310,7 @@ fn same_orientations(a: &Curve, b: &Curve, limit: f64) -> bool {
 /// The most promising of a grid of films, and of those that a circle through the points can mean. Promising is a curve
 /// that is near to the points, or near for its length.
 fn starts(points: &[CloudPoint], circle: &Curve) -> Vec<Film> {
-    let near = |film: &Film| {
-        let path = Path::new(film.curve());
-        path.feet(points).iter().map(|f| f.distance.abs().min(1e6)).sum::<f64>()
-    };
+    let near = |film: &Film| distance(points, film);
     let near_for_its_length = |film: &Film| evidence::screening(points, &film.curve());
     let (mirrors, others): (Vec<_>, Vec<_>) = grid().into_iter().partition(is_mirror_like);
     let mut begun = vec![];

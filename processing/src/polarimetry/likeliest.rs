@@ -1,0 +1,107 @@
+//! Makes points likelier than a fit by distances does: where a curve bends within the noise, or runs beside itself, the nearest place is often
+//! not the one that a point comes from, and distances are off by more than many points tell.
+
+use super::cloud::CloudPoint;
+use super::curve::Curve;
+use super::curve_fit::{Family, Fitted};
+use super::foot::feet;
+use super::mixture::{Pulls, pulls};
+use super::search::thinned;
+use nalgebra::{DMatrix, DVector};
+
+/// Points by which a fit to all points by distances is corrected.
+const SAMPLE: usize = 4000;
+
+/// Steps at most, and how often one is halved.
+const STEPS: usize = 6;
+const HALVED: usize = 3;
+
+/// A step that makes the points so little likelier is the last: -2 ln likelihood.
+const CONVERGED: f64 = 0.5;
+
+/// The fit with parameters that make the points likeliest when the distribution of the orientations in view is fitted too.
+///
+/// What differs between that likelihood and the distances of all points is taken from a sample of them, in which both err alike, so that little of
+/// that error is left (a control variate).
+pub(super) fn likeliest(family: &Family<'_>, fit: &Fitted, points: &[CloudPoint]) -> Fitted {
+    let few = thinned(points, SAMPLE);
+    let samples = Samples { family, points, few: &few, scale: points.len() as f64 / few.len().max(1) as f64 };
+    let mut best = samples.at(fit.parameters.clone());
+    for _ in 0..STEPS {
+        let Some(step) = best.step() else { break };
+        let tried = (0..=HALVED).find_map(|k| {
+            let at = best.parameters.iter().zip(step.iter()).zip(family.limits);
+            let next = at.map(|((a, s), l)| (a + s * 0.5f64.powi(k as i32)).clamp(-l, *l)).collect();
+            Some(samples.at(next)).filter(|next| next.score < best.score)
+        });
+        let Some(next) = tried else { break };
+        let gained = best.score - next.score;
+        best = next;
+        if gained < CONVERGED {
+            break;
+        }
+    }
+    family.at(points, best.parameters).unwrap_or_else(|| fit.clone())
+}
+
+/// All points and the sample, each of whose points stands for so many.
+struct Samples<'a> {
+    family: &'a Family<'a>,
+    points: &'a [CloudPoint],
+    few: &'a [CloudPoint],
+    scale: f64,
+}
+
+/// Parameters with their -2 ln likelihood, its slope (halved, downward) and what is known of them.
+struct Tried {
+    parameters: Vec<f64>,
+    score: f64,
+    slope: DVector<f64>,
+    information: DMatrix<f64>,
+}
+
+impl Samples<'_> {
+    fn at(&self, parameters: Vec<f64>) -> Tried {
+        let Self { family, points, few, scale } = *self;
+        let curve = (family.curve)(&parameters);
+        let by_distance = |points: &[CloudPoint]| {
+            let feet = feet(points, curve);
+            let (information, slope) = family.normal(&parameters, &feet, 1.0);
+            (family.cost(&feet, &parameters, 1.0), slope, information)
+        };
+        let (all, of_all, information) = by_distance(points);
+        let (sample, of_sample, _) = by_distance(few);
+        let pulled = pulls(few, &curve);
+        let likelihood = pulled.misfit + family.prior(&parameters);
+        let slope = of_all + (self.slope(&parameters, &curve, &pulled) - of_sample) * scale;
+        Tried { score: all + scale * (likelihood - sample), slope, information, parameters }
+    }
+
+    /// Slope of the likelihood of the sample: what pulls at each place, times how this moves (Fisher's identity).
+    fn slope(&self, at: &[f64], curve: &Curve, pulled: &Pulls) -> DVector<f64> {
+        let mut slope =
+            DVector::from_iterator(at.len(), at.iter().zip(self.family.expected).map(|(a, e)| -a / (e * e)));
+        for (k, (moved, by)) in self.family.moved(at).iter().enumerate() {
+            let along = |pull: [f64; 2], before: [f64; 2], after: [f64; 2]| {
+                (pull[0] * (after[0] - before[0]) + pull[1] * (after[1] - before[1])) / by
+            };
+            slope[k] += pulled.places.iter().map(|p| along(p.pull, curve.at(p.theta), moved.at(p.theta))).sum::<f64>();
+            if let (Some(before), Some(after)) = (curve.mirror, moved.mirror) {
+                slope[k] += along(pulled.mirror, before, after);
+            }
+        }
+        slope
+    }
+}
+
+impl Tried {
+    /// Where the slope and what is known of the parameters lead.
+    fn step(&self) -> Option<DVector<f64>> {
+        let mut information = self.information.clone();
+        // A gauge is a direction that the points say nothing about.
+        for k in 0..self.parameters.len() {
+            information[(k, k)] += 1e-6 * information[(k, k)].max(1e-12);
+        }
+        Some(information.cholesky()?.solve(&self.slope))
+    }
+}
