@@ -172,11 +172,11 @@ impl Samples {
             let fits = begun.par_iter().filter_map(|start| family.fit(&self.tried, &taken(free, start), 8));
             let mut tried = best_first(fits, |f| score(&self.tried, f));
             tried.truncate(KEPT);
-            let fits = tried.par_iter().filter_map(|f| family.fit(&self.followed, &f.parameters, 25));
+            let fits = tried.par_iter().filter_map(|(_, f)| family.fit(&self.followed, &f.parameters, 25));
             let first = distinct(best_first(fits, |f| score(&self.followed, f)));
             let fits = first.par_iter().filter_map(|f| family.fit(&self.last, &f.parameters, 30));
             let best = best_first(fits, |f| score(&self.last, f));
-            best.iter().map(|f| (score(&self.last, f), f.cost, film(&f.parameters))).collect()
+            best.iter().map(|(score, f)| (*score, f.cost, film(&f.parameters))).collect()
         })
     }
 }
@@ -268,18 +268,19 @@ fn with_family<T>(set: &Set, work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> 
     work(&Family { curve: &curve, expected: &expected, limits: &limits }, &film)
 }
 
-fn best_first(fits: impl ParallelIterator<Item = Fitted>, score: impl Fn(&Fitted) -> f64 + Sync) -> Vec<Fitted> {
+/// Fits with their scores, the least first.
+fn best_first(fits: impl ParallelIterator<Item = Fitted>, score: impl Fn(&Fitted) -> f64 + Sync) -> Vec<(f64, Fitted)> {
     let mut scored: Vec<(f64, Fitted)> = fits.map(|fit| (score(&fit), fit)).collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    scored.into_iter().map(|(_, fit)| fit).collect()
+    scored
 }
 
 /// The first few that do not give the same orientations, up to one offset: first those of other minima, as long as they explain
 /// the points nearly as well, then others of the same. With more parameters the next minimum may turn out to be the lower one.
-fn distinct(fits: Vec<Fitted>) -> Vec<Fitted> {
-    let hopeless = fits.first().map_or(0.0, |best| 2.0 * best.cost);
+fn distinct(fits: Vec<(f64, Fitted)>) -> Vec<Fitted> {
+    let hopeless = fits.first().map_or(0.0, |(_, best)| 2.0 * best.cost);
     let (mut minima, mut others): (Vec<Fitted>, Vec<Fitted>) = (vec![], vec![]);
-    for fit in fits {
+    for (_, fit) in fits {
         let near = |other: &Fitted, limit| same_orientations(&fit.curve, &other.curve, limit);
         if minima.len() + others.len() == FINALISTS || minima.iter().chain(&others).any(|other| near(other, SAME)) {
             continue;
