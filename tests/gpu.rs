@@ -28,7 +28,7 @@ const SUMS: f64 = 0.0025;
 /// Views of each material.
 const VIEWS: usize = 10;
 
-/// Fewer of height fields, of which each takes a quarter of a minute, unless `NACRE_EVERY_VIEW` is set.
+/// Fewer of height fields, of which each takes some twenty seconds, unless `NACRE_EVERY_VIEW` is set.
 fn views(material: &Material) -> usize {
     let every = std::env::var_os("NACRE_EVERY_VIEW").is_some();
     if material.name.starts_with("height field") && !every { 2 } else { VIEWS }

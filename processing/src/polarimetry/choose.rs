@@ -92,8 +92,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         let all = wanted == Model::Curve || points.len() >= CURVE_POINTS;
         // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
         let to_their_noise = |c: &Candidate| c.curve.mirror.is_none() && c.widened < UNMODELLED_WIDENED;
-        // Curves beside a circle that was asked for only tell how wrong it is: a part of the points does. They pay for what these tell of their
-        // parameters, which is less than all would, so that the circle is doubted sooner.
+        // Curves beside a circle that was asked for only tell how wrong it is: a part of the points finds them.
         let fitted_to = if asked { Cow::Owned(thinned(points, LOOKED_AT)) } else { Cow::Borrowed(points) };
         let found = curves(&fitted_to, &circle, begin);
         candidates.extend(found.into_iter().filter(|c| all || to_their_noise(c)));
@@ -189,6 +188,7 @@ fn compare(candidates: &mut [Candidate], points: &[CloudPoint], widened: f64) ->
         let noisier: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
         for (candidate, _) in candidates.iter_mut().zip(&first).filter(|(_, e)| e.total <= hopeless) {
             if let Some(likelier) = likelier(candidate, &noisier) {
+                // Its own would be relative to noise that is wider already.
                 *candidate = Candidate { widened: candidate.widened, ..likelier };
             }
         }

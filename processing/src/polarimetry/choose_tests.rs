@@ -129,8 +129,8 @@ fn few_orientations_leave_other_films_possible() {
     assert!(found < 1.0 || claimed.is_none_or(|c| c > 0.5 * found), "{found} {claimed:?}\n{}", told(&choice, &errors));
 }
 
-/// Films whose curves bend within the noise or run beside themselves: by distances alone, other ones explain the points better, 23° and 44° off, and
-/// one is not found at all.
+/// Films that are easily taken for others: by evidence that does not hold points out (44° off), by distances to curves that bend within the noise
+/// (23°), and by a search that begins from samples alone (35°). Measured were 0.65, 1.66 and 9.9°, which five orientations do not tell better.
 #[test]
 fn curves_within_their_noise_are_told_apart() {
     for (seed, most) in [(5005, 1.0), (5021, 2.5), (5030, 12.0)] {
@@ -156,7 +156,7 @@ fn drawn(seed: u64) -> Synthetic {
 }
 
 /// Films and gratings drawn anew each time: few are farther from the best than 1.25 x + 0.05°, and fewer do not say so. `NACRE_DRAWS=200`
-/// takes all that there is time for.
+/// takes all that there is time for, `NACRE_FIRST` leaves out those before.
 #[test]
 fn auto_is_nearly_the_best_of_its_models() {
     let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse::<u64>().ok());
@@ -164,7 +164,8 @@ fn auto_is_nearly_the_best_of_its_models() {
     let seed = number("NACRE_SEED").unwrap_or(u64::from(std::process::id()));
     println!("seed {seed}");
     let (mut bad, mut lies) = (0, 0);
-    for k in number("NACRE_FIRST").unwrap_or(0)..count {
+    let first = number("NACRE_FIRST").unwrap_or(0);
+    for k in first..first + count {
         let seed = seed.wrapping_mul(1000) + k;
         let scene = drawn(seed);
         let (choice, errors) = compared(&scene, 30_000, seed);
@@ -188,8 +189,8 @@ fn auto_is_nearly_the_best_of_its_models() {
     println!(
         "{bad} of {count} farther from the best than 1.25 x + 0.05°, {lies} of them by more than three times what was claimed"
     );
-    // Seven of 148 were measured (seeds 5 and 77), mostly films that differ by less than the points tell; two of these claimed less than a third
-    // of their error. At these rates, five and three of twelve are chance once in 2000 runs or less.
+    // Seven of 148 were measured (seeds 5 and 77), mostly films that differ by less than the points tell; one of these claimed less than a third
+    // of its error. At these rates, five and three of twelve are chance once in 2000 runs or less.
     assert!(3 * bad <= count && 6 * lies as u64 <= count, "seed {seed}: {bad} of {count}, {lies} not told");
 }
 

@@ -25,14 +25,14 @@ const CONVERGED: f64 = 0.5;
 /// that error is left (a control variate).
 pub(super) fn likeliest(family: &Family<'_>, fit: &Fitted, points: &[CloudPoint]) -> Fitted {
     let few = thinned(points, SAMPLE);
-    let samples = Samples { family, points, few: &few, scale: points.len() as f64 / few.len().max(1) as f64 };
-    let mut best = samples.at(fit.parameters.clone());
+    let objective = Objective { family, points, few: &few, scale: points.len() as f64 / few.len().max(1) as f64 };
+    let mut best = objective.at(fit.parameters.clone());
     for _ in 0..STEPS {
         let Some(step) = best.step() else { break };
         let tried = (0..=HALVED).find_map(|k| {
             let at = best.parameters.iter().zip(step.iter()).zip(family.limits);
             let next = at.map(|((a, s), l)| (a + s * 0.5f64.powi(k as i32)).clamp(-l, *l)).collect();
-            Some(samples.at(next)).filter(|next| next.score < best.score)
+            Some(objective.at(next)).filter(|next| next.score < best.score)
         });
         let Some(next) = tried else { break };
         let gained = best.score - next.score;
@@ -45,7 +45,7 @@ pub(super) fn likeliest(family: &Family<'_>, fit: &Fitted, points: &[CloudPoint]
 }
 
 /// All points and the sample, each of whose points stands for so many.
-struct Samples<'a> {
+struct Objective<'a> {
     family: &'a Family<'a>,
     points: &'a [CloudPoint],
     few: &'a [CloudPoint],
@@ -60,7 +60,7 @@ struct Tried {
     information: DMatrix<f64>,
 }
 
-impl Samples<'_> {
+impl Objective<'_> {
     fn at(&self, parameters: Vec<f64>) -> Tried {
         let Self { family, points, few, scale } = *self;
         let curve = (family.curve)(&parameters);

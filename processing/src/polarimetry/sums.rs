@@ -119,8 +119,9 @@ mod tests {
     use super::super::synthetic::normal;
     use super::*;
 
-    /// How much less likely films are than the true one is the same by 40,000 points and by their sums, but for what robust weights leave out of
-    /// them; and the sums lie on the true curve to their noise.
+    /// How much less likely films are than the true one is the same by 40,000 points and by their sums; and these lie on the true curve to their
+    /// noise. Weights of normal noise are 0.914 on average, of which robust costs rise by 0.776, so that sums tell up to 1.18 times as much, less
+    /// where they are far off themselves; and squares of their distances are 0.678 on average, ± 0.085 for 128.
     #[test]
     fn films_are_told_apart_as_by_all_points() {
         let film = Film { ln_r: 0.2, zeta: 1.0, retardance: 0.15, axis: 0.6, ..Film::NONE };
@@ -138,7 +139,7 @@ mod tests {
             feet(points, film.curve()).iter().map(|f| limit * (f.distance.powi(2) / limit).ln_1p()).sum::<f64>()
         };
         let noise = feet(&sums, film.curve()).iter().map(|f| f.distance.powi(2)).sum::<f64>() / sums.len() as f64;
-        assert!((0.6..1.5).contains(&noise), "{noise}");
+        assert!((noise - 0.678).abs() < 4.0 * 0.085, "{noise}");
         let others = [
             Film { ln_r: film.ln_r + 4e-3, ..film },
             Film { zeta: film.zeta + 2e-3, ..film },
@@ -148,7 +149,7 @@ mod tests {
         ];
         for other in others {
             let [all, few] = [&points, &sums].map(|points| cost(points, &other) - cost(points, &film));
-            assert!(all > 4.0 && (few / all - 1.0).abs() < 0.3, "{few} {all} {other:?}");
+            assert!(all > 4.0 && (0.9..1.3).contains(&(few / all)), "{few} {all} {other:?}");
         }
     }
 }
