@@ -5,13 +5,12 @@ use super::cloud::CloudPoint;
 use super::foot::Path;
 use super::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
 use super::search::{Begin, at_limit, curves, likelier, thinned};
-use serde::Serialize;
 use std::borrow::Cow;
 
 /// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
 /// standard deviations of chance, may be true as well, which is warned of.
-const UNDECIDED: f64 = 10.0;
-const UNDECIDED_SIGMA: f64 = 2.0;
+pub(super) const UNDECIDED: f64 = 10.0;
+pub(super) const UNDECIDED_SIGMA: f64 = 2.0;
 
 /// The simplest model that is behind the best by no more than this is taken: as much is left to chance in the evidence, and most films
 /// have no more to them.
@@ -23,7 +22,7 @@ const NO_CURVE: f64 = 0.15;
 const NO_CURVE_WIDENED: f64 = 4.0;
 
 /// A scatter about the curve of more than twice the noise is something that no model holds, so that its error is unknown.
-const UNEXPLAINED: f64 = 4.0;
+pub(super) const UNEXPLAINED: f64 = 4.0;
 
 /// Where the scatter is more than this times the noise (as a variance), a model must be likelier than a simpler one by
 /// this much per point.
@@ -39,6 +38,9 @@ const FEW_CURVE_POINTS: usize = 1000;
 /// are compared on all.
 const LOOKED_AT: usize = 4000;
 const HOPELESS: f64 = 100.0;
+
+/// A curve that is less likely by more than this (-2 ln) than another one that it could be is not where it could be: two standard deviations.
+const AS_LIKELY: f64 = 4.0;
 
 /// How much farther along a curve that is taken for a circle points are off than across it.
 const BENT: f64 = 6.0;
@@ -178,20 +180,15 @@ impl Choice {
 
 /// Evidence of each candidate, of the hopeless ones from a part of the points; the other curves are made as likely as
 /// they can be first.
-fn compare(candidates: &mut [Candidate], points: &[CloudPoint], widened: f64) -> Vec<Evidence> {
+fn compare(candidates: &mut Vec<Candidate>, points: &[CloudPoint], widened: f64) -> Vec<Evidence> {
     let few = thinned(points, LOOKED_AT);
     let of_few = |all: &[Candidate]| -> Vec<Evidence> { all.iter().map(|c| c.evidence(&few, widened)).collect() };
     let least = |all: &[Evidence]| all.iter().map(|e| e.total).fold(f64::INFINITY, f64::min);
     let mut first = of_few(candidates);
-    let hopeless = least(&first) + HOPELESS;
     if points.len() >= MIXTURE {
         let noisier: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
-        for (candidate, _) in candidates.iter_mut().zip(&first).filter(|(_, e)| e.total <= hopeless) {
-            if let Some(likelier) = likelier(candidate, &noisier) {
-                // Its own would be relative to noise that is wider already.
-                *candidate = Candidate { widened: candidate.widened, ..likelier };
-            }
-        }
+        let hopeless = least(&first) + HOPELESS;
+        *candidates = made_likeliest(candidates, &first, hopeless, &noisier, |c| c.evidence(&few, widened).likelihood);
         first = of_few(candidates);
     }
     let least = least(&first);
@@ -204,6 +201,39 @@ fn compare(candidates: &mut [Candidate], points: &[CloudPoint], widened: f64) ->
     let best = hopeful.iter().flatten().map(|e| e.total).fold(f64::INFINITY, f64::min);
     let or_scaled = |(all, few): (Option<Evidence>, Evidence)| all.unwrap_or_else(|| few.scaled(least, scale, best));
     hopeful.into_iter().zip(first).map(or_scaled).collect()
+}
+
+/// The candidates, simplest first as before, those that are not hopeless as likely as they can be. Whatever explains the points with fewer
+/// parameters does so with more: where no curve of more is as likely, its search ended elsewhere, and one goes on from there.
+fn made_likeliest(
+    candidates: &[Candidate],
+    first: &[Evidence],
+    hopeless: f64,
+    noisier: &[CloudPoint],
+    likelihood: impl Fn(&Candidate) -> f64,
+) -> Vec<Candidate> {
+    let mut done: Vec<(Candidate, f64)> = vec![];
+    let pairs: Vec<(&Candidate, &Evidence)> = candidates.iter().zip(first).collect();
+    for alike in pairs.chunk_by(|(a, _), (b, _)| (a.model, a.extended) == (b.model, b.extended)) {
+        let simpler = done.iter().filter(|(c, _)| c.film.is_some()).min_by(|a, b| a.1.total_cmp(&b.1)).cloned();
+        let mut least = f64::INFINITY;
+        for (candidate, evidence) in alike {
+            let hopeful = evidence.total <= hopeless;
+            let polished = candidate.film.filter(|_| hopeful).and_then(|film| likelier(candidate, film, noisier));
+            let now =
+                polished.map_or_else(|| ((*candidate).clone(), evidence.likelihood), |c| (c.clone(), likelihood(&c)));
+            least = least.min(now.1);
+            done.push(now);
+        }
+        if let (Some((simpler, of_simpler)), Some((richer, _))) = (simpler, alike.first())
+            && of_simpler + AS_LIKELY < least
+        {
+            let gone_on = simpler.film.and_then(|film| likelier(richer, film, noisier));
+            let now = gone_on.map(|c| Candidate { widened: simpler.widened.min(c.widened), ..c });
+            done.extend(now.map(|c| (c.clone(), likelihood(&c))));
+        }
+    }
+    done.into_iter().map(|(candidate, _)| candidate).collect()
 }
 
 /// Median σ of the orientations from noise, in rad.
@@ -274,161 +304,5 @@ fn reason(
             candidates[chosen].parameters
         ),
         None => "nothing more explains the points (S1/S0, S2/S0) better".into(),
-    }
-}
-
-/// A candidate in the report.
-#[derive(Clone, Debug, Serialize)]
-pub struct ModelReport {
-    /// Its name; the curve with what was fitted beyond the film.
-    pub model: String,
-    /// How many parameters it has.
-    pub parameters: usize,
-    /// -2 ln likelihood with the parameters paid for, less that of the best: 0 is the likeliest, 10 is 150 times less
-    /// likely.
-    pub behind: f64,
-    /// Scatter of the points about it over their noise, as a ratio of standard deviations; 1 is a perfect model.
-    pub scatter: f64,
-    /// Mean difference of its orientations from those of the model used, in degrees.
-    pub difference_deg: f64,
-    /// Error that the uncertainty of its parameters causes, in degrees.
-    pub uncertain_deg: f64,
-    /// Centre of the circle.
-    pub center: Option<[f64; 2]>,
-    /// The film, for curves.
-    pub film: Option<FilmReport>,
-}
-
-/// A fitted film. Gauges: one offset common to all orientations, and (r, ζ) against (1/r, -ζ) with all orientations turned
-/// by 90°, cannot be told apart.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct FilmReport {
-    /// |R|.
-    pub r: f64,
-    /// Phase of R in degrees.
-    pub zeta_deg: f64,
-    /// Retardance (Δn) in degrees.
-    pub retardance_deg: f64,
-    /// Azimuth of its axis in degrees.
-    pub axis_deg: f64,
-    /// Front reflection: amplitude.
-    pub front: f64,
-    /// Front reflection: phase in degrees.
-    pub front_phase_deg: f64,
-    /// What the retarder delays beyond a quarter wave, in degrees.
-    pub source_error_deg: f64,
-    /// Share of the light that has no polarization.
-    pub stray: f64,
-}
-
-impl Choice {
-    /// The films of the curves among the candidates.
-    pub fn films(&self) -> Vec<super::curve::Film> {
-        self.candidates.iter().filter_map(|c| c.film).collect()
-    }
-
-    /// Scatter of the points about the curve over their noise, as a ratio of standard deviations.
-    pub fn scatter(&self) -> f64 {
-        self.widened.sqrt()
-    }
-
-    /// What belongs in front of a user.
-    pub fn warnings(&self) -> Vec<String> {
-        let mut warnings = vec![];
-        let scatter = self.scatter();
-        if !self.explained {
-            warnings.push(format!(
-                "the points (S1/S0, S2/S0) lie {scatter:.0} times farther from the curve of this model than their noise: it does \
-                 not explain the data, and orientations may be wrong by much more than σ says"
-            ));
-        } else if self.widened > UNEXPLAINED {
-            warnings.push(format!(
-                "the points (S1/S0, S2/S0) scatter {scatter:.1} times as far about the curve as their noise: a sample of several \
-                 periods, a wrong analyser angle or photographs that do not match; how far orientations are wrong in all cannot be told"
-            ));
-        }
-        if self.candidates[self.chosen].curve.mirror.is_some() {
-            let unknown =
-                if self.error.is_some() { "" } else { "; how far orientations are wrong in all cannot be told" };
-            warnings.push(format!("metal without a grating is in view, and masked{unknown}"));
-        }
-        if self.candidates[self.chosen].film.is_some_and(|film| at_limit(&film)) {
-            warnings.push(
-                "the film delays by more than 90°, the most that is looked for: if it delays yet more, orientations are wrong by much \
-                 more than σ says"
-                    .into(),
-            );
-        }
-        let undecided = |k: &usize| {
-            let behind = self.behind[*k] - self.behind[self.chosen];
-            behind < UNDECIDED.max(UNDECIDED_SIGMA * self.chance[*k])
-        };
-        let rivals = (0..self.behind.len()).filter(undecided).map(|k| self.differences[k]);
-        let difference = rivals.fold(0.0, f64::max).to_degrees();
-        if difference > 0.5 {
-            warnings.push(format!(
-                "another model explains the data as well, with orientations that differ by {difference:.1}° on average: see models"
-            ));
-        }
-        let chosen = &self.candidates[self.chosen];
-        let undecided = UNDECIDED.max(UNDECIDED_SIGMA * self.chance[self.best()]);
-        if self.behind[self.chosen] > undecided && self.error.is_some() {
-            warnings.push(format!(
-                "{} is not the likeliest model: another one gives orientations that differ by {:.1}° on average",
-                chosen.name(),
-                self.differences[self.best()].to_degrees()
-            ));
-        }
-        warnings
-    }
-
-    fn best(&self) -> usize {
-        (0..self.behind.len()).min_by(|a, b| self.behind[*a].total_cmp(&self.behind[*b])).unwrap_or(self.chosen)
-    }
-
-    /// All candidates.
-    pub fn report(&self) -> Vec<ModelReport> {
-        let each = self.candidates.iter().zip(&self.behind).zip(&self.differences);
-        each.map(|((c, behind), difference)| ModelReport {
-            model: c.name(),
-            parameters: c.parameters,
-            behind: *behind,
-            scatter: c.widened.sqrt(),
-            difference_deg: difference.to_degrees(),
-            uncertain_deg: c.uncertain.to_degrees(),
-            center: c.center,
-            film: c.film.map(FilmReport::of),
-        })
-        .collect()
-    }
-}
-
-impl FilmReport {
-    fn of(film: super::curve::Film) -> Self {
-        let film = film.canonical();
-        Self {
-            r: film.ln_r.exp(),
-            zeta_deg: film.zeta.to_degrees(),
-            retardance_deg: film.retardance.to_degrees(),
-            axis_deg: film.axis.to_degrees(),
-            front: film.front.norm(),
-            front_phase_deg: film.front.arg().to_degrees(),
-            source_error_deg: film.source_error.to_degrees(),
-            stray: film.stray,
-        }
-    }
-}
-
-impl Candidate {
-    /// Its name, with what was fitted beyond the film.
-    pub fn name(&self) -> String {
-        self.extended.iter().fold(self.model.word().to_owned(), |name, more| name + "+" + more)
-    }
-
-    /// Root mean square distance of the curve from its middle.
-    pub(super) fn size(&self) -> f64 {
-        let at: Vec<[f64; 2]> = (0..64).map(|k| self.curve.at(std::f64::consts::PI * f64::from(k) / 64.0)).collect();
-        let middle = [0, 1].map(|k| at.iter().map(|p| p[k]).sum::<f64>() / 64.0);
-        (at.iter().map(|p| (p[0] - middle[0]).powi(2) + (p[1] - middle[1]).powi(2)).sum::<f64>() / 64.0).sqrt()
     }
 }

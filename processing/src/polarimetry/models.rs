@@ -121,6 +121,8 @@ pub(super) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
 pub(super) struct Evidence {
     /// -2 ln likelihood, the parameters paid for.
     pub total: f64,
+    /// The same without what its parameters must be worth.
+    pub likelihood: f64,
     /// What each point adds.
     terms: Vec<f64>,
 }
@@ -128,7 +130,7 @@ pub(super) struct Evidence {
 impl Evidence {
     /// That of a candidate which is so far behind the least of a part of the points, carried over to all, of which the best has `best`.
     pub fn scaled(self, least: f64, scale: f64, best: f64) -> Self {
-        Self { total: best + scale * (self.total - least), terms: vec![] }
+        Self { total: best + scale * (self.total - least), terms: vec![], ..self }
     }
 
     /// Standard deviation that the difference of two has by chance (Vuong 1989): how differently the single points decide.
@@ -141,6 +143,18 @@ impl Evidence {
 }
 
 impl Candidate {
+    /// Its name, with what was fitted beyond the film.
+    pub fn name(&self) -> String {
+        self.extended.iter().fold(self.model.word().to_owned(), |name, more| name + "+" + more)
+    }
+
+    /// Root mean square distance of the curve from its middle.
+    pub(super) fn size(&self) -> f64 {
+        let at: Vec<[f64; 2]> = (0..64).map(|k| self.curve.at(std::f64::consts::PI * f64::from(k) / 64.0)).collect();
+        let middle = [0, 1].map(|k| at.iter().map(|p| p[k]).sum::<f64>() / 64.0);
+        (at.iter().map(|p| (p[0] - middle[0]).powi(2) + (p[1] - middle[1]).powi(2)).sum::<f64>() / 64.0).sqrt()
+    }
+
     /// -2 ln likelihood of points whose variances are `widened` times their noise, and what its parameters must be worth
     /// (Schwarz).
     pub(super) fn evidence(&self, points: &[CloudPoint], widened: f64) -> Evidence {
@@ -152,7 +166,8 @@ impl Candidate {
         };
         // Laplace's factor, or Schwarz' for it.
         let paid = self.told.unwrap_or(self.parameters as f64 * (points.len().max(2) as f64).ln());
-        Evidence { total: terms.iter().sum::<f64>() + paid + self.prior, terms }
+        let likelihood = terms.iter().sum::<f64>() + self.prior;
+        Evidence { total: likelihood + paid, likelihood, terms }
     }
 }
 

@@ -215,13 +215,14 @@ fn candidate(set: &Set, family: &Family<'_>, fit: &Fitted, film: Film, points: &
     }
 }
 
-/// A curve that makes the points likelier than this one, which was fitted by distances; None for a circle.
-pub(super) fn likelier(candidate: &Candidate, points: &[CloudPoint]) -> Option<Candidate> {
-    let start = candidate.film?;
-    let set = SETS.iter().chain(&MIRROR_SETS).find(|set| set.1 == candidate.extended)?;
+/// The likeliest curve near a film, with the parameters of a candidate; None for a circle. Scatter is told relative to the noise as it was for the
+/// candidate: that of these points may be wider already.
+pub(super) fn likelier(like: &Candidate, start: Film, points: &[CloudPoint]) -> Option<Candidate> {
+    let set = SETS.iter().chain(&MIRROR_SETS).find(|set| like.film.is_some() && set.1 == like.extended)?;
     with_family(set, |family, film| {
         let fit = likeliest(family, &family.at(points, taken(set.0, &start))?, points);
-        Some(self::candidate(set, family, &fit, film(&fit.parameters), points))
+        let found = candidate(set, family, &fit, film(&fit.parameters), points);
+        Some(Candidate { widened: like.widened, ..found })
     })
 }
 
