@@ -10,6 +10,7 @@ use super::curve::Curve;
 use super::foot::Path;
 use super::places::{LANES, Places, Row, Rows, Run};
 use super::repeats::median;
+use super::spots::Spots;
 use crate::vectors::vectorised;
 use rayon::prelude::*;
 
@@ -152,6 +153,12 @@ impl<'a> Source<'a> {
         points.par_chunks(CHUNK).map(of_chunk).collect()
     }
 
+    /// The spots that points lie at, where their weights say so.
+    fn spots(&self, weights: &Weights, points: &[CloudPoint]) -> Option<Spots<'a>> {
+        let others = [weights.straying, weights.mirror];
+        Some(Spots::gathered(self.curve, &self.places, &weights.places, others)?.fitted(points))
+    }
+
     /// How many points there are at each place.
     fn weights(&self, chunks: &[Rows]) -> Weights {
         let count = self.places.at.len();
@@ -191,16 +198,25 @@ impl<'a> Source<'a> {
 pub(super) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
     let Some(source) = Source::of(points, curve) else { return vec![] };
     let half = |first: usize| points.iter().skip(first).step_by(2).copied().collect::<Vec<CloudPoint>>();
-    let halves = [0, 1].map(|first| source.rows(&half(first)));
+    let halves = [0, 1].map(half).map(|half| {
+        let rows = source.rows(&half);
+        (half, rows)
+    });
     let mut terms = vec![0.0; points.len()];
     for (first, other) in [(0, 1), (1, 0)] {
-        let weights = source.weights(&halves[other]);
+        let weights = source.weights(&halves[other].1);
         let of_rows = |rows: &Rows| {
             let mut terms = Vec::with_capacity(rows.points.len());
             rows.each(&weights, |row, likelihood, _, _| terms.push(-2.0 * (likelihood.ln() + row.unit)));
             terms
         };
-        let of_half: Vec<f64> = halves[first].par_iter().flat_map_iter(of_rows).collect();
+        let mut of_half: Vec<f64> = halves[first].1.par_iter().flat_map_iter(of_rows).collect();
+        if let Some(spots) = source.spots(&weights, &halves[other].0) {
+            let by_spots = spots.terms(&halves[first].0);
+            if by_spots.iter().sum::<f64>() < of_half.iter().sum() {
+                of_half = by_spots;
+            }
+        }
         terms.iter_mut().skip(first).step_by(2).zip(of_half).for_each(|(term, of_half)| *term = of_half);
     }
     terms
@@ -265,7 +281,8 @@ pub(super) fn pulls(points: &[CloudPoint], curve: &Curve) -> Pulls {
         (0..2).for_each(|k| all.mirror[k] += mirror[k]);
         all.places.iter_mut().zip(sums).for_each(|(place, sum)| (0..2).for_each(|k| place.pull[k] += sum[k]));
     }
-    all
+    let of_spots = source.spots(&weights, points).map(|spots| spots.pulls(points));
+    of_spots.filter(|pulls| pulls.misfit < all.misfit).unwrap_or(all)
 }
 
 #[cfg(test)]

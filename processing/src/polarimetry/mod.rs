@@ -70,6 +70,7 @@ mod running;
 mod sample;
 mod search;
 mod smooth;
+mod spots;
 mod stokes;
 mod sums;
 pub mod synthetic;

@@ -150,7 +150,7 @@ impl Candidate {
 
     /// Root mean square distance of the curve from its middle.
     pub(super) fn size(&self) -> f64 {
-        let at: Vec<[f64; 2]> = (0..64).map(|k| self.curve.at(std::f64::consts::PI * f64::from(k) / 64.0)).collect();
+        let at: Vec<[f64; 2]> = (0..64).map(|k| self.curve.at(PI * f64::from(k) / 64.0)).collect();
         let middle = [0, 1].map(|k| at.iter().map(|p| p[k]).sum::<f64>() / 64.0);
         (at.iter().map(|p| (p[0] - middle[0]).powi(2) + (p[1] - middle[1]).powi(2)).sum::<f64>() / 64.0).sqrt()
     }

@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 const STRETCHES: usize = 1024;
 
 /// Distance of places in standard deviations of a typical point, and how many places there are at least and at most.
-const SPACING: f64 = 0.5;
+pub(super) const SPACING: f64 = 0.5;
 const FEWEST: usize = 64;
 const MOST: usize = 8192;
 
@@ -53,6 +53,15 @@ impl Places {
             index: length.iter().map(|l| l / step).collect(),
             step,
         }
+    }
+
+    /// Orientation in rad of a place, which may lie between two, or once around.
+    pub fn theta(&self, place: f64) -> f64 {
+        let count = self.thetas.len();
+        let k = place.floor() as usize;
+        let next = self.thetas[(k + 1) % count] + if (k + 1) % count == 0 { PI } else { 0.0 };
+        let here = self.thetas[k % count];
+        here + (next - here) * place.fract()
     }
 
     /// Place of an orientation in rad, in places.
