@@ -13,7 +13,7 @@ type Result<T> = std::result::Result<T, Box<dyn Error>>;
 const SOURCES: &str = "../processing/src/render/gpu";
 
 /// Uniforms that do not change while a scene is shown, and what a browser gives in their place: compilers leave out what they switch off. With all
-/// of it, software took more than six minutes to compile what then takes less than a second.
+/// of it, software takes more than two seconds to compile what then takes less than one.
 const SETTLED: [(&str, &str); 4] = [("what.x", "KIND"), ("what.y", "LAMPS"), ("form.x", "FORM"), ("sky_x.w", "SKY")];
 
 fn main() -> Result<()> {
@@ -114,7 +114,55 @@ fn translated(source: &str, shader_stage: ShaderStage, entry: &str) -> Result<(S
     }
     textures += " }";
     let block = found.uniforms.values().next().cloned().unwrap_or_default();
-    Ok((out, textures, block, members(&module)?))
+    Ok((branchless(&out)?, textures, block, members(&module)?))
+}
+
+/// GLSL whose `(a ? b : c)` are calls. WGSL's `select` takes no branch, but `?:` is compiled as one: within a loop, SwiftShader takes twice as long for
+/// each that follows another, which came to minutes for slits.
+fn branchless(glsl: &str) -> Result<String> {
+    let mut text = glsl.to_owned();
+    // The last one has no other between its `?` and its end.
+    while let Some(at) = text.rfind(" ? ") {
+        let open = end(text[..at].char_indices().rev(), ')', '(').ok_or("( is missing")?;
+        let close = at + end(text[at..].char_indices(), '(', ')').ok_or(") is missing")?;
+        let (yes, no) = text[at + 3..close].split_once(" : ").ok_or(": is missing")?;
+        let call = format!("pick({no}, {yes}, {})", &text[open + 1..at]);
+        text.replace_range(open..=close, &call);
+    }
+    let precision = "precision highp int;\n";
+    Ok(text.replacen(precision, &format!("{precision}{}", picks()), 1))
+}
+
+/// Where a pair of brackets ends of which one is behind already.
+fn end(characters: impl Iterator<Item = (usize, char)>, opens: char, closes: char) -> Option<usize> {
+    let mut within = 0;
+    for (at, character) in characters {
+        if character == closes && within == 0 {
+            return Some(at);
+        }
+        within += i32::from(character == opens) - i32::from(character == closes);
+    }
+    None
+}
+
+/// `pick` for all that it may be called with. GLSL ES 300 mixes floating-point numbers alone by a bool.
+fn picks() -> String {
+    let mut all = String::from(
+        "bool pick(bool no, bool yes, bool which) { return mix(float(no), float(yes), which) > 0.5; }\n\
+         float pick(float no, float yes, bool which) { return mix(no, yes, which); }\n",
+    );
+    let mut add = |kind: &str, body: &str| {
+        all += &format!("{kind} pick({kind} no, {kind} yes, bool which) {{ return {body}; }}\n");
+    };
+    for n in 2..=4 {
+        add(&format!("vec{n}"), &format!("mix(no, yes, bvec{n}(which))"));
+    }
+    for (scalar, vector) in [("int", "ivec"), ("uint", "uvec")] {
+        let body = format!("no + (yes - no) * {scalar}(which)");
+        add(scalar, &body);
+        (2..=4).for_each(|n| add(&format!("{vector}{n}"), &body));
+    }
+    all
 }
 
 /// Members of the one block of uniforms: `[["eye", 1], …]`.
