@@ -51,7 +51,7 @@ pub struct FilmReport {
 
 impl Choice {
     /// The films of the curves among the candidates.
-    pub fn films(&self) -> Vec<super::curve::Film> {
+    pub fn films(&self) -> Vec<Film> {
         self.candidates.iter().filter_map(|c| c.film).collect()
     }
 
@@ -132,7 +132,7 @@ impl Choice {
 }
 
 impl FilmReport {
-    fn of(film: super::curve::Film) -> Self {
+    fn of(film: Film) -> Self {
         let film = film.canonical();
         Self {
             r: film.ln_r.exp(),

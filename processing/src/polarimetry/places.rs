@@ -57,11 +57,9 @@ impl Places {
 
     /// Orientation in rad of a place, which may lie between two, or once around.
     pub fn theta(&self, place: f64) -> f64 {
-        let count = self.thetas.len();
-        let k = place.floor() as usize;
-        let next = self.thetas[(k + 1) % count] + if (k + 1) % count == 0 { PI } else { 0.0 };
-        let here = self.thetas[k % count];
-        here + (next - here) * place.fract()
+        let k = place.floor() as usize % self.thetas.len();
+        let next = self.thetas.get(k + 1).copied().unwrap_or(self.thetas[0] + PI);
+        self.thetas[k] + (next - self.thetas[k]) * place.fract()
     }
 
     /// Place of an orientation in rad, in places.
