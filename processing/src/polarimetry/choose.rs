@@ -4,7 +4,7 @@ use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::foot::Path;
 use super::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
-use super::search::{Begin, at_limit, curves, likelier, thinned};
+use super::search::{Begin, alike, at_limit, curves, likelier, thinned};
 use std::borrow::Cow;
 
 /// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
@@ -58,11 +58,13 @@ pub(super) struct Choice {
     pub candidates: Vec<Candidate>,
     /// Evidence of each, less that of the best: 0 is the likeliest.
     pub behind: Vec<f64>,
-    /// Standard deviation that its difference from the chosen one has by chance.
+    /// Standard deviation that its difference from the one that is taken for right has by chance.
     pub chance: Vec<f64>,
     /// Mean difference of its orientations from those of the chosen one, in rad.
     pub differences: Vec<f64>,
     pub chosen: usize,
+    /// The one that is taken for right: the chosen one, or the likeliest where another one was asked for.
+    pub right: usize,
     /// -2 ln likelihood of the points under the chosen one, its parameters paid for.
     pub likelihood: f64,
     /// How much larger than the noise the scatter about the chosen curve is, as a variance.
@@ -81,22 +83,21 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
     if points.len() < FEWEST_POINTS {
         return None;
     }
-    let mut candidates = candidates(points);
+    let (mut candidates, count) = (candidates(points), points.len());
     let enough = wanted == Model::Auto && sinusoid_is_enough(&candidates);
+    // Beside a model that was asked for, others only tell how wrong it is: a part of the points does.
+    let asked = !matches!(wanted, Model::Auto | Model::Curve);
+    let points = &*if asked { Cow::Owned(thinned(points, LOOKED_AT)) } else { Cow::Borrowed(points) };
     let least = |all: &[Candidate]| all.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
     let fewest = if least(&candidates) < UNEXPLAINED { MIXTURE } else { FEW_CURVE_POINTS };
-    let few = wanted == Model::Auto && points.len() < fewest;
-    // Of a circle that was asked for, the curve tells how wrong it is.
-    let asked = !matches!(wanted, Model::Auto | Model::Curve);
-    let off = least(&candidates) > UNMODELLED_WIDENED && points.len() >= FEW_CURVE_POINTS;
+    let few = wanted == Model::Auto && count < fewest;
+    let off = least(&candidates) > UNMODELLED_WIDENED && count >= FEW_CURVE_POINTS;
     if !enough && !few && (!asked || off) {
         let circle = candidates.last()?.curve;
-        let all = wanted == Model::Curve || points.len() >= CURVE_POINTS;
+        let all = wanted == Model::Curve || count >= CURVE_POINTS;
         // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
         let to_their_noise = |c: &Candidate| c.curve.mirror.is_none() && c.widened < UNMODELLED_WIDENED;
-        // Curves beside a circle that was asked for only tell how wrong it is: a part of the points finds them.
-        let fitted_to = if asked { Cow::Owned(thinned(points, LOOKED_AT)) } else { Cow::Borrowed(points) };
-        let found = curves(&fitted_to, &circle, begin);
+        let found = curves(points, &circle, begin);
         candidates.extend(found.into_iter().filter(|c| all || to_their_noise(c)));
     }
     let widened = least(&candidates);
@@ -116,7 +117,9 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         Model::Auto => (0..candidates.len()).find(|k| evidence[*k] <= evidence[best] + unmodelled.max(SIMPLER))?,
         model => likeliest(Some(model))?,
     };
-    let chance: Vec<f64> = each.iter().map(|e| e.chance(&each[chosen])).collect();
+    // A model that was asked for is as wrong as it differs from the likeliest one, if that is right.
+    let right = if asked { best } else { chosen };
+    let chance: Vec<f64> = each.iter().map(|e| e.chance(&each[right])).collect();
     let behind: Vec<f64> = evidence.iter().map(|e| e - evidence[best]).collect();
     let differences: Vec<f64> = candidates.iter().map(|c| difference(c, &candidates[chosen], points)).collect();
     let mut choice = Choice {
@@ -128,38 +131,40 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         behind,
         differences,
         chosen,
+        right,
         explained,
         error: None,
         systematic: 0.0,
     };
-    // A model that was asked for is as wrong as it differs from the likeliest one, if that is right.
-    choice.doubt(points, if asked { best } else { chosen }, unmodelled);
+    choice.doubt(points, unmodelled);
     Some(choice)
 }
 
 impl Choice {
-    /// Finds how wrong the chosen model may be, if that of number `right` is right; no more complex others are as likely when they are
-    /// behind by `unmodelled`.
-    fn doubt(&mut self, points: &[CloudPoint], right: usize, unmodelled: f64) {
-        let Self { candidates, chance, behind, differences, chosen, .. } = &*self;
+    /// Finds how wrong the chosen model may be; no more complex others than the one that is right are as likely when they are behind by `unmodelled`.
+    fn doubt(&mut self, points: &[CloudPoint], unmodelled: f64) {
+        let Self { candidates, chance, behind, differences, chosen, right, .. } = &*self;
         let all = 0..candidates.len();
         let widened = candidates.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
         // A circle about another place than the origin is what films make of it to first order, so that one of these is right, however much more
         // its parameters must be worth.
-        let off_origin = candidates[*chosen].center.is_some_and(|c| c != [0.0; 2]);
+        let off_origin = candidates[*right].center.is_some_and(|c| c != [0.0; 2]);
         let films = all.clone().filter(|k| off_origin && candidates[*k].film.is_some());
         let likeliest_film = films.map(|k| behind[k]).reduce(f64::min).unwrap_or(f64::NEG_INFINITY);
         // Whatever may be true as well costs its difference as often as it is true.
         let of_rival = |k: usize| {
+            if k == *right {
+                return differences[k];
+            }
             let film = if candidates[k].film.is_some() { likeliest_film } else { f64::NEG_INFINITY };
             // What no model holds does not speak for one that is behind although it has more parameters.
-            let simple = candidates[k].parameters <= candidates[*chosen].parameters;
-            let ahead = behind[k] - behind[*chosen].max(film) - if simple { unmodelled } else { 0.0 };
+            let simple = candidates[k].parameters <= candidates[*right].parameters;
+            let ahead = behind[k] - behind[*right].max(film) - if simple { unmodelled } else { 0.0 };
             let odds = 0.5 * libm::erfc(ahead / chance[k].max(0.5 * UNDECIDED) / std::f64::consts::SQRT_2);
             odds.sqrt() * differences[k]
         };
         let rivals = all.clone().map(of_rival).fold(0.0, f64::max);
-        let right = &candidates[right];
+        let right = &candidates[*right];
         // What metal without a grating scatters, or reflects at its front, is only right where the points lie on the curve.
         let limit = if right.curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
         let known = self.explained && right.widened < limit && !right.film.is_some_and(|f| at_limit(&f));
@@ -182,14 +187,13 @@ impl Choice {
 /// they can be first.
 fn compare(candidates: &mut Vec<Candidate>, points: &[CloudPoint], widened: f64) -> Vec<Evidence> {
     let few = thinned(points, LOOKED_AT);
-    let of_few = |all: &[Candidate]| -> Vec<Evidence> { all.iter().map(|c| c.evidence(&few, widened)).collect() };
     let least = |all: &[Evidence]| all.iter().map(|e| e.total).fold(f64::INFINITY, f64::min);
-    let mut first = of_few(candidates);
+    let mut first: Vec<Evidence> = candidates.iter().map(|c| c.evidence(&few, widened)).collect();
     if points.len() >= MIXTURE {
         let noisier: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
         let hopeless = least(&first) + HOPELESS;
-        *candidates = made_likeliest(candidates, &first, hopeless, &noisier, |c| c.evidence(&few, widened).likelihood);
-        first = of_few(candidates);
+        let pairs: Vec<(Candidate, Evidence)> = candidates.drain(..).zip(first).collect();
+        (*candidates, first) = made_likeliest(&pairs, hopeless, &noisier, |c| c.evidence(&few, widened));
     }
     let least = least(&first);
     let scale = points.len() as f64 / few.len().max(1) as f64;
@@ -206,34 +210,39 @@ fn compare(candidates: &mut Vec<Candidate>, points: &[CloudPoint], widened: f64)
 /// The candidates, simplest first as before, those that are not hopeless as likely as they can be. Whatever explains the points with fewer
 /// parameters does so with more: where no curve of more is as likely, its search ended elsewhere, and one goes on from there.
 fn made_likeliest(
-    candidates: &[Candidate],
-    first: &[Evidence],
+    pairs: &[(Candidate, Evidence)],
     hopeless: f64,
     noisier: &[CloudPoint],
-    likelihood: impl Fn(&Candidate) -> f64,
-) -> Vec<Candidate> {
-    let mut done: Vec<(Candidate, f64)> = vec![];
-    let pairs: Vec<(&Candidate, &Evidence)> = candidates.iter().zip(first).collect();
-    for alike in pairs.chunk_by(|(a, _), (b, _)| (a.model, a.extended) == (b.model, b.extended)) {
-        let simpler = done.iter().filter(|(c, _)| c.film.is_some()).min_by(|a, b| a.1.total_cmp(&b.1)).cloned();
-        let mut least = f64::INFINITY;
-        for (candidate, evidence) in alike {
-            let hopeful = evidence.total <= hopeless;
-            let polished = candidate.film.filter(|_| hopeful).and_then(|film| likelier(candidate, film, noisier));
-            let now =
-                polished.map_or_else(|| ((*candidate).clone(), evidence.likelihood), |c| (c.clone(), likelihood(&c)));
-            least = least.min(now.1);
-            done.push(now);
+    evidence: impl Fn(&Candidate) -> Evidence,
+) -> (Vec<Candidate>, Vec<Evidence>) {
+    let mut done: Vec<(Candidate, Evidence)> = vec![];
+    for of_set in pairs.chunk_by(|(a, _), (b, _)| (a.model, a.extended) == (b.model, b.extended)) {
+        let likeliest = |all: &[(Candidate, Evidence)]| {
+            let films = all.iter().filter(|(c, _)| c.film.is_some());
+            films.min_by(|a, b| a.1.likelihood.total_cmp(&b.1.likelihood)).map(|(c, e)| (c.clone(), e.likelihood))
+        };
+        let (simpler, first) = (likeliest(&done), done.len());
+        for (candidate, before) in of_set {
+            let hopeful = before.total <= hopeless;
+            let Some(now) = candidate.film.filter(|_| hopeful).and_then(|film| likelier(candidate, film, noisier)) else {
+                done.push((candidate.clone(), before.clone()));
+                continue;
+            };
+            // Others of the same parameters may end at the same place.
+            if !done[first..].iter().any(|(c, _)| alike(&c.curve, &now.curve)) {
+                done.push((now.clone(), evidence(&now)));
+            }
         }
-        if let (Some((simpler, of_simpler)), Some((richer, _))) = (simpler, alike.first())
+        let least = likeliest(&done[first..]).map_or(f64::INFINITY, |(_, likelihood)| likelihood);
+        if let (Some((simpler, of_simpler)), Some((richer, _))) = (simpler, of_set.first())
             && of_simpler + AS_LIKELY < least
         {
             let gone_on = simpler.film.and_then(|film| likelier(richer, film, noisier));
             let now = gone_on.map(|c| Candidate { widened: simpler.widened.min(c.widened), ..c });
-            done.extend(now.map(|c| (c.clone(), likelihood(&c))));
+            done.extend(now.map(|c| (c.clone(), evidence(&c))));
         }
     }
-    done.into_iter().map(|(candidate, _)| candidate).collect()
+    done.into_iter().unzip()
 }
 
 /// Median σ of the orientations from noise, in rad.
@@ -255,7 +264,7 @@ fn sinusoid_is_enough(simple: &[Candidate]) -> bool {
 
 fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
     let path = Path::new(candidate.curve);
-    let mut off: Vec<f64> = points
+    let mut off: Vec<f64> = thinned(points, LOOKED_AT)
         .iter()
         .map(|p| {
             let foot = path.foot(p);

@@ -13,7 +13,8 @@ use std::f64::consts::PI;
 /// Distances beyond so many standard deviations count less and less.
 pub const CAUCHY: f64 = 3.0;
 
-/// A step that makes the points so little likelier is the last: -2 ln likelihood, in which 1 is one standard deviation.
+/// A step that makes the points so little likelier is the last, one that is expected to is not made: -2 ln likelihood, in which 1 is one
+/// standard deviation.
 const CONVERGED: f64 = 0.01;
 
 /// What [`mean cost`](Fitted::cost) is when the points lie on the curve to their noise: `E[9 ln(1 + z²/9)]`.
@@ -68,6 +69,9 @@ impl Family<'_> {
                 continue;
             };
             let step = factors.solve(slope);
+            if step.dot(slope) < CONVERGED {
+                break;
+            }
             let next: Vec<f64> =
                 at.iter().zip(step.iter()).zip(self.limits).map(|((a, s), l)| (a + s).clamp(-l, *l)).collect();
             let next_feet = self::feet(points, (self.curve)(&next));

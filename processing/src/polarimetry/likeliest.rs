@@ -12,11 +12,15 @@ use nalgebra::{DMatrix, DVector};
 /// Points by which a fit to all points by distances is corrected.
 const SAMPLE: usize = 4000;
 
-/// Steps at most, and how often one is halved.
-const STEPS: usize = 6;
-const HALVED: usize = 3;
+/// Steps at most that are tried.
+const STEPS: usize = 10;
 
-/// A step that makes the points so little likelier is the last: -2 ln likelihood.
+/// Damping of the first step, relative to what is known of each parameter, and by what it changes.
+const DAMPING: f64 = 1e-3;
+const EASED: f64 = 0.1;
+const STIFFENED: f64 = 10.0;
+
+/// A step that makes the points so little likelier is the last, one that is expected to is not tried: -2 ln likelihood.
 const CONVERGED: f64 = 0.5;
 
 /// The fit with parameters that make the points likeliest when the distribution of the orientations in view is fitted too.
@@ -27,17 +31,17 @@ pub(super) fn likeliest(family: &Family<'_>, fit: &Fitted, points: &[CloudPoint]
     let few = thinned(points, SAMPLE);
     let objective = Objective { family, points, few: &few, scale: points.len() as f64 / few.len().max(1) as f64 };
     let mut best = objective.at(fit.parameters.clone());
+    let mut damping = DAMPING;
     for _ in 0..STEPS {
-        let Some(step) = best.step() else { break };
-        let tried = (0..=HALVED).find_map(|k| {
-            let at = best.parameters.iter().zip(step.iter()).zip(family.limits);
-            let next = at.map(|((a, s), l)| (a + s * 0.5f64.powi(k as i32)).clamp(-l, *l)).collect();
-            Some(objective.at(next)).filter(|next| next.score < best.score)
-        });
-        let Some(next) = tried else { break };
+        let Some(step) = best.step(damping).filter(|step| step.dot(&best.slope) > CONVERGED) else { break };
+        let at = best.parameters.iter().zip(step.iter()).zip(family.limits);
+        let next = objective.at(at.map(|((a, s), l)| (a + s).clamp(-l, *l)).collect());
         let gained = best.score - next.score;
-        best = next;
-        if gained < CONVERGED {
+        damping *= if gained > 0.0 { EASED } else { STIFFENED };
+        if gained > 0.0 {
+            best = next;
+        }
+        if (0.0..CONVERGED).contains(&gained) {
             break;
         }
     }
@@ -95,12 +99,12 @@ impl Objective<'_> {
 }
 
 impl Tried {
-    /// Where the slope and what is known of the parameters lead.
-    fn step(&self) -> Option<DVector<f64>> {
+    /// Where the slope and what is known of the parameters lead (Levenberg and Marquardt).
+    fn step(&self, damping: f64) -> Option<DVector<f64>> {
         let mut information = self.information.clone();
-        // A gauge is a direction that the points say nothing about.
+        // A gauge is a direction that the points say nothing about: only damping makes a step there.
         for k in 0..self.parameters.len() {
-            information[(k, k)] += 1e-6 * information[(k, k)].max(1e-12);
+            information[(k, k)] += damping * information[(k, k)].max(1e-12);
         }
         Some(information.cholesky()?.solve(&self.slope))
     }

@@ -88,19 +88,19 @@ impl Choice {
             );
         }
         let undecided = |k: &usize| {
-            let behind = self.behind[*k] - self.behind[self.chosen];
+            let behind = self.behind[*k] - self.behind[self.right];
             behind < UNDECIDED.max(UNDECIDED_SIGMA * self.chance[*k])
         };
-        let rivals = (0..self.behind.len()).filter(undecided).map(|k| self.differences[k]);
-        let difference = rivals.fold(0.0, f64::max).to_degrees();
+        let rivals = (0..self.behind.len()).filter(|k| undecided(&self.chosen) && undecided(k));
+        let difference = rivals.map(|k| self.differences[k]).fold(0.0, f64::max).to_degrees();
         if difference > 0.5 {
             warnings.push(format!(
                 "another model explains the data as well, with orientations that differ by {difference:.1}° on average: see models"
             ));
         }
         let chosen = &self.candidates[self.chosen];
-        let undecided = UNDECIDED.max(UNDECIDED_SIGMA * self.chance[self.best()]);
-        if self.behind[self.chosen] > undecided && self.error.is_some() {
+        let limit = UNDECIDED.max(UNDECIDED_SIGMA * self.chance[if self.right == self.chosen { self.best() } else { self.chosen }]);
+        if self.behind[self.chosen] > limit && self.error.is_some() {
             warnings.push(format!(
                 "{} is not the likeliest model: another one gives orientations that differ by {:.1}° on average",
                 chosen.name(),

@@ -15,6 +15,7 @@ use super::cloud::CloudPoint;
 use super::curve::{Curve, Film};
 use super::curve_fit::{COST_OF_NOISE, Family, Fitted};
 use super::foot::Path;
+use super::search::thinned;
 use super::{evidence, mixture};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,6 +23,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// With fewer points than this the distribution of orientations cannot be fitted place by place.
 pub(super) const MIXTURE: usize = 2000;
+
+/// Points by which the error of orientations is told that parameters cause.
+pub(super) const SPREAD: usize = 500;
 
 /// How the fitted phase becomes an orientation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -118,6 +122,7 @@ pub(super) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
 }
 
 /// How likely the points are under a candidate.
+#[derive(Clone)]
 pub(super) struct Evidence {
     /// -2 ln likelihood, the parameters paid for.
     pub total: f64,
@@ -180,7 +185,7 @@ fn phase(
     points: &[CloudPoint],
 ) -> Candidate {
     let widened = widened(fitted.cost, points.len());
-    let uncertain = family.spread(&fitted, points, widened);
+    let uncertain = family.spread(&fitted, &thinned(points, SPREAD), widened);
     Candidate {
         model,
         extended: &[],

@@ -7,7 +7,7 @@ use super::curve::{Curve, Film, PARAMETERS};
 use super::curve_fit::{Family, Fitted};
 use super::foot::Path;
 use super::likeliest::likeliest;
-use super::models::{Candidate, MIXTURE, Model, widened};
+use super::models::{Candidate, MIXTURE, Model, SPREAD, widened};
 use super::sums::summed_up;
 use super::{evidence, mixture};
 use num_complex::Complex;
@@ -78,11 +78,14 @@ pub(super) enum Begin<'a> {
 /// Points that scatter this much more about every curve (as a variance) than their noise may be metal without a grating.
 const MIRRORS_IN_VIEW: f64 = 1.2;
 
+/// Points that scatter by no more than this about a curve, as a variance over their noise, lie on it: two standard deviations of [`LAST`] of them.
+const ENOUGH: f64 = 1.05;
+
 /// The curve with four to eight free parameters, and with metal without a grating where that explains the points
 /// better.
 pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) -> Vec<Candidate> {
     let of = |count| thinned(points, count);
-    let samples = Samples { tried: of(TRIED), followed: of(FOLLOWED), last: of(LAST), score: likelihood };
+    let samples = Samples { tried: of(TRIED), followed: of(FOLLOWED), last: of(LAST), enough: ENOUGH, score: likelihood };
     let begun = match begin {
         Begin::Anywhere => starts(&samples.tried, circle),
         Begin::At(films) => films.to_vec(),
@@ -101,7 +104,7 @@ pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
         films.extend(begun);
         films.extend(best(&grid(), STARTS, |film| distance(&sums, film)));
     }
-    let of_sums = Samples { tried: sums.clone(), followed: sums.clone(), last: sums.clone(), score: |_, f| f.cost };
+    let of_sums = Samples { tried: sums.clone(), followed: sums.clone(), last: sums.clone(), enough: 0.0, score: |_, f| f.cost };
     let found = of_sums.search_all(sets, films);
     // What is a minimum with fewer parameters, or with more, may lead to one.
     let films = found.films();
@@ -139,6 +142,8 @@ struct Samples {
     tried: Vec<CloudPoint>,
     followed: Vec<CloudPoint>,
     last: Vec<CloudPoint>,
+    /// Points that scatter about a curve by less than this (as a variance, over their noise) need no more parameters.
+    enough: f64,
     score: fn(&[CloudPoint], &Fitted) -> f64,
 }
 
@@ -160,6 +165,9 @@ impl Samples {
                 found.widened = found.widened.min(widened(*cost, self.last.len()));
             }
             found.films.push((*set, films.into_iter().take(2).collect()));
+            if found.widened < self.enough {
+                break;
+            }
         }
         found
     }
@@ -179,6 +187,11 @@ impl Samples {
             best.iter().map(|(score, f)| (*score, f.cost, film(&f.parameters))).collect()
         })
     }
+}
+
+/// Whether orientations under two curves are the same.
+pub(super) fn alike(a: &Curve, b: &Curve) -> bool {
+    same_orientations(a, b, SAME)
 }
 
 /// The candidates of a set from the most promising films: the best one, and what explains the points as well with other
@@ -210,7 +223,7 @@ fn candidate(set: &Set, family: &Family<'_>, fit: &Fitted, film: Film, points: &
         prior: fit.prior,
         told: Some(family.told(fit, widened)),
         widened,
-        uncertain: family.spread(fit, &thinned(points, 500), widened),
+        uncertain: family.spread(fit, &thinned(points, SPREAD), widened),
         film: Some(film),
     }
 }
