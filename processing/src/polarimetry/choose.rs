@@ -224,7 +224,8 @@ fn made_likeliest(
         let (simpler, first) = (likeliest(&done), done.len());
         for (candidate, before) in of_set {
             let hopeful = before.total <= hopeless;
-            let Some(now) = candidate.film.filter(|_| hopeful).and_then(|film| likelier(candidate, film, noisier)) else {
+            let Some(now) = candidate.film.filter(|_| hopeful).and_then(|film| likelier(candidate, film, noisier))
+            else {
                 done.push((candidate.clone(), before.clone()));
                 continue;
             };

@@ -20,8 +20,9 @@ const DAMPING: f64 = 1e-3;
 const EASED: f64 = 0.1;
 const STIFFENED: f64 = 10.0;
 
-/// A step that makes the points so little likelier is the last, one that is expected to is not tried: -2 ln likelihood.
-const CONVERGED: f64 = 0.5;
+/// A step that makes the points so little likelier is the last, one that is expected to is not tried: -2 ln likelihood, which the weights of the
+/// sample leave open to a few.
+const CONVERGED: f64 = 2.0;
 
 /// The fit with parameters that make the points likeliest when the distribution of the orientations in view is fitted too.
 ///

@@ -85,7 +85,8 @@ const ENOUGH: f64 = 1.05;
 /// better.
 pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) -> Vec<Candidate> {
     let of = |count| thinned(points, count);
-    let samples = Samples { tried: of(TRIED), followed: of(FOLLOWED), last: of(LAST), enough: ENOUGH, score: likelihood };
+    let samples =
+        Samples { tried: of(TRIED), followed: of(FOLLOWED), last: of(LAST), enough: ENOUGH, score: likelihood };
     let begun = match begin {
         Begin::Anywhere => starts(&samples.tried, circle),
         Begin::At(films) => films.to_vec(),
@@ -104,7 +105,8 @@ pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
         films.extend(begun);
         films.extend(best(&grid(), STARTS, |film| distance(&sums, film)));
     }
-    let of_sums = Samples { tried: sums.clone(), followed: sums.clone(), last: sums.clone(), enough: 0.0, score: |_, f| f.cost };
+    let of_sums =
+        Samples { tried: sums.clone(), followed: sums.clone(), last: sums.clone(), enough: 0.0, score: |_, f| f.cost };
     let found = of_sums.search_all(sets, films);
     // What is a minimum with fewer parameters, or with more, may lead to one.
     let films = found.films();
