@@ -22,6 +22,9 @@ const CYCLES: usize = 24;
 /// A cycle that makes the points likelier by less than this (in ln) is the last.
 const SETTLED: f64 = 0.3;
 
+/// Cycles in a row that make points which are held out no likelier, and end a search.
+const PATIENCE: usize = 2;
+
 /// The most that a weight changes in a round, as ln.
 const LEAP: f32 = 3.0;
 
@@ -58,6 +61,16 @@ impl Rows {
         }
     }
 
+    /// Sum of ln likelihoods.
+    fn likelihood(&self, weights: &Weights) -> f64 {
+        let mut total = 0.0;
+        vectorised(
+            #[inline(always)]
+            || self.each(weights, |_, likelihood, _, _| total += likelihood.ln()),
+        );
+        total
+    }
+
     /// Sums over points of what each place adds to their likelihood, over it; the same of straying and of mirrors; and the sum of ln likelihoods.
     fn gains(&self, weights: &Weights) -> (Vec<f32>, [f64; 2], f64) {
         let mut sums = vec![0.0_f32; weights.twice.len()];
@@ -92,6 +105,7 @@ impl Rows {
 }
 
 /// How many points there are at each place.
+#[derive(Clone)]
 struct Weights {
     places: Vec<f64>,
     straying: f64,
@@ -159,37 +173,81 @@ impl<'a> Source<'a> {
         Some(Spots::gathered(self.curve, &self.places, &weights.places, others)?.fitted(points))
     }
 
-    /// How many points there are at each place.
+    /// How many points there are at each place: those that make the points likeliest.
     fn weights(&self, chunks: &[Rows]) -> Weights {
-        let count = self.places.at.len();
-        let points = chunks.iter().map(|rows| rows.points.len()).sum::<usize>() as f64;
-        let mut weights = Weights::even(count, if self.curve.mirror.is_some() { STRAYING } else { 0.0 });
-        let (mut before, mut powers) = (f64::NEG_INFINITY, POWERS);
+        let mut search = self.search(chunks);
+        let mut before = f64::NEG_INFINITY;
         for _ in 0..CYCLES {
-            let mut total = 0.0;
-            for power in powers {
-                // Added in order: the result does not depend on timing.
-                let sums: Vec<_> = chunks.par_iter().map(|rows| rows.gains(&weights)).collect();
-                let mut gains = vec![0.0; count];
-                for (places, ..) in &sums {
-                    let rounds = places.chunks(count);
-                    rounds.for_each(|sums| gains.iter_mut().zip(sums).for_each(|(gain, sum)| *gain += f64::from(*sum)));
-                }
-                gains.iter_mut().for_each(|gain| *gain /= points);
-                let others = [0, 1].map(|k| sums.iter().map(|s| s.1[k]).sum::<f64>() / points);
-                weights.grow(&gains, others, power);
-                total = sums.iter().map(|s| s.2).sum();
-            }
-            // That after the larger power, which the smaller one evens out.
+            let total = search.cycle();
             if (total - before).abs() < SETTLED {
                 break;
             }
-            if total < before {
-                powers[0] = (0.5 * powers[0]).max(1.0);
-            }
             before = total;
         }
+        search.weights
+    }
+
+    /// The same, of the rounds of the search those that make other points likeliest: what is fitted to chance makes these less likely, the more the
+    /// longer the search goes on, and would be told by nothing but its rounds.
+    fn weights_judged(&self, chunks: &[Rows], others: &[Rows]) -> Weights {
+        let mut search = self.search(chunks);
+        let judged = |weights: &Weights| others.par_iter().map(|rows| rows.likelihood(weights)).sum::<f64>();
+        let (mut best, mut weights, mut worse) = (judged(&search.weights), search.weights.clone(), 0);
+        for _ in 0..CYCLES {
+            search.cycle();
+            let now = judged(&search.weights);
+            let settled = now < best + SETTLED;
+            if now > best {
+                (best, weights) = (now, search.weights.clone());
+            }
+            worse = if settled { worse + 1 } else { 0 };
+            if worse == PATIENCE {
+                break;
+            }
+        }
         weights
+    }
+
+    fn search<'b>(&self, chunks: &'b [Rows]) -> Search<'b> {
+        let mirrors = if self.curve.mirror.is_some() { STRAYING } else { 0.0 };
+        let weights = Weights::even(self.places.at.len(), mirrors);
+        Search { chunks, weights, powers: POWERS, before: f64::NEG_INFINITY }
+    }
+}
+
+/// Expectation and maximization.
+struct Search<'a> {
+    chunks: &'a [Rows],
+    weights: Weights,
+    powers: [f32; 2],
+    /// What the last cycle reached.
+    before: f64,
+}
+
+impl Search<'_> {
+    /// The next rounds; the ln likelihood of the points after the larger power, which the smaller one evens out.
+    fn cycle(&mut self) -> f64 {
+        let count = self.weights.places.len();
+        let points = self.chunks.iter().map(|rows| rows.points.len()).sum::<usize>() as f64;
+        let mut total = 0.0;
+        for power in self.powers {
+            // Added in order: the result does not depend on timing.
+            let sums: Vec<_> = self.chunks.par_iter().map(|rows| rows.gains(&self.weights)).collect();
+            let mut gains = vec![0.0; count];
+            for (places, ..) in &sums {
+                let rounds = places.chunks(count);
+                rounds.for_each(|sums| gains.iter_mut().zip(sums).for_each(|(gain, sum)| *gain += f64::from(*sum)));
+            }
+            gains.iter_mut().for_each(|gain| *gain /= points);
+            let others = [0, 1].map(|k| sums.iter().map(|s| s.1[k]).sum::<f64>() / points);
+            self.weights.grow(&gains, others, power);
+            total = sums.iter().map(|s| s.2).sum();
+        }
+        if total < self.before {
+            self.powers[0] = (0.5 * self.powers[0]).max(1.0);
+        }
+        self.before = total;
+        total
     }
 }
 
@@ -204,7 +262,7 @@ pub(super) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
     });
     let mut terms = vec![0.0; points.len()];
     for (first, other) in [(0, 1), (1, 0)] {
-        let weights = source.weights(&halves[other].1);
+        let weights = source.weights_judged(&halves[other].1, &halves[first].1);
         let of_rows = |rows: &Rows| {
             let mut terms = Vec::with_capacity(rows.points.len());
             rows.each(&weights, |row, likelihood, _, _| terms.push(-2.0 * (likelihood.ln() + row.unit)));
