@@ -3,148 +3,20 @@
 //! Every point comes from some place of the curve, moved by its noise in both directions: its likelihood is the integral of the
 //! noise over the curve, weighted by how many orientations are where. The weights of many places are those that make all points
 //! likeliest (Kiefer and Wolfowitz 1956), found by expectation and maximization. So curves through the same places are alike,
-//! whatever their direction there, and what differs is told by nothing but the points.
+//! whatever their direction there, and what differs is told by nothing but the points. Where curves are compared, each half of the points is judged by
+//! the weights of the other half.
 
 use super::cloud::CloudPoint;
 use super::curve::Curve;
 use super::foot::Path;
-use super::places::{LANES, Places, Row, Rows, Run};
+use super::places::{Places, Rows};
 use super::repeats::median;
 use super::spots::Spots;
-use crate::vectors::vectorised;
+use super::weights::Weights;
 use rayon::prelude::*;
-
-/// Powers of the gain in a cycle of expectation and maximization: those of Chebyshev's iteration, which go as far as eight
-/// rounds of power 1. Powers beyond 2 may lead astray, so that the larger one is halved when it does.
-const POWERS: [f32; 2] = [6.83, 1.17];
-const CYCLES: usize = 24;
-
-/// A cycle that makes the points likelier by less than this (in ln) is the last.
-const SETTLED: f64 = 0.3;
-
-/// Cycles in a row that make points which are held out no likelier, and end a search.
-const PATIENCE: usize = 2;
-
-/// The most that a weight changes in a round, as ln.
-const LEAP: f32 = 3.0;
-
-/// Share of points on nothing, anywhere in the unit disc (edges, dust), that is begun with.
-const STRAYING: f64 = 0.01;
 
 /// Points per task.
 const CHUNK: usize = 1024;
-
-/// Least likelihood of a point in units of its own.
-const IMPOSSIBLE: f64 = 1e-200;
-
-impl Rows {
-    /// Does something with each point and its likelihood, its runs and their values.
-    #[inline(always)]
-    fn each(&self, weights: &Weights, mut work: impl FnMut(&Row, f64, &[Run], &[f32])) {
-        let (mut runs, mut values) = (self.runs.as_slice(), self.values.as_slice());
-        for row in &self.points {
-            let (own, rest) = runs.split_at(row.runs);
-            let (of_runs, others) = values.split_at(own.iter().map(|run| run.length).sum());
-            (runs, values) = (rest, others);
-            let mut sums = [0.0_f32; LANES];
-            let mut left = of_runs;
-            for run in own {
-                let (of_run, rest) = left.split_at(run.length);
-                left = rest;
-                let weights = &weights.twice[run.start..][..run.length];
-                let pairs = of_run.as_chunks::<LANES>().0.iter().zip(weights.as_chunks::<LANES>().0);
-                pairs.for_each(|(v, w)| (0..LANES).for_each(|i| sums[i] += v[i] * w[i]));
-            }
-            let places = f64::from(sums.iter().sum::<f32>());
-            let likelihood = places + row.straying * weights.straying + row.mirror * weights.mirror;
-            work(row, likelihood.max(IMPOSSIBLE), own, of_runs);
-        }
-    }
-
-    /// Sum of ln likelihoods.
-    fn likelihood(&self, weights: &Weights) -> f64 {
-        let mut total = 0.0;
-        vectorised(
-            #[inline(always)]
-            || self.each(weights, |_, likelihood, _, _| total += likelihood.ln()),
-        );
-        total
-    }
-
-    /// Sums over points of what each place adds to their likelihood, over it; the same of straying and of mirrors; and the sum of ln likelihoods.
-    fn gains(&self, weights: &Weights) -> (Vec<f32>, [f64; 2], f64) {
-        let mut sums = vec![0.0_f32; weights.twice.len()];
-        let (mut others, mut total, mut product) = ([0.0; 2], 0.0, 1.0);
-        vectorised(
-            #[inline(always)]
-            || {
-                self.each(weights, |row, likelihood, runs, values| {
-                    // What is farther from all that is likely counts as much as this.
-                    let scale = 1.0 / likelihood.max(1e-30);
-                    let mut left = values;
-                    for run in runs {
-                        let (of_run, rest) = left.split_at(run.length);
-                        left = rest;
-                        let sums = &mut sums[run.start..][..run.length];
-                        let pairs = of_run.as_chunks::<LANES>().0.iter().zip(sums.as_chunks_mut::<LANES>().0);
-                        pairs.for_each(|(v, s)| (0..LANES).for_each(|i| s[i] += v[i] * scale as f32));
-                    }
-                    others[0] += row.straying * scale;
-                    others[1] += row.mirror * scale;
-                    // The logarithm of a product takes as long as that of one number.
-                    product *= likelihood;
-                    if !(1e-100..1e100).contains(&product) {
-                        total += product.ln();
-                        product = 1.0;
-                    }
-                });
-            },
-        );
-        (sums, others, total + product.ln())
-    }
-}
-
-/// How many points there are at each place.
-#[derive(Clone)]
-struct Weights {
-    places: Vec<f64>,
-    straying: f64,
-    mirror: f64,
-    /// Those of places twice over, and some more, so that no run ends before its last place.
-    twice: Vec<f32>,
-}
-
-impl Weights {
-    fn even(count: usize, mirrors: f64) -> Self {
-        let each = (1.0 - STRAYING - mirrors) / count as f64;
-        let mut weights = Self {
-            places: vec![each; count],
-            straying: STRAYING,
-            mirror: mirrors,
-            twice: vec![0.0; 2 * count + LANES],
-        };
-        weights.doubled();
-        weights
-    }
-
-    fn doubled(&mut self) {
-        // Numbers below are slow, and their places do not matter.
-        let single = |w: &f64| if *w > 1e-30 { *w as f32 } else { 0.0 };
-        self.twice.iter_mut().zip(self.places.iter().cycle()).for_each(|(to, w)| *to = single(w));
-    }
-
-    /// Multiplies them by a power of their gains, and makes them add up to 1.
-    fn grow(&mut self, gains: &[f64], [straying, mirror]: [f64; 2], power: f32) {
-        // There may be thousands of places, and single precision has the faster power.
-        let by = |gain: f64| f64::from((gain as f32).powf(power).clamp((-LEAP).exp(), LEAP.exp()));
-        self.places.iter_mut().zip(gains).for_each(|(w, gain)| *w *= by(*gain));
-        self.straying *= by(straying);
-        self.mirror *= by(mirror);
-        let sum = self.places.iter().sum::<f64>() + self.straying + self.mirror;
-        self.places.iter_mut().chain([&mut self.straying, &mut self.mirror]).for_each(|w| *w /= sum);
-        self.doubled();
-    }
-}
 
 /// A curve as points come from it.
 struct Source<'a> {
@@ -172,88 +44,6 @@ impl<'a> Source<'a> {
         let others = [weights.straying, weights.mirror];
         Some(Spots::gathered(self.curve, &self.places, &weights.places, others)?.fitted(points))
     }
-
-    /// How many points there are at each place: those that make the points likeliest.
-    fn weights(&self, chunks: &[Rows]) -> Weights {
-        let mut search = self.search(chunks);
-        let mut before = f64::NEG_INFINITY;
-        for _ in 0..CYCLES {
-            let total = search.cycle();
-            if (total - before).abs() < SETTLED {
-                break;
-            }
-            before = total;
-        }
-        search.weights
-    }
-
-    /// The same, of the rounds of the search those that make other points likeliest: what is fitted to chance makes these less likely, the more the
-    /// longer the search goes on, and would be told by nothing but its rounds.
-    fn weights_judged(&self, chunks: &[Rows], others: &[Rows]) -> Weights {
-        let mut search = self.search(chunks);
-        // Places that are all alike may be what holds best, once what strays is known.
-        (0..2).for_each(|_| _ = search.round(1.0, false));
-        let judged = |weights: &Weights| others.par_iter().map(|rows| rows.likelihood(weights)).sum::<f64>();
-        let (mut best, mut weights, mut worse) = (judged(&search.weights), search.weights.clone(), 0);
-        for _ in 0..CYCLES {
-            search.cycle();
-            let now = judged(&search.weights);
-            let settled = now < best + SETTLED;
-            if now > best {
-                (best, weights) = (now, search.weights.clone());
-            }
-            worse = if settled { worse + 1 } else { 0 };
-            if worse == PATIENCE {
-                break;
-            }
-        }
-        weights
-    }
-
-    fn search<'b>(&self, chunks: &'b [Rows]) -> Search<'b> {
-        let mirrors = if self.curve.mirror.is_some() { STRAYING } else { 0.0 };
-        let weights = Weights::even(self.places.at.len(), mirrors);
-        Search { chunks, weights, powers: POWERS, before: f64::NEG_INFINITY }
-    }
-}
-
-/// Expectation and maximization.
-struct Search<'a> {
-    chunks: &'a [Rows],
-    weights: Weights,
-    powers: [f32; 2],
-    /// What the last cycle reached.
-    before: f64,
-}
-
-impl Search<'_> {
-    /// The next rounds; the ln likelihood of the points after the larger power, which the smaller one evens out.
-    fn cycle(&mut self) -> f64 {
-        self.round(self.powers[0], true);
-        let total = self.round(self.powers[1], true);
-        if total < self.before {
-            self.powers[0] = (0.5 * self.powers[0]).max(1.0);
-        }
-        self.before = total;
-        total
-    }
-
-    /// A round, of places only where these are meant, too; the ln likelihood of the points before it.
-    fn round(&mut self, power: f32, places: bool) -> f64 {
-        let count = self.weights.places.len();
-        let points = self.chunks.iter().map(|rows| rows.points.len()).sum::<usize>() as f64;
-        // Added in order: the result does not depend on timing.
-        let sums: Vec<_> = self.chunks.par_iter().map(|rows| rows.gains(&self.weights)).collect();
-        let mut gains = vec![0.0; count];
-        for (places, ..) in &sums {
-            let rounds = places.chunks(count);
-            rounds.for_each(|sums| gains.iter_mut().zip(sums).for_each(|(gain, sum)| *gain += f64::from(*sum)));
-        }
-        gains.iter_mut().for_each(|gain| *gain = if places { *gain / points } else { 1.0 });
-        let others = [0, 1].map(|k| sums.iter().map(|s| s.1[k]).sum::<f64>() / points);
-        self.weights.grow(&gains, others, power);
-        sums.iter().map(|s| s.2).sum()
-    }
 }
 
 /// -2 ln likelihood of each point under a curve, where orientations are as many as in the other half of the points: places that are fitted to
@@ -267,7 +57,8 @@ pub(super) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
     });
     let mut terms = vec![0.0; points.len()];
     for (first, other) in [(0, 1), (1, 0)] {
-        let weights = source.weights_judged(&halves[other].1, &halves[first].1);
+        let weights =
+            Weights::holding(&halves[other].1, &halves[first].1, source.places.at.len(), curve.mirror.is_some());
         let of_rows = |rows: &Rows| {
             let mut terms = Vec::with_capacity(rows.points.len());
             rows.each(&weights, |row, likelihood, _, _| terms.push(-2.0 * (likelihood.ln() + row.unit)));
@@ -307,7 +98,8 @@ pub(super) fn pulls(points: &[CloudPoint], curve: &Curve) -> Pulls {
     let none = Pulls { misfit: 0.0, places: vec![], mirror: [0.0; 2] };
     let Some(source) = Source::of(points, curve) else { return none };
     let chunks = source.rows(points);
-    let (weights, places, count) = (source.weights(&chunks), &source.places, source.places.at.len());
+    let (places, count) = (&source.places, source.places.at.len());
+    let weights = Weights::likeliest(&chunks, count, curve.mirror.is_some());
     let of_chunk = |(rows, points): (&Rows, &[CloudPoint])| {
         let (mut sums, mut mirror, mut misfit) = (vec![[0.0; 2]; count], [0.0; 2], 0.0);
         let mut points = points.iter();

@@ -76,6 +76,7 @@ mod sums;
 pub mod synthetic;
 mod views;
 mod weighted;
+mod weights;
 
 pub use crate::image::registration::{Align, Alignment};
 pub use check::{CircleCheck, check_circle};
