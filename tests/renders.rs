@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use nacre_processing::image::{read_exr, write_exr};
+use nacre_tests::chromium::Browser;
 use nacre_tests::http::{Answer, Service, begin, finished, plan};
 use nacre_tests::{BENCH, Place, listing, nacre};
 use serde_json::{Value, json};
@@ -239,4 +240,93 @@ fn scenes_start_from_the_gallery_or_from_a_result() {
     sent(&[("result", "", b"../../x")]).expect(404);
     let job = done["id"].as_str().unwrap();
     assert!(sent(&[("result", "", job.as_bytes())]).expect(400).text().contains("orientation.exr"));
+}
+
+/// A sheet of foil under a lamp, of one's own.
+const FOIL: &str = "
+[camera]
+position = [0, 0, 300]
+target = [0, 0, 0]
+fov_deg = 20
+width = 240
+height = 180
+[[shape]]
+type = \"plane\"
+size = [110, 80]
+material = \"foil\"
+[[light]]
+type = \"point\"
+position = [0, 100, 280]
+sigma_mm = 12
+[material.foil.base]
+albedo = [0.1, 0.1, 0.1]
+[material.foil.diffraction]
+type = \"grating\"
+period_um = 1.6
+orientation_deg = 90
+relief = { depth_um = 0.1 }
+coherence_um = 12
+";
+
+/// On the page, in headless Chromium.
+#[test]
+fn a_person_renders_scenes() {
+    let Some(browser) = Browser::start() else { return };
+    let place = Place::with_bench("", "camera = { width = 64, height = 64 }");
+    let service = Service::start(&place, &[]);
+    let url = format!("http://{}", service.address);
+    let scene = place.path("foil.toml");
+    let set = |id: &str, value: &str| {
+        browser.run(&format!("document.getElementById('{id}').value = '{value}'"));
+    };
+    browser.open(&format!("{url}/#/render"));
+    browser.until("document.querySelectorAll('input[name=gallery]').length === 10");
+    browser.click("input[value=cd]");
+    browser.both("render");
+    set("render-error", "0.5");
+    set("render-samples", "100000");
+    browser.click("#render-start");
+    browser.until("document.querySelector('#so-far')?.naturalWidth === 360");
+    let first = browser.run("return document.querySelector('#so-far').src");
+    browser.until(&format!("document.querySelector('#so-far').src !== {first}"));
+    browser.until("document.querySelector('.figures').innerText.includes('to go')");
+    browser.both("render-progress");
+    browser.run("[...document.querySelectorAll('button')].find((b) => b.textContent === 'Cancel').click()");
+    browser.until("document.body.innerText.includes('Cancelled.')");
+
+    // One's own, which must not reach out of its folder.
+    browser.open(&format!("{url}/#/render"));
+    browser.click("[data-key=files]");
+    std::fs::write(&scene, FOIL.replace("[0.1, 0.1, 0.1]", "\"/etc/passwd\"")).unwrap();
+    browser.attach("#scene-files", scene.to_str().unwrap());
+    browser.click("#render-start");
+    browser.until("document.querySelector('.message')?.innerText.includes('outside')");
+    browser.both("render-refused");
+    std::fs::write(&scene, FOIL).unwrap();
+    browser.attach("#scene-files", scene.to_str().unwrap());
+    set("render-error", "5");
+    browser.run("document.querySelector('#render-check').click()");
+    browser.click("#render-start");
+    browser.until("document.querySelector('#result-picture')?.naturalWidth === 240");
+    browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'render.exr')");
+    browser.until("document.body.innerText.includes('sums off by, measured')");
+    browser.both("result-render");
+    let before = browser.run("return document.querySelector('#result-picture').src");
+    browser.run("const s = document.querySelector('#exposure'); s.value = 2; s.dispatchEvent(new Event('input'));");
+    browser.until(&format!("document.querySelector('#result-picture').src !== {before}"));
+    assert_eq!(browser.run("return document.querySelector('output[for=exposure]').textContent"), "+2.00 stops");
+    browser.click("#make-next");
+    browser.until("document.querySelector('#render-check')?.checked && location.hash.includes('result')");
+
+    // What a session found, on a sheet.
+    let session = begin(&service, &plan(4, 10.0));
+    finished(&service, &session);
+    browser.open(&format!("{url}/#/result/{session}"));
+    browser.click(&format!("a[href=\"#/render/{session}\"]"));
+    browser.until("document.querySelector('[data-key=result]')?.getAttribute('aria-checked') === 'true'");
+    browser.both("render-maps");
+    set("render-samples", "4");
+    browser.click("#render-start");
+    browser.until("document.querySelector('#result-picture')?.naturalWidth === 360");
+    browser.both("result-render-maps");
 }
