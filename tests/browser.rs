@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
 use nacre_tests::chromium::Browser;
-use nacre_tests::http::{Service, begin, finished, plan};
+use nacre_tests::http::Service;
 use nacre_tests::{Place, nacre};
 use serde_json::{Value, json};
 use std::path::Path;
