@@ -242,32 +242,6 @@ fn scenes_start_from_the_gallery_or_from_a_result() {
     assert!(sent(&[("result", "", job.as_bytes())]).expect(400).text().contains("orientation.exr"));
 }
 
-/// A sheet of foil under a lamp, of one's own.
-const FOIL: &str = "
-[camera]
-position = [0, 0, 300]
-target = [0, 0, 0]
-fov_deg = 20
-width = 240
-height = 180
-[[shape]]
-type = \"plane\"
-size = [110, 80]
-material = \"foil\"
-[[light]]
-type = \"point\"
-position = [0, 100, 280]
-sigma_mm = 12
-[material.foil.base]
-albedo = [0.1, 0.1, 0.1]
-[material.foil.diffraction]
-type = \"grating\"
-period_um = 1.6
-orientation_deg = 90
-relief = { depth_um = 0.1 }
-coherence_um = 12
-";
-
 /// On the page, in headless Chromium.
 #[test]
 fn a_person_renders_scenes() {
@@ -297,12 +271,13 @@ fn a_person_renders_scenes() {
     // One's own, which must not reach out of its folder.
     browser.open(&format!("{url}/#/render"));
     browser.click("[data-key=files]");
-    std::fs::write(&scene, FOIL.replace("[0.1, 0.1, 0.1]", "\"/etc/passwd\"")).unwrap();
+    let foil = SCENE.replace("width = 48", "width = 240").replace("height = 40", "height = 180");
+    std::fs::write(&scene, foil.replace("albedo.exr", "/etc/passwd")).unwrap();
     browser.attach("#scene-files", scene.to_str().unwrap());
     browser.click("#render-start");
     browser.until("document.querySelector('.message')?.innerText.includes('outside')");
     browser.both("render-refused");
-    std::fs::write(&scene, FOIL).unwrap();
+    std::fs::write(&scene, foil.replace("\"albedo.exr\"", "[0.1, 0.1, 0.1]")).unwrap();
     browser.attach("#scene-files", scene.to_str().unwrap());
     set("render-error", "5");
     browser.run("document.querySelector('#render-check').click()");

@@ -65,7 +65,7 @@ pub(super) struct Choice {
     pub chosen: usize,
     /// The one that is taken for right: the chosen one, or the likeliest where another one was asked for.
     pub right: usize,
-    /// -2 ln likelihood of the points under the chosen one, its parameters paid for.
+    /// -2 ln likelihood of the points that models are compared on under the chosen one, its parameters paid for.
     pub likelihood: f64,
     /// How much larger than the noise the scatter about the chosen curve is, as a variance.
     pub widened: f64,
@@ -229,9 +229,12 @@ fn made_likeliest(
                 done.push((candidate.clone(), before.clone()));
                 continue;
             };
-            // Others of the same parameters may end at the same place.
-            if !done[first..].iter().any(|(c, _)| alike(&c.curve, &now.curve)) {
-                done.push((now.clone(), evidence(&now)));
+            let now = (now.clone(), evidence(&now));
+            // Others of the same parameters may end at nearly the same place.
+            match done[first..].iter_mut().find(|(c, _)| alike(&c.curve, &now.0.curve)) {
+                Some(known) if known.1.likelihood <= now.1.likelihood => {}
+                Some(known) => *known = now,
+                None => done.push(now),
             }
         }
         let least = likeliest(&done[first..]).map_or(f64::INFINITY, |(_, likelihood)| likelihood);

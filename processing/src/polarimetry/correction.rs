@@ -47,7 +47,7 @@ pub struct ObliqueReport {
     pub material: Material,
     /// Scatter of the points about the curve over their noise, without and with the correction.
     pub scatter: [f64; 2],
-    /// How much likelier the points are with the correction, in -2 ln likelihood.
+    /// How much likelier the points that models are compared on are with the correction, in -2 ln likelihood.
     pub gain: f64,
 }
 

@@ -99,9 +99,9 @@ impl Choice {
             ));
         }
         let chosen = &self.candidates[self.chosen];
-        let limit = UNDECIDED
-            .max(UNDECIDED_SIGMA * self.chance[if self.right == self.chosen { self.best() } else { self.chosen }]);
-        if self.behind[self.chosen] > limit && self.error.is_some() {
+        // One of the two is the one that is taken for right.
+        let chance = self.chance[self.best()].max(self.chance[self.chosen]);
+        if self.behind[self.chosen] > UNDECIDED.max(UNDECIDED_SIGMA * chance) && self.error.is_some() {
             warnings.push(format!(
                 "{} is not the likeliest model: another one gives orientations that differ by {:.1}° on average",
                 chosen.name(),

@@ -71,7 +71,7 @@ impl Places {
 }
 
 /// ln of a normal density in two dimensions, as a function of how far off.
-fn log_density([a, b, c]: [f64; 3]) -> impl Fn([f64; 2]) -> f64 {
+pub(super) fn log_density([a, b, c]: [f64; 3]) -> impl Fn([f64; 2]) -> f64 {
     let determinant = a * c - b * b;
     let [xx, xy, yy] = [c, -2.0 * b, a].map(|v| -0.5 * v / determinant);
     let middle = -0.5 * determinant.ln() - TAU.ln();

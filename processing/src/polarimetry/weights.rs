@@ -106,13 +106,10 @@ impl Weights {
     /// Those of so many places, and of mirrors where there are any, that make points likeliest.
     pub fn likeliest(chunks: &[Rows], places: usize, mirrors: bool) -> Self {
         let mut search = Search::new(chunks, places, mirrors);
-        let mut before = f64::NEG_INFINITY;
         for _ in 0..CYCLES {
-            let total = search.cycle();
-            if (total - before).abs() < SETTLED {
+            if search.cycle().abs() < SETTLED {
                 break;
             }
-            before = total;
         }
         search.weights
     }
@@ -175,7 +172,7 @@ struct Search<'a> {
     chunks: &'a [Rows],
     weights: Weights,
     powers: [f32; 2],
-    /// What the last cycle reached.
+    /// ln likelihood of the points that the last cycle reached.
     before: f64,
 }
 
@@ -185,15 +182,16 @@ impl<'a> Search<'a> {
         Self { chunks, weights, powers: POWERS, before: f64::NEG_INFINITY }
     }
 
-    /// The next rounds; the ln likelihood of the points after the larger power, which the smaller one evens out.
+    /// The next rounds; by how much they made the points likelier (ln), as seen after the larger power, which the smaller one evens out.
     fn cycle(&mut self) -> f64 {
         self.round(self.powers[0], true);
         let total = self.round(self.powers[1], true);
-        if total < self.before {
+        let gained = total - self.before;
+        if gained < 0.0 {
             self.powers[0] = (0.5 * self.powers[0]).max(1.0);
         }
         self.before = total;
-        total
+        gained
     }
 
     /// A round, of places only where these are meant, too; the ln likelihood of the points before it.
