@@ -59,17 +59,20 @@ impl Setting {
 }
 
 const BASE: &str = "[material.m]\ncoverage = 0.9\n[material.m.base]\nalbedo = [0.1, 0.05, 0.02]\nroughness = 0.3\n";
+const BELOW: &str =
+    "[material.m]\ncoverage = 0.9\nblend = \"fresnel\"\n[material.m.base]\nalbedo = [0.8, 0.4, 0.2]\nroughness = 0.3\n";
 
 const SINUSOID: &str = "type = \"grating\"\ncoherence_um = 10\nrelief = { depth_um = 0.15 }\norientation_deg = 30\nperiod_um = 1.5\nreflectance = \"aluminium\"";
 const MAPS: &str =
     "type = \"grating\"\ncoherence_um = 10\nrelief = { depth_um = 0.1 }\nmaps = \"maps\"\nreflectance = \"silver\"";
+const LACQUER: &str = "type = \"grating\"\ncoherence_um = 10\nrelief = { depth_um = 0.1 }\nmaps = \"maps\"\nreflectance = \"schlick=0.3\"";
 const TABLE: &str = "type = \"table\"\nfile = \"lut.exr\"\nalbedo = 0.8";
 
 const SLITS: &str = "type = \"multislit\"\nspacing_um = 1.5\nwidth_um = 0.5\ncount = 12\norientation_deg = 30";
 const LATTICE: &str = "type = \"lattice\"\nperiod_um = [6, 5]\naperture_um = [3, 2.5]\norientation_deg = 20\ncoherence_um = 10\nreflectance = \"silver\"";
 const HEIGHTS: &str = "type = \"heightfield\"\nfile = \"heights.exr\"\norientation_deg = 20\ncoherence_um = 10\nreflectance = \"aluminium\"";
 
-pub const MATERIALS: [Material; 24] = [
+pub const MATERIALS: [Material; 26] = [
     Material { name: "sinusoid", text: SINUSOID, groove: [30.0, 1.5], setting: Setting::Plane },
     Material {
         name: "blazed",
@@ -123,6 +126,13 @@ pub const MATERIALS: [Material; 24] = [
         text: SINUSOID,
         groove: [30.0, 1.5],
         setting: Setting::Area,
+    },
+    Material { name: "base below maps under a sky", text: LACQUER, groove: [45.0, 1.2], setting: Setting::Sky },
+    Material {
+        name: "base below maps on a cylinder under a sky",
+        text: LACQUER,
+        groove: [45.0, 1.2],
+        setting: Setting::OutsideSky,
     },
 ];
 
@@ -191,11 +201,12 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     } else {
         format!("type = \"point\"\nposition = {light:?}\nsigma_mm = {sigma}\nspectrum = \"{spectrum}\"")
     };
+    let base = if material.name.starts_with("base below") { BELOW } else { BASE };
     format!(
         "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = 14\nwidth = {side}\nheight = {side}\n\
          [[shape]]\n{shape}\nmaterial = \"m\"\n\
          [[light]]\n{light}\n\
-         {BASE}[material.m.diffraction]\n{}\n",
+         {base}[material.m.diffraction]\n{}\n",
         material.text
     )
 }

@@ -146,6 +146,12 @@ impl Material {
         self.normals.as_ref().map(|n| n.at(uv))
     }
 
+    /// What the base lies below, if that lets only a part of light through: a grating's reflectance is taken for that of its top.
+    pub(super) fn through(&self) -> Option<&Diffraction> {
+        let grating = self.diffraction.as_ref().filter(|top| matches!(top, Diffraction::Grating { .. }));
+        grating.filter(|_| self.blend == Blend::Fresnel)
+    }
+
     /// Part that diffracts, and what of the base is seen, at a direction of view (and, blended by Fresnel, of light).
     fn shares(&self, uv: [f64; 2], cos: [f64; 2]) -> [f64; 2] {
         let [covered] = self.coverage.at(uv);

@@ -130,15 +130,28 @@ fn sky_density(towards: vec3<f32>) -> f32 {
     return textureLoad(sky, clamp(vec2<i32>(place), vec2(0), size - 1), 0).w;
 }
 
+// The base beside and through what covers a part of it, where the sample is flat: the base itself, and as many rows more of what is seen through.
+fn base_under(view: vec3<f32>, covered: f32) -> vec3<f32> {
+    let size = vec2<f32>(textureDimensions(under_base));
+    let last = size.x - 1.0;
+    let at = clamp(0.5 * (view.xy + 1.0) * size.x - 0.5, vec2(0.0), vec2(last));
+    var seen = (1.0 - covered) * smooth_at(under_base, at);
+    if scene.specular.w > 0.0 {
+        seen += covered * smooth_at(under_base, vec2(at.x, at.y + size.x));
+    }
+    return seen.xyz;
+}
+
 // The base by two directions, one as the sky is bright and one as the base reflects (balance heuristic; Veach and Guibas 1995).
-fn rough_under(view: vec3<f32>, hit: Hit, u: vec3<f32>) -> vec3<f32> {
+fn rough_under(view: vec3<f32>, hit: Hit, covered: f32, u: vec3<f32>) -> vec3<f32> {
     let own = rough_drawn(view, u);
     var sum = vec3(0.0);
     for (var k = 0; k < 2; k++) {
         let towards = select(sky_drawn(u), hit.across * own.x + hit.along * own.y + hit.up * own.z, k == 1);
         let light = vec3(dot(hit.across, towards), dot(hit.along, towards), dot(hit.up, towards));
         if light.z > 0.0 && !shaded(hit, towards, 1e30) {
-            sum += rough_lit(view, light) * sky_at(towards) / (sky_density(towards) + rough_density(light, view));
+            let density = sky_density(towards) + rough_density(light, view);
+            sum += below(covered, view, light) * rough_lit(view, light) * sky_at(towards) / density;
         }
     }
     return sum;
@@ -230,8 +243,7 @@ fn lattice_under(view: vec3<f32>, hit: Hit, u: vec4<f32>) -> vec3<f32> {
 // What is seen of the sky, linear sRGB.
 fn under(view: vec3<f32>, hit: Hit, at: Groove, u: vec4<f32>) -> vec3<f32> {
     let kind = scene.what.x;
-    let masked = kind == 1.0 && at.sigma < 0.0;
-    let covered = select(scene.what.w, 0.0, kind == 0.0 || masked);
+    let covered = covered_part(at);
     var sum = vec3(0.0);
     if covered > 0.0 {
         if kind == 2.0 && scene.form.x == 0.0 {
@@ -249,9 +261,9 @@ fn under(view: vec3<f32>, hit: Hit, at: Groove, u: vec4<f32>) -> vec3<f32> {
     }
     if scene.albedo.w > 0.0 {
         if scene.form.x == 0.0 {
-            sum += (1.0 - covered) * over_view(under_base, view);
+            sum += base_under(view, covered);
         } else {
-            sum += (1.0 - covered) * rough_under(view, hit, u.xyz);
+            sum += rough_under(view, hit, covered, u.xyz);
         }
     }
     return sum;

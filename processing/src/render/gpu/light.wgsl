@@ -57,17 +57,31 @@ fn beam(lamp: i32, point: vec3<f32>, sample: f32, u: vec2<f32>) -> Beam {
     return Beam(towards, max(place.w / distance, 1e-6), shine.x * falls / (distance * distance), distance);
 }
 
+// The part of a place that diffracts; what does not is base.
+fn covered_part(at: Groove) -> f32 {
+    let masked = scene.what.x == 1.0 && at.sigma < 0.0;
+    return select(scene.what.w, 0.0, scene.what.x == 0.0 || masked);
+}
+
+// What of the base is seen beside and through what covers a part of it.
+fn below(covered: f32, view: vec3<f32>, light: vec3<f32>) -> f32 {
+    var share = 1.0 - covered;
+    if scene.specular.w > 0.0 {
+        let middle = 1.0 / 0.55;
+        share += covered * (1.0 - reflectance(view.z, middle)) * (1.0 - reflectance(light.z, middle));
+    }
+    return share;
+}
+
 // What is seen of a light of illuminance 1 on what faces it.
 fn lit(view: vec3<f32>, light: vec3<f32>, width: f32, lamp: i32, at: Groove) -> vec3<f32> {
     let white = scene.lights[LIGHT_ROWS * lamp + 2].xyz;
     let kind = scene.what.x;
-    let covered = select(scene.what.w, 0.0, kind == 0.0);
+    let covered = covered_part(at);
     var top = vec3(0.0);
     if covered > 0.0 {
         if kind == 1.0 {
-            if at.sigma >= 0.0 {
-                top = linear_srgb(grating_lit(view, light, width, lamp, at)) * light.z;
-            }
+            top = linear_srgb(grating_lit(view, light, width, lamp, at)) * light.z;
         } else if kind == 2.0 {
             top = table_lit(view, light) * white;
         } else if kind == 3.0 {
@@ -81,16 +95,7 @@ fn lit(view: vec3<f32>, light: vec3<f32>, width: f32, lamp: i32, at: Groove) -> 
     if scene.albedo.w <= 0.0 {
         return covered * top;
     }
-    var below = 1.0 - covered;
-    if kind == 1.0 && at.sigma < 0.0 {
-        // What does not diffract is base.
-        below = 1.0;
-    } else if scene.specular.w > 0.0 {
-        let middle = 1.0 / 0.55;
-        let through = (1.0 - reflectance(view.z, middle)) * (1.0 - reflectance(light.z, middle));
-        below += covered * select(0.0, through, kind == 1.0);
-    }
-    return covered * top + below * rough_lit(view, light) * white;
+    return covered * top + below(covered, view, light) * rough_lit(view, light) * white;
 }
 
 // Colours of a hue in turns, and from dark to light: those of the maps' pictures.

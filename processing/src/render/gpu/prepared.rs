@@ -6,7 +6,7 @@ use super::super::light::{Kind, Lamp, Sky};
 use super::super::lobes::Accuracy;
 use super::super::material::Material;
 use super::super::ready::{Camera, Ready};
-use super::super::scene::{Blend, Scene};
+use super::super::scene::Scene;
 use super::super::shape::Form;
 use super::super::spectrum::RANGE;
 use super::super::texture::Over;
@@ -315,7 +315,7 @@ impl Values {
             return Err("its base is a picture".into());
         };
         self.set("albedo", [albedo[0], albedo[1], albedo[2], *roughness]);
-        let below = material.diffraction.is_some() && material.blend == Blend::Fresnel;
+        let below = material.through().is_some();
         let [r, g, b] = base.specular;
         self.set("specular", [r, g, b, flag(below)]);
         Ok(())

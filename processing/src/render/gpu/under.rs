@@ -5,7 +5,6 @@ use super::super::diffraction::Diffraction;
 use super::super::light::Sky;
 use super::super::lobes::Above;
 use super::super::material::{Base, Material, Place, add};
-use super::super::scene::Blend;
 use super::super::shape::Form;
 use super::super::spectrum::RANGE;
 use super::super::table::Table;
@@ -44,9 +43,6 @@ pub(super) fn all(
     frequencies: Option<Cells>,
 ) -> Result<Vec<Texture>, String> {
     let [_, _, mut top, mut base] = none().try_into().map_err(|_| "report this")?;
-    if material.base.is_some() && material.diffraction.is_some() && material.blend == Blend::Fresnel {
-        return Err("its base lies below a Fresnel reflectance, under an environment".into());
-    }
     if let Form::Flat { center, frame, .. } = form {
         let side = if (from - center).dot(&frame[2]) < 0.0 { -1.0 } else { 1.0 };
         let frame = [frame[0], frame[1], frame[2] * side];
@@ -54,7 +50,7 @@ pub(super) fn all(
             top = table(of, sky, &frame)?;
         }
         if let Some(of) = &material.base {
-            base = self::base(of, sky, &frame);
+            base = self::base(of, material.through(), sky, &frame);
         }
     } else if let Some(Diffraction::Table(of)) = &material.diffraction {
         top = cells(of);
@@ -156,18 +152,28 @@ fn table(of: &Table, sky: &Sky, frame: &[V3; 3]) -> Result<Texture, String> {
     }))
 }
 
-fn base(of: &Base, sky: &Sky, frame: &[V3; 3]) -> Texture {
+/// The base itself, and, in as many rows more, what is seen of it through a top.
+fn base(of: &Base, through: Option<&Diffraction>, sky: &Sky, frame: &[V3; 3]) -> Texture {
     // Six cells for as much as the roughness turns what is seen.
     let alpha = if let Over::Same([alpha]) = &of.roughness { *alpha } else { 1.0 };
     let size = ((6.0 / alpha) as usize).clamp(24, 192);
     let count = SAMPLES / (size * size);
     let above = Above { sky, frame, open: &|_| true, summed: None };
-    over_views("under_base", size, |i, view| {
-        let place = Place { uv: [0.5; 2], view };
-        let mut sum = [0.0; 3];
-        for k in 0..count {
-            add(&mut sum, of.under(&place, &above, &mut Stream::new(i, k), |_| 1.0), 1.0 / count as f64);
-        }
-        linear_srgb(sum.map(|v| v as f32)).map(f64::from)
-    })
+    let seen = |share: &(dyn Fn([f64; 2]) -> f64 + Sync)| {
+        over_views("under_base", size, |i, view| {
+            let place = Place { uv: [0.5; 2], view };
+            let mut sum = [0.0; 3];
+            for k in 0..count {
+                let part = of.under(&place, &above, &mut Stream::new(i, k), |light| share([view[2], light]));
+                add(&mut sum, part, 1.0 / count as f64);
+            }
+            linear_srgb(sum.map(|v| v as f32)).map(f64::from)
+        })
+    };
+    let mut base = seen(&|_| 1.0);
+    if let Some(top) = through {
+        base.values.extend(seen(&|cosines| cosines.map(|cos| 1.0 - top.reflectance(cos)).iter().product()).values);
+        base.height *= 2;
+    }
+    base
 }
