@@ -71,26 +71,28 @@ fn effort(material: &Material) -> [usize; 3] {
         // What the processor draws by chance from a table has one colour each time.
         "table under a sky" => [8, 256, 16_384],
         // Edges within pixels.
-        "table in a cylinder" => [12, 512, 2048],
-        "maps" | "maps on a cylinder" => [12, 128, 512],
-        "maps on a mesh" => [12, 512, 4096],
+        "table in a cylinder" => [8, 512, 2048],
+        "maps" | "maps on a cylinder" => [8, 128, 512],
+        "maps on a mesh" => [8, 512, 4096],
         // The card takes one of the lamp's 16 parts for each sample.
-        "sinusoid under a lamp with an area" => [12, 512, 128],
+        "sinusoid under a lamp with an area" => [8, 512, 128],
         // Few pixels show its orders, at edges of squares within them.
         "maps on a sphere" => [16, 256, 2048],
         // What the base shows of it is drawn by chance on both sides; so are a lattice's orders, of which 1024 samples of the processor left 2.16 once.
-        "maps on a sphere under a sky" | "maps on a cylinder under a sky" => [12, 256, 512],
-        "base below maps under a sky" | "base below maps on a cylinder under a sky" => [12, 256, 512],
-        "lattice under a sky" | "lattice on a cylinder under a sky" => [12, 512, 4096],
+        "maps on a sphere under a sky" | "maps on a cylinder under a sky" => [8, 256, 512],
+        "base below maps under a sky" | "base below maps on a cylinder under a sky" => [8, 256, 512],
+        "lattice under a sky" | "lattice on a cylinder under a sky" => [8, 512, 4096],
         // Drawn by chance on both sides: a quarter of it leaves up to 2.02 on 8 x 8 pixels, this at most 1.08.
         "height field on a cylinder under a sky" => [6, 8192, 16_384],
         // As much noise as that of a flat one on the processor, and on the card too.
         "table on a cylinder under a sky" => [6, 8192, 32_768],
         // The processor draws places of the lamp.
-        "height field" => [12, 64, 4096],
+        "height field" => [8, 64, 4096],
         // Drawn by chance from the sky on both sides.
-        "slits under a sky" => [12, 128, 1024],
-        _ => [12, 64, 128],
+        "slits under a sky" => [8, 128, 1024],
+        // All of it, with its rims.
+        "disc" => [12, 64, 128],
+        _ => [8, 64, 128],
     };
     [side, fewer * times, more * times]
 }

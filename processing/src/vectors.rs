@@ -3,7 +3,8 @@
 use pulp::{Arch, Simd, WithSimd};
 
 /// Does `work`, compiled for this processor with everything that is inlined into it. That must be told: the closure and
-/// what it calls in its loops are to be `#[inline(always)]`. (`Arch::dispatch` of a closure calls it through a function that is
+/// what it calls in its loops are to be `#[inline(always)]`, and its loops are to be `for` loops: closures given to `for_each` of an
+/// iterator or `map` of an array may be compiled apart, for old processors. (`Arch::dispatch` of a closure calls it through a function that is
 /// compiled for old processors, unless it is small.)
 pub(crate) fn vectorised<T>(work: impl FnMut() -> T) -> T {
     struct Work<F>(F);

@@ -201,9 +201,11 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     } else {
         format!("type = \"point\"\nposition = {light:?}\nsigma_mm = {sigma}\nspectrum = \"{spectrum}\"")
     };
+    // Pixels are as large on the sample, unless there are very few.
+    let fov = if side == 8 { 14.0 * 8.0 / 12.0 } else { 14.0 };
     let base = if material.name.starts_with("base below") { BELOW } else { BASE };
     format!(
-        "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = 14\nwidth = {side}\nheight = {side}\n\
+        "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = {fov}\nwidth = {side}\nheight = {side}\n\
          [[shape]]\n{shape}\nmaterial = \"m\"\n\
          [[light]]\n{light}\n\
          {base}[material.m.diffraction]\n{}\n",

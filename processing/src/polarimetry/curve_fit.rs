@@ -140,7 +140,11 @@ impl Family<'_> {
             let mut sums = Normal::default();
             vectorised(
                 #[inline(always)]
-                || feet.chunks(SIDE_BY_SIDE).for_each(|feet| sums.add(&Lanes::new(feet, scale), &middle, &moved)),
+                || {
+                    for feet in feet.chunks(SIDE_BY_SIDE) {
+                        sums.add(&Lanes::new(feet, scale), &middle, &moved);
+                    }
+                },
             );
             sums
         };

@@ -1,7 +1,9 @@
 //! Edges between orientations: what the lens mixes there is neither the one nor the other, and σ from noise does not know.
 
-use super::{OrientationMaps, angle_difference};
+use super::OrientationMaps;
+use crate::vectors::vectorised;
 use rayon::prelude::*;
+use std::f32::consts::{FRAC_PI_2, PI};
 
 /// A second difference of up to so many standard deviations is noise; one pixel in thousands has a larger one by chance.
 const JUMP: f32 = 4.0;
@@ -9,43 +11,61 @@ const JUMP: f32 = 4.0;
 /// Share of a second difference, here or in a neighbour, that a mixed pixel may be wrong by: half-way up an edge it is half of it.
 const MIXED: f32 = 0.5;
 
-/// Widens σ where orientations jump. Where they turn evenly, second differences are nothing, and σ stays.
+/// Widens σ where orientations, from 0 to π, jump. Where they turn evenly, second differences are nothing, and σ stays.
 pub(super) fn widen_at_edges(map: &mut OrientationMaps) {
     let OrientationMaps { width, height, orientation, sigma } = map;
     let (width, height) = (*width, *height);
     if width < 3 || height < 3 {
         return;
     }
-    let turned = |a: f32, b: f32| angle_difference(f64::from(a), f64::from(b)) as f32;
-    // A masked neighbour tells nothing.
-    let bend = |before: usize, i: usize, after: usize| {
-        let here = orientation[i];
-        let bend = (turned(orientation[after], here) + turned(orientation[before], here)).abs();
-        if bend.is_finite() { bend } else { 0.0 }
-    };
-    sigma.par_chunks_mut(width).enumerate().for_each(|(y, sigma)| {
-        for (x, sigma) in sigma.iter_mut().enumerate() {
-            let i = y * width + x;
-            if !orientation[i].is_finite() {
-                continue;
-            }
-            let mut most = 0.0_f32;
-            for k in x.saturating_sub(1).max(1)..=(x + 1).min(width - 2) {
-                let at = y * width + k;
-                most = most.max(bend(at - 1, at, at + 1));
-            }
-            for k in y.saturating_sub(1).max(1)..=(y + 1).min(height - 2) {
-                let at = k * width + x;
-                most = most.max(bend(at - width, at, at + width));
-            }
-            // The variance of a second difference is six times that of a pixel. What noise may have of it is taken off, so that
-            // what is noise after all widens σ by next to nothing.
-            let beyond = most * most - JUMP * JUMP * 6.0 * *sigma * *sigma;
-            if beyond > 0.0 {
-                *sigma = sigma.hypot(MIXED * beyond.sqrt()).min(std::f32::consts::FRAC_PI_2);
-            }
-        }
+    let row = |y: usize| &orientation[y * width..][..width];
+    let scratch = || (vec![0.0; width], vec![0.0; width]);
+    sigma.par_chunks_mut(width).enumerate().for_each_init(scratch, |(across, most), (y, sigma)| {
+        vectorised(
+            #[inline(always)]
+            || {
+                across.fill(0.0);
+                raise(across, [row(y), &row(y)[1..], &row(y)[2..]], 1);
+                // What the neighbours to both sides have counts, too.
+                most.copy_from_slice(across);
+                for (most, before) in most[1..].iter_mut().zip(&*across) {
+                    *most = most.max(*before);
+                }
+                for (most, after) in most.iter_mut().zip(&across[1..]) {
+                    *most = most.max(*after);
+                }
+                for k in y.saturating_sub(1).max(1)..=(y + 1).min(height - 2) {
+                    raise(most, [row(k - 1), row(k), row(k + 1)], 0);
+                }
+                for (sigma, most) in sigma.iter_mut().zip(&*most) {
+                    *sigma = widened(*sigma, *most);
+                }
+            },
+        );
     });
+}
+
+/// Raises values, from the `first` on, to the second differences of three runs of orientations; a masked one tells nothing.
+#[inline(always)]
+fn raise(values: &mut [f32], [before, here, after]: [&[f32]; 3], first: usize) {
+    let turned = |a: f32, b: f32| {
+        let off = a - b;
+        let down = if off >= FRAC_PI_2 { off - PI } else { off };
+        if off < -FRAC_PI_2 { off + PI } else { down }
+    };
+    let runs = before.iter().zip(here).zip(after);
+    for (value, ((before, here), after)) in values[first..].iter_mut().zip(runs) {
+        let bend = (turned(*after, *here) + turned(*before, *here)).abs();
+        *value = if bend > *value { bend } else { *value };
+    }
+}
+
+/// The variance of a second difference is six times that of a pixel. What noise may have of it is taken off, so that what is noise after all widens
+/// σ by next to nothing.
+#[inline(always)]
+fn widened(sigma: f32, bend: f32) -> f32 {
+    let beyond = bend * bend - JUMP * JUMP * 6.0 * sigma * sigma;
+    if beyond > 0.0 { (sigma * sigma + MIXED * MIXED * beyond).sqrt().min(FRAC_PI_2) } else { sigma }
 }
 
 #[cfg(test)]
@@ -71,8 +91,7 @@ mod tests {
     #[test]
     fn even_turns_and_noise_are_no_edges() {
         let noise = |x: usize, y: usize| 0.002 * crate::polarimetry::synthetic::normal(5, (x + 1000 * y) as u64) as f32;
-        let mut turning =
-            map(200, 200, |x, y| (0.02 * x as f32 + 0.01 * y as f32 + noise(x, y)).rem_euclid(std::f32::consts::PI));
+        let mut turning = map(200, 200, |x, y| (0.02 * x as f32 + 0.01 * y as f32 + noise(x, y)).rem_euclid(PI));
         widen_at_edges(&mut turning);
         let widened = turning.sigma.iter().filter(|s| **s > 0.002).count();
         // 40,000 pixels, six second differences each, of which 6e-5 are beyond 4 standard deviations: about 15.

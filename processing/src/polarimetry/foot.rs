@@ -122,7 +122,11 @@ impl Path {
     /// The same of a few side by side, which the compiler makes vectors of.
     #[inline(always)]
     fn places<const N: usize>(&self, points: &[CloudPoint; N]) -> [Foot; N] {
-        let nodes = points.each_ref().map(|p| self.nearest_node(p.at, p.weights()));
+        // A loop, as the closure of an array's `map` may be compiled apart, for old processors.
+        let mut nodes = [0; N];
+        for (node, p) in nodes.iter_mut().zip(points) {
+            *node = self.nearest_node(p.at, p.weights());
+        }
         let feet = self.refined(points, nodes);
         std::array::from_fn(|i| {
             let foot = feet[i];
@@ -135,12 +139,10 @@ impl Path {
     #[inline(always)]
     fn refined<const N: usize>(&self, points: &[CloudPoint; N], nodes: [usize; N]) -> [Foot; N] {
         let step = PI / NODES as f64;
-        let [px, py] = [0, 1].map(|k| points.each_ref().map(|p| p.at[k]));
-        let weights = points.each_ref().map(|p| p.weights());
-        let [a, b, c] = [0, 1, 2].map(|k| weights.map(|w| w[k]));
-        let [va, vb, vc] = [0, 1, 2].map(|k| points.each_ref().map(|p| p.covariance[k]));
-        let (mut theta, mut sin, mut cos) = ([0.0; N], [0.0; N], [0.0; N]);
-        for i in 0..N {
+        let [mut px, mut py, mut a, mut b, mut c, mut va, mut vb, mut vc] = [[0.0; N]; 8];
+        let [mut theta, mut sin, mut cos] = [[0.0; N]; 3];
+        for (i, p) in points.iter().enumerate() {
+            ([px[i], py[i]], [a[i], b[i], c[i]], [va[i], vb[i], vc[i]]) = (p.at, p.weights(), p.covariance);
             theta[i] = step * nodes[i] as f64;
             (sin[i], cos[i]) = self.turns[nodes[i]];
         }
@@ -174,24 +176,31 @@ impl Path {
 
     /// The places that are nearer to a point than all around them, of those that are farther than the nearest one by no more
     /// than so many standard deviations.
+    #[inline(always)]
     pub(super) fn feet_within(&self, point: &CloudPoint, farther: f64) -> Vec<Foot> {
         let [a, b, c] = point.weights();
         let distance = |k: usize| {
             let (x, y) = (point.at[0] - f64::from(self.nodes[0][k]), point.at[1] - f64::from(self.nodes[1][k]));
             (a * x * x + 2.0 * b * x * y + c * y * y).sqrt()
         };
-        let distances: [f64; NODES] = std::array::from_fn(distance);
+        let mut distances = [0.0; NODES];
+        for (k, d) in distances.iter_mut().enumerate() {
+            *d = distance(k);
+        }
         let between = |j: usize, k: usize| {
             let [x, y] = [0, 1].map(|i| f64::from(self.nodes[i][j]) - f64::from(self.nodes[i][k]));
             (a * x * x + 2.0 * b * x * y + c * y * y).sqrt()
         };
         let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
-        let near = |k: &usize| {
+        let mut feet = vec![];
+        for k in 0..NODES {
             let (before, after) = ((k + NODES - 1) % NODES, (k + 1) % NODES);
-            let is_least = distances[*k] <= distances[before] && distances[*k] < distances[after];
-            is_least && distances[*k] - between(*k, before).max(between(*k, after)) < least + farther
-        };
-        (0..NODES).filter(near).map(|k| self.refined(&[*point], [k])[0]).collect()
+            let is_least = distances[k] <= distances[before] && distances[k] < distances[after];
+            if is_least && distances[k] - between(k, before).max(between(k, after)) < least + farther {
+                feet.push(self.refined(&[*point], [k])[0]);
+            }
+        }
+        feet
     }
 }
 

@@ -3,6 +3,7 @@
 use super::cloud::CloudPoint;
 use super::curve::Curve;
 use super::foot::{Foot, Path};
+use crate::vectors::vectorised;
 use std::f64::consts::{PI, TAU};
 
 /// Stretches of the curve whose lengths are added up.
@@ -112,10 +113,18 @@ impl Rows {
     pub fn of(points: &[CloudPoint], curve: &Curve, path: &Path, places: &Places) -> Self {
         let mut rows = Self::default();
         let mut logs = vec![];
-        points.iter().for_each(|point| rows.add(point, curve, path, places, &mut logs));
+        vectorised(
+            #[inline(always)]
+            || {
+                for point in points {
+                    rows.add(point, curve, path, places, &mut logs);
+                }
+            },
+        );
         rows
     }
 
+    #[inline(always)]
     fn add(&mut self, point: &CloudPoint, curve: &Curve, path: &Path, places: &Places, logs: &mut Vec<f64>) {
         let (count, first_run) = (places.at.len(), self.runs.len());
         let density = log_density(point.covariance);

@@ -66,26 +66,30 @@ impl Rows {
         vectorised(
             #[inline(always)]
             || {
-                self.each(weights, |row, likelihood, runs, values| {
-                    // What is farther from all that is likely counts as much as this.
-                    let scale = 1.0 / likelihood.max(1e-30);
-                    let mut left = values;
-                    for run in runs {
-                        let (of_run, rest) = left.split_at(run.length);
-                        left = rest;
-                        let sums = &mut sums[run.start..][..run.length];
-                        let pairs = of_run.as_chunks::<LANES>().0.iter().zip(sums.as_chunks_mut::<LANES>().0);
-                        pairs.for_each(|(v, s)| (0..LANES).for_each(|i| s[i] += v[i] * scale as f32));
-                    }
-                    others[0] += row.straying * scale;
-                    others[1] += row.mirror * scale;
-                    // The logarithm of a product takes as long as that of one number.
-                    product *= likelihood;
-                    if !(1e-100..1e100).contains(&product) {
-                        total += product.ln();
-                        product = 1.0;
-                    }
-                });
+                self.each(
+                    weights,
+                    #[inline(always)]
+                    |row, likelihood, runs, values| {
+                        // What is farther from all that is likely counts as much as this.
+                        let scale = 1.0 / likelihood.max(1e-30);
+                        let mut left = values;
+                        for run in runs {
+                            let (of_run, rest) = left.split_at(run.length);
+                            left = rest;
+                            let sums = &mut sums[run.start..][..run.length];
+                            let pairs = of_run.as_chunks::<LANES>().0.iter().zip(sums.as_chunks_mut::<LANES>().0);
+                            pairs.for_each(|(v, s)| (0..LANES).for_each(|i| s[i] += v[i] * scale as f32));
+                        }
+                        others[0] += row.straying * scale;
+                        others[1] += row.mirror * scale;
+                        // The logarithm of a product takes as long as that of one number.
+                        product *= likelihood;
+                        if !(1e-100..1e100).contains(&product) {
+                            total += product.ln();
+                            product = 1.0;
+                        }
+                    },
+                );
             },
         );
         (sums, others, total + product.ln())
