@@ -87,8 +87,10 @@ fn effort(material: &Material) -> [usize; 3] {
         // Few pixels show its orders, at edges of squares within them.
         "maps on a sphere" => [16, 256, 2048],
         // What the base shows of it is drawn by chance on both sides; so are a lattice's orders, of which 1024 samples of the processor left 2.16 once.
-        "maps on a sphere under a sky" | "maps on a cylinder under a sky" => [8, 256, 512],
-        "base below maps under a sky" | "base below maps on a cylinder under a sky" => [8, 256, 512],
+        "maps on a sphere under a sky"
+        | "maps on a cylinder under a sky"
+        | "base below maps under a sky"
+        | "base below maps on a cylinder under a sky" => [8, 256, 512],
         "lattice under a sky" | "lattice on a cylinder under a sky" => [8, 512, 4096],
         // Drawn by chance on both sides: a quarter of it leaves up to 2.02 on 8 x 8 pixels, this at most 1.08.
         "height field on a cylinder under a sky" => [6, 8192, 16_384],

@@ -201,7 +201,7 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
     } else {
         format!("type = \"point\"\nposition = {light:?}\nsigma_mm = {sigma}\nspectrum = \"{spectrum}\"")
     };
-    // Pixels are as large on the sample, unless there are very few.
+    // Eight pixels along a side see as much each as twelve do, and leave the sheet's edges, which take many samples, out of view.
     let fov = if side == 8 { 14.0 * 8.0 / 12.0 } else { 14.0 };
     let base = if material.name.starts_with("base below") { BELOW } else { BASE };
     format!(

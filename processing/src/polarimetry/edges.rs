@@ -1,9 +1,10 @@
 //! Edges between orientations: what the lens mixes there is neither the one nor the other, and σ from noise does not know.
 
 use super::OrientationMaps;
+use super::arcs::folded;
 use crate::vectors::vectorised;
 use rayon::prelude::*;
-use std::f32::consts::{FRAC_PI_2, PI};
+use std::f32::consts::FRAC_PI_2;
 
 /// A second difference of up to so many standard deviations is noise; one pixel in thousands has a larger one by chance.
 const JUMP: f32 = 4.0;
@@ -48,11 +49,7 @@ pub(super) fn widen_at_edges(map: &mut OrientationMaps) {
 /// Raises values, from the `first` on, to the second differences of three runs of orientations; a masked one tells nothing.
 #[inline(always)]
 fn raise(values: &mut [f32], [before, here, after]: [&[f32]; 3], first: usize) {
-    let turned = |a: f32, b: f32| {
-        let off = a - b;
-        let down = if off >= FRAC_PI_2 { off - PI } else { off };
-        if off < -FRAC_PI_2 { off + PI } else { down }
-    };
+    let turned = |a: f32, b: f32| folded(a - b + FRAC_PI_2) - FRAC_PI_2;
     let runs = before.iter().zip(here).zip(after);
     for (value, ((before, here), after)) in values[first..].iter_mut().zip(runs) {
         let bend = (turned(*after, *here) + turned(*before, *here)).abs();
@@ -71,6 +68,8 @@ fn widened(sigma: f32, bend: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::polarimetry::{angle_difference, synthetic};
+    use std::f32::consts::PI;
 
     fn map(width: usize, height: usize, of: impl Fn(usize, usize) -> f32) -> OrientationMaps {
         let orientation = (0..width * height).map(|i| of(i % width, i / width)).collect();
@@ -90,11 +89,49 @@ mod tests {
     /// Orientations that turn evenly, past 180° too, are no edges, nor is noise.
     #[test]
     fn even_turns_and_noise_are_no_edges() {
-        let noise = |x: usize, y: usize| 0.002 * crate::polarimetry::synthetic::normal(5, (x + 1000 * y) as u64) as f32;
+        let noise = |x: usize, y: usize| 0.002 * synthetic::normal(5, (x + 1000 * y) as u64) as f32;
         let mut turning = map(200, 200, |x, y| (0.02 * x as f32 + 0.01 * y as f32 + noise(x, y)).rem_euclid(PI));
         widen_at_edges(&mut turning);
         let widened = turning.sigma.iter().filter(|s| **s > 0.002).count();
         // 40,000 pixels, six second differences each, of which 6e-5 are beyond 4 standard deviations: about 15.
         assert!(widened < 40, "{widened}");
+    }
+
+    /// Against the definition, pixel by pixel in double precision: any orientations, a ninth of them masked, edges of the map among them.
+    #[test]
+    fn sigma_is_widened_by_the_largest_second_difference_around() {
+        const SIDES: [usize; 2] = [23, 11];
+        let of = |x: usize, y: usize| {
+            let at = (x + 100 * y) as u64;
+            if synthetic::uniform(3, at) < 1.0 / 9.0 { f32::NAN } else { PI * synthetic::uniform(4, at) as f32 }
+        };
+        let mut found = map(SIDES[0], SIDES[1], of);
+        widen_at_edges(&mut found);
+        let bend = |[x, y]: [usize; 2], axis: usize| {
+            let beside = |by: isize| {
+                let mut at = [x, y];
+                at[axis] = at[axis].checked_add_signed(by).filter(|k| *k < SIDES[axis])?;
+                Some(angle_difference(f64::from(of(at[0], at[1])), f64::from(of(x, y))))
+            };
+            let bend = Some(beside(-1)? + beside(1)?).filter(|b| b.is_finite())?;
+            Some(bend.abs())
+        };
+        for (y, row) in found.sigma.chunks(SIDES[0]).enumerate() {
+            for (x, sigma) in row.iter().enumerate() {
+                let near = |axis: usize| {
+                    (-1..=1).filter_map(move |by| {
+                        let mut at = [x, y];
+                        at[axis] = at[axis].checked_add_signed(by).filter(|k| *k < SIDES[axis])?;
+                        bend(at, axis)
+                    })
+                };
+                let most = near(0).chain(near(1)).fold(0.0, f64::max);
+                let variance = f64::from(0.002_f32).powi(2);
+                let beyond = (most * most - 96.0 * variance).max(0.0);
+                let wanted = (variance + 0.25 * beyond).sqrt().min(std::f64::consts::FRAC_PI_2);
+                // Single precision turns differences by its last digits, 4e-7 rad at most.
+                assert!((f64::from(*sigma) - wanted).abs() < 1e-6, "({x}, {y}): {sigma} {wanted}");
+            }
+        }
     }
 }

@@ -173,14 +173,6 @@ impl Diffraction {
         Ok(grating)
     }
 
-    /// Reflectance of the smooth material in the middle of the spectrum.
-    pub(super) fn reflectance(&self, cos: f64) -> f64 {
-        match self {
-            Self::Grating { grating, .. } => grating.reflectance.at(cos, 550.0),
-            _ => 1.0,
-        }
-    }
-
     fn groove(&self, uv: [f64; 2]) -> Option<Groove> {
         let Self::Grating { same, maps, disc, .. } = self else { return None };
         if *disc {

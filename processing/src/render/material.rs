@@ -146,23 +146,24 @@ impl Material {
         self.normals.as_ref().map(|n| n.at(uv))
     }
 
-    /// What the base lies below, if that lets only a part of light through: a grating's reflectance is taken for that of its top.
-    pub(super) fn through(&self) -> Option<&Diffraction> {
-        let grating = self.diffraction.as_ref().filter(|top| matches!(top, Diffraction::Grating { .. }));
-        grating.filter(|_| self.blend == Blend::Fresnel)
+    /// Part of light that comes through what diffracts to the base and out again, at the cosines of its directions (a grating's reflectance in the
+    /// middle of the spectrum is taken for that of its top); None where nothing comes through.
+    pub(super) fn through(&self, cosines: [f64; 2]) -> Option<f64> {
+        match (&self.diffraction, self.blend) {
+            (Some(Diffraction::Grating { grating, .. }), Blend::Fresnel) => {
+                Some(cosines.iter().map(|cos| 1.0 - grating.reflectance.at(*cos, 550.0)).product())
+            }
+            _ => None,
+        }
     }
 
     /// Part that diffracts, and what of the base is seen, at a direction of view (and, blended by Fresnel, of light).
-    fn shares(&self, uv: [f64; 2], cos: [f64; 2]) -> [f64; 2] {
-        let [covered] = self.coverage.at(uv);
-        match (&self.diffraction, self.blend) {
-            (None, _) => [0.0, 1.0],
-            (Some(_), Blend::Mix) => [covered, 1.0 - covered],
-            (Some(top), Blend::Fresnel) => {
-                let reflected = |cos: f64| top.reflectance(cos);
-                [covered, 1.0 - covered + covered * (1.0 - reflected(cos[0])) * (1.0 - reflected(cos[1]))]
-            }
+    fn shares(&self, uv: [f64; 2], cosines: [f64; 2]) -> [f64; 2] {
+        if self.diffraction.is_none() {
+            return [0.0, 1.0];
         }
+        let [covered] = self.coverage.at(uv);
+        [covered, 1.0 - covered + covered * self.through(cosines).unwrap_or(0.0)]
     }
 
     /// X, Y, Z of what is seen of a light of illuminance 1 on what faces it.

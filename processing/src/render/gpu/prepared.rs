@@ -315,7 +315,7 @@ impl Values {
             return Err("its base is a picture".into());
         };
         self.set("albedo", [albedo[0], albedo[1], albedo[2], *roughness]);
-        let below = material.through().is_some();
+        let below = material.through([1.0; 2]).is_some();
         let [r, g, b] = base.specular;
         self.set("specular", [r, g, b, flag(below)]);
         Ok(())

@@ -50,7 +50,7 @@ pub(super) fn all(
             top = table(of, sky, &frame)?;
         }
         if let Some(of) = &material.base {
-            base = self::base(of, material.through(), sky, &frame);
+            base = self::base(of, material, sky, &frame);
         }
     } else if let Some(Diffraction::Table(of)) = &material.diffraction {
         top = cells(of);
@@ -152,8 +152,8 @@ fn table(of: &Table, sky: &Sky, frame: &[V3; 3]) -> Result<Texture, String> {
     }))
 }
 
-/// The base itself, and, in as many rows more, what is seen of it through a top.
-fn base(of: &Base, through: Option<&Diffraction>, sky: &Sky, frame: &[V3; 3]) -> Texture {
+/// A material's base itself, and, in as many rows more, what is seen of it through what diffracts.
+fn base(of: &Base, material: &Material, sky: &Sky, frame: &[V3; 3]) -> Texture {
     // Six cells for as much as the roughness turns what is seen.
     let alpha = if let Over::Same([alpha]) = &of.roughness { *alpha } else { 1.0 };
     let size = ((6.0 / alpha) as usize).clamp(24, 192);
@@ -171,8 +171,8 @@ fn base(of: &Base, through: Option<&Diffraction>, sky: &Sky, frame: &[V3; 3]) ->
         })
     };
     let mut base = seen(&|_| 1.0);
-    if let Some(top) = through {
-        base.values.extend(seen(&|cosines| cosines.map(|cos| 1.0 - top.reflectance(cos)).iter().product()).values);
+    if material.through([1.0; 2]).is_some() {
+        base.values.extend(seen(&|cosines| material.through(cosines).unwrap_or(0.0)).values);
         base.height *= 2;
     }
     base
