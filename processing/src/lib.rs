@@ -21,6 +21,7 @@ pub mod geometry;
 pub mod hdr;
 pub mod image;
 pub mod map;
+mod memory;
 pub mod pattern;
 pub mod polarimetry;
 pub mod progress;

@@ -3,8 +3,11 @@
 //!
 //! No multiplication is fused with an addition, so all processors give the same bits, and so do all ways to group the frames.
 
+use super::TILE;
+use crate::memory::{prefetch, store_past_caches, stored};
 use crate::polarimetry::Design;
 use pulp::{Arch, Simd, WithSimd};
+use std::ops::Range;
 
 /// Sums of a run of pixels, all of the same length.
 pub(super) struct Sums<'a> {
@@ -53,9 +56,10 @@ impl Sums<'_> {
         Arch::new().dispatch(Solve { sums: self, bad, solution });
     }
 
-    /// What [`Self::fold`] and [`Self::solve`] make of these frames, the pivot before the others, whatever was in the sums.
+    /// What [`Self::fold`] and [`Self::solve`] make of these frames, the pivot before the others, whatever was in the sums, which are
+    /// a [`TILE`] at most. The values of the others go on behind the pixels of the pivot as far as there are more.
     pub(super) fn fit(&mut self, pivot: &[f32], others: &[Run], solution: &Solution) {
-        Arch::new().dispatch(Fit { sums: self, pivot, others, solution });
+        Arch::new().dispatch(Fit { maps: self, pivot, others, solution });
     }
 }
 
@@ -102,29 +106,86 @@ impl WithSimd for Fold<'_, '_, '_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let (fours, rest) = self.frames.as_chunks();
-        fours.iter().for_each(|four: &[_; 4]| fold(self.sums, four));
-        match rest {
-            [a, b, c] => fold(self.sums, &[*a, *b, *c]),
-            [a, b] => fold(self.sums, &[*a, *b]),
-            [a] => fold(self.sums, &[*a]),
-            _ => {}
+        let Sums { pivot, sum, cos, sin, square } = self.sums;
+        for some in self.frames.chunks(TOGETHER) {
+            add_several(pivot, some, &Ahead::NOTHING, false, [&mut *sum, cos, sin, square]);
         }
     }
 }
 
-/// Adds `N` frames, every sum being loaded and stored once for all of them.
+/// Frames that are added at once, at most: every sum is loaded and stored once for all of them.
+const TOGETHER: usize = 6;
+
+/// Pixels that are added while as many are fetched of the frames that come next.
+const BLOCK: usize = 64;
+
+/// Pixels of frames that are needed next, and how far behind the present ones they lie.
+struct Ahead<'f> {
+    frames: &'f [Run<'f>],
+    by: usize,
+}
+
+impl Ahead<'_> {
+    const NOTHING: Self = Self { frames: &[], by: 0 };
+
+    #[inline(always)]
+    fn fetch(&self, here: &Range<usize>) {
+        for run in self.frames {
+            prefetch(run.values.get(self.by + here.start..self.by + here.end).unwrap_or_default());
+        }
+    }
+}
+
+/// Adds no more than [`TOGETHER`] frames to the sums, or replaces these where the frames are the `first`.
 #[inline(always)]
-fn fold<const N: usize>(sums: &mut Sums, frames: &[Run; N]) {
+fn add_several(pivot: &[f32], frames: &[Run], next: &Ahead, first: bool, sums: [&mut [f32]; 4]) {
+    match *frames {
+        [a, b, c, d, e, f] => add(pivot, [a, b, c, d, e, f], next, first, sums),
+        [a, b, c, d, e] => add(pivot, [a, b, c, d, e], next, first, sums),
+        [a, b, c, d] => add(pivot, [a, b, c, d], next, first, sums),
+        [a, b, c] => add(pivot, [a, b, c], next, first, sums),
+        [a, b] => add(pivot, [a, b], next, first, sums),
+        [a] => add(pivot, [a], next, first, sums),
+        _ => {}
+    }
+}
+
+#[inline(always)]
+fn add<const N: usize>(pivot: &[f32], frames: [Run; N], next: &Ahead, first: bool, sums: [&mut [f32]; 4]) {
+    let (n, [sum, cos, sin, square]) = (pivot.len(), sums);
+    let mut from = 0;
+    while from < n {
+        let here = from..(from + BLOCK).min(n);
+        next.fetch(&here);
+        let mut runs = frames;
+        for run in &mut runs {
+            run.values = &run.values[here.clone()];
+        }
+        let pivot = &pivot[here.clone()];
+        let sums = [&mut sum[here.clone()], &mut cos[here.clone()], &mut sin[here.clone()], &mut square[here.clone()]];
+        // Of a length that the compiler knows it makes vectors without a rest.
+        if here.len() == BLOCK {
+            add_block(pivot, runs, first, sums, BLOCK)
+        } else {
+            add_block(pivot, runs, first, sums, here.len())
+        }
+        from = here.end;
+    }
+}
+
+#[inline(always)]
+fn add_block<const N: usize>(pivot: &[f32], mut runs: [Run; N], first: bool, sums: [&mut [f32]; 4], n: usize) {
     // Lengths that the compiler knows to be equal, so that no index is checked inside the loop.
-    let n = sums.pivot.len();
-    let (values, factors) = (frames.map(|f| &f.values[..n]), frames.map(|f| f.factors));
-    let (pivot, sum, cos) = (&sums.pivot[..n], &mut sums.sum[..n], &mut sums.cos[..n]);
-    let (sin, square) = (&mut sums.sin[..n], &mut sums.square[..n]);
+    for run in &mut runs {
+        run.values = &run.values[..n];
+    }
+    let (pivot, [sum, cos, sin, square]) = (&pivot[..n], sums);
+    let (sum, cos, sin, square) = (&mut sum[..n], &mut cos[..n], &mut sin[..n], &mut square[..n]);
     for x in 0..n {
-        let mut pixel = Pixel { sum: sum[x], cos: cos[x], sin: sin[x], square: square[x] };
-        for k in 0..N {
-            pixel.add(values[k][x] - pivot[x], factors[k]);
+        let before = Pixel { sum: sum[x], cos: cos[x], sin: sin[x], square: square[x] };
+        let mut pixel = if first { Pixel::default() } else { before };
+        for run in &runs {
+            pixel.add(run.values[x] - pivot[x], run.factors);
         }
         (sum[x], cos[x], sin[x], square[x]) = (pixel.sum, pixel.cos, pixel.sin, pixel.square);
     }
@@ -152,55 +213,44 @@ impl WithSimd for Solve<'_, '_, '_> {
 }
 
 struct Fit<'s, 'a, 'f> {
-    sums: &'s mut Sums<'a>,
+    maps: &'s mut Sums<'a>,
     pivot: &'f [f32],
     others: &'f [Run<'f>],
     solution: &'f Solution,
 }
 
+/// From one sum of a tile to the next: not a multiple of a page either.
+const APART: usize = TILE + 32;
+
 impl WithSimd for Fit<'_, '_, '_> {
     type Output = ();
 
+    /// A few frames at a time: they often lie a multiple of a page apart, so that the pixels of all of them would compete for the same places in the
+    /// first cache and come from the same channel of the memory.
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        macro_rules! fused {
-            ($($n:literal)*) => {
-                match self.others.len() {
-                    $($n => if let Ok(others) = self.others.try_into() {
-                        fit::<$n>(self.sums, self.pivot, others, self.solution);
-                    })*
-                    _ => self.in_parts(simd),
-                }
-            };
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { maps, pivot, others, solution } = self;
+        let n = pivot.len();
+        let mut planes = [[0.0; APART]; 5];
+        let [sum, cos, sin, square, fifth] = planes.each_mut();
+        let (sum, cos, sin, square, fifth) =
+            (&mut sum[..n], &mut cos[..n], &mut sin[..n], &mut square[..n], &mut fifth[..n]);
+        let mut rest = others;
+        while !rest.is_empty() {
+            let (some, left) = rest.split_at(TOGETHER.min(rest.len()));
+            let (next, by) = if left.is_empty() { (others, n) } else { (left, 0) };
+            let next = Ahead { frames: &next[..TOGETHER.min(next.len())], by };
+            add_several(pivot, some, &next, rest.len() == others.len(), [&mut *sum, cos, sin, square]);
+            rest = left;
         }
-        fused!(2 3 4 5 6 7 8 9 10 11 12);
-    }
-}
-
-impl Fit<'_, '_, '_> {
-    /// For more frames than the registers are worth.
-    #[inline(always)]
-    fn in_parts<S: Simd>(self, simd: S) {
-        self.sums.pivot.copy_from_slice(self.pivot);
-        self.sums.clear();
-        Fold { sums: self.sums, frames: self.others }.with_simd(simd);
-        let bad = [0; super::TILE];
-        Solve { sums: self.sums, bad: &bad, solution: self.solution }.with_simd(simd);
-    }
-}
-
-/// All frames at once: the sums never leave the registers.
-#[inline(always)]
-fn fit<const N: usize>(maps: &mut Sums, pivot: &[f32], others: &[Run; N], solution: &Solution) {
-    let n = pivot.len();
-    let (values, factors) = (others.map(|f| &f.values[..n]), others.map(|f| f.factors));
-    let (s0, s1, s2) = (&mut maps.pivot[..n], &mut maps.cos[..n], &mut maps.sin[..n]);
-    let (residual, correlation) = (&mut maps.square[..n], &mut maps.sum[..n]);
-    for x in 0..n {
-        let mut pixel = Pixel::default();
-        for k in 0..N {
-            pixel.add(values[k][x] - pivot[x], factors[k]);
+        for x in 0..n {
+            let pixel = Pixel { sum: sum[x], cos: cos[x], sin: sin[x], square: square[x] };
+            [sum[x], cos[x], sin[x], square[x], fifth[x]] = pixel.solve(pivot[x], true, solution);
         }
-        [s0[x], s1[x], s2[x], residual[x], correlation[x]] = pixel.solve(pivot[x], true, solution);
+        let Sums { pivot: s0, cos: s1, sin: s2, square: residual, sum: correlation } = maps;
+        for (map, solved) in [(s0, sum), (s1, cos), (s2, sin), (residual, square), (correlation, fifth)] {
+            store_past_caches(map, solved);
+        }
+        stored();
     }
 }

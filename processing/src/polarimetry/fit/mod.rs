@@ -2,7 +2,7 @@
 //!
 //! The work is so little that moving the numbers takes longer than calculating with them, so what counts is how many bytes
 //! go through the memory: with two frames at a time 44 per pixel and pair (2·4 of the frames, 4 of the pivot, 2·16 of the sums),
-//! and with all N frames in memory 4 N + 20 (frames in, five maps out), since the sums of a pixel never leave the registers.
+//! and with all N frames in memory 4 N + 20 (frames in, five maps out), since the sums of a pixel never leave the caches.
 //! Measured: docs/charts.md, "Speed".
 
 mod kernel;
@@ -16,8 +16,8 @@ use super::Design;
 use kernel::{Run, Solution, Sums};
 use rayon::prelude::*;
 
-/// Pixels that are worked on in one go: with many frames their sums stay in the processor's first cache.
-const TILE: usize = 1024;
+/// Pixels that are worked on in one go: with many frames their sums stay in the processor's first or second cache.
+const TILE: usize = 2048;
 
 /// Sums per pixel, enough to solve the fit at any time: 5 floats and a flag, whatever the number of frames.
 ///

@@ -1,4 +1,4 @@
-//! The fit of frames that are all in memory: each is read once, and nothing but the maps is written.
+//! The fit of frames that are all in memory: each is read once, and nothing but the maps is written, past the caches.
 
 use super::kernel::{Run, Solution, Sums};
 use super::{StokesMaps, TILE};
@@ -28,7 +28,7 @@ pub fn fit_stack(frames: &[&[f32]], width: usize, design: &Design, maps: &mut St
             let here = i * TILE..i * TILE + pivot.len();
             runs.clear();
             let rows = others.iter().zip(design.rows.iter().skip(1));
-            runs.extend(rows.map(|(f, x)| Run { values: &f[here.clone()], factors: factors(x) }));
+            runs.extend(rows.map(|(f, x)| Run { values: &f[here.start..], factors: factors(x) }));
             Sums { pivot, sum, cos, sin, square }.fit(&first[here], runs, &solution);
         },
     );
