@@ -2,6 +2,7 @@
 
 use super::noise::Covariance;
 use super::{Design, FrameNoise, StokesMaps};
+use rayon::prelude::*;
 
 /// A pixel's polarization with its covariance.
 #[derive(Clone, Copy, Debug)]
@@ -40,15 +41,16 @@ pub fn cloud(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: us
     let at = bright.len() * 99 / 100;
     let limit = DARK * *bright.select_nth_unstable_by(at, f32::total_cmp).1;
     let usable = |i: &usize| maps.s0[*i] > limit.max(0.0);
-    let pixels = (0..maps.s0.len()).step_by(stride).filter(usable);
-    let points: Vec<(usize, CloudPoint)> = pixels.filter_map(|i| point(maps, &covariance, i).map(|p| (i, p))).collect();
-    let inside: Vec<CloudPoint> = points.iter().filter(|(i, p)| !is_edge(maps, *i, p)).map(|(_, p)| *p).collect();
+    let pixels: Vec<usize> = (0..maps.s0.len()).step_by(stride).filter(usable).collect();
+    let points: Vec<CloudPoint> = pixels.par_iter().filter_map(|i| point(maps, &covariance, *i)).collect();
+    let inside: Vec<CloudPoint> = points.par_iter().filter(|p| !is_edge(maps, p.pixel, p)).copied().collect();
     // Where nearly everything is an edge, edges are what there is to look at.
     if inside.len() < INSIDE {
-        return points.into_iter().map(|(_, p)| p).collect();
+        return points;
     }
     // Half-way up the ramp that the lens makes of an edge the second difference is nothing, but not beside it.
-    let flat: Vec<CloudPoint> = inside.iter().filter(|p| !beside_edge(maps, &covariance, p.pixel)).copied().collect();
+    let flat = inside.par_iter().filter(|p| !beside_edge(maps, &covariance, p.pixel)).copied();
+    let flat: Vec<CloudPoint> = flat.collect();
     if flat.len() < FLAT { inside } else { flat }
 }
 

@@ -9,9 +9,14 @@ use super::curve::Curve;
 use super::curve_fit::CAUCHY;
 use super::foot::{Foot, Path, feet, scale_of};
 use std::f64::consts::{PI, TAU};
+use std::sync::LazyLock;
 
 /// Stretches of the curve whose lengths are added up.
 const NODES: usize = 512;
+
+/// Sine and cosine of 2θ half-way between them.
+static BETWEEN: LazyLock<[(f64, f64); NODES]> =
+    LazyLock::new(|| std::array::from_fn(|k| (2.0 * PI * (k as f64 + 0.5) / NODES as f64).sin_cos()));
 
 /// -2 ln likelihood of the points under a curve. How crowded they are comes from their own spacing (an entropy by
 /// m-spacings), so nothing is assumed about which orientations are in view; but noise along the curve keeps any place
@@ -64,8 +69,8 @@ fn crowding(points: &[CloudPoint], feet: &[Foot], curve: &Curve, scale: f64) -> 
     let mut length = vec![0.0; NODES + 1];
     let step = PI / NODES as f64;
     for k in 0..NODES {
-        let (_, t) = curve.with_tangent((k as f64 + 0.5) * step);
-        length[k + 1] = length[k] + t[0].hypot(t[1]) * step;
+        let (_, [x, y]) = curve.at_turn(BETWEEN[k]);
+        length[k + 1] = length[k] + (x * x + y * y).sqrt() * step;
     }
     let total = length[NODES];
     // Where each point falls, and how far its noise spreads it there.

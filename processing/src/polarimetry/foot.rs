@@ -5,6 +5,7 @@ use super::curve::Curve;
 use crate::vectors::vectorised;
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 /// Places along the curve among which the nearest one is looked for, before it is refined.
 const NODES: usize = 128;
@@ -43,9 +44,11 @@ pub struct Path {
     curve: Curve,
     /// First coordinates, then second ones; single precision finds the right stretch, and eight at a time.
     nodes: [[f32; NODES]; 2],
-    /// Sine and cosine of 2θ at the nodes.
-    turns: [(f64, f64); NODES],
 }
+
+/// Sine and cosine of 2θ at the nodes.
+static TURNS: LazyLock<[(f64, f64); NODES]> =
+    LazyLock::new(|| std::array::from_fn(|k| (2.0 * PI * k as f64 / NODES as f64).sin_cos()));
 
 /// Sine and cosine of an angle increased by a small one (rad): to 1e-13 up to 0.05.
 #[inline(always)]
@@ -61,12 +64,11 @@ impl Path {
     pub fn new(curve: Curve) -> Self {
         let mut nodes = [[0.0; NODES]; 2];
         let [xs, ys] = &mut nodes;
-        let turns: [(f64, f64); NODES] = std::array::from_fn(|k| (2.0 * PI * k as f64 / NODES as f64).sin_cos());
-        for ((turn, x), y) in turns.iter().zip(xs).zip(ys) {
+        for ((turn, x), y) in TURNS.iter().zip(xs).zip(ys) {
             let (at, _) = curve.at_turn(*turn);
             (*x, *y) = (at[0] as f32, at[1] as f32);
         }
-        Self { curve, nodes, turns }
+        Self { curve, nodes }
     }
 
     #[inline(always)]
@@ -138,13 +140,13 @@ impl Path {
     /// The nearest places near nodes.
     #[inline(always)]
     fn refined<const N: usize>(&self, points: &[CloudPoint; N], nodes: [usize; N]) -> [Foot; N] {
-        let step = PI / NODES as f64;
+        let (step, turns) = (PI / NODES as f64, &*TURNS);
         let [mut px, mut py, mut a, mut b, mut c, mut va, mut vb, mut vc] = [[0.0; N]; 8];
         let [mut theta, mut sin, mut cos] = [[0.0; N]; 3];
         for (i, p) in points.iter().enumerate() {
             ([px[i], py[i]], [a[i], b[i], c[i]], [va[i], vb[i], vc[i]]) = (p.at, p.weights(), p.covariance);
             theta[i] = step * nodes[i] as f64;
-            (sin[i], cos[i]) = self.turns[nodes[i]];
+            (sin[i], cos[i]) = turns[nodes[i]];
         }
         for _ in 0..3 {
             for i in 0..N {

@@ -21,6 +21,7 @@ use super::{
 use crate::frames::{Linearizer, LoadedFrames, load};
 use crate::image::OutputFolder;
 use crate::progress::Progress;
+use crate::vectors::vectorised;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::path::Path;
@@ -91,11 +92,24 @@ pub(super) struct Solved {
     pub oblique: Option<ObliqueReport>,
 }
 
+/// Pixels that a thread works on in one go.
+const CHUNK: usize = 1 << 14;
+
 impl Solved {
     /// σ of noise becomes that of noise, of the model and of what the lens mixes at edges.
     pub fn tell_systematic(&mut self) {
         let systematic = self.choice.as_ref().map_or(0.0, |c| c.systematic) as f32;
-        self.map.sigma.par_iter_mut().for_each(|s| *s = s.hypot(systematic).min(std::f32::consts::FRAC_PI_2));
+        let square = systematic * systematic;
+        self.map.sigma.par_chunks_mut(CHUNK).for_each(|sigma| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    for s in &mut *sigma {
+                        *s = (*s * *s + square).sqrt().min(std::f32::consts::FRAC_PI_2);
+                    }
+                },
+            );
+        });
         widen_at_edges(&mut self.map);
     }
 }

@@ -52,13 +52,31 @@ fn peaks_of(windows: &Windows, few: &[usize]) -> Vec<Peak> {
     };
     let first = spectra(0);
     (0..windows.frames())
+        .into_par_iter()
         .map(|frame| {
             let mut cross: Image = vec![Complex::default(); windows.side * windows.side];
             for (a, b) in first.iter().zip(spectra(frame)) {
-                cross.iter_mut().zip(a.iter().zip(b)).for_each(|(c, (a, b))| *c += b * a.conj());
+                vectorised(
+                    #[inline(always)]
+                    || {
+                        for (c, (a, b)) in cross.iter_mut().zip(a.iter().zip(&b)) {
+                            *c += b * a.conj();
+                        }
+                    },
+                );
             }
             // Half-way to pure phase: the peak is as sharp as the edges are, and noise is not made as strong as they.
-            cross.iter_mut().for_each(|c| *c /= c.norm().sqrt().max(f32::MIN_POSITIVE));
+            vectorised(
+                #[inline(always)]
+                || {
+                    for c in &mut cross {
+                        // In double precision, in which squares of bright spectra are still numbers.
+                        let [re, im] = [f64::from(c.re), f64::from(c.im)];
+                        let share = 1.0 / ((re * re + im * im).sqrt().sqrt() as f32).max(f32::MIN_POSITIVE);
+                        (c.re, c.im) = (c.re * share, c.im * share);
+                    }
+                },
+            );
             // Of frames that have nothing in common, phases are random.
             let power = cross.iter().map(|c| 0.5 * f64::from(c.norm_sqr())).sum::<f64>();
             let deviation = UNDER_HANN * power.sqrt();

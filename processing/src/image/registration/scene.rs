@@ -1,6 +1,7 @@
 //! What may change in a scene between frames, besides its place.
 
 use super::tile::Sums;
+use crate::vectors::vectorised;
 use nalgebra::{DMatrix, Matrix3, Matrix3xX};
 
 /// Least squares of `A + C cos 2ψ + S sin 2ψ` per pixel, with C and S expected to be near zero as far as they are small
@@ -61,19 +62,26 @@ impl Scene {
     pub(super) fn explain(&self, frames: &mut [Vec<f32>]) -> [Vec<f32>; 3] {
         let length = frames.first().map_or(0, Vec::len);
         let mut model = [0, 1, 2].map(|_| vec![0.0_f32; length]);
-        for (k, frame) in frames.iter().enumerate() {
-            for (plane, row) in model.iter_mut().zip(self.solve.row_iter()) {
-                let weight = row[k] as f32;
-                plane.iter_mut().zip(frame).for_each(|(sum, v)| *sum += weight * v);
-            }
-        }
-        for (frame, row) in frames.iter_mut().zip(&self.rows) {
-            let [_, cos, sin] = row.map(|v| v as f32);
-            let [a, c, s] = &model;
-            for ((v, a), (c, s)) in frame.iter_mut().zip(a).zip(c.iter().zip(s)) {
-                *v -= a + cos * c + sin * s;
-            }
-        }
+        vectorised(
+            #[inline(always)]
+            || {
+                for (k, frame) in frames.iter().enumerate() {
+                    for (i, plane) in model.iter_mut().enumerate() {
+                        let weight = self.solve[(i, k)] as f32;
+                        for (sum, v) in plane.iter_mut().zip(frame) {
+                            *sum += weight * v;
+                        }
+                    }
+                }
+                let [a, c, s] = &model;
+                for (frame, [_, cos, sin]) in frames.iter_mut().zip(&self.rows) {
+                    let (cos, sin) = (*cos as f32, *sin as f32);
+                    for ((v, a), (c, s)) in frame.iter_mut().zip(a).zip(c.iter().zip(s)) {
+                        *v -= a + cos * c + sin * s;
+                    }
+                }
+            },
+        );
         model
     }
 

@@ -4,6 +4,11 @@
 use super::resample::{TAPS, kernel};
 use super::scene::Scene;
 use super::windows::Windows;
+use crate::memory::prefetch;
+use crate::vectors::vectorised;
+
+/// Values that are worked on side by side.
+const LANES: usize = 8;
 
 /// A square of a window.
 #[derive(Clone, Copy, Debug)]
@@ -71,76 +76,201 @@ impl Tile {
 
     /// Sums over this tile with frames moved back by `shifts`.
     pub(super) fn sums(&self, windows: &Windows, scene: &Scene, shifts: &[[f64; 2]]) -> Sums {
-        // One pixel more on each side, for gradients.
-        let wide = self.side + 2;
-        let mut frames: Vec<Vec<f32>> = shifts
-            .iter()
-            .enumerate()
-            .map(|(k, shift)| self.moved_back(windows.get(k, self.window), windows.side, *shift))
-            .collect();
+        let back = |(k, shift): (usize, &[f64; 2])| {
+            let next = windows.get((k + 1) % shifts.len(), self.window);
+            self.moved_back(windows.get(k, self.window), next, windows.side, *shift)
+        };
+        let mut frames: Vec<Vec<f32>> = shifts.iter().enumerate().map(back).collect();
         subtract_means(&mut frames);
         let model = scene.explain(&mut frames);
         // `frames` now holds what is left over.
-        let mut sums = Sums::new(shifts.len());
-        let gradient = |plane: &[f32], i: usize| {
-            [0.5 * f64::from(plane[i + 1] - plane[i - 1]), 0.5 * f64::from(plane[i + wide] - plane[i - wide])]
-        };
-        for i in (1..=self.side).flat_map(|y| (1..=self.side).map(move |x| y * wide + x)) {
-            let [a, c, s] = [0, 1, 2].map(|p| gradient(&model[p], i));
-            let all = [a[0], a[1], c[0], c[1], s[0], s[1]];
-            if !all.iter().sum::<f64>().is_finite() || !model[0][i].is_finite() {
-                continue;
-            }
-            sums.pixels += 1;
-            sums.modulation += f64::from(model[1][i].powi(2) + model[2][i].powi(2));
-            for (row, u) in sums.gradient.iter_mut().zip(all) {
-                row.iter_mut().zip(all).for_each(|(sum, v)| *sum += u * v);
-            }
-            for (k, ([_, cos, sin], left)) in scene.rows.iter().zip(&frames).enumerate() {
-                let residual = f64::from(left[i]);
-                sums.slope[2 * k] += residual * (a[0] + cos * c[0] + sin * s[0]);
-                sums.slope[2 * k + 1] += residual * (a[1] + cos * c[1] + sin * s[1]);
-                sums.square += residual * residual;
-                let [x, y] = gradient(left, i);
-                sums.noise.iter_mut().zip([x * x, x * y, y * y]).for_each(|(sum, v)| *sum += v);
-            }
+        self.moments(scene, &model, &frames)
+    }
+
+    /// Sums over the pixels that could be used in all frames, of (A, C, S) and of what is left over.
+    fn moments(&self, scene: &Scene, model: &[Vec<f32>; 3], left: &[Vec<f32>]) -> Sums {
+        let mut sums = Sums::new(left.len());
+        // Gradients of A, C and S, and 1 for pixels that can be used; all is 0 where one cannot.
+        let [mut ax, mut ay] = self.gradient(&model[0]);
+        let [mut cx, mut cy] = self.gradient(&model[1]);
+        let [mut sx, mut sy] = self.gradient(&model[2]);
+        let [mut a, mut c, mut s] = model.each_ref().map(|plane| self.inner(plane));
+        let mut usable = vec![0.0_f32; self.side * self.side];
+        vectorised(
+            #[inline(always)]
+            || {
+                for i in 0..usable.len() {
+                    let all = ax[i] + ay[i] + cx[i] + cy[i] + sx[i] + sy[i] + a[i];
+                    usable[i] = if all.is_finite() { 1.0 } else { 0.0 };
+                }
+                for plane in [&mut ax, &mut ay, &mut cx, &mut cy, &mut sx, &mut sy, &mut a, &mut c, &mut s] {
+                    clear_unusable(plane, &usable);
+                }
+                let gradients = [&ax, &ay, &cx, &cy, &sx, &sy];
+                for (i, u) in gradients.iter().enumerate() {
+                    for (j, v) in gradients.iter().enumerate().take(i + 1) {
+                        sums.gradient[i][j] = dot(u, v);
+                        sums.gradient[j][i] = sums.gradient[i][j];
+                    }
+                }
+                sums.pixels = dot(&usable, &usable) as usize;
+                sums.modulation = dot(&c, &c) + dot(&s, &s);
+            },
+        );
+        for (k, ([_, cos, sin], left)) in scene.rows.iter().zip(left).enumerate() {
+            let ([mut dx, mut dy], mut left) = (self.gradient(left), self.inner(left));
+            vectorised(
+                #[inline(always)]
+                || {
+                    for plane in [&mut dx, &mut dy, &mut left] {
+                        clear_unusable(plane, &usable);
+                    }
+                    sums.slope[2 * k] = dot(&left, &ax) + cos * dot(&left, &cx) + sin * dot(&left, &sx);
+                    sums.slope[2 * k + 1] = dot(&left, &ay) + cos * dot(&left, &cy) + sin * dot(&left, &sy);
+                    sums.square += dot(&left, &left);
+                    for (sum, (u, v)) in sums.noise.iter_mut().zip([(&dx, &dx), (&dx, &dy), (&dy, &dy)]) {
+                        *sum += dot(u, v);
+                    }
+                },
+            );
         }
         sums
     }
 
-    /// The tile with a rim of one pixel.
-    fn moved_back(&self, image: &[f32], side: usize, shift: [f64; 2]) -> Vec<f32> {
-        let wide = self.side + 2;
+    /// Pixels along a row that has a rim of one pixel, for gradients, and goes on so far that vectors have no rest.
+    fn wide(&self) -> usize {
+        (self.side + 2).next_multiple_of(LANES)
+    }
+
+    /// A plane without its rim.
+    fn inner(&self, plane: &[f32]) -> Vec<f32> {
+        let mut inner = Vec::with_capacity(self.side * self.side);
+        for row in plane.chunks(self.wide()).skip(1).take(self.side) {
+            inner.extend_from_slice(&row[1..=self.side]);
+        }
+        inner
+    }
+
+    /// Gradient of a plane to the right and down, without its rim.
+    fn gradient(&self, plane: &[f32]) -> [Vec<f32>; 2] {
+        let (wide, side) = (self.wide(), self.side);
+        let [mut right, mut down] = [0, 1].map(|_| vec![0.0_f32; side * side]);
+        vectorised(
+            #[inline(always)]
+            || {
+                for y in 0..side {
+                    let row = |y: usize, x: usize| &plane[y * wide + x..][..side];
+                    let ([west, east], [above, below]) = ([row(y + 1, 0), row(y + 1, 2)], [row(y, 1), row(y + 2, 1)]);
+                    let (right, down) = (&mut right[y * side..][..side], &mut down[y * side..][..side]);
+                    for x in 0..side {
+                        right[x] = 0.5 * (east[x] - west[x]);
+                        down[x] = 0.5 * (below[x] - above[x]);
+                    }
+                }
+            },
+        );
+        [right, down]
+    }
+
+    /// The tile with a rim of one pixel, and a few pixels to its right. (Beyond a window these are of its next row, where all is NaN next to
+    /// its rim; the caller keeps tiles far enough inside their window for that row to be there.) The same place of the `next` frame is fetched meanwhile: rows of a
+    /// window lie too far apart for the processor to foresee them.
+    fn moved_back(&self, image: &[f32], next: &[f32], side: usize, shift: [f64; 2]) -> Vec<f32> {
+        let wide = self.wide();
         let weights = shift.map(|d| kernel(d - d.floor()));
-        // First tap of the first pixel; the caller keeps tiles this far inside their window.
+        // First tap of the first pixel.
         let [left, top] = [0, 1].map(|i| (self.corner[i] as isize + shift[i].floor() as isize - 3).max(0) as usize);
-        let mut across = vec![0.0_f32; wide * (wide + TAPS - 1)];
-        for (y, out) in across.chunks_mut(wide).enumerate() {
-            let row = &image[(top + y) * side + left..][..wide + TAPS - 1];
-            for (j, w) in weights[0].iter().enumerate() {
-                out.iter_mut().zip(&row[j..]).for_each(|(out, v)| *out += w * v);
-            }
-        }
-        let mut out = vec![0.0_f32; wide * wide];
-        for (y, out) in out.chunks_mut(wide).enumerate() {
-            for (j, w) in weights[1].iter().enumerate() {
-                out.iter_mut().zip(&across[(y + j) * wide..][..wide]).for_each(|(out, v)| *out += w * v);
-            }
-        }
+        let high = self.side + 2;
+        let mut across = vec![0.0_f32; wide * (high + TAPS - 1)];
+        let mut out = vec![0.0_f32; wide * high];
+        vectorised(
+            #[inline(always)]
+            || {
+                for (y, out) in across.chunks_mut(wide).enumerate() {
+                    let from = (top + y) * side + left;
+                    prefetch(&next[from..from + wide]);
+                    weighted(out, &image[from..], 1, &weights[0]);
+                }
+                for (y, out) in out.chunks_mut(wide).enumerate() {
+                    weighted(out, &across[y * wide..], wide, &weights[1]);
+                }
+            },
+        );
         out
     }
+}
+
+/// Weighted sums of the taps of each pixel: one of a row lies `apart` from the next.
+#[inline(always)]
+fn weighted(out: &mut [f32], taps: &[f32], apart: usize, weights: &[f32; TAPS]) {
+    for (i, out) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+        let mut sums = [0.0; LANES];
+        for (j, weight) in weights.iter().enumerate() {
+            let tap: &[f32] = &taps[LANES * i + j * apart..][..LANES];
+            for k in 0..LANES {
+                sums[k] += weight * tap[k];
+            }
+        }
+        *out = sums;
+    }
+}
+
+#[inline(always)]
+fn clear_unusable(plane: &mut [f32], usable: &[f32]) {
+    for (v, usable) in plane.iter_mut().zip(usable) {
+        *v = if *usable > 0.0 { *v } else { 0.0 };
+    }
+}
+
+/// Sum of products, of few at a time in single precision.
+#[inline(always)]
+fn dot(u: &[f32], v: &[f32]) -> f64 {
+    const FEW: usize = 8 * LANES;
+    let mut total = 0.0;
+    for (u, v) in u.chunks(FEW).zip(v.chunks(FEW)) {
+        let mut sums = [0.0_f32; LANES];
+        let ((u, u_rest), (v, v_rest)) = (u.as_chunks::<LANES>(), v.as_chunks::<LANES>());
+        for (u, v) in u.iter().zip(v) {
+            for k in 0..LANES {
+                sums[k] += u[k] * v[k];
+            }
+        }
+        for k in 0..u_rest.len() {
+            sums[k] += u_rest[k] * v_rest[k];
+        }
+        let mut sum = 0.0;
+        for lane in sums {
+            sum += lane;
+        }
+        total += f64::from(sum);
+    }
+    total
 }
 
 /// Takes each frame's mean over the pixels that all frames have: brightness that drifts says nothing of shifts.
 fn subtract_means(frames: &mut [Vec<f32>]) {
     let Some(first) = frames.first() else { return };
-    let mut sum: Vec<f32> = vec![0.0; first.len()];
-    frames.iter().for_each(|f| sum.iter_mut().zip(f).for_each(|(sum, v)| *sum += v));
-    let usable: Vec<bool> = sum.iter().map(|v| v.is_finite()).collect();
-    let count = usable.iter().filter(|u| **u).count().max(1) as f64;
-    for frame in frames {
-        let total: f64 = frame.iter().zip(&usable).filter(|(_, u)| **u).map(|(v, _)| f64::from(*v)).sum();
-        let mean = (total / count) as f32;
-        frame.iter_mut().zip(&usable).for_each(|(v, usable)| *v = if *usable { *v - mean } else { f32::NAN });
-    }
+    let (mut sum, ones) = (vec![0.0_f32; first.len()], vec![1.0_f32; first.len()]);
+    vectorised(
+        #[inline(always)]
+        || {
+            for frame in &*frames {
+                for (sum, v) in sum.iter_mut().zip(frame) {
+                    *sum += v;
+                }
+            }
+            // From here on 1 for pixels that can be used.
+            for sum in &mut sum {
+                *sum = if sum.is_finite() { 1.0 } else { 0.0 };
+            }
+            let count = dot(&sum, &ones).max(1.0);
+            for frame in &mut *frames {
+                clear_unusable(frame, &sum);
+                let mean = (dot(frame, &ones) / count) as f32;
+                for (v, usable) in frame.iter_mut().zip(&sum) {
+                    *v = if *usable > 0.0 { *v - mean } else { f32::NAN };
+                }
+            }
+        },
+    );
 }

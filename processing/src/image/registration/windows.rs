@@ -1,5 +1,6 @@
 //! The parts of the photographs that are registered: a few windows, spread over the image, where it has most texture.
 
+use crate::vectors::vectorised;
 use rayon::prelude::*;
 
 /// Side of a window in pixels, at most.
@@ -39,10 +40,11 @@ impl Windows {
             let mut values = vec![0.0_f32; self.corners.len() * side * side];
             let pairs = values.par_chunks_mut(side * side).zip(frame.par_chunks(self.side * self.side));
             pairs.for_each(|(out, window)| {
-                for (i, out) in out.iter_mut().enumerate() {
-                    let at = 2 * (i / side) * self.side + 2 * (i % side);
-                    let below = at + self.side;
-                    *out = 0.25 * (window[at] + window[at + 1] + window[below] + window[below + 1]);
+                for (y, out) in out.chunks_mut(side).enumerate() {
+                    let [above, below] = [0, 1].map(|j| window[(2 * y + j) * self.side..].as_chunks::<2>().0);
+                    for (out, (above, below)) in out.iter_mut().zip(above.iter().zip(below)) {
+                        *out = 0.25 * (above[0] + above[1] + below[0] + below[1]);
+                    }
                 }
                 smooth(out, side);
             });
@@ -123,17 +125,30 @@ fn usable(row: &impl Fn(usize, usize, &mut [f32], &mut [u8]), [left, y]: [usize;
 /// Binomial filter of five taps (σ = 1 px) along both sides, so that edges are sampled finely enough to be interpolated.
 /// NaN spreads to all pixels that it touches, and the rim becomes NaN.
 fn smooth(window: &mut [f32], side: usize) {
-    let filter = |v: [f32; 5]| (v[0] + v[4] + 4.0 * (v[1] + v[3]) + 6.0 * v[2]) / 16.0;
     let mut wide = vec![f32::NAN; window.len()];
-    for (out, row) in wide.chunks_mut(side).zip(window.chunks(side)) {
-        for (out, taps) in out[2..side - 2].iter_mut().zip(row.array_windows()) {
-            *out = filter(*taps);
-        }
+    vectorised(
+        #[inline(always)]
+        || {
+            for (out, row) in wide.chunks_mut(side).zip(window.chunks(side)) {
+                binomial(&mut out[2..side - 2], [0, 1, 2, 3, 4].map(|j| &row[j..]));
+            }
+            window.fill(f32::NAN);
+            for y in 2..side - 2 {
+                let taps = [0, 1, 2, 3, 4].map(|j| &wide[(y + j - 2) * side + 2..]);
+                binomial(&mut window[y * side + 2..][..side - 4], taps);
+            }
+        },
+    );
+}
+
+#[inline(always)]
+fn binomial(out: &mut [f32], mut taps: [&[f32]; 5]) {
+    let n = out.len();
+    for tap in &mut taps {
+        *tap = &tap[..n];
     }
-    window.fill(f32::NAN);
-    for y in 2..side - 2 {
-        for x in 2..side - 2 {
-            window[y * side + x] = filter(std::array::from_fn(|j| wide[(y + j - 2) * side + x]));
-        }
+    let [a, b, c, d, e] = taps;
+    for x in 0..n {
+        out[x] = (a[x] + e[x] + 4.0 * (b[x] + d[x]) + 6.0 * c[x]) / 16.0;
     }
 }
