@@ -44,11 +44,8 @@ impl Writer<'_> {
     pub fn maps(&self, maps: StokesMaps, map: &OrientationMaps, disk: &Disk) -> Result<()> {
         let smooths = !self.options.smooth_maps && self.options.smooth != Smoothing::NONE;
         let pictures = || {
-            if smooths {
-                return self.scalars(&maps, map);
-            }
-            let (orientation, scalars) = rayon::join(|| self.picture(map), || self.scalars(&maps, map));
-            orientation.and(scalars)
+            self.scalars(&maps, map)?;
+            if smooths { Ok(()) } else { self.picture(map) }
         };
         let (numbers, pictures) = disk.beside(|| self.orientation(&maps, map), pictures);
         numbers.and(pictures)?;
