@@ -175,7 +175,7 @@ fn is_empty(folder: &Path) -> io::Result<bool> {
     Ok(fs::read_dir(folder)?.next().is_none())
 }
 
-/// A new folder `.NAME.XXXXXX.partial` with the permissions of an ordinary new folder.
+/// A new folder `.NAME.*.partial` with the permissions of an ordinary new folder.
 fn temporary(parent: &Path, name: &std::ffi::OsStr) -> io::Result<TempDir> {
     let mut prefix = std::ffi::OsString::from(".");
     prefix.push(name);

@@ -49,8 +49,8 @@ impl CircleCheck {
         } else if bias > NEGLIGIBLE_BIAS_DEG {
             warnings.push(format!(
                 "the sinusoid model does not hold if this is a grating: (S1/S0, S2/S0) circles ({:.3}, {:.3}) instead of the \
-                 origin, as behind a birefringent film; orientations are off by about {bias:.1}° on average, more than noise tells: \
-                 let the model be chosen (auto), which takes that out",
+                 origin, as behind a birefringent film; orientations are off by about {bias:.1}° on average, which the σ \
+                 of noise does not hold",
                 self.center[0], self.center[1]
             ));
         }

@@ -65,8 +65,8 @@ impl Tile {
                 if power.is_finite() { power } else { 0.0 }
             };
             // Sums side by side, which the compiler makes a vector of.
-            let (mut sums, whole) = ([0.0_f32; 8], self.side / 8 * 8);
-            for x in (0..whole).step_by(8) {
+            let (mut sums, whole) = ([0.0_f32; LANES], self.side / LANES * LANES);
+            for x in (0..whole).step_by(LANES) {
                 sums.iter_mut().enumerate().for_each(|(k, sum)| *sum += power(x + k));
             }
             f64::from(sums.iter().sum::<f32>() + (whole..self.side).map(power).sum::<f32>())
@@ -172,9 +172,9 @@ impl Tile {
         [right, down]
     }
 
-    /// The tile with a rim of one pixel, and a few pixels to its right. (Beyond a window these are of its next row, where all is NaN next to
-    /// its rim; the caller keeps tiles far enough inside their window for that row to be there.) The same place of the `next` frame is fetched meanwhile: rows of a
-    /// window lie too far apart for the processor to foresee them.
+    /// The tile with a rim of one pixel, and a few pixels more to its right. Those beyond the window would begin in its next row (which is there: the
+    /// caller keeps tiles far enough inside), but are NaN, since the last and the first two pixels of each row are. The same place of
+    /// the `next` frame is fetched meanwhile: rows of a window lie too far apart for the processor to foresee them.
     fn moved_back(&self, image: &[f32], next: &[f32], side: usize, shift: [f64; 2]) -> Vec<f32> {
         let wide = self.wide();
         let weights = shift.map(|d| kernel(d - d.floor()));
@@ -215,6 +215,7 @@ fn weighted(out: &mut [f32], taps: &[f32], apart: usize, weights: &[f32; TAPS]) 
     }
 }
 
+/// Zero where a pixel cannot be used.
 #[inline(always)]
 fn clear_unusable(plane: &mut [f32], usable: &[f32]) {
     for (v, usable) in plane.iter_mut().zip(usable) {
@@ -273,4 +274,78 @@ fn subtract_means(frames: &mut [Vec<f32>]) {
             }
         },
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    /// A sum, and that of its terms' sizes.
+    #[derive(Clone, Copy, Default)]
+    struct Exact(f64, f64);
+
+    impl Exact {
+        fn add(&mut self, term: f64) {
+            (self.0, self.1) = (self.0 + term, self.1 + term.abs());
+        }
+
+        /// 16 additions follow each other in single precision, which rounds each by 6e-8 of the sizes at most; gradients and products round, too.
+        fn assert_is(self, found: f64) {
+            assert!((found - self.0).abs() <= 2e-6 * self.1, "{found} {}", self.0);
+        }
+    }
+
+    /// Against the definition, pixel by pixel in double precision; a pixel that cannot be used takes its neighbours with it.
+    #[test]
+    fn moments_are_those_of_the_pixels_that_can_be_used() {
+        let tile = Tile { window: 0, corner: [0, 0], side: 13 };
+        let (wide, hole) = (tile.wide(), 5 * tile.wide() + 6);
+        let plane = |seed: u64| {
+            let mut stream = Stream::of(seed);
+            let mut plane: Vec<f32> = (0..wide * (tile.side + 2)).map(|_| stream.next() as f32 - 0.3).collect();
+            plane[hole] = f32::NAN;
+            plane
+        };
+        let (scene, model) = (Scene::polarized(&[0.1, 0.9, 1.6, 2.5]), [plane(1), plane(2), plane(3)]);
+        let left = [4, 5, 6, 7].map(plane);
+        let found = tile.moments(&scene, &model, &left);
+        let mut gradient = [[Exact::default(); 6]; 6];
+        let (mut slope, mut noise) = ([Exact::default(); 8], [Exact::default(); 3]);
+        let ([mut square, mut modulation], mut pixels) = ([Exact::default(); 2], 0);
+        for i in (1..=tile.side).flat_map(|y| (1..=tile.side).map(move |x| y * wide + x)) {
+            if [hole - wide, hole - 1, hole, hole + 1, hole + wide].contains(&i) {
+                continue;
+            }
+            let at = |plane: &[f32], i: usize| f64::from(plane[i]);
+            let slopes = |p: &[f32]| [0.5 * (at(p, i + 1) - at(p, i - 1)), 0.5 * (at(p, i + wide) - at(p, i - wide))];
+            let [a, c, s] = [0, 1, 2].map(|k| slopes(&model[k]));
+            let all = [a[0], a[1], c[0], c[1], s[0], s[1]];
+            pixels += 1;
+            modulation.add(at(&model[1], i).powi(2) + at(&model[2], i).powi(2));
+            for (j, k) in (0..6).flat_map(|j| (0..6).map(move |k| (j, k))) {
+                gradient[j][k].add(all[j] * all[k]);
+            }
+            for (k, ([_, cos, sin], left)) in scene.rows.iter().zip(&left).enumerate() {
+                let (residual, [x, y]) = (at(left, i), slopes(left));
+                for axis in 0..2 {
+                    for part in [a[axis], cos * c[axis], sin * s[axis]] {
+                        slope[2 * k + axis].add(residual * part);
+                    }
+                }
+                square.add(residual * residual);
+                noise.iter_mut().zip([x * x, x * y, y * y]).for_each(|(sum, v)| sum.add(v));
+            }
+        }
+        assert_eq!((found.pixels, pixels), (164, 164));
+        modulation.assert_is(found.modulation);
+        square.assert_is(found.square);
+        slope.iter().zip(&found.slope).for_each(|(exact, found)| exact.assert_is(*found));
+        noise.iter().zip(&found.noise).for_each(|(exact, found)| exact.assert_is(*found));
+        gradient
+            .as_flattened()
+            .iter()
+            .zip(found.gradient.as_flattened())
+            .for_each(|(exact, found)| exact.assert_is(*found));
+    }
 }

@@ -219,14 +219,14 @@ struct Fit<'s, 'a, 'f> {
     solution: &'f Solution,
 }
 
-/// From one sum of a tile to the next: not a multiple of a page either.
+/// From one sum of a tile to the next: not a multiple of a page, so that they do not compete for the same places in the first cache.
 const APART: usize = TILE + 32;
 
 impl WithSimd for Fit<'_, '_, '_> {
     type Output = ();
 
-    /// A few frames at a time: they often lie a multiple of a page apart, so that the pixels of all of them would compete for the same places in the
-    /// first cache and come from the same channel of the memory.
+    /// A few frames at a time: they often lie a multiple of a page apart, and all of them at once take half as long again then (docs/charts.md,
+    /// "Speed").
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Self { maps, pivot, others, solution } = self;
