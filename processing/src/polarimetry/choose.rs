@@ -200,7 +200,10 @@ fn compare(candidates: &mut Vec<Candidate>, points: &[CloudPoint], widened: f64)
     let hopeful: Vec<Option<Evidence>> = candidates
         .iter()
         .zip(&first)
-        .map(|(c, e)| (e.total <= least + HOPELESS).then(|| c.evidence(points, widened)))
+        .map(|(c, e)| {
+            let of_all = || if few.len() < points.len() { c.evidence(points, widened) } else { e.clone() };
+            (e.total <= least + HOPELESS).then(of_all)
+        })
         .collect();
     let best = hopeful.iter().flatten().map(|e| e.total).fold(f64::INFINITY, f64::min);
     let or_scaled = |(all, few): (Option<Evidence>, Evidence)| all.unwrap_or_else(|| few.scaled(least, scale, best));
@@ -229,7 +232,10 @@ fn made_likeliest(
                 done.push((candidate.clone(), before.clone()));
                 continue;
             };
-            let now = (now.clone(), evidence(&now));
+            // Where the search began, points are as likely as they were.
+            let here = now.curve == candidate.curve;
+            let of_now = if here { now.paid(before.terms.clone()) } else { evidence(&now) };
+            let now = (now, of_now);
             // Others of the same parameters may end at nearly the same place.
             match done[first..].iter_mut().find(|(c, _)| alike(&c.curve, &now.0.curve)) {
                 Some(known) if known.1.likelihood <= now.1.likelihood => {}

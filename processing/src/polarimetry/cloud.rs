@@ -107,7 +107,7 @@ impl CloudPoint {
     #[inline(always)]
     pub fn weights(&self) -> [f64; 3] {
         let [a, b, c] = self.covariance;
-        let determinant = a * c - b * b;
-        [c / determinant, -b / determinant, a / determinant]
+        let one = 1.0 / (a * c - b * b);
+        [c * one, -b * one, a * one]
     }
 }

@@ -7,7 +7,7 @@
 use super::cloud::CloudPoint;
 use super::curve::Curve;
 use super::curve_fit::CAUCHY;
-use super::foot::{Foot, Path, feet, scale_of};
+use super::foot::{Foot, feet, scale_of};
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 
@@ -53,10 +53,9 @@ pub fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
 }
 
 /// The same for a curve that is far from fitted, with as much more noise as explains the distances.
-pub fn screening(points: &[CloudPoint], curve: &Curve) -> f64 {
-    let feet = Path::new(*curve).feet(points);
-    let scale = scale_of(&feet);
-    let crowding: f64 = crowding(points, &feet, curve, scale).iter().map(|c| c.1).sum();
+pub(super) fn screening(points: &[CloudPoint], feet: &[Foot], curve: &Curve) -> f64 {
+    let scale = scale_of(feet);
+    let crowding: f64 = crowding(points, feet, curve, scale).iter().map(|c| c.1).sum();
     2.0 * (points.len() as f64 * scale.ln() + crowding)
 }
 

@@ -75,7 +75,12 @@ impl Objective<'_> {
             (family.cost(&feet, &parameters, 1.0), slope, information)
         };
         let (all, of_all, information) = by_distance(points);
-        let (sample, of_sample, _) = by_distance(few);
+        let (sample, of_sample) = if few.len() < points.len() {
+            let (cost, slope, _) = by_distance(few);
+            (cost, slope)
+        } else {
+            (all, of_all.clone())
+        };
         let pulled = pulls(few, &curve);
         let likelihood = pulled.misfit + family.prior(&parameters);
         let slope = of_all + (self.slope(&parameters, &curve, &pulled) - of_sample) * scale;

@@ -24,6 +24,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// With fewer points than this the distribution of orientations cannot be fitted place by place.
 pub(super) const MIXTURE: usize = 2000;
 
+/// Points that circles are fitted to before they are to all.
+const BEGUN: usize = 4000;
+
 /// Points by which the error of orientations is told that parameters cause.
 pub(super) const SPREAD: usize = 500;
 
@@ -96,16 +99,17 @@ impl std::str::FromStr for Model {
     }
 }
 
-/// Fits the circles to the points of a cloud that carry modulation, simplest first.
+/// Fits the circles to the points of a cloud that carry modulation, simplest first: to a part of them, and from there to all.
 pub(super) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
-    let mean = mean(points);
+    let (mean, few) = (mean(points), thinned(points, BEGUN));
     let about = |center: [f64; 2], model, count: usize| -> Option<Candidate> {
         let family = Family {
             curve: &|p: &[f64]| Curve::circle(center, p[0]),
             expected: &[f64::INFINITY],
             limits: &[f64::INFINITY],
         };
-        let fitted = family.fit(points, &[radius(points, center)], 30)?;
+        let begun = family.fit(&few, &[radius(&few, center)], 30)?;
+        let fitted = family.fit(points, &begun.parameters, 30)?;
         Some(phase(model, center, count, &family, fitted, points))
     };
     let mut found: Vec<Candidate> =
@@ -113,8 +117,9 @@ pub(super) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
     let far = [f64::INFINITY; 3];
     let family = Family { curve: &|p: &[f64]| Curve::circle([p[0], p[1]], p[2]), expected: &far, limits: &far };
     let starts = [mean, super::check::circle_center(points).unwrap_or(mean)];
-    let fitted = starts.iter().filter_map(|c| family.fit(points, &[c[0], c[1], radius(points, *c)], 60));
-    if let Some(fitted) = fitted.min_by(|a, b| a.cost.total_cmp(&b.cost)) {
+    let begun = starts.iter().filter_map(|c| family.fit(&few, &[c[0], c[1], radius(&few, *c)], 60));
+    let begun = begun.min_by(|a, b| a.cost.total_cmp(&b.cost));
+    if let Some(fitted) = begun.and_then(|begun| family.fit(points, &begun.parameters, 60)) {
         let center = [fitted.parameters[0], fitted.parameters[1]];
         found.push(phase(Model::Circle, center, 3, &family, fitted, points));
     }
@@ -129,7 +134,7 @@ pub(super) struct Evidence {
     /// The same without what its parameters must be worth.
     pub likelihood: f64,
     /// What each point adds.
-    terms: Vec<f64>,
+    pub terms: Vec<f64>,
 }
 
 impl Evidence {
@@ -169,8 +174,13 @@ impl Candidate {
         } else {
             mixture::terms(&points, &self.curve)
         };
+        self.paid(terms)
+    }
+
+    /// The same, given what each point adds.
+    pub(super) fn paid(&self, terms: Vec<f64>) -> Evidence {
         // Laplace's factor, or Schwarz' for it.
-        let paid = self.told.unwrap_or(self.parameters as f64 * (points.len().max(2) as f64).ln());
+        let paid = self.told.unwrap_or(self.parameters as f64 * (terms.len().max(2) as f64).ln());
         let likelihood = terms.iter().sum::<f64>() + self.prior;
         Evidence { total: likelihood + paid, likelihood, terms }
     }

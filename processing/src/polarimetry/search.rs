@@ -5,7 +5,7 @@ use super::angle_difference;
 use super::cloud::CloudPoint;
 use super::curve::{Curve, Film, PARAMETERS};
 use super::curve_fit::{Family, Fitted};
-use super::foot::Path;
+use super::foot::{Foot, Path};
 use super::likeliest::likeliest;
 use super::models::{Candidate, MIXTURE, Model, SPREAD, widened};
 use super::sums::summed_up;
@@ -103,7 +103,8 @@ pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
     let mut films = found.films();
     if let Begin::Anywhere = begin {
         films.extend(begun);
-        films.extend(best(&grid(), STARTS, |film| distance(&sums, film)));
+        let near: Vec<_> = grid().into_par_iter().map(|film| (distance(&Path::new(film.curve()).feet(&sums)), film)).collect();
+        films.extend(best(near, STARTS));
     }
     let of_sums =
         Samples { tried: sums.clone(), followed: sums.clone(), last: sums.clone(), enough: 0.0, score: |_, f| f.cost };
@@ -117,10 +118,6 @@ pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
 fn about(set: &Set, film: &Film, points: &[CloudPoint]) -> Option<Vec<CloudPoint>> {
     let fitted = with_family(set, |family, _| family.fit(points, &taken(set.0, film), 10))?;
     Some(summed_up(points, &fitted.curve))
-}
-
-fn distance(points: &[CloudPoint], film: &Film) -> f64 {
-    Path::new(film.curve()).feet(points).iter().map(|f| f.distance.abs().min(1e6)).sum()
 }
 
 /// What a search has found.
@@ -327,24 +324,37 @@ fn same_orientations(a: &Curve, b: &Curve, limit: f64) -> bool {
 /// The most promising of a grid of films, and of those that a circle through the points can mean. Promising is a curve
 /// that is near to the points, or near for its length.
 fn starts(points: &[CloudPoint], circle: &Curve) -> Vec<Film> {
-    let near = |film: &Film| distance(points, film);
-    let near_for_its_length = |film: &Film| evidence::screening(points, &film.curve());
     let (mirrors, others): (Vec<_>, Vec<_>) = grid().into_iter().partition(is_mirror_like);
     let mut begun = vec![];
-    for films in [&mirrors, &others] {
-        begun.extend(best(films, STARTS / 8, near));
-        begun.extend(best(films, STARTS / 8, near_for_its_length));
+    for films in [mirrors, others] {
+        let (near, near_for_its_length) = films.into_par_iter().map(|film| scored(points, film)).unzip();
+        begun.extend(best(near, STARTS / 8));
+        begun.extend(best(near_for_its_length, STARTS / 8));
     }
     let groups = explanations(circle);
     let each = STARTS / 2 / groups.len().max(1);
-    begun.extend(groups.iter().flat_map(|films| best(films, each, near_for_its_length)));
+    for films in groups {
+        begun.extend(best(films.into_par_iter().map(|film| scored(points, film).1).collect(), each));
+    }
     begun
 }
 
-fn best(films: &[Film], count: usize, score: impl Fn(&Film) -> f64 + Sync) -> Vec<Film> {
-    let mut tried: Vec<(f64, Film)> = films.par_iter().map(|film| (score(film), *film)).collect();
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-    tried.into_iter().take(count).map(|(_, film)| film).collect()
+/// How far points are off a film's curve, and the same for its length.
+fn scored(points: &[CloudPoint], film: Film) -> ((f64, Film), (f64, Film)) {
+    let curve = film.curve();
+    let feet = Path::new(curve).feet(points);
+    ((distance(&feet), film), (evidence::screening(points, &feet, &curve), film))
+}
+
+/// How far points are off a curve in all, each by as much as matters at most.
+fn distance(feet: &[Foot]) -> f64 {
+    feet.iter().map(|f| f.distance.abs().min(1e6)).sum()
+}
+
+/// The films of the least scores, the least first.
+fn best(mut scored: Vec<(f64, Film)>, count: usize) -> Vec<Film> {
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    scored.into_iter().take(count).map(|(_, film)| film).collect()
 }
 
 fn grid() -> Vec<Film> {
