@@ -103,7 +103,8 @@ pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
     let mut films = found.films();
     if let Begin::Anywhere = begin {
         films.extend(begun);
-        let near: Vec<_> = grid().into_par_iter().map(|film| (distance(&Path::new(film.curve()).feet(&sums)), film)).collect();
+        let near: Vec<_> =
+            grid().into_par_iter().map(|film| (distance(&Path::new(film.curve()).feet(&sums)), film)).collect();
         films.extend(best(near, STARTS));
     }
     let of_sums =
