@@ -194,7 +194,7 @@ impl Curve {
         let [s0, s1, s2] = self.stokes.each_ref().map(value);
         let [d0, d1, d2] = self.stokes.each_ref().map(slope);
         let [e0, e1, e2] = self.stokes.each_ref().map(bend);
-        // One division, as these take most of the time.
+        // One division, which takes as long as many products.
         let one = 1.0 / s0;
         let (x, y) = (s1 * one, s2 * one);
         let (dx, dy) = ((d1 - x * d0) * one, (d2 - y * d0) * one);

@@ -24,7 +24,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// With fewer points than this the distribution of orientations cannot be fitted place by place.
 pub(super) const MIXTURE: usize = 2000;
 
-/// Points that circles are fitted to before they are to all.
+/// Points that circles are fitted to before they are to all, and by which the better of two starts is told.
 const BEGUN: usize = 4000;
 
 /// Points by which the error of orientations is told that parameters cause.
