@@ -47,6 +47,8 @@ pub enum Setting {
     SphereSky,
     /// A dented sheet of triangles under a lamp.
     Mesh,
+    /// The same under a sky.
+    MeshSky,
     /// A plane under a lamp with an area.
     Area,
 }
@@ -54,7 +56,7 @@ pub enum Setting {
 impl Setting {
     /// Whether light comes from everywhere.
     pub fn under_a_sky(self) -> bool {
-        matches!(self, Self::Sky | Self::OutsideSky | Self::SphereSky)
+        matches!(self, Self::Sky | Self::OutsideSky | Self::SphereSky | Self::MeshSky)
     }
 }
 
@@ -136,6 +138,29 @@ pub const MATERIALS: [Material; 26] = [
     },
 ];
 
+const SINUSOID_3: &str = "type = \"grating\"\ncoherence_um = 10\nrelief = { depth_um = 0.15 }\norientation_deg = 30\nperiod_um = 3\nreflectance = \"aluminium\"";
+const LATTICE_24: &str = "type = \"lattice\"\nperiod_um = [24, 20]\naperture_um = [12, 10]\norientation_deg = 20\ncoherence_um = 40\nreflectance = \"silver\"";
+
+/// Materials whose sums are too long for software that stands in for a card: cards alone draw them.
+pub const LONG: [Material; 6] = [
+    Material { name: "sinusoid of 3 µm", text: SINUSOID_3, groove: [30.0, 3.0], setting: Setting::Plane },
+    Material { name: "sinusoid of 3 µm under a sky", text: SINUSOID_3, groove: [30.0, 3.0], setting: Setting::Sky },
+    Material {
+        name: "rectangular of 8 µm",
+        text: "type = \"grating\"\ncoherence_um = 30\nrelief = { profile = { rectangular = { duty = 0.4 } }, depth_um = 0.12 }\norientation_deg = 120\nperiod_um = 8",
+        groove: [120.0, 8.0],
+        setting: Setting::Plane,
+    },
+    Material {
+        name: "slits of 4 µm",
+        text: "type = \"multislit\"\nspacing_um = 4\nwidth_um = 1\ncount = 40\norientation_deg = 30",
+        groove: [30.0, 4.0],
+        setting: Setting::Plane,
+    },
+    Material { name: "lattice of 24 µm", text: LATTICE_24, groove: [20.0, 24.0], setting: Setting::Plane },
+    Material { name: "maps on a mesh under a sky", text: MAPS, groove: [45.0, 1.2], setting: Setting::MeshSky },
+];
+
 /// A vector tilted about x, then turned about y, in degrees.
 pub fn turned([x, y, z]: [f64; 3], tilt: f64, pan: f64) -> [f64; 3] {
     let [(s, c), (t, d)] = [tilt, pan].map(|deg| deg.to_radians().sin_cos());
@@ -177,7 +202,7 @@ pub fn scene(material: Material, side: usize, chance: &mut Chance) -> String {
             // What faces the camera is far from the poles.
             format!("type = \"sphere\"\ncenter = {center:?}\naxis = {v:?}\nstart = {n:?}\nradius = 60")
         }
-        Setting::Mesh => {
+        Setting::Mesh | Setting::MeshSky => {
             format!("type = \"mesh\"\nfile = \"sheet.obj\"\nrotation_deg = [{tilt}, {pan}, 0]")
         }
         // Its middle is where the plane's is, or opposite.

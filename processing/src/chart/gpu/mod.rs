@@ -88,7 +88,7 @@ fn study(knob: Knob, effort: Effort) -> Study {
         ),
     };
     let side = effort.pick(96, 20);
-    let bench = Bench { side, knob, truth: effort.pick(1024, 512), known: Mutex::new(BTreeMap::new()) };
+    let bench = Bench { side, knob, truth: effort.pick(1024, 512), known: Mutex::default(), card: Mutex::default() };
     let settings: Vec<Setting> = settings.collect();
     let count = if knob == Knob::Samples { SAMPLES.len() } else { ERRORS.len() };
     Study {
@@ -118,14 +118,17 @@ struct Bench {
     /// Samples of the picture that others are compared with.
     truth: usize,
     known: Mutex<Known>,
+    card: Mutex<gpu::Kept>,
 }
 
 impl Bench {
     fn run(&self, setting: usize, scene: usize, seed: u64, on_card: bool) -> Result<Outcome> {
         let files = Files::written(64)?;
         let text = scenes::scene(&MATERIALS[scene], [self.side; 2], seed);
-        let picture =
-            |samples, error, on_card| gpu::timed(&scenes::parsed(&text)?, files.folder.path(), samples, error, on_card);
+        let picture = |samples, error, on_card: bool| {
+            let mut kept = on_card.then(|| self.card.lock().unwrap_or_else(PoisonError::into_inner));
+            gpu::timed(&scenes::parsed(&text)?, files.folder.path(), samples, error, kept.as_deref_mut())
+        };
         let (found, key) = match self.knob {
             Knob::Samples => (picture(SAMPLES[setting], DEFAULT, on_card)?, (scene, seed, false)),
             Knob::Errors => (picture(FEW, ERRORS[setting], on_card)?, (scene, seed, on_card)),

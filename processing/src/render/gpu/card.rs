@@ -19,14 +19,29 @@ const SETTLED: [(&str, &str, usize); 4] = [
 pub(in super::super) struct Card {
     device: wgpu::Device,
     queue: wgpu::Queue,
-    pipeline: wgpu::RenderPipeline,
-    group: wgpu::BindGroup,
-    uniforms: wgpu::Buffer,
-    target: wgpu::Texture,
-    readback: wgpu::Buffer,
-    prepared: Prepared,
     name: String,
     software: bool,
+    /// Shaders before what is settled is put into them.
+    shader: String,
+    program: Program,
+    loaded: Loaded,
+}
+
+/// Shaders as they are compiled: the same for all scenes that settle the same.
+struct Program {
+    text: String,
+    textures: usize,
+    layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::RenderPipeline,
+}
+
+/// What is one scene's.
+struct Loaded {
+    prepared: Prepared,
+    uniforms: wgpu::Buffer,
+    group: wgpu::BindGroup,
+    target: wgpu::Texture,
+    readback: wgpu::Buffer,
 }
 
 /// The best card there is, or why there is none.
@@ -49,8 +64,11 @@ pub(in super::super) fn name() -> Result<String, String> {
     adapter().map(|adapter| called(&adapter.get_info()))
 }
 
-/// A texture of this size would be too large, or there is too much of it.
-fn fits(device: &wgpu::Device, prepared: &Prepared) -> Result<(), String> {
+/// Says why a card does not take a scene: sums are too long for software, or a texture or the picture is too large.
+fn fits(device: &wgpu::Device, name: &str, software: bool, prepared: &Prepared) -> Result<(), String> {
+    if software && prepared.too_long_for_software() {
+        return Err(format!("{name} is software that ends long sums early, as this scene takes"));
+    }
     let most = device.limits().max_texture_dimension_2d as usize;
     let sizes = prepared.textures.iter().map(|t| (t.name, t.width.max(t.height)));
     for (name, side) in sizes.chain([("picture", prepared.size[0].max(prepared.size[1]))]) {
@@ -63,6 +81,18 @@ fn fits(device: &wgpu::Device, prepared: &Prepared) -> Result<(), String> {
         return Err("the picture is too large for the card".into());
     }
     Ok(())
+}
+
+/// What is made on a card, or the error that it gives.
+fn caught<T>(device: &wgpu::Device, name: &str, make: impl FnOnce() -> T) -> Result<T, String> {
+    let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+    let invalid = device.push_error_scope(wgpu::ErrorFilter::Validation);
+    let made = make();
+    let wrong = [pollster::block_on(invalid.pop()), pollster::block_on(memory.pop())];
+    match wrong.into_iter().flatten().next() {
+        Some(error) => Err(format!("{name} does not do it: {error}")),
+        None => Ok(made),
+    }
 }
 
 /// Bytes of a row as it is copied.
@@ -103,73 +133,39 @@ impl Card {
     pub(in super::super) fn with(prepared: Prepared, shader: &str) -> Result<Self, String> {
         let adapter = adapter()?;
         let info = adapter.get_info();
-        if info.device_type == wgpu::DeviceType::Cpu && prepared.too_long_for_software() {
-            return Err(format!("{} is software that ends long sums early, as this scene takes", info.name));
-        }
         let limits = wgpu::Limits::downlevel_defaults().using_resolution(adapter.limits());
         let limits = wgpu::Limits { max_buffer_size: adapter.limits().max_buffer_size, ..limits };
         let wanted = wgpu::DeviceDescriptor { required_limits: limits, ..wgpu::DeviceDescriptor::default() };
         let (device, queue) =
             pollster::block_on(adapter.request_device(&wanted)).map_err(|e| format!("{} refuses: {e}", info.name))?;
-        fits(&device, &prepared)?;
         // Without this, wgpu ends the program on an error; each of ours is asked for below.
         device.on_uncaptured_error(std::sync::Arc::new(|_| ()));
-        let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let invalid = device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let card = Self::loaded(device, queue, prepared, shader, &info);
-        let wrong = [pollster::block_on(invalid.pop()), pollster::block_on(memory.pop())];
-        match wrong.into_iter().flatten().next() {
-            Some(error) => Err(format!("{} does not do it: {error}", info.name)),
-            None => Ok(card),
-        }
+        let (name, software) = (called(&info), info.device_type == wgpu::DeviceType::Cpu);
+        fits(&device, &name, software, &prepared)?;
+        let (program, loaded) = caught(&device, &name, || {
+            let program = Program::new(&device, &prepared, settled(&prepared, shader));
+            let loaded = Loaded::new(&device, &queue, &program.layout, prepared);
+            (program, loaded)
+        })?;
+        Ok(Self { device, queue, name, software, shader: shader.to_owned(), program, loaded })
     }
 
-    fn loaded(
-        device: wgpu::Device,
-        queue: wgpu::Queue,
-        prepared: Prepared,
-        shader: &str,
-        info: &wgpu::AdapterInfo,
-    ) -> Self {
-        use wgpu::{BufferUsages, TextureUsages};
-        let uniforms = device.create_buffer_init(&BufferInitDescriptor {
-            label: None,
-            contents: &prepared.uniform_bytes(),
-            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
-        });
-        // The samples before are added up by the processor: no picture of them is looked at.
-        let before = Texture { name: "before", width: 1, height: 1, channels: 4, values: vec![0.0; 4] };
-        let views: Vec<wgpu::TextureView> = prepared
-            .textures
-            .iter()
-            .chain([&before])
-            .map(|t| {
-                let kind = descriptor(size([t.width, t.height]), t.channels, TextureUsages::TEXTURE_BINDING);
-                let bytes = bytemuck::cast_slice(&t.values);
-                let texture = device.create_texture_with_data(&queue, &kind, TextureDataOrder::LayerMajor, bytes);
-                texture.create_view(&wgpu::TextureViewDescriptor::default())
-            })
-            .collect();
-        let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
-        let target = device.create_texture(&descriptor(size(prepared.size), 4, target));
-        let readback = device.create_buffer(&wgpu::BufferDescriptor {
-            label: None,
-            size: u64::from(row_bytes(prepared.size[0])) * prepared.size[1] as u64,
-            usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        let layout = layout(&device, views.len());
-        let pipeline = pipeline(&device, &layout, &settled(&prepared, shader));
-        let buffer = wgpu::BindGroupEntry { binding: 0, resource: uniforms.as_entire_binding() };
-        let textures = views.iter().zip(1..).map(|(view, binding)| wgpu::BindGroupEntry {
-            binding,
-            resource: wgpu::BindingResource::TextureView(view),
-        });
-        let entries: Vec<wgpu::BindGroupEntry> = [buffer].into_iter().chain(textures).collect();
-        let group =
-            device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries });
-        let (name, software) = (called(info), info.device_type == wgpu::DeviceType::Cpu);
-        Self { device, queue, pipeline, group, uniforms, target, readback, prepared, name, software }
+    /// Puts another scene in place of the one it has; shaders are compiled anew only if they are others. The card keeps what it had if this fails.
+    pub(in super::super) fn load(&mut self, prepared: Prepared) -> Result<(), String> {
+        fits(&self.device, &self.name, self.software, &prepared)?;
+        let text = settled(&prepared, &self.shader);
+        let same = text == self.program.text && prepared.textures.len() == self.program.textures;
+        let (program, loaded) = caught(&self.device, &self.name, || {
+            let program = (!same).then(|| Program::new(&self.device, &prepared, text));
+            let layout = &program.as_ref().unwrap_or(&self.program).layout;
+            let loaded = Loaded::new(&self.device, &self.queue, layout, prepared);
+            (program, loaded)
+        })?;
+        self.loaded = loaded;
+        if let Some(program) = program {
+            self.program = program;
+        }
+        Ok(())
     }
 
     /// What it is called, and how it is reached.
@@ -184,9 +180,9 @@ impl Card {
 
     /// Means of some samples of each pixel, linear sRGB, row by row from the top.
     pub(in super::super) fn pass(&mut self, first: usize, count: usize) -> Result<Vec<[f32; 3]>, String> {
-        let mut sum = vec![[0.0; 3]; self.prepared.size[0] * self.prepared.size[1]];
+        let mut sum = vec![[0.0; 3]; self.loaded.prepared.size[0] * self.loaded.prepared.size[1]];
         for k in 0..count {
-            let sample = self.sample(first + k, self.prepared.size)?;
+            let sample = self.sample(first + k, self.loaded.prepared.size)?;
             for (sum, rgb) in sum.iter_mut().zip(sample) {
                 (0..3).for_each(|c| sum[c] += rgb[c] / count as f32);
             }
@@ -208,37 +204,37 @@ impl Card {
     /// One sample of each pixel of a part in the middle: systems end what keeps a card busy for seconds.
     pub(in super::super) fn sample(&mut self, index: usize, part: [usize; 2]) -> Result<Vec<[f32; 3]>, String> {
         let mut commands = self.begun(index, part);
-        let row = row_bytes(self.prepared.size[0]);
+        let row = row_bytes(self.loaded.prepared.size[0]);
         let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-        let to = wgpu::TexelCopyBufferInfo { buffer: &self.readback, layout };
-        commands.copy_texture_to_buffer(self.target.as_image_copy(), to, size(self.prepared.size));
+        let to = wgpu::TexelCopyBufferInfo { buffer: &self.loaded.readback, layout };
+        commands.copy_texture_to_buffer(self.loaded.target.as_image_copy(), to, size(self.loaded.prepared.size));
         self.queue.submit([commands.finish()]);
         let (done, ended) = mpsc::channel();
-        self.readback.map_async(wgpu::MapMode::Read, .., move |result| drop(done.send(result)));
+        self.loaded.readback.map_async(wgpu::MapMode::Read, .., move |result| drop(done.send(result)));
         let lost = |error: &dyn std::fmt::Display| format!("the card gave up: {error}");
         self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| lost(&e))?;
         ended.recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
-        let bytes = self.readback.get_mapped_range(..).map_err(|e| lost(&e))?;
-        let width = self.prepared.size[0] * PIXEL as usize;
+        let bytes = self.loaded.readback.get_mapped_range(..).map_err(|e| lost(&e))?;
+        let width = self.loaded.prepared.size[0] * PIXEL as usize;
         let rows = bytes.chunks_exact(row as usize).flat_map(|row| row[..width].chunks_exact(PIXEL as usize));
         let number = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
         let pixels = rows.map(|p| [number(&p[..4]), number(&p[4..8]), number(&p[8..12])]).collect();
         drop(bytes);
-        self.readback.unmap();
+        self.loaded.readback.unmap();
         Ok(pixels)
     }
 
     /// Commands that draw a sample of a part in the middle.
     fn begun(&mut self, index: usize, part: [usize; 2]) -> wgpu::CommandEncoder {
-        self.prepared.samples(index, 1, 0.0);
-        self.queue.write_buffer(&self.uniforms, 0, &self.prepared.uniform_bytes());
+        self.loaded.prepared.samples(index, 1, 0.0);
+        self.queue.write_buffer(&self.loaded.uniforms, 0, &self.loaded.prepared.uniform_bytes());
         let mut commands = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.draw(&mut commands, part);
         commands
     }
 
     fn draw(&self, commands: &mut wgpu::CommandEncoder, part: [usize; 2]) {
-        let view = self.target.create_view(&wgpu::TextureViewDescriptor::default());
+        let view = self.loaded.target.create_view(&wgpu::TextureViewDescriptor::default());
         let mut pass = commands.begin_render_pass(&wgpu::RenderPassDescriptor {
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                 view: &view,
@@ -248,11 +244,61 @@ impl Card {
             })],
             ..wgpu::RenderPassDescriptor::default()
         });
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &self.group, &[]);
-        let [left, top] = [0, 1].map(|k| (self.prepared.size[k] - part[k]) as u32 / 2);
+        pass.set_pipeline(&self.program.pipeline);
+        pass.set_bind_group(0, &self.loaded.group, &[]);
+        let [left, top] = [0, 1].map(|k| (self.loaded.prepared.size[k] - part[k]) as u32 / 2);
         pass.set_scissor_rect(left, top, part[0] as u32, part[1] as u32);
         pass.draw(0..3, 0..1);
+    }
+}
+
+impl Program {
+    fn new(device: &wgpu::Device, prepared: &Prepared, text: String) -> Self {
+        let textures = prepared.textures.len();
+        // One more: the samples before.
+        let layout = layout(device, textures + 1);
+        let pipeline = pipeline(device, &layout, &text);
+        Self { text, textures, layout, pipeline }
+    }
+}
+
+impl Loaded {
+    fn new(device: &wgpu::Device, queue: &wgpu::Queue, layout: &wgpu::BindGroupLayout, prepared: Prepared) -> Self {
+        use wgpu::{BufferUsages, TextureUsages};
+        let uniforms = device.create_buffer_init(&BufferInitDescriptor {
+            label: None,
+            contents: &prepared.uniform_bytes(),
+            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+        });
+        // The samples before are added up by the processor: no picture of them is looked at.
+        let before = Texture { name: "before", width: 1, height: 1, channels: 4, values: vec![0.0; 4] };
+        let views: Vec<wgpu::TextureView> = prepared
+            .textures
+            .iter()
+            .chain([&before])
+            .map(|t| {
+                let kind = descriptor(size([t.width, t.height]), t.channels, TextureUsages::TEXTURE_BINDING);
+                let bytes = bytemuck::cast_slice(&t.values);
+                let texture = device.create_texture_with_data(queue, &kind, TextureDataOrder::LayerMajor, bytes);
+                texture.create_view(&wgpu::TextureViewDescriptor::default())
+            })
+            .collect();
+        let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
+        let target = device.create_texture(&descriptor(size(prepared.size), 4, target));
+        let readback = device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: u64::from(row_bytes(prepared.size[0])) * prepared.size[1] as u64,
+            usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let buffer = wgpu::BindGroupEntry { binding: 0, resource: uniforms.as_entire_binding() };
+        let textures = views.iter().zip(1..).map(|(view, binding)| wgpu::BindGroupEntry {
+            binding,
+            resource: wgpu::BindingResource::TextureView(view),
+        });
+        let entries: Vec<wgpu::BindGroupEntry> = [buffer].into_iter().chain(textures).collect();
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries });
+        Self { prepared, uniforms, group, target, readback }
     }
 }
 

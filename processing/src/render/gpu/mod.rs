@@ -17,7 +17,7 @@ mod under;
 
 pub(super) use card::Card;
 pub use prepared::{NAMES, Prepared};
-pub use speed::{Frames, Rates, Timed, frames, rates, timed};
+pub use speed::{Frames, Kept, Rates, Timed, frames, rates, timed};
 pub use textures::Texture;
 
 /// What the best graphics card is called and how it is reached.

@@ -22,6 +22,11 @@ impl Card {
     }
 
     /// Never called.
+    pub(in super::super) fn load(&mut self, _: Prepared) -> Result<(), String> {
+        match *self {}
+    }
+
+    /// Never called.
     pub(in super::super) fn software(&self) -> bool {
         match *self {}
     }

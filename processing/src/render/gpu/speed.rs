@@ -133,16 +133,32 @@ fn refused(why: String) -> Error {
     Error::input("gpu", why, "render on the processor")
 }
 
-/// Renders a scene whose files are sought in a folder with so many samples per pixel (a multiple of 4), sums off by less than `error` (relative).
+/// The best card there is, kept for one scene after the other: shaders are compiled once for all scenes that share them.
+#[derive(Default)]
+pub struct Kept(Option<Card>);
+
+impl Kept {
+    /// The card with a scene on it, or why there is none that does it.
+    fn with(&mut self, ready: &Ready) -> std::result::Result<&mut Card, String> {
+        match &mut self.0 {
+            Some(card) => card.load(Prepared::of(ready, usize::MAX)?)?,
+            none => *none = Some(card(ready)?),
+        }
+        self.0.as_mut().ok_or_else(|| "there is no card".into())
+    }
+}
+
+/// Renders a scene whose files are sought in a folder with so many samples per pixel (a multiple of 4), sums off by less than `error` (relative),
+/// on a card or, if none is given, on the processor.
 ///
 /// # Errors
 /// `Input` for what makes no sense, and for the card where there is none that does the scene.
-pub fn timed(scene: &Scene, folder: &Path, samples: usize, error: f64, on_card: bool) -> Result<Timed> {
+pub fn timed(scene: &Scene, folder: &Path, samples: usize, error: f64, card: Option<&mut Kept>) -> Result<Timed> {
     job::check(&Settings { samples, ..Settings::default() })?;
     let ready = Ready::new(scene, folder, Accuracy::new(error, None), &Silent)?;
     let passes = (samples / SAMPLES).max(1);
-    if on_card {
-        let mut card = card(&ready).map_err(refused)?;
+    if let Some(kept) = card {
+        let card = kept.with(&ready).map_err(refused)?;
         // Drivers compile shaders when they are first drawn with.
         card.sample(0, [1, 1]).map_err(refused)?;
         let begun = Instant::now();
