@@ -22,8 +22,9 @@ const COPY: &str = "
     return textureLoad(source, vec2<i32>(position.xy), 0);
 }";
 
-/// Pixels of a side of the copy, and bytes that a pixel moves, to and fro.
-const COPIED: usize = 2048;
+/// Pixels of a side of the copy, on a card and on software: more than caches hold, and long beside what it takes to begin a frame. Bytes that a
+/// pixel moves, to and fro.
+const COPIED: [usize; 2] = [4096, 2048];
 const COPIED_BYTES: f64 = 32.0;
 
 /// Multiplies and adds, four vectors of four in each turn: what arithmetic gives.
@@ -40,8 +41,8 @@ const ADD: &str = "
     return a + b + c + d;
 }";
 
-/// Pixels of a side, and operations of a pixel.
-const ADDED: usize = 256;
+/// Pixels of a side, on a card and on software, and operations of a pixel.
+const ADDED: [usize; 2] = [2048, 256];
 const ADDED_OPERATIONS: f64 = 1024.0 * 4.0 * 4.0 * 2.0;
 
 /// Lines of the shaders, and how many operations they and what follows up to the next loop take: additions, multiplications, roots and the like count
@@ -187,12 +188,16 @@ fn pace(card: &mut Card, part: [usize; 2]) -> std::result::Result<f64, String> {
     }
 }
 
-/// A shader that looks at one texture alone.
-fn probe(shader: &str, side: usize) -> std::result::Result<(f64, Card), String> {
-    let texture =
-        Texture { name: "source", width: side, height: side, channels: 4, values: vec![0.5; 4 * side * side] };
-    let prepared = Prepared { size: [side; 2], uniforms: vec![[0.0; 4]], textures: vec![texture] };
-    let mut card = Card::with(prepared, shader)?;
+/// Pixels per second of a shader that looks at one texture alone, of as many pixels a side as suit a card, or software.
+fn probe(shader: &str, [of_card, of_software]: [usize; 2]) -> std::result::Result<(f64, Card), String> {
+    let prepared = |side: usize| {
+        let values = vec![0.5; 4 * side * side];
+        let texture = Texture { name: "source", width: side, height: side, channels: 4, values };
+        Prepared { size: [side; 2], uniforms: vec![[0.0; 4]], textures: vec![texture] }
+    };
+    let mut card = Card::with(prepared(of_software), shader)?;
+    let side = if card.software() { of_software } else { of_card };
+    card.load(prepared(side))?;
     let seconds = pace(&mut card, [side; 2])?;
     Ok(((side * side) as f64 / seconds, card))
 }
