@@ -45,8 +45,8 @@ pub fn pictures() -> Vec<Picture> {
         group: "gpu",
         title: "Frames per second on the graphics card, and what it could do",
         text: "A sample of each of 1920 × 1080 pixels, maps of 2048 × 2048. Operations and texels of a pixel are counted by the shaders \
-               themselves; the card's best is measured with shaders that copy a texture, and that multiply and add. Bytes are those that must \
-               move through memory: a texel of the maps, if there are any, and the result. Software draws the middle of the frame alone.",
+               themselves; the card's best is measured with shaders that add a texture to the picture, and that multiply and add. Bytes are those \
+               that must move through memory: a texel of the maps, if there are any, and the sum of the samples, to and fro. Software draws the middle of the frame alone.",
         draw,
     }]
 }

@@ -5,7 +5,7 @@ use std::sync::mpsc;
 use wgpu::util::{BufferInitDescriptor, DeviceExt, TextureDataOrder};
 
 /// Bytes of a pixel of the picture.
-const PIXEL: u32 = 16;
+const PIXEL: u64 = 16;
 
 /// Uniforms that do not change while a scene is rendered, as shaders read them.
 const SETTLED: [(&str, &str, usize); 4] = [
@@ -14,6 +14,35 @@ const SETTLED: [(&str, &str, usize); 4] = [
     ("scene.form.x", "form", 0),
     ("scene.sky_x.w", "sky_x", 3),
 ];
+
+/// Adds a sample to the sums of pixels, each by the shaders' `drawn`. Not as a picture of triangles: cards for servers do these on a few of their
+/// processors alone, and sums need not leave the card for each sample.
+const ADDS: &str = "
+struct Area {
+    first: vec2<u32>,
+    size: vec2<u32>,
+    width: u32,
+}
+@group(1) @binding(0) var<uniform> area: Area;
+@group(1) @binding(1) var<storage, read_write> picture: array<vec4<f32>>;
+
+@compute @workgroup_size(8, 8)
+fn add(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= area.size.x || id.y >= area.size.y {
+        return;
+    }
+    let at = area.first + id.xy;
+    picture[at.y * area.width + at.x] += drawn(vec2<f32>(at));
+}";
+
+/// Samples that are given to a card before it is waited for.
+const AHEAD: usize = 256;
+
+/// Pixels along a side of what a group of the shader draws.
+const GROUP: u32 = 8;
+
+/// Bytes of an `Area`.
+const AREA: u64 = 32;
 
 /// A scene on a card.
 pub(in super::super) struct Card {
@@ -31,17 +60,18 @@ pub(in super::super) struct Card {
 struct Program {
     text: String,
     textures: usize,
-    layout: wgpu::BindGroupLayout,
-    pipeline: wgpu::RenderPipeline,
+    pipeline: wgpu::ComputePipeline,
 }
 
 /// What is one scene's.
 struct Loaded {
     prepared: Prepared,
     uniforms: wgpu::Buffer,
-    group: wgpu::BindGroup,
-    target: wgpu::Texture,
+    area: wgpu::Buffer,
+    /// Sums of the samples.
+    picture: wgpu::Buffer,
     readback: wgpu::Buffer,
+    groups: [wgpu::BindGroup; 2],
 }
 
 /// The best card there is, or why there is none.
@@ -69,18 +99,23 @@ fn fits(device: &wgpu::Device, name: &str, software: bool, prepared: &Prepared) 
     if software && prepared.too_long_for_software() {
         return Err(format!("{name} is software that ends long sums early, as this scene takes"));
     }
-    let most = device.limits().max_texture_dimension_2d as usize;
-    let sizes = prepared.textures.iter().map(|t| (t.name, t.width.max(t.height)));
-    for (name, side) in sizes.chain([("picture", prepared.size[0].max(prepared.size[1]))]) {
+    let limits = device.limits();
+    for t in &prepared.textures {
+        let (side, most) = (t.width.max(t.height), limits.max_texture_dimension_2d as usize);
         if side > most {
-            return Err(format!("{name} has {side} pixels along a side, and the card takes {most}"));
+            return Err(format!("{} has {side} pixels along a side, and the card takes {most}", t.name));
         }
     }
-    let bytes = row_bytes(prepared.size[0]) as u64 * prepared.size[1] as u64;
-    if bytes > device.limits().max_buffer_size {
-        return Err("the picture is too large for the card".into());
-    }
-    Ok(())
+    let [columns, rows] = prepared.size.map(|n| n as u64);
+    let groups = columns.max(rows).div_ceil(u64::from(GROUP));
+    let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+    let fits = picture_bytes(prepared.size) <= most && groups <= u64::from(limits.max_compute_workgroups_per_dimension);
+    if fits { Ok(()) } else { Err(format!("a picture of {columns} × {rows} pixels is too large for the card")) }
+}
+
+/// Bytes of the sums of all pixels.
+fn picture_bytes([width, height]: [usize; 2]) -> u64 {
+    (width as u64).saturating_mul(height as u64).saturating_mul(PIXEL)
 }
 
 /// What is made on a card, or the error that it gives.
@@ -95,24 +130,15 @@ fn caught<T>(device: &wgpu::Device, name: &str, make: impl FnOnce() -> T) -> Res
     }
 }
 
-/// Bytes of a row as it is copied.
-fn row_bytes(width: usize) -> u32 {
-    (width as u32 * PIXEL).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
-}
-
-fn size([width, height]: [usize; 2]) -> wgpu::Extent3d {
-    wgpu::Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 }
-}
-
-fn descriptor(size: wgpu::Extent3d, channels: usize, usage: wgpu::TextureUsages) -> wgpu::TextureDescriptor<'static> {
+fn descriptor(t: &Texture) -> wgpu::TextureDescriptor<'static> {
     wgpu::TextureDescriptor {
         label: None,
-        size,
+        size: wgpu::Extent3d { width: t.width as u32, height: t.height as u32, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
-        format: if channels == 1 { wgpu::TextureFormat::R32Float } else { wgpu::TextureFormat::Rgba32Float },
-        usage,
+        format: if t.channels == 1 { wgpu::TextureFormat::R32Float } else { wgpu::TextureFormat::Rgba32Float },
+        usage: wgpu::TextureUsages::TEXTURE_BINDING,
         view_formats: &[],
     }
 }
@@ -129,12 +155,16 @@ impl Card {
         Self::with(prepared, SHADER)
     }
 
-    /// The same with other shaders, whose entry points are called the same.
+    /// The same with other shaders, which say what is `drawn` at a pixel.
     pub(in super::super) fn with(prepared: Prepared, shader: &str) -> Result<Self, String> {
         let adapter = adapter()?;
         let info = adapter.get_info();
-        let limits = wgpu::Limits::downlevel_defaults().using_resolution(adapter.limits());
-        let limits = wgpu::Limits { max_buffer_size: adapter.limits().max_buffer_size, ..limits };
+        let of_card = adapter.limits();
+        let limits = wgpu::Limits {
+            max_buffer_size: of_card.max_buffer_size,
+            max_storage_buffer_binding_size: of_card.max_storage_buffer_binding_size,
+            ..wgpu::Limits::downlevel_defaults().using_resolution(of_card)
+        };
         let wanted = wgpu::DeviceDescriptor { required_limits: limits, ..wgpu::DeviceDescriptor::default() };
         let (device, queue) =
             pollster::block_on(adapter.request_device(&wanted)).map_err(|e| format!("{} refuses: {e}", info.name))?;
@@ -144,7 +174,7 @@ impl Card {
         fits(&device, &name, software, &prepared)?;
         let (program, loaded) = caught(&device, &name, || {
             let program = Program::new(&device, &prepared, settled(&prepared, shader));
-            let loaded = Loaded::new(&device, &queue, &program.layout, prepared);
+            let loaded = Loaded::new(&device, &queue, &program.pipeline, prepared);
             (program, loaded)
         })?;
         Ok(Self { device, queue, name, software, shader: shader.to_owned(), program, loaded })
@@ -157,8 +187,8 @@ impl Card {
         let same = text == self.program.text && prepared.textures.len() == self.program.textures;
         let (program, loaded) = caught(&self.device, &self.name, || {
             let program = (!same).then(|| Program::new(&self.device, &prepared, text));
-            let layout = &program.as_ref().unwrap_or(&self.program).layout;
-            let loaded = Loaded::new(&self.device, &self.queue, layout, prepared);
+            let pipeline = &program.as_ref().unwrap_or(&self.program).pipeline;
+            let loaded = Loaded::new(&self.device, &self.queue, pipeline, prepared);
             (program, loaded)
         })?;
         self.loaded = loaded;
@@ -180,176 +210,175 @@ impl Card {
 
     /// Means of some samples of each pixel, linear sRGB, row by row from the top.
     pub(in super::super) fn pass(&mut self, first: usize, count: usize) -> Result<Vec<[f32; 3]>, String> {
-        let mut sum = vec![[0.0; 3]; self.loaded.prepared.size[0] * self.loaded.prepared.size[1]];
-        for k in 0..count {
-            let sample = self.sample(first + k, self.loaded.prepared.size)?;
-            for (sum, rgb) in sum.iter_mut().zip(sample) {
-                (0..3).for_each(|c| sum[c] += rgb[c] / count as f32);
-            }
-        }
-        Ok(sum)
+        self.part(first, count, self.loaded.prepared.size)
+    }
+
+    /// The same of a part in the middle, with zeros around it.
+    pub(in super::super) fn part(
+        &mut self,
+        first: usize,
+        count: usize,
+        part: [usize; 2],
+    ) -> Result<Vec<[f32; 3]>, String> {
+        let mut commands = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        commands.clear_buffer(&self.loaded.picture, 0, None);
+        self.queue.submit([commands.finish()]);
+        self.add(first, count, part)?;
+        let Loaded { picture, readback, prepared, .. } = &self.loaded;
+        let mut commands = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        commands.copy_buffer_to_buffer(picture, 0, readback, 0, picture_bytes(prepared.size));
+        self.queue.submit([commands.finish()]);
+        let (done, ended) = mpsc::channel();
+        readback.map_async(wgpu::MapMode::Read, .., move |result| drop(done.send(result)));
+        self.waited()?;
+        ended.recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
+        let bytes = readback.get_mapped_range(..).map_err(|e| lost(&e))?;
+        let number = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]) / count as f32;
+        let sums = bytes.chunks_exact(PIXEL as usize);
+        let pixels = sums.map(|p| [number(&p[..4]), number(&p[4..8]), number(&p[8..12])]).collect();
+        drop(bytes);
+        readback.unmap();
+        Ok(pixels)
     }
 
     /// Seconds of frames of one sample each, of whose pixels only `part` in the middle are drawn; nothing is read back.
     pub(in super::super) fn seconds(&mut self, frames: usize, part: [usize; 2]) -> Result<f64, String> {
         let begun = std::time::Instant::now();
-        for k in 0..frames {
-            let commands = self.begun(k, part);
-            self.queue.submit([commands.finish()]);
-        }
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| format!("the card gave up: {e}"))?;
+        self.add(0, frames, part)?;
+        self.waited()?;
         Ok(begun.elapsed().as_secs_f64())
     }
 
-    /// One sample of each pixel of a part in the middle: systems end what keeps a card busy for seconds.
-    pub(in super::super) fn sample(&mut self, index: usize, part: [usize; 2]) -> Result<Vec<[f32; 3]>, String> {
-        let mut commands = self.begun(index, part);
-        let row = row_bytes(self.loaded.prepared.size[0]);
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-        let to = wgpu::TexelCopyBufferInfo { buffer: &self.loaded.readback, layout };
-        commands.copy_texture_to_buffer(self.loaded.target.as_image_copy(), to, size(self.loaded.prepared.size));
-        self.queue.submit([commands.finish()]);
-        let (done, ended) = mpsc::channel();
-        self.loaded.readback.map_async(wgpu::MapMode::Read, .., move |result| drop(done.send(result)));
-        let lost = |error: &dyn std::fmt::Display| format!("the card gave up: {error}");
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| lost(&e))?;
-        ended.recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
-        let bytes = self.loaded.readback.get_mapped_range(..).map_err(|e| lost(&e))?;
-        let width = self.loaded.prepared.size[0] * PIXEL as usize;
-        let rows = bytes.chunks_exact(row as usize).flat_map(|row| row[..width].chunks_exact(PIXEL as usize));
-        let number = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
-        let pixels = rows.map(|p| [number(&p[..4]), number(&p[4..8]), number(&p[8..12])]).collect();
-        drop(bytes);
-        self.loaded.readback.unmap();
-        Ok(pixels)
+    fn waited(&self) -> Result<(), String> {
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map(drop).map_err(|e| lost(&e))
     }
 
-    /// Commands that draw a sample of a part in the middle.
-    fn begun(&mut self, index: usize, part: [usize; 2]) -> wgpu::CommandEncoder {
-        self.loaded.prepared.samples(index, 1, 0.0);
-        self.queue.write_buffer(&self.loaded.uniforms, 0, &self.loaded.prepared.uniform_bytes());
-        let mut commands = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.draw(&mut commands, part);
-        commands
+    /// Adds samples of a part in the middle, one at a time: systems end what keeps a card busy for seconds.
+    fn add(&mut self, first: usize, count: usize, part: [usize; 2]) -> Result<(), String> {
+        let Loaded { prepared, uniforms, area, groups, .. } = &mut self.loaded;
+        let [width, left, top] =
+            [prepared.size[0], (prepared.size[0] - part[0]) / 2, (prepared.size[1] - part[1]) / 2].map(|n| n as u32);
+        let [columns, rows] = part.map(|n| n as u32);
+        self.queue.write_buffer(area, 0, bytemuck::cast_slice(&[left, top, columns, rows, width, 0, 0, 0]));
+        for k in 0..count {
+            prepared.samples(first + k, 1, 0.0);
+            self.queue.write_buffer(uniforms, 0, &prepared.uniform_bytes());
+            let mut commands = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            let mut pass = commands.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&self.program.pipeline);
+            (0..).zip(&*groups).for_each(|(k, group)| pass.set_bind_group(k, group, &[]));
+            pass.dispatch_workgroups(columns.div_ceil(GROUP), rows.div_ceil(GROUP), 1);
+            drop(pass);
+            self.queue.submit([commands.finish()]);
+            if k % AHEAD == AHEAD - 1 {
+                self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| lost(&e))?;
+            }
+        }
+        Ok(())
     }
+}
 
-    fn draw(&self, commands: &mut wgpu::CommandEncoder, part: [usize; 2]) {
-        let view = self.loaded.target.create_view(&wgpu::TextureViewDescriptor::default());
-        let mut pass = commands.begin_render_pass(&wgpu::RenderPassDescriptor {
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
-            })],
-            ..wgpu::RenderPassDescriptor::default()
-        });
-        pass.set_pipeline(&self.program.pipeline);
-        pass.set_bind_group(0, &self.loaded.group, &[]);
-        let [left, top] = [0, 1].map(|k| (self.loaded.prepared.size[k] - part[k]) as u32 / 2);
-        pass.set_scissor_rect(left, top, part[0] as u32, part[1] as u32);
-        pass.draw(0..3, 0..1);
-    }
+fn lost(error: &dyn std::fmt::Display) -> String {
+    format!("the card gave up: {error}")
 }
 
 impl Program {
     fn new(device: &wgpu::Device, prepared: &Prepared, text: String) -> Self {
         let textures = prepared.textures.len();
-        // One more: the samples before.
-        let layout = layout(device, textures + 1);
-        let pipeline = pipeline(device, &layout, &text);
-        Self { text, textures, layout, pipeline }
+        let source = wgpu::ShaderSource::Wgsl((text.clone() + ADDS).into());
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+        // One more texture: the samples before.
+        let layouts = [scene_layout(device, textures + 1), picture_layout(device)];
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            bind_group_layouts: &layouts.each_ref().map(Some),
+            ..wgpu::PipelineLayoutDescriptor::default()
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: None,
+            layout: Some(&layout),
+            module: &module,
+            entry_point: Some("add"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        Self { text, textures, pipeline }
     }
 }
 
 impl Loaded {
-    fn new(device: &wgpu::Device, queue: &wgpu::Queue, layout: &wgpu::BindGroupLayout, prepared: Prepared) -> Self {
-        use wgpu::{BufferUsages, TextureUsages};
+    fn new(device: &wgpu::Device, queue: &wgpu::Queue, pipeline: &wgpu::ComputePipeline, prepared: Prepared) -> Self {
+        use wgpu::BufferUsages;
         let uniforms = device.create_buffer_init(&BufferInitDescriptor {
             label: None,
             contents: &prepared.uniform_bytes(),
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         });
-        // The samples before are added up by the processor: no picture of them is looked at.
+        let buffer = |size, usage| {
+            device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+        };
+        let area = buffer(AREA, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+        let bytes = picture_bytes(prepared.size);
+        let picture = buffer(bytes, BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST);
+        let readback = buffer(bytes, BufferUsages::COPY_DST | BufferUsages::MAP_READ);
+        // Samples are added up outside the shaders: no picture of those before is looked at.
         let before = Texture { name: "before", width: 1, height: 1, channels: 4, values: vec![0.0; 4] };
         let views: Vec<wgpu::TextureView> = prepared
             .textures
             .iter()
             .chain([&before])
             .map(|t| {
-                let kind = descriptor(size([t.width, t.height]), t.channels, TextureUsages::TEXTURE_BINDING);
                 let bytes = bytemuck::cast_slice(&t.values);
-                let texture = device.create_texture_with_data(queue, &kind, TextureDataOrder::LayerMajor, bytes);
+                let texture =
+                    device.create_texture_with_data(queue, &descriptor(t), TextureDataOrder::LayerMajor, bytes);
                 texture.create_view(&wgpu::TextureViewDescriptor::default())
             })
             .collect();
-        let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
-        let target = device.create_texture(&descriptor(size(prepared.size), 4, target));
-        let readback = device.create_buffer(&wgpu::BufferDescriptor {
-            label: None,
-            size: u64::from(row_bytes(prepared.size[0])) * prepared.size[1] as u64,
-            usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
-            mapped_at_creation: false,
+        let textures = views.iter().map(wgpu::BindingResource::TextureView);
+        let of_scene: Vec<_> = [uniforms.as_entire_binding()].into_iter().chain(textures).collect();
+        let of_picture = vec![area.as_entire_binding(), picture.as_entire_binding()];
+        let groups = [(0, of_scene), (1, of_picture)].map(|(k, resources)| {
+            let entries = (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource });
+            device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &pipeline.get_bind_group_layout(k),
+                entries: &entries.collect::<Vec<_>>(),
+            })
         });
-        let buffer = wgpu::BindGroupEntry { binding: 0, resource: uniforms.as_entire_binding() };
-        let textures = views.iter().zip(1..).map(|(view, binding)| wgpu::BindGroupEntry {
-            binding,
-            resource: wgpu::BindingResource::TextureView(view),
-        });
-        let entries: Vec<wgpu::BindGroupEntry> = [buffer].into_iter().chain(textures).collect();
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries });
-        Self { prepared, uniforms, group, target, readback }
+        Self { prepared, uniforms, area, picture, readback, groups }
     }
 }
 
-fn layout(device: &wgpu::Device, textures: usize) -> wgpu::BindGroupLayout {
-    let entry = |binding: u32, ty: wgpu::BindingType| wgpu::BindGroupLayoutEntry {
+fn layout(device: &wgpu::Device, types: &[wgpu::BindingType]) -> wgpu::BindGroupLayout {
+    let entries = (0..).zip(types).map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
         binding,
-        visibility: wgpu::ShaderStages::FRAGMENT,
-        ty,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: *ty,
         count: None,
-    };
-    let uniform = wgpu::BindingType::Buffer {
-        ty: wgpu::BufferBindingType::Uniform,
-        has_dynamic_offset: false,
-        min_binding_size: None,
-    };
+    });
+    let entries: Vec<_> = entries.collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+}
+
+fn buffer(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
+    wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
+}
+
+/// The scene's uniforms and textures.
+fn scene_layout(device: &wgpu::Device, textures: usize) -> wgpu::BindGroupLayout {
     let texture = wgpu::BindingType::Texture {
         sample_type: wgpu::TextureSampleType::Float { filterable: false },
         view_dimension: wgpu::TextureViewDimension::D2,
         multisampled: false,
     };
-    let textures = (1..=textures as u32).map(|binding| entry(binding, texture));
-    let entries: Vec<wgpu::BindGroupLayoutEntry> = [entry(0, uniform)].into_iter().chain(textures).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+    let mut types = vec![texture; textures + 1];
+    types[0] = buffer(wgpu::BufferBindingType::Uniform);
+    layout(device, &types)
 }
 
-fn pipeline(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, shader: &str) -> wgpu::RenderPipeline {
-    let source = wgpu::ShaderSource::Wgsl(shader.into());
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        bind_group_layouts: &[Some(layout)],
-        ..wgpu::PipelineLayoutDescriptor::default()
-    });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: None,
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("corner"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("light"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(wgpu::TextureFormat::Rgba32Float.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+/// The area and the sums of pixels.
+fn picture_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    layout(
+        device,
+        &[buffer(wgpu::BufferBindingType::Uniform), buffer(wgpu::BufferBindingType::Storage { read_only: false })],
+    )
 }

@@ -176,9 +176,8 @@ fn seen_at(pixel: vec2<f32>, sample: f32, u: vec4<f32>) -> vec4<f32> {
     return vec4(sum, 1.0);
 }
 
-@fragment
-fn light(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
-    let corner = floor(position.xy);
+// A pixel, by its upper left corner.
+fn drawn(corner: vec2<f32>) -> vec4<f32> {
     let count = i32(scene.samples.y);
     var sum = vec4(0.0);
     for (var k = 0; k < count; k++) {
@@ -191,4 +190,9 @@ fn light(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
         return mean;
     }
     return mix(mean, textureLoad(before, vec2<i32>(corner), 0), scene.samples.z);
+}
+
+@fragment
+fn light(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    return drawn(floor(position.xy));
 }

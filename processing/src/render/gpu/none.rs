@@ -37,7 +37,7 @@ impl Card {
     }
 
     /// Never called.
-    pub(in super::super) fn sample(&mut self, _: usize, _: [usize; 2]) -> Result<Vec<[f32; 3]>, String> {
+    pub(in super::super) fn part(&mut self, _: usize, _: usize, _: [usize; 2]) -> Result<Vec<[f32; 3]>, String> {
         match *self {}
     }
 

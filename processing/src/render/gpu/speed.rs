@@ -12,29 +12,26 @@ use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
 
-/// Copies a texture: what memory gives.
+/// Adds a texture to the picture: what memory gives.
 const COPY: &str = "
 @group(0) @binding(1) var source: texture_2d<f32>;
-@vertex fn corner(@builtin(vertex_index) k: u32) -> @builtin(position) vec4<f32> {
-    return vec4(select(-1.0, 3.0, k == 1u), select(-1.0, 3.0, k == 2u), 0.0, 1.0);
-}
-@fragment fn light(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
-    return textureLoad(source, vec2<i32>(position.xy), 0);
+fn drawn(corner: vec2<f32>) -> vec4<f32> {
+    return textureLoad(source, vec2<i32>(corner), 0);
 }";
 
-/// Pixels of a side of the copy, on a card and on software: more than caches hold, and long beside what it takes to begin a frame. Bytes that a
-/// pixel moves, to and fro.
+/// Pixels of a side of the copy, on a card and on software: more than caches hold, and long beside what it takes to begin a frame.
 const COPIED: [usize; 2] = [4096, 2048];
-const COPIED_BYTES: f64 = 32.0;
+
+/// Bytes of a texel and of a pixel of the picture, which is read and written.
+const TEXEL: f64 = 16.0;
+const ADDED_UP: f64 = 2.0 * TEXEL;
 
 /// Multiplies and adds, four vectors of four in each turn: what arithmetic gives.
 const ADD: &str = "
-@vertex fn corner(@builtin(vertex_index) k: u32) -> @builtin(position) vec4<f32> {
-    return vec4(select(-1.0, 3.0, k == 1u), select(-1.0, 3.0, k == 2u), 0.0, 1.0);
-}
-@fragment fn light(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
-    let by = 0.999 + 1e-7 * position;
-    var a = position; var b = position.yzwx; var c = position.zwxy; var d = position.wxyz;
+fn drawn(corner: vec2<f32>) -> vec4<f32> {
+    var a = vec4(corner, 0.5, 1.0);
+    let by = 0.999 + 1e-7 * a;
+    var b = a.yzwx; var c = a.zwxy; var d = a.wxyz;
     for (var k = 0; k < 1024; k++) {
         a = fma(a, by, by); b = fma(b, by, by); c = fma(c, by, by); d = fma(d, by, by);
     }
@@ -78,9 +75,6 @@ fn counted_load(source: texture_2d<f32>, at: vec2<i32>, level: i32) -> vec4<f32>
 }";
 const MEAN: &str = "let mean = sum / max(f32(count), 1.0);";
 
-/// Bytes of a texel and of a pixel of the picture.
-const TEXEL: f64 = 16.0;
-
 /// Part of the frame along each side that software draws.
 const SHARE: usize = 8;
 
@@ -113,7 +107,7 @@ pub struct Frames {
     pub operations_per_pixel: f64,
     /// Texels that a pixel looks up, of 16 bytes at most, most of them in caches.
     pub texels_per_pixel: f64,
-    /// Bytes that must move through memory for a pixel: its texel of the maps, if there are any, and the result.
+    /// Bytes that must move through memory for a pixel: its texel of the maps, if there are any, and the sum of its samples, to and fro.
     pub bytes_per_pixel: f64,
     /// Part of the card's rate of operations that is reached.
     pub of_operations: f64,
@@ -161,7 +155,7 @@ pub fn timed(scene: &Scene, folder: &Path, samples: usize, error: f64, card: Opt
     if let Some(kept) = card {
         let card = kept.with(&ready).map_err(refused)?;
         // Drivers compile shaders when they are first drawn with.
-        card.sample(0, [1, 1]).map_err(refused)?;
+        card.seconds(1, [1, 1]).map_err(refused)?;
         let begun = Instant::now();
         let pixels = card.pass(0, passes * SAMPLES).map_err(refused)?;
         return Ok(Timed { pixels, seconds: begun.elapsed().as_secs_f64() });
@@ -212,7 +206,7 @@ pub fn rates() -> Result<Rates> {
     Ok(Rates {
         adapter: card.name().to_owned(),
         software: card.software(),
-        copied_bytes_per_s: copied * COPIED_BYTES,
+        copied_bytes_per_s: copied * (TEXEL + ADDED_UP),
         operations_per_s: added * ADDED_OPERATIONS,
     })
 }
@@ -239,8 +233,8 @@ fn measured(prepared: Prepared, rates: &Rates) -> std::result::Result<Frames, St
     let size = prepared.size;
     let drawn = if rates.software { size.map(|n| n.div_ceil(SHARE)) } else { size };
     let maps = prepared.textures.iter().any(|t| t.name == "maps" && t.width > 2);
-    let bytes_per_pixel = if maps { 2.0 * TEXEL } else { TEXEL };
-    let counts = Card::with(prepared.clone(), &counting())?.sample(0, drawn)?;
+    let bytes_per_pixel = ADDED_UP + if maps { TEXEL } else { 0.0 };
+    let counts = Card::with(prepared.clone(), &counting())?.part(0, 1, drawn)?;
     let pixels = (drawn[0] * drawn[1]) as f64;
     let mean = |c: usize| counts.iter().map(|p| f64::from(p[c])).sum::<f64>() / pixels;
     let pixels_per_s = pixels / pace(&mut Card::new(prepared)?, drawn)?;
