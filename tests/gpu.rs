@@ -108,12 +108,10 @@ fn effort(material: &Material) -> [usize; 3] {
     [side, fewer * times, more * times]
 }
 
-/// Runs a test for each material in a process of its own, two at a time, as software compiles shaders on one processor; but one sphere at a time,
-/// of which it takes 12 gigabytes.
+/// Runs a test for each material in a process of its own, two at a time, as software compiles shaders on one processor.
 fn all_in_processes(test: &str) {
-    let (spheres, others): (Vec<_>, Vec<_>) = MATERIALS.iter().partition(|m| m.name.contains("sphere"));
-    let [spheres, others] = [spheres, others].map(|materials| Mutex::new(materials.into_iter()));
-    let work = |waiting: &Mutex<std::vec::IntoIter<&Material>>| {
+    let waiting = Mutex::new(MATERIALS.iter());
+    let work = || {
         loop {
             let next = waiting.lock().unwrap_or_else(PoisonError::into_inner).next();
             let Some(material) = next else { return };
@@ -125,9 +123,8 @@ fn all_in_processes(test: &str) {
         }
     };
     std::thread::scope(|scope| {
-        scope.spawn(|| work(&others));
-        work(&spheres);
-        work(&others);
+        scope.spawn(work);
+        work();
     });
 }
 
