@@ -74,7 +74,9 @@ const SLITS: &str = "type = \"multislit\"\nspacing_um = 1.5\nwidth_um = 0.5\ncou
 const LATTICE: &str = "type = \"lattice\"\nperiod_um = [6, 5]\naperture_um = [3, 2.5]\norientation_deg = 20\ncoherence_um = 10\nreflectance = \"silver\"";
 const HEIGHTS: &str = "type = \"heightfield\"\nfile = \"heights.exr\"\norientation_deg = 20\ncoherence_um = 10\nreflectance = \"aluminium\"";
 
-pub const MATERIALS: [Material; 26] = [
+const LATTICE_40: &str = "type = \"lattice\"\nperiod_um = [6, 5]\naperture_um = [3, 2.5]\norientation_deg = 20\ncoherence_um = 40\nreflectance = \"silver\"";
+
+pub const MATERIALS: [Material; 27] = [
     Material { name: "sinusoid", text: SINUSOID, groove: [30.0, 1.5], setting: Setting::Plane },
     Material {
         name: "blazed",
@@ -104,6 +106,8 @@ pub const MATERIALS: [Material; 26] = [
     Material { name: "slits", text: SLITS, groove: [30.0, 1.5], setting: Setting::Plane },
     Material { name: "slits under a sky", text: SLITS, groove: [30.0, 1.5], setting: Setting::Sky },
     Material { name: "lattice", text: LATTICE, groove: [20.0, 6.0], setting: Setting::Plane },
+    // Where lobes are narrow, their flanks light pixels that nothing else does.
+    Material { name: "lattice of narrow lobes", text: LATTICE_40, groove: [20.0, 6.0], setting: Setting::Plane },
     Material { name: "height field", text: HEIGHTS, groove: [20.0, 3.2], setting: Setting::Plane },
     Material {
         name: "height field on a cylinder under a sky",

@@ -71,12 +71,6 @@ impl Blur {
         (-0.5 * (a * x * x + b * y * y + 2.0 * c * x * y)).exp() / (TAU * det.sqrt())
     }
 
-    /// Standard deviation of wave numbers along `ν t` at one of them; infinite where t is 0.
-    pub(super) fn deviation(&self, [x, y]: [f64; 2], number: f64) -> f64 {
-        let ([a, b, c], _) = self.inverse(number);
-        1.0 / (a * x * x + b * y * y + 2.0 * c * x * y).sqrt()
-    }
-
     /// Wave number at which the line `ν t - g` is nearest to 0, its standard deviation along the line, and its square distance there.
     pub(super) fn nearest(&self, t: [f64; 2], g: [f64; 2]) -> [f64; 3] {
         let mut at = 0.5 * (RANGE[0] + RANGE[1]);

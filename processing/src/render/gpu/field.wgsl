@@ -86,24 +86,31 @@ fn frequency_power(bin: vec2<i32>, number: f32, w: f32, cosine: f32) -> f32 {
     return sinc_square(share.x) * sinc_square(share.y) * scene.detail.z;
 }
 
+// How far from a frequency its lobe is followed, in 1/µm.
+fn field_margin(width: f32) -> f32 {
+    return scene.sums.y * sqrt(scene.grooves.w + width * width * LAST * LAST);
+}
+
 // One frequency's lobe, summed up over the wave numbers that meet it: X, Y, Z.
 fn frequency_lobe(bin: vec2<i32>, range: vec2<f32>, view: vec3<f32>, light: vec3<f32>, width: f32, lamp: i32) -> vec3<f32> {
     let t = view.xy + light.xy;
     let g = vec2<f32>(bin) / scene.repeat.xy;
-    let reach = scene.sums.y;
-    let near = nearest(t, g, light, width);
-    if near.z > reach * reach {
+    // Within the square that the processor looks at: flanks outshine what is dark beside them.
+    let margin = field_margin(width);
+    let safe = select(t, vec2(1e-9), abs(t) < vec2(1e-9));
+    let first = (g - margin) / safe;
+    let last = (g + margin) / safe;
+    let low = min(first, last);
+    let high = max(first, last);
+    let ends = vec2(max(max(low.x, low.y), range.x), min(min(high.x, high.y), range.y));
+    if ends.x >= ends.y {
         return vec3(0.0);
     }
     let w = view.z + light.z;
-    var ends = range;
     var step = min(scene.lights[LIGHT_ROWS * lamp + 2].w, TURN / max(4.0 * PI * w * scene.turn.w, 1e-6));
-    if near.y > 0.0 {
-        ends = vec2(max(near.x - reach * near.y, range.x), min(near.x + reach * near.y, range.y));
-        step = min(near.y * scene.sums.x, step);
-    }
-    if ends.x >= ends.y {
-        return vec3(0.0);
+    let deviation = nearest(t, g, light, width).y;
+    if deviation > 0.0 {
+        step = min(deviation * scene.sums.x, step);
     }
     let count = clamp(i32(ceil((ends.y - ends.x) / step)), 1, MOST_SAMPLES);
     let apart = (ends.y - ends.x) / f32(count);
@@ -127,11 +134,10 @@ fn field_lit(eye: vec3<f32>, towards: vec3<f32>, width: f32, lamp: i32) -> vec3<
     let view = vec3(dot(axis, eye.xy), axis.x * eye.y - axis.y * eye.x, eye.z);
     let light = vec3(dot(axis, towards.xy), axis.x * towards.y - axis.y * towards.x, towards.z);
     let range = spectrum_range(lamp);
-    let c = covariance(light, width, range.y);
     // Frequencies as cycles of what repeats, the faster direction first.
     let steep = abs(view.x + light.x) * scene.repeat.x < abs(view.y + light.y) * scene.repeat.y;
     var t = (view.xy + light.xy) * scene.repeat.xy;
-    var margin = scene.sums.y * sqrt(c.xy) * scene.repeat.xy;
+    var margin = field_margin(width) * scene.repeat.xy;
     var most = scene.repeat.zw;
     if steep {
         t = t.yx;
