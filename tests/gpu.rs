@@ -104,7 +104,7 @@ fn effort(material: &Material) -> [usize; 3] {
         "maps on a mesh under a sky" => [8, 512, 4096],
         // Lines within pixels: a sixteenth of it left 1.6 and 2.1, as much as the processor with 64 and with 128 samples from itself with 2048.
         "slits of 4 µm" => [8, 1024, 2048],
-        "rectangular of 8 µm" => [8, 256, 512],
+        "rectangular of 8 µm" | "lattice of 24 µm" | "lattice of narrow lobes" => [8, 256, 512],
         // All of it, with its rims.
         "disc" => [12, 64, 128],
         _ => [8, 64, 128],
