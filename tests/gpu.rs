@@ -171,9 +171,9 @@ fn a_card_renders_what_the_processor_renders() {
     }
 }
 
-/// Sums that are too long for software, which refuses them.
+/// Software refuses those that are too long for it.
 #[test]
-fn a_card_that_is_no_software_takes_long_sums() {
+fn a_card_takes_long_sums() {
     let _alone = PICTURES.lock().unwrap_or_else(PoisonError::into_inner);
     let dir = tempfile::tempdir().unwrap();
     gpu::scenes::files(dir.path());

@@ -145,7 +145,7 @@ pub const MATERIALS: [Material; 27] = [
 const SINUSOID_3: &str = "type = \"grating\"\ncoherence_um = 10\nrelief = { depth_um = 0.15 }\norientation_deg = 30\nperiod_um = 3\nreflectance = \"aluminium\"";
 const LATTICE_24: &str = "type = \"lattice\"\nperiod_um = [24, 20]\naperture_um = [12, 10]\norientation_deg = 20\ncoherence_um = 40\nreflectance = \"silver\"";
 
-/// Materials whose sums are too long for software that stands in for a card: cards alone draw them.
+/// Materials of long sums: most of them are too long for software that stands in for a card, which refuses them.
 pub const LONG: [Material; 6] = [
     Material { name: "sinusoid of 3 µm", text: SINUSOID_3, groove: [30.0, 3.0], setting: Setting::Plane },
     Material { name: "sinusoid of 3 µm under a sky", text: SINUSOID_3, groove: [30.0, 3.0], setting: Setting::Sky },
