@@ -104,7 +104,8 @@ fn effort(material: &Material) -> [usize; 3] {
         "maps on a mesh under a sky" => [8, 512, 4096],
         // Lines within pixels: a sixteenth of it left 1.6 and 2.1, as much as the processor with 64 and with 128 samples from itself with 2048.
         "slits of 4 µm" => [8, 1024, 2048],
-        "rectangular of 8 µm" | "lattice of 24 µm" | "lattice of narrow lobes" => [8, 256, 512],
+        // A quarter of it left up to 1.2 and 1.7.
+        "rectangular of 8 µm" | "lattice of narrow lobes" => [8, 256, 512],
         // All of it, with its rims.
         "disc" => [12, 64, 128],
         _ => [8, 64, 128],
@@ -171,21 +172,27 @@ fn a_card_renders_what_the_processor_renders() {
     }
 }
 
-/// Software refuses those that are too long for it.
+/// Software that may stand in for a card.
+const SOFTWARE: [&str; 3] = ["llvmpipe", "SwiftShader", "Microsoft Basic Render"];
+
+/// A card draws sums that software refuses, all of them.
 #[test]
-fn a_card_takes_long_sums() {
+fn long_sums_are_for_cards_that_are_no_software() {
+    let Ok(name) = adapter() else {
+        println!("skipped: there is no card");
+        return;
+    };
     let _alone = PICTURES.lock().unwrap_or_else(PoisonError::into_inner);
     let dir = tempfile::tempdir().unwrap();
     gpu::scenes::files(dir.path());
     let mut chance = Chance(seed());
     for material in &LONG {
-        let parsed = toml::from_str(&scene(*material, 8, &mut Chance(1))).unwrap();
-        match timed(&parsed, dir.path(), 4, SUMS, Some(&mut Kept::default())) {
-            Ok(_) => compared(material, dir.path(), &mut chance),
-            Err(error) => {
-                let refused = error.to_string().contains("ends long sums early");
-                assert!(refused || adapter().is_err(), "{error}");
-            }
+        if SOFTWARE.iter().any(|software| name.contains(software)) {
+            let parsed = toml::from_str(&scene(*material, 8, &mut chance)).unwrap();
+            let refused = timed(&parsed, dir.path(), 4, SUMS, Some(&mut Kept::default())).unwrap_err();
+            assert!(refused.to_string().contains("ends long sums early"), "{}: {refused}", material.name);
+        } else {
+            compared(material, dir.path(), &mut chance);
         }
     }
 }
