@@ -15,8 +15,8 @@ const SETTLED: [(&str, &str, usize); 4] = [
     ("scene.sky_x.w", "sky_x", 3),
 ];
 
-/// Adds a sample to the sums of pixels, each by the shaders' `drawn`. Not as a picture of triangles: cards for servers do these on a few of their
-/// processors alone, and sums need not leave the card for each sample.
+/// Adds a sample to the sums of pixels, each by the shaders' `drawn`. Not as a picture of triangles: a card for servers took 5 to 50 times as long for
+/// these (docs/charts.md), and sums need not leave the card for each sample.
 const ADDS: &str = "
 struct Area {
     first: vec2<u32>,
@@ -59,7 +59,6 @@ pub(in super::super) struct Card {
 /// Shaders as they are compiled: the same for all scenes that settle the same.
 struct Program {
     text: String,
-    textures: usize,
     pipeline: wgpu::ComputePipeline,
 }
 
@@ -184,9 +183,9 @@ impl Card {
     pub(in super::super) fn load(&mut self, prepared: Prepared) -> Result<(), String> {
         fits(&self.device, &self.name, self.software, &prepared)?;
         let text = settled(&prepared, &self.shader);
-        let same = text == self.program.text && prepared.textures.len() == self.program.textures;
+        let other = text != self.program.text;
         let (program, loaded) = caught(&self.device, &self.name, || {
-            let program = (!same).then(|| Program::new(&self.device, &prepared, text));
+            let program = other.then(|| Program::new(&self.device, &prepared, text));
             let pipeline = &program.as_ref().unwrap_or(&self.program).pipeline;
             let loaded = Loaded::new(&self.device, &self.queue, pipeline, prepared);
             (program, loaded)
@@ -230,7 +229,7 @@ impl Card {
         self.queue.submit([commands.finish()]);
         let (done, ended) = mpsc::channel();
         readback.map_async(wgpu::MapMode::Read, .., move |result| drop(done.send(result)));
-        self.waited()?;
+        waited(&self.device)?;
         ended.recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
         let bytes = readback.get_mapped_range(..).map_err(|e| lost(&e))?;
         let number = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]) / count as f32;
@@ -245,12 +244,8 @@ impl Card {
     pub(in super::super) fn seconds(&mut self, frames: usize, part: [usize; 2]) -> Result<f64, String> {
         let begun = std::time::Instant::now();
         self.add(0, frames, part)?;
-        self.waited()?;
+        waited(&self.device)?;
         Ok(begun.elapsed().as_secs_f64())
-    }
-
-    fn waited(&self) -> Result<(), String> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map(drop).map_err(|e| lost(&e))
     }
 
     /// Adds samples of a part in the middle, one at a time: systems end what keeps a card busy for seconds.
@@ -271,11 +266,16 @@ impl Card {
             drop(pass);
             self.queue.submit([commands.finish()]);
             if k % AHEAD == AHEAD - 1 {
-                self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| lost(&e))?;
+                waited(&self.device)?;
             }
         }
         Ok(())
     }
+}
+
+/// Waits for all that a card was given.
+fn waited(device: &wgpu::Device) -> Result<(), String> {
+    device.poll(wgpu::PollType::wait_indefinitely()).map(drop).map_err(|e| lost(&e))
 }
 
 fn lost(error: &dyn std::fmt::Display) -> String {
@@ -284,11 +284,10 @@ fn lost(error: &dyn std::fmt::Display) -> String {
 
 impl Program {
     fn new(device: &wgpu::Device, prepared: &Prepared, text: String) -> Self {
-        let textures = prepared.textures.len();
         let source = wgpu::ShaderSource::Wgsl((text.clone() + ADDS).into());
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
         // One more texture: the samples before.
-        let layouts = [scene_layout(device, textures + 1), picture_layout(device)];
+        let layouts = [scene_layout(device, prepared.textures.len() + 1), picture_layout(device)];
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             bind_group_layouts: &layouts.each_ref().map(Some),
             ..wgpu::PipelineLayoutDescriptor::default()
@@ -301,7 +300,7 @@ impl Program {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
-        Self { text, textures, pipeline }
+        Self { text, pipeline }
     }
 }
 
