@@ -25,14 +25,13 @@ const MOST: f64 = 1.0;
 /// Relative error of sums over orders and wavelengths: what `nacre render` takes by default.
 const SUMS: f64 = 0.0025;
 
-/// Views of each material.
-const VIEWS: usize = 10;
+/// Views of each material: all where `NACRE_EVERY_VIEW` is set (`tests/run --long`), else the first two, as each takes up to twenty seconds.
+fn views() -> usize {
+    if every_view() { 10 } else { 2 }
+}
 
-/// Fewer of height fields and of long sums, of which each takes some twenty seconds, unless `NACRE_EVERY_VIEW` is set.
-fn views(material: &Material) -> usize {
-    let every = std::env::var_os("NACRE_EVERY_VIEW").is_some();
-    let slow = material.name.starts_with("height field") || LONG.iter().any(|long| long.name == material.name);
-    if slow && !every { 2 } else { VIEWS }
+fn every_view() -> bool {
+    std::env::var_os("NACRE_EVERY_VIEW").is_some()
 }
 
 /// Views drawn from `NACRE_SEED`; without it the same ones each time, so that a failure is the change's.
@@ -137,7 +136,7 @@ fn all_in_processes(test: &str) {
 fn compared(material: &Material, dir: &Path, chance: &mut Chance) {
     let (mut worst, mut sum) = (0.0_f64, 0.0);
     let [side, fewer, more] = effort(material);
-    let views = views(material);
+    let views = views();
     // One for all views: drivers take seconds to compile the shaders.
     let mut card = Kept::default();
     for _ in 0..views {
@@ -227,10 +226,11 @@ fn scenes_that_cards_do_not_do_go_to_the_processor() {
 /// Ways to draw in a browser, with the mean CIEDE2000 of each material that it drew.
 type Ways = [(&'static str, Vec<f64>); 2];
 
-/// Has a browser draw views of a material by all ways that do.
-fn draw(browser: &Browser, dir: &Path, material: &Material, views: usize, chance: &mut Chance, ways: &mut Ways) {
+/// Has a browser draw views of a material by the ways that are asked for and do.
+fn draw(browser: &Browser, dir: &Path, material: &Material, asked: [bool; 2], chance: &mut Chance, ways: &mut Ways) {
     let [side, fewer, more] = effort(material);
-    let mut sums = [Some(0.0); 2];
+    let mut sums = asked.map(|asked| asked.then_some(0.0));
+    let views = if every_view() { 10 } else { 1 };
     let begun = Instant::now();
     for _ in 0..views {
         let text = scene(*material, side, chance);
@@ -294,10 +294,11 @@ fn browsers_draw_every_kind_of_sample_by_webgpu_and_webgl2() {
     let dir = tempfile::tempdir().unwrap();
     gpu::scenes::files(dir.path());
     let mut ways: Ways = [("webgpu", vec![]), ("webgl2", vec![])];
-    let every = std::env::var_os("NACRE_EVERY_VIEW").is_some();
     let chosen = chosen();
-    for material in &chosen {
-        draw(&browser, dir.path(), material, if every { VIEWS } else { 1 }, &mut chance, &mut ways);
+    for (k, material) in chosen.iter().enumerate() {
+        // Cards take the shader that WebGPU has, too; WebGL2 has a translation of it.
+        let asked = [every_view() || k % 3 == 0, true];
+        draw(&browser, dir.path(), material, asked, &mut chance, &mut ways);
     }
     for (way, found) in ways.iter().filter(|(_, found)| !found.is_empty()) {
         let mean = found.iter().sum::<f64>() / found.len() as f64;
@@ -346,7 +347,7 @@ fn the_browser_shows_what_the_processor_renders() {
     // The page's own frames wait, as they are of another size.
     browser.run("window.frames_of = requestAnimationFrame; window.requestAnimationFrame = (f) => { window.kept = f; return 1; }");
     let (mut worst, mut sum) = (0.0_f64, 0.0);
-    for _ in 0..VIEWS {
+    for _ in 0..views() {
         let [pan, tilt] = [(); 2].map(|()| chance.between(-35.0, 35.0));
         let [azimuth, elevation] = [chance.between(0.0, 360.0), chance.between(45.0, 80.0)];
         browser.run(&format!(
@@ -366,7 +367,7 @@ fn the_browser_shows_what_the_processor_renders() {
         let found = difference(&processor, &browsers);
         assert!(found.lit > 20, "hardly anything is lit:\n{text}");
         worst = worst.max(found.mean);
-        sum += found.mean / VIEWS as f64;
+        sum += found.mean / views() as f64;
         assert!(found.mean <= 2.0 * MOST, "ΔE2000 {} over {} pixels:\n{text}", found.mean, found.lit);
     }
     browser.run("window.requestAnimationFrame = window.frames_of; window.kept(0)");

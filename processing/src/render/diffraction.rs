@@ -200,7 +200,7 @@ impl Diffraction {
         let pair = [place.view, light];
         let f = match self {
             Self::Grating { grating, .. } => match self.groove(place.uv) {
-                Some(groove) => lit(grating, groove, pair, (width, seen), accuracy, &mut memory.scratch),
+                Some(groove) => lit(grating, groove, pair, (width, seen), accuracy, memory),
                 None => return [0.0; 3],
             },
             Self::Comb(comb) => comb.lit(place.uv, pair, (width, seen), accuracy, &mut memory.scratch),

@@ -23,6 +23,9 @@ pub(super) const STEP: f64 = 0.01;
 pub(super) const ROUNDS: usize = 200;
 pub(super) const BALANCED: f64 = 1e-4;
 
+/// Powers that differ by no more are alike: what is left of rounding.
+const EVEN: f32 = 1e-6;
+
 /// More coupled directions than this are not balanced but scaled by their row: periods are then so long that they are nearly all there.
 const MOST_DIRECTIONS: usize = 48;
 
@@ -39,6 +42,8 @@ pub(super) struct Grating {
     pub orders: i32,
     /// Part of the light that the orders beyond have, at most.
     pub left_out: f64,
+    /// Whether orders m and -m have the same power, so that powers among coupled directions do not change when light goes the other way.
+    even: bool,
     /// Standard deviation of a lobe in 1/µm.
     pub sigma: f64,
     pub reflectance: Reflectance,
@@ -151,8 +156,16 @@ impl Grating {
                 *out = c.norm_sqr() as f32;
             }
         }
-        let mut grating =
-            Self { table, most: most as i32, depth_um, orders: most as i32, left_out: 0.0, sigma, reflectance };
+        let mut grating = Self {
+            table,
+            most: most as i32,
+            depth_um,
+            orders: most as i32,
+            left_out: 0.0,
+            even: false,
+            sigma,
+            reflectance,
+        };
         let left_out = |orders: i32| {
             let beyond = |row: &[f32]| -> f64 {
                 let at = |m: i32| f64::from(row[(m + most as i32) as usize]);
@@ -162,6 +175,8 @@ impl Grating {
         };
         let enough = (1..=most as i32).find(|m| left_out(*m) <= error).unwrap_or(most as i32);
         (grating.left_out, grating.orders) = (left_out(enough), enough);
+        let odd = |row: &[f32]| row.iter().zip(row.iter().rev()).any(|(a, b)| (a - b).abs() > EVEN);
+        grating.even = !grating.table.chunks_exact(width).any(odd);
         grating
     }
 
@@ -170,7 +185,7 @@ impl Grating {
         let most = powers.len() as i32 - 1;
         let row: Vec<f32> = (-most..=most).map(|m| powers[m.unsigned_abs() as usize] as f32).collect();
         let table = [row.as_slice(), row.as_slice()].concat();
-        Self { table, most, depth_um: 0.0, orders: most, left_out: 0.0, sigma, reflectance }
+        Self { table, most, depth_um: 0.0, orders: most, left_out: 0.0, even: true, sigma, reflectance }
     }
 
     /// Power of an order in scalar theory for `q = 2πν(cos θi + cos θr)`.
@@ -198,7 +213,7 @@ impl Grating {
         mut each: impl FnMut(Order),
     ) {
         let g = groove.across.map(|a| a / (number * groove.period_um));
-        let length = g[0].hypot(g[1]);
+        let length = (g[0] * g[0] + g[1] * g[1]).sqrt();
         // s + n g: n within the circle.
         let along = (view[0] * g[0] + view[1] * g[1]) / (length * length);
         let square = view[0] * view[0] + view[1] * view[1];
@@ -218,20 +233,35 @@ impl Grating {
             self.row(zero, count, at, first, number, scratch, &mut each);
             return;
         }
-        scratch.matrix.clear();
-        for k in 0..count {
-            for n in 0..count {
-                let power = self.coupling(k as i32 + first, n as i32 + first, number, &at, &scratch.cos, first);
-                scratch.matrix.push(power);
-            }
+        self.powers(count, first, number, &at, scratch);
+        if self.even {
+            balance_even(scratch, count);
+        } else {
+            balance(scratch, count);
         }
-        balance(scratch, count);
+        let columns = if self.even { &scratch.rows } else { &scratch.columns };
         for n in 0..count {
             let from = at(n as i32 + first).map(|v| -v);
-            let factor = scratch.rows[zero] * scratch.columns[n];
+            let factor = scratch.rows[zero] * columns[n];
             let power = scratch.matrix[zero * count + n] * factor;
             if power > 0.0 {
                 each(Order { order: -(n as i32 + first), from: [from[0], from[1], scratch.cos[n]], power, factor });
+            }
+        }
+    }
+
+    /// Scalar theory's powers among the coupled directions, as a matrix.
+    fn powers(&self, count: usize, first: i32, number: f64, at: &impl Fn(i32) -> [f64; 2], scratch: &mut Scratch) {
+        let Scratch { matrix, cos, .. } = scratch;
+        matrix.clear();
+        matrix.resize(count * count, 0.0);
+        for k in 0..count {
+            for n in 0..if self.even { k + 1 } else { count } {
+                let power = self.coupling(k as i32 + first, n as i32 + first, number, at, cos, first);
+                matrix[k * count + n] = power;
+                if self.even {
+                    matrix[n * count + k] = power;
+                }
             }
         }
     }
@@ -301,6 +331,29 @@ fn balance(scratch: &mut Scratch, count: usize) {
         }
         if worst < BALANCED {
             break;
+        }
+    }
+}
+
+/// The same of a symmetric matrix, whose factors of rows are those of columns. Near the right ones, a step by the power p of the sums multiplies
+/// what is off by `1 - p (1 + λ)`, with the eigenvalues λ of the balanced matrix. They lie near 1 where the mirror direction has most of the light, and
+/// Sinkhorn's steps, of p = 1, are slow there: one by the square root goes before each two of them.
+fn balance_even(scratch: &mut Scratch, count: usize) {
+    let Scratch { matrix, rows, columns: sums, .. } = scratch;
+    rows.clear();
+    rows.resize(count, 1.0);
+    sums.clear();
+    sums.resize(count, 0.0);
+    for round in 0..2 * ROUNDS {
+        for ((sum, values), row) in sums.iter_mut().zip(matrix.chunks_exact(count)).zip(rows.iter()) {
+            *sum = row * values.iter().zip(rows.iter()).map(|(v, r)| v * r).sum::<f64>();
+        }
+        if sums.iter().all(|sum| (sum - 1.0).abs() < BALANCED) {
+            break;
+        }
+        for (row, sum) in rows.iter_mut().zip(sums.iter()) {
+            let step = if round % 3 == 0 { sum.sqrt() } else { *sum };
+            *row /= step.max(1e-12);
         }
     }
 }

@@ -1,7 +1,8 @@
 //! Orders of a grating as light: lobes under small lights, sums over orders and wavelengths under environments.
 
-use super::grating::{Grating, Groove, Order, Scratch};
+use super::grating::{Grating, Groove, Scratch};
 use super::light::Sky;
+use super::material::Memory;
 use super::picture::SAMPLES;
 use super::spectrum::{RANGE, Seen};
 use super::vector::V3;
@@ -124,28 +125,48 @@ pub(super) fn along(
     sum
 }
 
-/// Powers of the orders that a direction of view sees, kept at even wave numbers and linear between them.
-struct Kept<'a> {
+/// Powers of the orders that a place sends towards its view, at even wave numbers: all lights share them.
+pub(super) struct Kept {
+    known: [bool; NODES + 1],
+    nodes: [Vec<(i32, f64)>; NODES + 1],
+}
+
+impl Default for Kept {
+    fn default() -> Self {
+        Self { known: [false; NODES + 1], nodes: [const { vec![] }; NODES + 1] }
+    }
+}
+
+impl Kept {
+    /// Another place or view follows.
+    pub(super) fn forget(&mut self) {
+        self.known.fill(false);
+    }
+}
+
+/// Powers of orders, linear between the wave numbers that they are kept at.
+struct Powers<'a> {
     grating: &'a Grating,
     view: [f64; 3],
     groove: Groove,
+    kept: &'a mut Kept,
     scratch: &'a mut Scratch,
-    nodes: [Option<Vec<Order>>; NODES + 1],
 }
 
-impl Kept<'_> {
+impl Powers<'_> {
     fn node(&mut self, k: usize, order: i32) -> Option<f64> {
-        if self.nodes[k].is_none() {
+        let Kept { known, nodes } = &mut *self.kept;
+        if !known[k] {
             let number = RANGE[0] + (RANGE[1] - RANGE[0]) * k as f64 / NODES as f64;
-            let mut orders = vec![];
-            self.grating.orders(self.view, self.groove, number, self.scratch, |o| orders.push(o));
-            self.nodes[k] = Some(orders);
+            nodes[k].clear();
+            self.grating.orders(self.view, self.groove, number, self.scratch, |o| nodes[k].push((o.order, o.power)));
+            known[k] = true;
         }
-        self.nodes[k].as_ref()?.iter().find(|o| o.order == order).map(|o| o.power)
+        nodes[k].iter().find(|o| o.0 == order).map(|o| o.1)
     }
 
     /// Power of an order at a wave number; one that is below the horizon at the next node is as there is.
-    fn power(&mut self, order: i32, number: f64) -> f64 {
+    fn at(&mut self, order: i32, number: f64) -> f64 {
         let place = ((number - RANGE[0]) / (RANGE[1] - RANGE[0]) * NODES as f64).clamp(0.0, NODES as f64);
         let k = (place as usize).min(NODES - 1);
         let share = place - k as f64;
@@ -165,21 +186,21 @@ pub(super) fn half_cos(a: [f64; 3], b: [f64; 3]) -> f64 {
 /// BRDF of a grating under a small light, summed up over its spectrum: X, Y, Z.
 ///
 /// `f = R Σ P_m N(ν t - m g) ν²`, with t the tangent part of `ωi + ωr`, g the grating vector in 1/µm, N the lobe that coherence and light
-/// have together, and P_m the balanced power.
+/// have together, and P_m the balanced power. What memory keeps of powers is of this place and view.
 pub(super) fn lit(
     grating: &Grating,
     groove: Groove,
     [view, light]: [[f64; 3]; 2],
     (width, seen): (f64, &Seen),
     accuracy: &Accuracy,
-    scratch: &mut Scratch,
+    Memory { kept, scratch, .. }: &mut Memory,
 ) -> [f64; 3] {
     let t = [view[0] + light[0], view[1] + light[1]];
     let blur = Blur::new(grating.sigma, width, light);
     let cos = half_cos(view, light);
     let range = seen.range();
     let mut sum = [0.0; 3];
-    let mut kept = Kept { grating, view, groove, scratch, nodes: [const { None }; NODES + 1] };
+    let mut powers = Powers { grating, view, groove, kept, scratch };
     // Orders whose wavelength is seen, from the component along the grating vector.
     let along_g = (t[0] * groove.across[0] + t[1] * groove.across[1]) * groove.period_um;
     let margin = (accuracy.reach + 1.0) * groove.period_um * (blur.coherence.sqrt() + range[1] * width);
@@ -201,7 +222,7 @@ pub(super) fn lit(
         }
         let part = along(seen, [from, to], deviation, accuracy, |number| {
             let off = [0, 1].map(|k| number * t[k] - g[k]);
-            let density = blur.at(off, number) * kept.power(order, number);
+            let density = blur.at(off, number) * powers.at(order, number);
             density * number * number * grating.reflectance.at(cos, 1e3 / number)
         });
         sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);

@@ -4,7 +4,7 @@ use super::base::Surface;
 use super::diffraction::Diffraction;
 use super::grating::Scratch;
 use super::light::Source;
-use super::lobes::{Above, Accuracy};
+use super::lobes::{Above, Accuracy, Kept};
 use super::scene::{self, Blend};
 use super::texture::{self, Over};
 use crate::color::Observer;
@@ -18,6 +18,7 @@ use std::path::Path;
 #[derive(Default)]
 pub(super) struct Memory {
     pub scratch: Scratch,
+    pub kept: Kept,
     pub workspace: Workspace,
 }
 

@@ -265,6 +265,7 @@ impl Ready {
             hit.flat.dot(&towards) > 0.0 && self.meet(&Ray { from: start, along: towards }, [0.0, distance]).is_none()
         };
         let mut sum = [0.0; 3];
+        memory.kept.forget();
         for lamp in &self.lamps {
             let [u, chance] = [(); 2].map(|()| random.numbers());
             lamp.beams(hit.point, u, |beam| {

@@ -118,13 +118,16 @@ fn index(rows: &[[f64; 3]], nm: f64) -> Complex64 {
     Complex64::new(n0 + (n1 - n0) * t, k0 + (k1 - k0) * t)
 }
 
-/// Mean of the reflectances of both polarizations.
+/// Mean of the reflectances of both polarizations. With `a + ib = √(n² - sin²)`, the parallel one is the other times
+/// `((a cos - sin²)² + b² cos²) / ((a cos + sin²)² + b² cos²)`, so that squares of a and b, which need no angle, are enough.
 fn fresnel(n: Complex64, cos: f64) -> f64 {
-    let square = n * n;
-    let inside = (square - (1.0 - cos * cos)).sqrt();
-    let s = (cos - inside) / (cos + inside);
-    let p = (square * cos - inside) / (square * cos + inside);
-    0.5 * (s.norm_sqr() + p.norm_sqr())
+    let sin_square = 1.0 - cos * cos;
+    let inside = n * n - sin_square;
+    let length = inside.norm_sqr().sqrt();
+    let (a, b_square) = ((0.5 * (length + inside.re)).max(0.0).sqrt(), 0.5 * (length - inside.re));
+    let ratio = |x: f64, y: f64, rest: f64| ((x - y).powi(2) + rest) / ((x + y).powi(2) + rest);
+    let across = ratio(cos, a, b_square);
+    0.5 * across * (1.0 + ratio(a * cos, sin_square, b_square * cos * cos))
 }
 
 #[cfg(test)]
@@ -176,6 +179,20 @@ mod tests {
         let schlick = of("schlick=0.04");
         for cos in [0.2, 0.5, 0.8, 1.0] {
             assert!((schlick.at(cos, 550.0) - fresnel(n, cos)).abs() < 0.03, "{cos}");
+        }
+    }
+
+    /// Fresnel's equations for amplitudes, with the complex cosine inside.
+    #[test]
+    fn reflectances_are_squares_of_amplitudes() {
+        for (re, im) in [(0.05, 3.0), (0.5, 0.0), (1.0, 7.0), (1.5, 0.0), (2.5, 0.3), (4.0, 0.03)] {
+            for cos in [1e-3, 0.1, 0.4, 0.7, 0.95, 1.0] {
+                let n = Complex64::new(re, im);
+                let inside = (Complex64::from(1.0) - (1.0 - cos * cos) / (n * n)).sqrt();
+                let [s, p] = [(cos - n * inside) / (cos + n * inside), (n * cos - inside) / (n * cos + inside)];
+                let truth = 0.5 * (s.norm_sqr() + p.norm_sqr());
+                assert!((fresnel(n, cos) - truth).abs() < 1e-12, "{n} {cos}: {} {truth}", fresnel(n, cos));
+            }
         }
     }
 

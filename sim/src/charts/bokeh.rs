@@ -117,7 +117,14 @@ mod tests {
                     run(96, way, [electrons, width], 3).unwrap().error.unwrap()
                 };
                 let fixed = [1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 40, 50, 70, 100, 150, 220];
-                let best = fixed.map(|n| error(Iterations::Count(n))).into_iter().fold(f64::INFINITY, f64::min);
+                // Noise grows from the best one on: what is a quarter worse has it behind.
+                let mut best = f64::INFINITY;
+                for error in fixed.into_iter().map(|n| error(Iterations::Count(n))) {
+                    best = best.min(error);
+                    if error > 1.25 * best {
+                        break;
+                    }
+                }
                 let ratio = error(Iterations::Auto(AT_MOST)) / best;
                 (sum, worst, count) = (sum + ratio, worst.max(ratio), count + 1.0);
             }

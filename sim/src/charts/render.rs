@@ -197,7 +197,7 @@ const ASKED: [f64; 5] = [0.3, 0.1, 0.03, 0.01, 0.003];
 
 /// A table on a foil that leans back more and more, in a room.
 fn summed(effort: Effort) -> Study {
-    let side = effort.pick(128, 32);
+    let side = effort.pick(128, 16);
     let asked: Vec<f64> = effort.pick(ASKED.to_vec(), ASKED[1..4].to_vec());
     let leaning = [0.0, 30.0, 55.0, 75.0];
     let settings = asked.iter().flat_map(|e| {

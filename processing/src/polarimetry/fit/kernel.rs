@@ -114,7 +114,7 @@ impl WithSimd for Fold<'_, '_, '_> {
 }
 
 /// Frames that are added at once, at most: every sum is loaded and stored once for all of them.
-const TOGETHER: usize = 6;
+const TOGETHER: usize = 4;
 
 /// Pixels that are added while as many are fetched of the frames that come next.
 const BLOCK: usize = 64;
@@ -140,8 +140,6 @@ impl Ahead<'_> {
 #[inline(always)]
 fn add_several(pivot: &[f32], frames: &[Run], next: &Ahead, first: bool, sums: [&mut [f32]; 4]) {
     match *frames {
-        [a, b, c, d, e, f] => add(pivot, [a, b, c, d, e, f], next, first, sums),
-        [a, b, c, d, e] => add(pivot, [a, b, c, d, e], next, first, sums),
         [a, b, c, d] => add(pivot, [a, b, c, d], next, first, sums),
         [a, b, c] => add(pivot, [a, b, c], next, first, sums),
         [a, b] => add(pivot, [a, b], next, first, sums),

@@ -116,27 +116,35 @@ fn height_fields_give_back_what_they_get() {
 
 #[test]
 fn balanced_orders_are_reciprocal_and_near_to_scalar_theory() {
-    let section = Section::Formula { profile: Profile::Blazed, depth_um: 0.25 };
-    let grating = Grating::new(&section, 1.7, 0.01, Reflectance::Perfect, 1e-9);
     let mut scratch = Scratch::default();
     let groove = Groove { across: [0.8, 0.6], period_um: 1.7 };
     let direction = |x: f64, y: f64| [x, y, (1.0 - x * x - y * y).sqrt()];
-    for view in [direction(0.1, 0.05), direction(-0.6, 0.3), direction(0.2, -0.9)] {
-        let mut orders = vec![];
-        grating.orders(view, groove, 1.9, &mut scratch, |o| orders.push(o));
-        let sum: f64 = orders.iter().map(|o| o.power).sum();
-        assert!((sum - 1.0).abs() < 1e-3, "{view:?}: {sum}");
-        for order in &orders {
-            // The grating equation.
-            let step = f64::from(order.order) / (1.9 * 1.7);
-            let pairs = order.from.iter().zip(&view).zip(&groove.across);
-            for ((from, to), across) in pairs {
-                assert!((from + to - step * across).abs() < 1e-12);
+    let profiles = [
+        (Profile::Blazed, 0.25),
+        (Profile::Sinusoid, 0.1),
+        (Profile::Sinusoid, 1.1),
+        (Profile::Rectangular { duty: 0.3 }, 0.2),
+    ];
+    for (profile, depth_um) in profiles {
+        let section = Section::Formula { profile, depth_um };
+        let grating = Grating::new(&section, 1.7, 0.01, Reflectance::Perfect, 1e-9);
+        for view in [direction(0.1, 0.05), direction(-0.6, 0.3), direction(0.2, -0.9)] {
+            let mut orders = vec![];
+            grating.orders(view, groove, 1.9, &mut scratch, |o| orders.push(o));
+            let sum: f64 = orders.iter().map(|o| o.power).sum();
+            assert!((sum - 1.0).abs() < 1e-3, "{section:?} {view:?}: {sum}");
+            for order in &orders {
+                // The grating equation.
+                let step = f64::from(order.order) / (1.9 * 1.7);
+                let pairs = order.from.iter().zip(&view).zip(&groove.across);
+                for ((from, to), across) in pairs {
+                    assert!((from + to - step * across).abs() < 1e-12);
+                }
+                let mut back = vec![];
+                grating.orders(order.from, groove, 1.9, &mut scratch, |o| back.push(o));
+                let same = back.iter().find(|o| o.order == order.order).unwrap();
+                assert!((same.power - order.power).abs() < 2e-3, "{section:?} {order:?} {same:?}");
             }
-            let mut back = vec![];
-            grating.orders(order.from, groove, 1.9, &mut scratch, |o| back.push(o));
-            let same = back.iter().find(|o| o.order == order.order).unwrap();
-            assert!((same.power - order.power).abs() < 2e-3, "{order:?} {same:?}");
         }
     }
     // Light from above on a shallow grating: all orders that have light are there, and w is nearly the same for all.

@@ -56,8 +56,10 @@ fn spectra_add_up_to_the_colours() {
         (&field, sky, 32, 1.0),
     ];
     for (material, light, samples, allowed) in cases {
-        let picture = picture(&stage(material, light), dir.path(), &spectral(5.0, samples));
-        assert_eq!(picture.bands.len(), 81);
+        // Where pixels scatter anyway, half as many bands.
+        let step = if allowed < 1.0 { 5.0 } else { 10.0 };
+        let picture = picture(&stage(material, light), dir.path(), &spectral(step, samples));
+        assert_eq!(picture.bands.len() as f64, 400.0 / step + 1.0);
         let found: Vec<[f64; 3]> = (0..picture.pixels.len()).map(|k| colors(&picture, k)).collect();
         let brightest = picture.pixels.iter().map(|p| p.luminance).fold(0.0, f64::max);
         let pairs = picture.pixels.iter().zip(&found);
