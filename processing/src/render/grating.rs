@@ -43,7 +43,7 @@ pub(super) struct Grating {
     /// Part of the light that the orders beyond have, at most.
     pub left_out: f64,
     /// Whether orders m and -m have the same power, so that powers among coupled directions do not change when light goes the other way.
-    even: bool,
+    pub even: bool,
     /// Standard deviation of a lobe in 1/µm.
     pub sigma: f64,
     pub reflectance: Reflectance,

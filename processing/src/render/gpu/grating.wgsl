@@ -113,6 +113,35 @@ fn balance(count: i32) {
     }
 }
 
+// The same where orders m and -m have the same power, so that factors of rows are those of columns: grating.rs says why in these steps.
+fn balance_even(count: i32) {
+    for (var k = 0; k < 4 * FOURS; k++) {
+        rows[k] = 1.0;
+    }
+    var worst = 1.0;
+    let rounds = 2 * i32(scene.sums.z);
+    for (var round = 0; round < rounds && worst >= scene.sums.w; round++) {
+        rows_to_columns();
+        worst = 0.0;
+        for (var k = 0; k < count; k++) {
+            var sum = 0.0;
+            for (var n = 0; 4 * n < count; n++) {
+                sum += dot(matrix[k * FOURS + n], columns[n]);
+            }
+            sum *= rows[k];
+            worst = max(worst, abs(sum - 1.0));
+            rows[k] /= max(select(sum, sqrt(sum), round % 3 == 0), 1e-12);
+        }
+    }
+    rows_to_columns();
+}
+
+fn rows_to_columns() {
+    for (var n = 0; n < FOURS; n++) {
+        columns[n] = vec4(rows[4 * n], rows[4 * n + 1], rows[4 * n + 2], rows[4 * n + 3]);
+    }
+}
+
 // First and last of the directions that a grating couples with a direction of view; g is the step of their sines.
 fn coupled(view: vec3<f32>, g: vec2<f32>) -> vec2<i32> {
     let square = dot(g, g);
@@ -129,7 +158,11 @@ fn balance_between(ends: vec2<i32>, number: f32, view: vec3<f32>, g: vec2<f32>) 
             matrix[k * FOURS + n] = couplings(k + ends.x, 4 * n + ends.x, ends.y, number, view, g);
         }
     }
-    balance(count);
+    if scene.relief.w > 0.0 {
+        balance_even(count);
+    } else {
+        balance(count);
+    }
 }
 
 // Power from a coupled direction towards the view's, once factors are found.

@@ -331,7 +331,7 @@ impl Values {
 
     fn grating(&mut self, grating: &Grating) {
         let orders = f64::from(grating.orders);
-        self.set("relief", [textures::rows_per_q(grating), orders, orders, 0.0]);
+        self.set("relief", [textures::rows_per_q(grating), orders, orders, flag(grating.even)]);
     }
 
     fn sky(&mut self, sky: &Sky) {

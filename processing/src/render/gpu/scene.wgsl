@@ -13,7 +13,7 @@ struct Scene {
     what: vec4<f32>,     // 0 nothing, 1 grating, 2 table, 3 slits, 4 rectangles, 5 heights diffract; lights; what is shown; coverage
     same: vec4<f32>,     // orientation and period; 1 where maps have them
     grooves: vec4<f32>,  // how often maps repeat along u and v; 1 around the middle of a disc; variance of a lobe in 1/µm²
-    relief: vec4<f32>,   // rows of `powers` per 1/µm of q; highest order of `powers`; highest order that counts. Heights under a sky: cells of `under_top` along x and y, frequencies along a side of one, variance of a lobe in 1/µm²
+    relief: vec4<f32>,   // rows of `powers` per 1/µm of q; highest order of `powers`; highest order that counts; whether m and -m have the same power. Heights under a sky: cells of `under_top` along x and y, frequencies along a side of one, variance of a lobe in 1/µm²
     sums: vec4<f32>,     // step and reach in standard deviations of a lobe; most rounds of balancing; how near sums get to 1
     table: vec4<f32>,    // extent, warp, scale; 1 without loss
     repeat: vec4<f32>,   // µm after which it repeats, along x and y; highest frequencies that count, in cycles of it
