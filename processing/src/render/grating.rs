@@ -240,9 +240,9 @@ impl Grating {
             balance(scratch, count);
         }
         let columns = if self.even { &scratch.rows } else { &scratch.columns };
-        for n in 0..count {
+        for (n, column) in columns.iter().enumerate() {
             let from = at(n as i32 + first).map(|v| -v);
-            let factor = scratch.rows[zero] * columns[n];
+            let factor = scratch.rows[zero] * column;
             let power = scratch.matrix[zero * count + n] * factor;
             if power > 0.0 {
                 each(Order { order: -(n as i32 + first), from: [from[0], from[1], scratch.cos[n]], power, factor });
@@ -256,7 +256,8 @@ impl Grating {
         matrix.clear();
         matrix.resize(count * count, 0.0);
         for k in 0..count {
-            for n in 0..if self.even { k + 1 } else { count } {
+            let last = if self.even { k } else { count - 1 };
+            for n in 0..=last {
                 let power = self.coupling(k as i32 + first, n as i32 + first, number, at, cos, first);
                 matrix[k * count + n] = power;
                 if self.even {
