@@ -126,7 +126,7 @@ fn balance_even(count: i32) {
         for (var k = 0; k < count; k++) {
             var sum = 0.0;
             for (var n = 0; 4 * n < count; n++) {
-                sum += dot(matrix[k * FOURS + n], columns[n]);
+                sum += dot(columns[n], matrix[k * FOURS + n]);
             }
             sum *= rows[k];
             worst = max(worst, abs(sum - 1.0));

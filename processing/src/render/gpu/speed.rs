@@ -44,7 +44,7 @@ const ADDED_OPERATIONS: f64 = 1024.0 * 4.0 * 4.0 * 2.0;
 
 /// Lines of the shaders, and how many operations they and what follows up to the next loop take: additions, multiplications, roots and the like count
 /// one each, as read off the source. Counts tell what a card has to do to a fifth or so; compilers leave some out.
-const OPERATIONS: [(&str, u32); 19] = [
+const OPERATIONS: [(&str, u32); 20] = [
     ("let slope = dot(ray, scene.normal.xyz);", 80),
     ("let axis = scene.normal.xyz;", 120),
     ("let off = o + ray * middle;", 80),
@@ -54,6 +54,7 @@ const OPERATIONS: [(&str, u32); 19] = [
     ("let sum = cosines.x + cosines.y;", 38),
     ("sum += matrix[k * FOURS + n] * rows[k];", 8),
     ("sum += dot(matrix[k * FOURS + n], columns[n]);", 8),
+    ("sum += dot(columns[n], matrix[k * FOURS + n]);", 8),
     ("let number = start + apart * f32(k);", 90),
     ("let nu = start + apart * f32(k);", 180),
     ("let tile = vec2(n % across, n / across) * side;", 60),
