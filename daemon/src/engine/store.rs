@@ -7,7 +7,7 @@ use crate::{Failure, session};
 use nacre_drivers::CameraInfo;
 use nacre_processing::Error;
 use nacre_processing::frames::{self, FrameSet, Fringes, Geometry, Kind, Spot};
-use nacre_processing::image::encode_png16_gray;
+use nacre_processing::image::{Averaging, encode_png16_gray};
 use nacre_processing::polarimetry::NoiseModel;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -25,14 +25,12 @@ pub enum Message {
     Finish(Timing),
 }
 
-/// A frame as it comes from the camera: sums of one or more exposures.
+/// A frame as it comes from the camera.
 pub struct Shot {
     /// Which step.
     pub index: usize,
-    /// Pixels per row.
-    pub width: usize,
-    /// Sums of codes.
-    pub sum: Vec<u32>,
+    /// What the camera gave.
+    pub sum: Averaging,
     /// Its file, and why it is fresh.
     pub evidence: Commit,
 }
@@ -118,7 +116,8 @@ impl<D: Disk> Store<'_, D> {
 
     fn shot(&mut self, shot: Shot) -> Result<(), Failure> {
         let plan = &self.description.plan;
-        let (width, height, codes) = averaged(&shot, plan, &self.camera);
+        let part = plan.camera.roi.map(|roi| roi.map(|v| v as usize));
+        let (width, height, codes) = shot.sum.means(part, stored_factor(&self.camera, plan.camera.average));
         let file = shot.evidence.file.clone();
         let png = encode_png16_gray(width, height, &codes).map_err(|e| self.refused(&file, e))?;
         self.session.store(&file, &png, shot.evidence.clone()).map_err(|e| self.refused(&file, e))?;
@@ -141,17 +140,6 @@ impl<D: Disk> Store<'_, D> {
     fn refused(&self, file: &str, error: std::io::Error) -> Failure {
         Error::output(&self.session.folder().join(file), error).into()
     }
-}
-
-/// Mean codes of the region of interest.
-fn averaged(shot: &Shot, plan: &Plan, camera: &CameraInfo) -> (usize, usize, Vec<u16>) {
-    let count = plan.camera.average;
-    let factor = stored_factor(camera, count);
-    let mean = |s: u32| ((s * factor + count / 2) / count) as u16;
-    let all = [0, 0, shot.width, shot.sum.len() / shot.width.max(1)];
-    let [left, top, width, height] = plan.camera.roi.map_or(all, |roi| roi.map(|v| v as usize));
-    let rows = shot.sum.chunks(shot.width.max(1)).skip(top).take(height);
-    (width, height, rows.flat_map(|row| row[left..left + width].iter().map(|&s| mean(s))).collect())
 }
 
 /// Means are stored with as many extra levels as 16 bits hold.

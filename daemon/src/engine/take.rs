@@ -10,6 +10,7 @@ use crate::plan::{Added, Plan, Step, groups};
 use crate::session::{Commit, Entry};
 use nacre_drivers::Class;
 use nacre_processing::Error;
+use nacre_processing::image::Averaging;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{Sender, UnboundedReceiver};
 use tokio::sync::oneshot;
@@ -243,13 +244,13 @@ async fn send(out: &Sender<Message>, shots: &mut Vec<Shot>) -> Result<(), Failur
     Ok(())
 }
 
-/// A step's frame, the sum of several when the plan averages, with the evidence that it is fresh.
+/// A step's frame, several when the plan averages, with the evidence that it is fresh.
 async fn shoot(hands: &mut Hands<'_>, plan: &Plan, step: &Step, index: usize) -> Result<Shot, Failure> {
     let (mut frame, dropped) = hands.fresh().await?;
-    let mut sum: Vec<u32> = frame.codes.iter().map(|&c| c.into()).collect();
+    let mut sum = Averaging::new(frame.width, &frame.codes);
     for _ in 1..plan.camera.average {
         frame = hands.next_frame(hands.freshness()).await?;
-        sum.iter_mut().zip(&frame.codes).for_each(|(s, &c)| *s += u32::from(c));
+        sum.add(&frame.codes);
     }
     let analyser_deg = match step.state.analyser_deg {
         Some(_) => Some(hands.position().await?),
@@ -268,5 +269,5 @@ async fn shoot(hands: &mut Hands<'_>, plan: &Plan, step: &Step, index: usize) ->
         dropped,
         ..Commit::default()
     };
-    Ok(Shot { index, width: frame.width, sum, evidence })
+    Ok(Shot { index, sum, evidence })
 }

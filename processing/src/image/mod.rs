@@ -1,6 +1,7 @@
 //! Images in and out: photographs of any usual format, EXR maps, pictures for people, and the output folder that
 //! appears whole or not at all.
 
+mod averaging;
 mod bmp;
 mod canvas;
 mod convolution;
@@ -22,6 +23,7 @@ mod tif;
 mod whole;
 mod write;
 
+pub use averaging::Averaging;
 pub use canvas::{Canvas, Rgb, text_width};
 pub(crate) use convolution::Convolution;
 pub(crate) use correlation::{Correlation, Field};

@@ -1,10 +1,10 @@
 //! Chooses the model: the one of most evidence, or the one that was asked for, and how far it may be wrong.
 
 use super::angle_difference;
-use super::cloud::CloudPoint;
+use super::cloud::{CloudPoint, SAMPLE, thinned};
 use super::foot::Path;
 use super::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
-use super::search::{Begin, alike, at_limit, curves, likelier, thinned};
+use super::search::{Begin, ENOUGH, alike, at_limit, curves, likelier};
 use std::borrow::Cow;
 
 /// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
@@ -34,16 +34,16 @@ const UNMODELLED: f64 = 0.005;
 const CURVE_POINTS: usize = 5000;
 const FEW_CURVE_POINTS: usize = 1000;
 
-/// Points on which all candidates are compared, and how far behind (-2 ln likelihood of these) one is left out when the others
-/// are compared on all. In 60 draws of `choose_tests` the 226 candidates that all points put within 10 of the best were up to
-/// 32 behind on these, as fewer points tell less of the orientations in view; 50 would leave out 13 more of all 606.
-const LOOKED_AT: usize = 4000;
+/// How far behind (-2 ln likelihood of a sample) a candidate is left out when the others are compared on all points. In 60 draws
+/// of `choose_tests` the 226 candidates that all points put within 10 of the best were up to 32 behind on a sample, as fewer points
+/// tell less of the orientations in view; 50 would leave out 13 more of all 606.
 const HOPELESS: f64 = 100.0;
 
 /// A curve that is less likely by more than this (-2 ln) than another one that it could be is not where it could be: two standard deviations.
 const AS_LIKELY: f64 = 4.0;
 
-/// How much farther along a curve that is taken for a circle points are off than across it.
+/// How much farther along a curve that is taken for a circle points are off than across it: the median of the 146 films drawn in `choose_tests`
+/// that leave a circle by more than their noise (a tenth of them less than 1.8, a tenth more than 11.7).
 const BENT: f64 = 6.0;
 
 /// With fewer points than this not even a circle is fitted.
@@ -85,15 +85,17 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
         return None;
     }
     let (mut candidates, count) = (candidates(points), points.len());
-    let enough = wanted == Model::Auto && sinusoid_is_enough(&candidates);
+    let enough = wanted != Model::Curve && sinusoid_is_enough(&candidates);
     // Beside a model that was asked for, others only tell how wrong it is: a part of the points does.
     let asked = !matches!(wanted, Model::Auto | Model::Curve);
-    let points = &*if asked { Cow::Owned(thinned(points, LOOKED_AT)) } else { Cow::Borrowed(points) };
+    let points = &*if asked { Cow::Owned(thinned(points, SAMPLE)) } else { Cow::Borrowed(points) };
     let least = |all: &[Candidate]| all.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
-    let fewest = if least(&candidates) < UNEXPLAINED { MIXTURE } else { FEW_CURVE_POINTS };
-    let few = wanted == Model::Auto && count < fewest;
-    let off = least(&candidates) > UNMODELLED_WIDENED && count >= FEW_CURVE_POINTS;
-    if !enough && !few && (!asked || off) {
+    let few = match wanted {
+        Model::Curve => false,
+        Model::Auto if least(&candidates) < UNEXPLAINED => count < MIXTURE,
+        _ => count < FEW_CURVE_POINTS,
+    };
+    if !enough && !few {
         let circle = candidates.last()?.curve;
         let all = wanted == Model::Curve || count >= CURVE_POINTS;
         // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
@@ -174,7 +176,7 @@ impl Choice {
         let of_other = |k: usize| differences[k] * (widened / candidates[k].widened).sqrt();
         let guessed = || all.map(of_other).fold(rivals, f64::max);
         // Of points too few for a curve, what lies across the circle tells of what lies along it.
-        let bent = if candidates.iter().all(|c| c.film.is_none()) && widened > UNMODELLED_WIDENED {
+        let bent = if candidates.iter().all(|c| c.film.is_none()) && widened > by_chance(points.len()) {
             BENT * (widened - 1.0).sqrt() * typical_sigma(right, points)
         } else {
             0.0
@@ -184,10 +186,15 @@ impl Choice {
     }
 }
 
+/// What so many points may scatter by about the curve that they come from, as a variance over their noise: by two standard deviations.
+fn by_chance(points: usize) -> f64 {
+    ENOUGH.max(1.0 + 2.0 * (2.0 / points as f64).sqrt())
+}
+
 /// Evidence of each candidate, of the hopeless ones from a part of the points; the other curves are made as likely as
 /// they can be first.
 fn compare(candidates: &mut Vec<Candidate>, points: &[CloudPoint], widened: f64) -> Vec<Evidence> {
-    let few = thinned(points, LOOKED_AT);
+    let few = thinned(points, SAMPLE);
     let least = |all: &[Evidence]| all.iter().map(|e| e.total).fold(f64::INFINITY, f64::min);
     let mut first: Vec<Evidence> = candidates.iter().map(|c| c.evidence(&few, widened)).collect();
     if points.len() >= MIXTURE {
@@ -259,7 +266,7 @@ fn made_likeliest(
 /// Median σ of the orientations from noise, in rad.
 fn typical_sigma(candidate: &Candidate, points: &[CloudPoint]) -> f64 {
     let path = Path::new(candidate.curve);
-    let mut all: Vec<f64> = thinned(points, LOOKED_AT).iter().map(|p| orientation(candidate, &path, p).1).collect();
+    let mut all: Vec<f64> = thinned(points, SAMPLE).iter().map(|p| orientation(candidate, &path, p).1).collect();
     super::repeats::median(&mut all).unwrap_or(0.0)
 }
 
@@ -275,7 +282,7 @@ fn sinusoid_is_enough(simple: &[Candidate]) -> bool {
 
 fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
     let path = Path::new(candidate.curve);
-    let mut off: Vec<f64> = thinned(points, LOOKED_AT)
+    let mut off: Vec<f64> = thinned(points, SAMPLE)
         .iter()
         .map(|p| {
             let foot = path.foot(p);

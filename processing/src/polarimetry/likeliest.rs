@@ -1,16 +1,12 @@
 //! Makes points likelier than a fit by distances does: where a curve bends within the noise, or runs beside itself, the nearest place is often
 //! not the one that a point comes from, and distances are off by more than many points tell.
 
-use super::cloud::CloudPoint;
+use super::cloud::{CloudPoint, SAMPLE, thinned};
 use super::curve::Curve;
 use super::curve_fit::{Family, Fitted};
 use super::foot::feet;
 use super::mixture::{Pulls, pulls};
-use super::search::thinned;
 use nalgebra::{DMatrix, DVector};
-
-/// Points by which a fit to all points by distances is corrected.
-const SAMPLE: usize = 4000;
 
 /// Steps at most that are tried.
 const STEPS: usize = 10;

@@ -11,11 +11,10 @@
 //! takes the model of most evidence: -2 ln likelihood of each half of the points where the distribution of the orientations in
 //! view is that of the other half, and what its parameters must be worth (Laplace's factor for curves, Schwarz' for circles).
 
-use super::cloud::CloudPoint;
+use super::cloud::{CloudPoint, SAMPLE, thinned};
 use super::curve::{Curve, Film};
 use super::curve_fit::{COST_OF_NOISE, Family, Fitted};
 use super::foot::Path;
-use super::search::thinned;
 use super::{evidence, mixture};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -23,9 +22,6 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// With fewer points than this the distribution of orientations cannot be fitted place by place.
 pub(super) const MIXTURE: usize = 2000;
-
-/// Points that circles are fitted to before they are to all, and by which the better of two starts is told.
-const BEGUN: usize = 4000;
 
 /// Points by which the error of orientations is told that parameters cause.
 pub(super) const SPREAD: usize = 500;
@@ -99,9 +95,9 @@ impl std::str::FromStr for Model {
     }
 }
 
-/// Fits the circles to the points of a cloud that carry modulation, simplest first: to a part of them, and from there to all.
+/// Fits the circles to the points of a cloud that carry modulation, simplest first: to a sample, which tells the better of two starts, and from there to all.
 pub(super) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
-    let (mean, few) = (mean(points), thinned(points, BEGUN));
+    let (mean, few) = (mean(points), thinned(points, SAMPLE));
     let about = |center: [f64; 2], model, count: usize| -> Option<Candidate> {
         let family = Family {
             curve: &|p: &[f64]| Curve::circle(center, p[0]),

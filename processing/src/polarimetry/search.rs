@@ -2,7 +2,7 @@
 //! once a curve runs through them, by sums of all points about it.
 
 use super::angle_difference;
-use super::cloud::CloudPoint;
+use super::cloud::{CloudPoint, SAMPLE, thinned};
 use super::curve::{Curve, Film, PARAMETERS};
 use super::curve_fit::{Family, Fitted};
 use super::foot::{Foot, Path};
@@ -14,10 +14,9 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-/// Points that starts are tried on, that the best ones are followed on, and that the last ones are fitted to.
+/// Points that starts are tried on, and that the best ones are followed on; the last ones are fitted to [`SAMPLE`].
 const TRIED: usize = 200;
 const FOLLOWED: usize = 400;
-const LAST: usize = 4000;
 
 /// Curves that are tried for a few steps, that are followed, and that are fitted to more points.
 const STARTS: usize = 120;
@@ -78,15 +77,15 @@ pub(super) enum Begin<'a> {
 /// Points that scatter this much more about every curve (as a variance) than their noise may be metal without a grating.
 const MIRRORS_IN_VIEW: f64 = 1.2;
 
-/// Points that scatter by no more than this about a curve, as a variance over their noise, lie on it: two standard deviations of [`LAST`] of them.
-const ENOUGH: f64 = 1.05;
+/// Points that scatter by no more than this about a curve, as a variance over their noise, lie on it: two standard deviations of [`SAMPLE`] of them.
+pub(super) const ENOUGH: f64 = 1.05;
 
 /// The curve with four to eight free parameters, and with metal without a grating where that explains the points
 /// better.
 pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) -> Vec<Candidate> {
     let of = |count| thinned(points, count);
     let samples =
-        Samples { tried: of(TRIED), followed: of(FOLLOWED), last: of(LAST), enough: ENOUGH, score: likelihood };
+        Samples { tried: of(TRIED), followed: of(FOLLOWED), last: of(SAMPLE), enough: ENOUGH, score: likelihood };
     let begun = match begin {
         Begin::Anywhere => starts(&samples.tried, circle),
         Begin::At(films) => films.to_vec(),
@@ -403,8 +402,4 @@ fn explanations(circle: &Curve) -> Vec<Vec<Film>> {
 /// |a| > |b|: the grating acts as a mirror more than as a half-wave plate.
 fn is_mirror_like(film: &Film) -> bool {
     film.zeta.cos() < 0.0
-}
-
-pub(super) fn thinned(points: &[CloudPoint], count: usize) -> Vec<CloudPoint> {
-    points.iter().step_by(points.len().div_ceil(count).max(1)).copied().collect()
 }

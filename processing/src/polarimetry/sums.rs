@@ -10,7 +10,8 @@ use std::f64::consts::PI;
 /// Stretches of equal angle whose points are summed up: curves of films differ by a few waves around.
 const STRETCHES: usize = 128;
 
-/// By how much of its standard deviation, at most, a sum may come nearer to a curve by moving along it.
+/// By how much of its standard deviation, at most, a sum may come nearer to a curve by moving along it: so all stretches together change what
+/// curves differ by (-2 ln likelihood) by no more than 128 · 0.1², about 1.
 const BENT: f64 = 0.1;
 
 /// Mean offsets across a curve of the points in each of its stretches, as points: of little variance across, as many are summed up, and so far

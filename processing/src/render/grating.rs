@@ -354,7 +354,8 @@ fn balance_even(scratch: &mut Scratch, count: usize) {
         }
         for (row, sum) in rows.iter_mut().zip(sums.iter()) {
             let step = if round % 3 == 0 { sum.sqrt() } else { *sum };
-            *row /= step.max(1e-12);
+            // A direction that gets nothing keeps its factor: no finite one makes it add up to 1.
+            *row /= if step > 0.0 { step } else { 1.0 };
         }
     }
 }

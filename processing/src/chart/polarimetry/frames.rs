@@ -1,6 +1,6 @@
 //! How many analyser angles.
 
-use super::scene::{Method, fold, judge, mean_of_normal, orientation_error, sinusoid, time};
+use super::scene::{Method, fitted, judge, mean_of_normal, orientation_error, sinusoid, time};
 use crate::Result;
 use crate::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
 use crate::polarimetry::NoiseModel;
@@ -51,7 +51,7 @@ fn run(method: &Method, frames: usize, electrons: f64, pixels: usize, seed: u64)
     let scene = Synthetic { noise: Some(noise), angles: even_angles(frames), ..Synthetic::default() };
     let photographs = scene.render(pixels, seed)?;
     let begun = Instant::now();
-    let mut maps = fold(&photographs).solve(&photographs.design);
+    let mut maps = fitted(&photographs);
     let map = (method.solve)(&mut maps, &photographs.design, &photographs.noise)?;
     let seconds = begun.elapsed().as_secs_f64() / pixels as f64 * 1e6;
     // Without a film all pixels have one mean and one amplitude: take them from the light, not from the fit.

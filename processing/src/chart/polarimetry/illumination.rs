@@ -1,6 +1,6 @@
 //! Circular against linear light, behind a film that nobody knows of.
 
-use super::scene::{PROMISED, fold, judge, orientation_error, pixels, ratio, time};
+use super::scene::{PROMISED, fitted, judge, orientation_error, pixels, ratio, time};
 use crate::Result;
 use crate::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
 use crate::polarimetry::synthetic::{Photographs, Source, Synthetic};
@@ -50,7 +50,7 @@ fn run(source: Source, film_deg: f64, pixels: usize, seed: u64) -> Result<Outcom
     let scene = Synthetic { retardance: film_deg.to_radians(), axis: 20f64.to_radians(), ..bare.clone() };
     let photographs = scene.render(pixels, seed)?;
     let begun = Instant::now();
-    let maps = fold(&photographs).solve(&photographs.design);
+    let maps = fitted(&photographs);
     let map = nearest(&maps, &photographs, &Curve::of(&bare));
     let seconds = begun.elapsed().as_secs_f64() / pixels as f64 * 1e6;
     Ok(judge(&map.orientation, &map.sigma, &photographs.truth, seconds))

@@ -1,6 +1,6 @@
 //! How many pixels the noise estimate looks at.
 
-use super::scene::fold;
+use super::scene::fitted;
 use crate::Error;
 use crate::Result;
 use crate::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
@@ -52,7 +52,7 @@ fn run(one_in: usize, electrons: f64, pixels: usize, seed: u64) -> Result<Outcom
     let photographs = scene.render(pixels, seed)?;
     let begun = Instant::now();
     let some = thinned(&photographs, one_in);
-    let maps = fold(&some).solve(&some.design);
+    let maps = fitted(&some);
     let found = estimate_noise(&maps, &some.design);
     let seconds = begun.elapsed().as_secs_f64();
     // Below 64 pixels there is no estimate: the whole map is without σ.

@@ -1,6 +1,6 @@
 //! In what precision the sums of the fit are kept.
 
-use super::scene::fold;
+use super::scene::fitted;
 use crate::Result;
 use crate::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
 use crate::polarimetry::synthetic::{Photographs, Synthetic, even_angles};
@@ -79,7 +79,7 @@ fn run(kind: Sums, frames: usize, contrast: f64, pixels: usize, seed: u64) -> Re
     let begun = Instant::now();
     let phases = match kind {
         Sums::Pivot => {
-            let maps = fold(&photographs).solve(&photographs.design);
+            let maps = fitted(&photographs);
             maps.s1.iter().zip(&maps.s2).map(|(c, s)| 0.5 * f64::from(*s).atan2(f64::from(*c))).collect()
         }
         Sums::Plain => phases(&photographs, |sum, _, value| *sum += value),

@@ -73,7 +73,7 @@ pub(super) fn ratio(r: f64, zeta_deg: f64) -> Complex<f64> {
 pub(super) fn run(scene: &Synthetic, method: &Method, pixels: usize, seed: u64) -> Result<Outcome> {
     let photographs = scene.render(pixels, seed)?;
     let begun = Instant::now();
-    let mut maps = fold(&photographs).solve(&photographs.design);
+    let mut maps = fitted(&photographs);
     let map = (method.solve)(&mut maps, &photographs.design, &photographs.noise)?;
     Ok(judge(&map.orientation, &map.sigma, &photographs.truth, begun.elapsed().as_secs_f64()))
 }
@@ -81,8 +81,8 @@ pub(super) fn run(scene: &Synthetic, method: &Method, pixels: usize, seed: u64) 
 /// Pixels per row of the fit, so that it uses all threads as it does on a photograph.
 const ROW: usize = 1024;
 
-/// Folds all photographs into a fit.
-pub(super) fn fold(photographs: &Photographs) -> Fit {
+/// The fit to all photographs. Pixels are drawn each for itself: in one row they have no neighbours, which would all be edges.
+pub(super) fn fitted(photographs: &Photographs) -> StokesMaps {
     let n = photographs.truth.len();
     let width = if n.is_multiple_of(ROW) { ROW } else { n };
     let mut fit = Fit::new(width, n / width);
@@ -95,7 +95,7 @@ pub(super) fn fold(photographs: &Photographs) -> Fit {
             }
         });
     }
-    fit
+    StokesMaps { width: n, height: 1, ..fit.solve(&photographs.design) }
 }
 
 /// A map of orientations and their σ in rad against the truth, its gauge removed: mean error in degrees, shares, and the error
@@ -129,3 +129,17 @@ pub(super) fn mean_of_normal(sigma: f64) -> f64 {
 
 /// Phrase for the legend of studies whose expected error is the map's own σ.
 pub(super) const PROMISED: &str = "the error that σ promises";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Maps of more than a row of the fit promise what their pixels are off by: pixels are no edges of each other.
+    #[test]
+    fn charted_maps_promise_their_errors() {
+        let scene = Synthetic { reflectance: 0.2, ..Synthetic::default() };
+        let outcome = run(&scene, &method(Model::Circle, 2000), 4 * ROW, 1).unwrap();
+        let (error, promised) = (outcome.error.unwrap(), outcome.predicted.unwrap());
+        assert!((promised / error - 1.0).abs() < 0.1, "{promised} {error}");
+    }
+}

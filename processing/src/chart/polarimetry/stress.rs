@@ -262,7 +262,7 @@ fn saturation(effort: Effort) -> Study {
 
 fn solve(photographs: &Photographs, method: &Method) -> Result<Outcome> {
     let begun = Instant::now();
-    let mut maps = super::scene::fold(photographs).solve(&photographs.design);
+    let mut maps = super::scene::fitted(photographs);
     let map = (method.solve)(&mut maps, &photographs.design, &photographs.noise)?;
     Ok(judge(&map.orientation, &map.sigma, &photographs.truth, begun.elapsed().as_secs_f64()))
 }

@@ -24,7 +24,8 @@ const RIVAL: f32 = 9.0;
 /// A squared distance from the mirror's place that noise hardly reaches, in squared standard deviations.
 const MIRROR: f32 = 16.0;
 
-/// Uncertainty in rad from which the bend of the curve within it is looked at.
+/// Uncertainty in rad from which the bend of the curve within it is looked at. Of 300 films drawn (r 0.7 to 1.5, any ζ, Δn up to 12°) nine in ten have
+/// no place that is slower by more than 1.4 % within twice that.
 const BENT: f32 = 0.01;
 
 /// Where the curve is that much slower within the noise than at the point itself, no σ describes the error, and the pixel is

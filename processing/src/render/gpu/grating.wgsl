@@ -130,7 +130,8 @@ fn balance_even(count: i32) {
             }
             sum *= rows[k];
             worst = max(worst, abs(sum - 1.0));
-            rows[k] /= max(select(sum, sqrt(sum), round % 3 == 0), 1e-12);
+            let step = select(sum, sqrt(sum), round % 3 == 0);
+            rows[k] /= select(1.0, step, step > 0.0);
         }
     }
     rows_to_columns();
