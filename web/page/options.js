@@ -16,7 +16,7 @@ export function optionFields(report = {}) {
   const { method = {} } = report.period ?? {};
   const [low, high] = method.range_um ?? [0.7, 2];
   const model = select(MODELS, "auto", { id: "model" });
-  const oblique = h("input", { type: "checkbox", id: "oblique", checked: Boolean(report.oblique) });
+  const oblique = h("input", { type: "checkbox", id: "oblique", checked: Boolean(report.oblique?.asked) });
   const obliqueRow = h("label", { class: "check" }, oblique, h("span", {},
     "Take oblique incidence out, where the photographs say where the camera stood and the points are likelier then: worth it near and from the side"));
   const offset = number({ id: "offset", value: report.offset_deg ?? 0 });

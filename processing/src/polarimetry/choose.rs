@@ -296,10 +296,15 @@ fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
 
 /// Mean difference of the orientations under two models after the best common offset, in rad.
 fn difference(a: &Candidate, b: &Candidate, points: &[CloudPoint]) -> f64 {
-    let (of_a, of_b) = (Path::new(a.curve), Path::new(b.curve));
-    let step = points.len().div_ceil(2000);
-    let pairs: Vec<f64> =
-        points.iter().step_by(step).map(|p| orientation(a, &of_a, p).0 - orientation(b, &of_b, p).0).collect();
+    difference_of((a, points), (b, points))
+}
+
+/// The same where each model has points of its own.
+pub(super) fn difference_of(a: (&Candidate, &[CloudPoint]), b: (&Candidate, &[CloudPoint])) -> f64 {
+    let (of_a, of_b) = (Path::new(a.0.curve), Path::new(b.0.curve));
+    let step = a.1.len().div_ceil(2000).max(1);
+    let points = a.1.iter().zip(b.1).step_by(step);
+    let pairs: Vec<f64> = points.map(|(p, q)| orientation(a.0, &of_a, p).0 - orientation(b.0, &of_b, q).0).collect();
     let (sin, cos) = pairs.iter().fold((0.0, 0.0), |(s, c), d| (s + (2.0 * d).sin(), c + (2.0 * d).cos()));
     let offset = 0.5 * f64::atan2(sin, cos);
     pairs.iter().map(|d| angle_difference(*d, offset).abs()).sum::<f64>() / pairs.len().max(1) as f64

@@ -1,12 +1,13 @@
 //! Takes out of the points (S1/S0, S2/S0) what oblique incidence does to them, so that one curve holds for all pixels.
 
-use super::choose::{Choice, choose};
+use super::choose::{Choice, choose, difference_of};
 use super::cloud::CloudPoint;
 use super::curve::{Curve, Film};
 use super::locate::{Table, distance2};
 use super::models::Model;
 use super::oblique::{Incidence, Material, curve_at};
-use super::search::Begin;
+use super::reconstruct::Asked;
+use super::search::{Begin, refitted};
 use crate::frames::Geometry;
 use num_complex::Complex;
 use schemars::JsonSchema;
@@ -41,41 +42,54 @@ impl std::str::FromStr for Oblique {
 pub struct ObliqueReport {
     /// Largest angle of incidence in the photographs, in degrees.
     pub largest_deg: f64,
+    /// It was asked to take its effect out.
+    pub asked: bool,
     /// Its effect was taken out.
     pub corrected: bool,
+    /// What it still makes a typical orientation wrong by, in degrees: part of the model's error.
+    pub left_deg: f64,
     /// Material that was assumed.
     pub material: Material,
-    /// Scatter of the points about the curve over their noise, without and with the correction.
-    pub scatter: [f64; 2],
+    /// Scatter of the points about the curve over their noise, without and with the correction; none where none was tried.
+    pub scatter: Option<[f64; 2]>,
     /// How much likelier the points that models are compared on are with the correction, in -2 ln likelihood.
-    pub gain: f64,
+    pub gain: Option<f64>,
 }
 
 impl ObliqueReport {
-    /// Of the choices without and with the correction.
-    fn new(stand: &Stand, material: Material, [without, with]: [&Choice; 2]) -> Self {
-        let gain = without.likelihood - with.likelihood;
+    fn new(stand: &Stand, material: Material, asked: Oblique) -> Self {
         Self {
             largest_deg: stand.largest_sin2.sqrt().asin().to_degrees(),
-            corrected: gain > 0.0,
+            asked: asked == Oblique::Auto,
+            corrected: false,
+            left_deg: 0.0,
             material,
-            scatter: [without.scatter(), with.scatter()],
-            gain,
+            scatter: None,
+            gain: None,
         }
     }
 
     /// What belongs in front of a user.
     pub fn warning(&self) -> Option<String> {
         let most = FIRST_ORDER.sqrt().asin().to_degrees();
-        (self.largest_deg > most).then(|| {
+        let remedy = if self.largest_deg > most {
+            format!("more than {most:.0}° off the normal it cannot be taken out")
+        } else if self.asked {
+            return None;
+        } else {
+            "--oblique auto takes it out where the points tell".into()
+        };
+        (self.left_deg > WORTH_A_WORD_DEG).then(|| {
             format!(
-                "light falls in at up to {:.0}°, more than the {most:.0}° up to which what that does can be taken out: it was left, and \
-                 may make orientations wrong by more than σ says",
-                self.largest_deg
+                "light falls in at up to {:.0}°, which makes orientations wrong by some {:.2}°, as σ says: {remedy}",
+                self.largest_deg, self.left_deg
             )
         })
     }
 }
+
+/// Orientations that are off by less than this in degrees need no word.
+const WORTH_A_WORD_DEG: f64 = 0.1;
 
 /// A correction of less than this, in standard deviations of a pixel, is not worth a thought.
 const MATTERS: f64 = 0.1;
@@ -200,6 +214,14 @@ impl Correction {
         (points.iter().map(square).sum::<f64>() / points.len().max(1) as f64).sqrt()
     }
 
+    /// By how much the chosen model's orientations differ from those of the same model fitted to straightened points, in rad: what oblique incidence
+    /// makes them wrong by. Before it the scatter of these about it, as a variance over their noise.
+    fn turns(&self, choice: &Choice, points: &[CloudPoint]) -> Option<(f64, f64)> {
+        let (chosen, straight) = (&choice.candidates[choice.chosen], self.straighten(points));
+        let straightened = refitted(chosen, &straight)?;
+        Some((straightened.widened, difference_of((chosen, points), (&straightened, &straight))))
+    }
+
     fn straighten(&self, points: &[CloudPoint]) -> Vec<CloudPoint> {
         let straight = |p: &CloudPoint| {
             let at = self.straightened(p.pixel, p.at.map(|v| v as f32), p.covariance.map(|v| v as f32));
@@ -229,44 +251,58 @@ pub(super) struct Corrected {
     pub report: Option<ObliqueReport>,
 }
 
-/// Chooses a model with oblique incidence taken out, if the points are likelier then.
-pub(super) fn choose_corrected(
-    points: &[CloudPoint],
-    model: Model,
-    stand: Option<(Stand, Material)>,
-) -> Option<Corrected> {
-    let plain = choose(points, model, Begin::Anywhere)?;
-    let uncorrected = |choice, report| Some(Corrected { choice, correction: None, report });
-    let Some((stand, material)) = stand else { return uncorrected(plain, None) };
-    if stand.largest_sin2 > FIRST_ORDER {
-        let report = ObliqueReport::new(&stand, material, [&plain, &plain]);
-        return uncorrected(plain, Some(report));
-    }
+/// Chooses a model, with oblique incidence taken out where that is asked for and the points are likelier then. What is left of its effect goes
+/// into the model's error.
+pub(super) fn choose_corrected(points: &[CloudPoint], asked: &Asked) -> Option<Corrected> {
+    let plain = choose(points, asked.model, Begin::Anywhere)?;
+    let Some((stand, material)) = asked.stand else {
+        return Some(Corrected { choice: plain, correction: None, report: None });
+    };
     // No fewer than tell a film.
     let few: Vec<CloudPoint> = points.iter().step_by((points.len() / LOOKED_AT).max(1)).copied().collect();
-    let at = |points: &[CloudPoint], films: &[Film]| choose(points, model, Begin::At(films));
-    let films = plain.films();
     // The same circle has two explanations: what the grating does to the mirror's light, or what the mirror does to the grating's.
-    let guesses = film_of(&plain).into_iter().chain(circles(&plain));
-    let matters = |c: &Correction| c.moves_by(&few) > MATTERS;
-    let corrections = guesses.map(|film| Correction::new(stand, &material, &film)).filter(matters);
-    let tried = corrections.filter_map(|c| Some((at(&c.straighten(&few), &films)?.likelihood, c)));
-    let Some((_, first)) = tried.min_by(|a, b| a.0.total_cmp(&b.0)) else { return uncorrected(plain, None) };
-    // With that taken out the film is found, and with the film what is to be taken out.
-    let found = choose(&first.straighten(&few), model, Begin::Anywhere)?;
-    let correction = film_of(&found).map_or(first, |film| Correction::new(stand, &material, &film));
-    let choice = at(&correction.straighten(points), &found.films())?;
-    let report = ObliqueReport::new(&stand, material, [&plain, &choice]);
-    if report.corrected {
-        Some(Corrected { choice, correction: Some(correction), report: Some(report) })
-    } else {
-        uncorrected(plain, Some(report))
+    let guesses = plain.candidates[plain.right].film.into_iter().chain(circles(&plain));
+    let corrections: Vec<Correction> =
+        guesses.map(|film| Correction::new(stand, &material, &film)).filter(|c| c.moves_by(&few) > MATTERS).collect();
+    // Of the explanations the one under which straightened points scatter least.
+    let turned = corrections.iter().filter_map(|c| c.turns(&plain, &few));
+    let left = turned.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, turn)| turn);
+    let mut report = ObliqueReport::new(&stand, material, asked.oblique);
+    let can_be_taken_out = asked.oblique == Oblique::Auto && stand.largest_sin2 <= FIRST_ORDER;
+    let mut found = None;
+    if can_be_taken_out && let Some((choice, correction)) = taken_out(points, &few, &plain, corrections, asked) {
+        let gain = plain.likelihood - choice.likelihood;
+        report.corrected = gain > 0.0;
+        (report.scatter, report.gain) = (Some([plain.scatter(), choice.scatter()]), Some(gain));
+        found = report.corrected.then_some((choice, correction));
     }
+    // Of what is taken out to first order, the second is left.
+    let left = left * if report.corrected { stand.largest_sin2 } else { 1.0 };
+    report.left_deg = left.to_degrees();
+    let (mut choice, correction) = found.map_or((plain, None), |(choice, correction)| (choice, Some(correction)));
+    choice.systematic = choice.systematic.hypot(left);
+    choice.error = choice.error.map(|error| error.hypot(left));
+    Some(Corrected { choice, correction, report: Some(report) })
 }
 
-/// The film of the chosen curve.
-fn film_of(choice: &Choice) -> Option<Film> {
-    choice.candidates[choice.chosen].film
+/// The choice among models of points whose oblique incidence is taken out, and the correction that does.
+fn taken_out(
+    points: &[CloudPoint],
+    few: &[CloudPoint],
+    plain: &Choice,
+    corrections: Vec<Correction>,
+    asked: &Asked,
+) -> Option<(Choice, Correction)> {
+    let (stand, material) = asked.stand?;
+    let at = |points: &[CloudPoint], films: &[Film]| choose(points, asked.model, Begin::At(films));
+    let films = plain.films();
+    let tried = corrections.into_iter().filter_map(|c| Some((at(&c.straighten(few), &films)?.likelihood, c)));
+    let (_, first) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    // With that taken out the film is found, and with the film what is to be taken out.
+    let found = choose(&first.straighten(few), asked.model, Begin::Anywhere)?;
+    let film = found.candidates[found.chosen].film;
+    let correction = film.map_or(first, |film| Correction::new(stand, &material, &film));
+    Some((at(&correction.straighten(points), &found.films())?, correction))
 }
 
 /// Gratings without a film whose circle has the size of the fitted one: |a| > |b|, as embossed metal has it, and the other.

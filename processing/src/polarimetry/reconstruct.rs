@@ -119,8 +119,10 @@ pub(super) struct Asked {
     pub model: Model,
     /// Added to every orientation, in rad.
     pub offset: f64,
-    /// Where the camera stands, if that is to be looked at.
+    /// Where the camera stands, if the photographs say so.
     pub stand: Option<(Stand, Material)>,
+    /// Whether what oblique incidence does is taken out.
+    pub oblique: Oblique,
     /// Pixels that models are fitted to and compared on.
     pub pixels: usize,
 }
@@ -128,17 +130,17 @@ pub(super) struct Asked {
 impl Asked {
     /// This model, and nothing else.
     pub(super) fn of(model: Model) -> Self {
-        Self { model, offset: 0.0, stand: None, pixels: CLOUD }
+        Self { model, offset: 0.0, stand: None, oblique: Oblique::Off, pixels: CLOUD }
     }
 
     /// What the user wants of these photographs.
     pub(super) fn by(options: &Options, frames: &LoadedFrames, views: &[View]) -> Self {
         let size = [frames.info.width, frames.info.height];
-        let geometry = frames.set.geometry.filter(|_| options.oblique == Oblique::Auto);
-        let stand = geometry.and_then(|g| Stand::new(&g, size, views.first().map_or(1, |v| v.block)));
+        let stand = frames.set.geometry.and_then(|g| Stand::new(&g, size, views.first().map_or(1, |v| v.block)));
         Self {
             offset: options.offset_deg.to_radians(),
             stand: stand.map(|stand| (stand, frames.set.material.unwrap_or_default())),
+            oblique: options.oblique,
             ..Self::of(options.model)
         }
     }
@@ -176,7 +178,7 @@ pub(super) fn solve_with(
 ) -> Solved {
     let mut points = cloud(maps, design, noise, asked.pixels);
     points.retain(|p| p.snr >= f64::from(MASK_SNR));
-    let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked.model, asked.stand) else {
+    let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked) else {
         let map = phases(maps, residual, design, noise, asked.offset);
         return Solved { circle: check_circle(maps, &map), map, without_grating: 0, choice: None, oblique: None };
     };
@@ -270,10 +272,7 @@ pub(super) fn reported(
     solved: &Solved,
 ) -> Report {
     let pixels = Pixels::count(maps, &solved.map, solved.without_grating);
-    Report {
-        oblique: solved.oblique.clone(),
-        ..Report::new(frames, options, design, noise, pixels, solved.circle, solved.choice.as_ref())
-    }
+    Report::new(frames, options, design, noise, pixels, solved)
 }
 
 /// Evens out illumination and vignetting: a common factor per pixel that no orientation depends on.

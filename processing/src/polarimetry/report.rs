@@ -2,6 +2,7 @@
 
 use super::choose::Choice;
 use super::errors::Systematic;
+use super::reconstruct::Solved;
 use super::smooth::SPACE_SIGMA_PX;
 use super::{
     Alignment, CircleCheck, Design, ErrorReport, FrameNoise, Model, ModelReport, NoiseSource, ObliqueReport, Options,
@@ -128,9 +129,9 @@ impl Report {
         design: &Design,
         (noise, source): (&[FrameNoise], NoiseSource),
         pixels: Pixels,
-        circle: Option<CircleCheck>,
-        choice: Option<&Choice>,
+        solved: &Solved,
     ) -> Self {
+        let (circle, choice) = (solved.circle, solved.choice.as_ref());
         let block = if frames.set.layout.is_some() { 2 } else { 1 };
         let mean = |of: fn(&FrameNoise) -> f64| noise.iter().map(of).sum::<f64>() / noise.len().max(1) as f64;
         let set = &frames.set;
@@ -153,7 +154,7 @@ impl Report {
         if source == NoiseSource::Assumed {
             warnings.push("three angles leave no residual and no noise is given, so σ assumes a modest camera".into());
         }
-        let error = ErrorReport::new(pixels.sigma_median_deg, error_of_model(circle.as_ref(), choice));
+        let error = ErrorReport::new(pixels.sigma_median_deg, error_of_model(solved));
         Self {
             method: "polarization",
             model: chosen.map_or_else(|| Model::Sinusoid.word().to_owned(), |c| c.name()),
@@ -178,7 +179,7 @@ impl Report {
                 map: options.smooth_maps,
             },
             period: None,
-            oblique: None,
+            oblique: solved.oblique.clone(),
             offset_deg: options.offset_deg,
             analyser_deg: match set.layout {
                 Some(layout) => layout.concat().repeat(set.frames.len()),
@@ -203,11 +204,14 @@ impl Report {
 }
 
 /// Error in degrees that the model may cause; none when that cannot be told.
-fn error_of_model(circle: Option<&CircleCheck>, choice: Option<&Choice>) -> Option<f64> {
-    let choice = choice?;
-    match choice.candidates[choice.chosen].model {
+fn error_of_model(solved: &Solved) -> Option<f64> {
+    let choice = solved.choice.as_ref()?;
+    match (choice.candidates[choice.chosen].model, solved.circle) {
         // With oblique incidence taken out there is no check on the raw points.
-        Model::Sinusoid if circle.is_some() => circle.filter(|c| c.bias_is_known())?.bias_deg,
+        (Model::Sinusoid, Some(circle)) => {
+            let left = solved.oblique.as_ref().map_or(0.0, |o| o.left_deg);
+            Some(circle.bias_deg.filter(|_| circle.bias_is_known())?.hypot(left))
+        }
         _ => Some(choice.error?.to_degrees()),
     }
 }

@@ -7,7 +7,7 @@ use super::curve::{Curve, Film, PARAMETERS};
 use super::curve_fit::{Family, Fitted};
 use super::foot::{Foot, Path};
 use super::likeliest::likeliest;
-use super::models::{Candidate, MIXTURE, Model, SPREAD, widened};
+use super::models::{Candidate, MIXTURE, Model, SPREAD, candidates, widened};
 use super::sums::summed_up;
 use super::{evidence, mixture};
 use num_complex::Complex;
@@ -227,10 +227,25 @@ fn candidate(set: &Set, family: &Family<'_>, fit: &Fitted, film: Film, points: &
     }
 }
 
+/// The set of parameters that a candidate has; None for a circle.
+fn set_of(like: &Candidate) -> Option<&'static Set> {
+    SETS.iter().chain(&MIRROR_SETS).find(|set| like.film.is_some() && set.1 == like.extended)
+}
+
+/// A candidate's model with parameters that are fitted to other points, from where they are.
+pub(super) fn refitted(like: &Candidate, points: &[CloudPoint]) -> Option<Candidate> {
+    let Some(film) = like.film else { return candidates(points).into_iter().find(|c| c.model == like.model) };
+    let set = set_of(like)?;
+    with_family(set, |family, of| {
+        let fit = family.fit(points, &taken(set.0, &film), 30)?;
+        Some(candidate(set, family, &fit, of(&fit.parameters), points))
+    })
+}
+
 /// The likeliest curve near a film, with the parameters of a candidate; None for a circle. Scatter is told relative to the noise as it was for the
 /// candidate: that of these points may be wider already.
 pub(super) fn likelier(like: &Candidate, start: Film, points: &[CloudPoint]) -> Option<Candidate> {
-    let set = SETS.iter().chain(&MIRROR_SETS).find(|set| like.film.is_some() && set.1 == like.extended)?;
+    let set = set_of(like)?;
     with_family(set, |family, film| {
         let fit = likeliest(family, &family.at(points, taken(set.0, &start))?, points);
         let found = candidate(set, family, &fit, film(&fit.parameters), points);

@@ -41,7 +41,7 @@ pub struct Polarization {
     #[arg(long, default_value = "auto", value_name = "auto|off")]
     align: Align,
     /// auto takes out what oblique incidence does, where the photographs say where the camera stood and fit better with
-    /// it; off never does.
+    /// it; off leaves it, and σ holds it.
     #[arg(long, default_value = "off", value_name = "auto|off")]
     oblique: Oblique,
     /// Degrees added to every orientation, where one is known.
