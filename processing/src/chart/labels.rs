@@ -1,6 +1,6 @@
 //! Labels that keep out of each other's way.
 
-use super::svg::{Anchor, Area, Svg, text_width};
+use super::svg::{Anchor, Area, Svg, bold_width, text_width};
 
 /// Finds places for labels beside their points.
 pub(super) struct Labels {
@@ -22,8 +22,10 @@ impl Labels {
     }
 
     /// Writes a label at the place around `point` that covers least.
-    pub fn place(&mut self, svg: &mut Svg, point: [f64; 2], text: &str, size: f64, style: &str) {
-        let (w, h) = (text_width(text, size), 1.15 * size);
+    pub fn place(&mut self, svg: &mut Svg, point: [f64; 2], text: &str, size: f64, bold: bool, style: &str) {
+        let (width, weight) =
+            if bold { (bold_width(text, size), " font-weight=\"bold\"") } else { (text_width(text, size), "") };
+        let (w, h) = (width, 1.15 * size);
         let mut best: Option<(f64, Area)> = None;
         for ring in 0..6 {
             let gap = 10.0 + 14.0 * f64::from(ring);
@@ -47,7 +49,7 @@ impl Labels {
             if (middle[0] - point[0]).hypot(middle[1] - point[1]) > 22.0 + w / 2.0 {
                 svg.line(point, [middle[0].clamp(area.x, area.x + w), middle[1]], "stroke=\"#c3cad3\"");
             }
-            svg.text_on_lines([area.x, area.y + 0.82 * h], text, size, Anchor::Start, style);
+            svg.text_on_lines([area.x, area.y + 0.82 * h], text, size, Anchor::Start, &format!("{style}{weight}"));
         }
     }
 }
@@ -86,7 +88,7 @@ mod tests {
         let mut svg = Svg::new(400.0, 300.0);
         let points = [[100.0, 100.0], [103.0, 101.0], [106.0, 99.0]];
         let mut labels = Labels::new(Area::new(0.0, 0.0, 400.0, 300.0), &points);
-        points.iter().for_each(|p| labels.place(&mut svg, *p, "12 frames", 12.0, ""));
+        points.iter().for_each(|p| labels.place(&mut svg, *p, "12 frames", 12.0, true, ""));
         let placed = &labels.taken[3..];
         for (i, a) in placed.iter().enumerate() {
             assert!(placed[i + 1..].iter().all(|b| a.overlap(b) < 1.0), "{placed:?}");

@@ -144,8 +144,17 @@ pub(super) fn escape(text: &str) -> String {
 
 /// Width of a line of text.
 pub(super) fn text_width(text: &str, size: f64) -> f64 {
+    width_in(dejavu::sans_condensed::regular(), text, size)
+}
+
+/// The same of bold text.
+pub(super) fn bold_width(text: &str, size: f64) -> f64 {
+    width_in(dejavu::sans_condensed::bold(), text, size)
+}
+
+fn width_in(font: &[u8], text: &str, size: f64) -> f64 {
     // Without a font, which its crate's tests rule out, a common average serves.
-    let Ok(font) = FontRef::try_from_slice(dejavu::sans_condensed::regular()) else {
+    let Ok(font) = FontRef::try_from_slice(font) else {
         return 0.55 * size * text.chars().count() as f64;
     };
     let font = font.as_scaled(1000.0);

@@ -59,8 +59,7 @@ pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
     for p in order {
         let setting = &summary.settings[p.setting];
         let text = if setting.default { format!("default: {}", setting.label) } else { setting.label.clone() };
-        let weight = if setting.default { "font-weight=\"bold\"" } else { "" };
-        labels.place(svg, at(p), &text, 12.5, &format!("{} {weight}", fill(INK)));
+        labels.place(svg, at(p), &text, 12.5, setting.default, &fill(INK));
     }
     if points.is_empty() {
         let middle = [area.x + area.w / 2.0, area.y + area.h / 2.0];

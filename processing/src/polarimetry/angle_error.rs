@@ -4,7 +4,8 @@
 //! δ. Part of that pattern the fit takes up: turning all angles together changes nothing but the gauge, and of N angles three
 //! numbers per pixel are fitted. What is left over is explained by all δ together, by least squares, as far as they can be told.
 
-use super::sample::{AREA, Sample};
+use super::cloud::CloudPoint;
+use super::sample::AREA;
 use super::{Design, StokesMaps};
 use nalgebra::{DMatrix, DVector};
 
@@ -14,14 +15,14 @@ const TOLD: f64 = 1e-4;
 /// Rounds of weighting.
 const ROUNDS: usize = 20;
 
-/// Standard deviation of the analyser's angles in rad about where they are said to be; `maps` is the fit of all blocks of the sample. None
+/// Standard deviation of the analyser's angles in rad about where they are said to be; `maps` is the fit of these views, in blocks of [`AREA`] pixels. None
 /// for three angles, which fit everything, and where no combination of angles can be told.
-pub(super) fn angle_sigma(sample: &Sample, design: &Design, maps: &StokesMaps) -> Option<f64> {
+pub(crate) fn angle_sigma(views: &[&[f32]], design: &Design, maps: &StokesMaps) -> Option<f64> {
     if design.freedom() == 0 {
         return None;
     }
     let left_over = left_over(design);
-    let witnesses: Vec<Witness> = (0..maps.s0.len() / AREA).map(|b| Witness::new(sample, design, maps, b)).collect();
+    let witnesses: Vec<Witness> = (0..maps.s0.len() / AREA).map(|b| Witness::new(views, design, maps, b)).collect();
     let mut all = Witness::none(design.frames());
     witnesses.iter().for_each(|w| all.add(w));
     let modes = all.curvature(design, &left_over).symmetric_eigen();
@@ -63,6 +64,28 @@ fn scatter(amplitudes: &[f64], noise: &[f64]) -> f64 {
     variance
 }
 
+/// By how much wrong angles of this standard deviation in rad move a point, as a variance over that of its noise, mean of these points of maps.
+/// Turning all angles together, which changes orientations alike, is no part of it.
+pub(super) fn distorted(points: &[CloudPoint], maps: &StokesMaps, design: &Design, sigma: f64) -> f64 {
+    let columns: Vec<_> = design.rows.iter().map(|x| design.inverse * x).collect();
+    let of_point = |point: &CloudPoint| {
+        let [x, y] = point.at;
+        let light = f64::from(maps.s0[point.pixel]);
+        let [c, s] = [maps.s1[point.pixel], maps.s2[point.pixel]].map(|v| f64::from(v) / light);
+        let moves: Vec<[f64; 2]> = (columns.iter().zip(&design.rows))
+            .map(|(m, row)| [m[1] - x * m[0], m[2] - y * m[0]].map(|by| 2.0 * (s * row[1] - c * row[2]) * by))
+            .collect();
+        let mean = [0, 1].map(|i| moves.iter().map(|m| m[i]).sum::<f64>() / moves.len() as f64);
+        let [a, b, d] = point.weights();
+        let square = |m: &[f64; 2]| {
+            let [u, v] = [0, 1].map(|i| m[i] - mean[i]);
+            a * u * u + 2.0 * b * u * v + d * v * v
+        };
+        0.5 * moves.iter().map(square).sum::<f64>()
+    };
+    sigma * sigma * points.iter().map(of_point).sum::<f64>() / points.len().max(1) as f64
+}
+
 /// What a fit leaves of a set of intensities.
 fn left_over(design: &Design) -> DMatrix<f64> {
     let n = design.frames();
@@ -82,7 +105,7 @@ impl Witness {
         Self { squares: [0.0; 3], slope: DVector::zeros(views) }
     }
 
-    fn new(sample: &Sample, design: &Design, maps: &StokesMaps, block: usize) -> Self {
+    fn new(views: &[&[f32]], design: &Design, maps: &StokesMaps, block: usize) -> Self {
         let mut new = Self::none(design.frames());
         for i in block * AREA..(block + 1) * AREA {
             let [a, c, s] = [maps.s0[i], maps.s1[i], maps.s2[i]].map(|v| 0.5 * f64::from(v));
@@ -92,7 +115,7 @@ impl Witness {
             let [cc, cs, ss] = &mut new.squares;
             (*cc, *cs, *ss) = (*cc + c * c, *cs + c * s, *ss + s * s);
             for (k, x) in design.rows.iter().enumerate() {
-                let residual = f64::from(sample.view(k)[i]) - (a + c * x[1] + s * x[2]);
+                let residual = f64::from(views[k][i]) - (a + c * x[1] + s * x[2]);
                 new.slope[k] += 2.0 * (s * x[1] - c * x[2]) * residual;
             }
         }

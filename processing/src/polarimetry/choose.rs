@@ -12,8 +12,8 @@ use std::borrow::Cow;
 pub(super) const UNDECIDED: f64 = 10.0;
 pub(super) const UNDECIDED_SIGMA: f64 = 2.0;
 
-/// The simplest model that is behind the best by no more than this is taken: as much is left to chance in the evidence, and most films
-/// have no more to them.
+/// The simplest kind of model that is behind the best by no more than this is taken, and the likeliest of that: as much is left to chance in the
+/// evidence, and most films have no more to them.
 const SIMPLER: f64 = 8.0;
 
 /// Points that scatter farther from every curve than this share of the curve's size, and than twice their noise, form no
@@ -28,6 +28,10 @@ pub(super) const UNEXPLAINED: f64 = 4.0;
 /// this much per point.
 const UNMODELLED_WIDENED: f64 = 1.2;
 const UNMODELLED: f64 = 0.005;
+
+/// What wrong angles make of all points together a model of more parameters may explain: it must be likelier by so many times as much, as five or so
+/// numbers, which the angles' errors come down to, are rarely three times as much as they should be.
+const DISTORTED: f64 = 3.0;
 
 /// Fewer points than this tell a film only where they lie on its curve to their noise, and fewer than the others only where they are
 /// far off every circle, too.
@@ -79,8 +83,9 @@ pub(super) struct Choice {
     pub systematic: f64,
 }
 
-/// Chooses among models by points that carry modulation; None when there are fewer than 20.
-pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> Option<Choice> {
+/// Chooses among models by points that carry modulation, which wrong angles move by so much together, as a variance over that of their noise; None when
+/// there are fewer than 20.
+pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, distorted: f64) -> Option<Choice> {
     if points.len() < FEWEST_POINTS {
         return None;
     }
@@ -106,19 +111,23 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>) -> 
     let widened = least(&candidates);
     let each = compare(&mut candidates, points, widened);
     let evidence: Vec<f64> = each.iter().map(|e| e.total).collect();
-    let likeliest = |model: Option<Model>| {
-        (0..candidates.len())
-            .filter(|k| model.is_none_or(|m| candidates[*k].model == m))
-            .min_by(|a, b| evidence[*a].total_cmp(&evidence[*b]))
+    let likeliest = |of: &dyn Fn(&Candidate) -> bool| {
+        let all = (0..candidates.len()).filter(|k| of(&candidates[*k]));
+        all.min_by(|a, b| evidence[*a].total_cmp(&evidence[*b]))
     };
-    let best = likeliest(None)?;
+    let best = likeliest(&|_| true)?;
     // Points that scatter more than their noise are off every model alike, and more parameters find something in that.
-    let unmodelled = if widened > UNMODELLED_WIDENED { UNMODELLED * points.len() as f64 } else { 0.0 };
+    let unmodelled = if widened > UNMODELLED_WIDENED { UNMODELLED } else { 0.0 };
+    let unmodelled = unmodelled.max(DISTORTED * distorted) * points.len() as f64;
     let explained = explains(&candidates[best], points);
     let chosen = match wanted {
-        Model::Auto if !explained => likeliest(Some(Model::Sinusoid))?,
-        Model::Auto => (0..candidates.len()).find(|k| evidence[*k] <= evidence[best] + unmodelled.max(SIMPLER))?,
-        model => likeliest(Some(model))?,
+        Model::Auto if !explained => likeliest(&|c| c.model == Model::Sinusoid)?,
+        Model::Auto => {
+            let as_good = |k: &usize| evidence[*k] <= evidence[best] + unmodelled.max(SIMPLER);
+            let simplest = &candidates[(0..candidates.len()).find(as_good)?];
+            likeliest(&|c| (c.model, c.extended) == (simplest.model, simplest.extended))?
+        }
+        model => likeliest(&|c| c.model == model)?,
     };
     // A model that was asked for is as wrong as it differs from the likeliest one, if that is right.
     let right = if asked { best } else { chosen };
@@ -164,7 +173,8 @@ impl Choice {
             let simple = candidates[k].parameters <= candidates[*right].parameters;
             let ahead = behind[k] - behind[*right].max(film) - if simple { unmodelled } else { 0.0 };
             let odds = 0.5 * libm::erfc(ahead / chance[k].max(0.5 * UNDECIDED) / std::f64::consts::SQRT_2);
-            odds.sqrt() * differences[k]
+            // Its parameters may be off as far as the points and what was expected of them leave open.
+            odds.sqrt() * differences[k].hypot(candidates[k].uncertain)
         };
         let rivals = all.clone().map(of_rival).fold(0.0, f64::max);
         let right = &candidates[*right];

@@ -32,7 +32,7 @@ fn compared_for(wanted: Model, scene: &Synthetic, pixels: usize, seed: u64) -> (
     assert_eq!(points.len(), truth.len());
     let pairs: Vec<_> = points.into_iter().zip(truth).filter(|(p, _)| p.snr >= f64::from(MASK_SNR)).collect();
     let points: Vec<_> = pairs.iter().map(|(p, _)| *p).collect();
-    let choice = choose(&points, wanted, Begin::Anywhere).unwrap();
+    let choice = choose(&points, wanted, Begin::Anywhere, 0.0).unwrap();
     let errors = choice.candidates.iter().map(|c| error(c, &pairs)).collect();
     (choice, errors)
 }
@@ -241,12 +241,12 @@ fn no_model_is_wrong_and_confident() {
     ];
     for (name, scene, model, pixels) in scenes {
         let Series { mut maps, design, noise, truth } = scene.photograph(pixels, 5).unwrap();
-        let map = orient_with(&mut maps, &design, &noise, model, pixels);
+        let map = orient_with(&mut maps, &design, &noise, &Asked { pixels, ..Asked::of(model) });
         assert_hardly_wrong(name, &map, &truth);
     }
     // Fifty points for four thousand pixels.
     let Series { mut maps, design, noise, truth } = film(10.0).photograph(4000, 5).unwrap();
-    let map = orient_with(&mut maps, &design, &noise, Model::Auto, 50);
+    let map = orient_with(&mut maps, &design, &noise, &Asked { pixels: 50, ..Asked::of(Model::Auto) });
     assert_hardly_wrong("fifty points", &map, &truth);
 }
 

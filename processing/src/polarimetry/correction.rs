@@ -103,7 +103,7 @@ const LOOKED_AT: usize = 6000;
 
 /// Where the camera stands over the photographs.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stand {
+pub(crate) struct Stand {
     width: usize,
     /// Pixel below the camera.
     foot: [f32; 2],
@@ -253,8 +253,8 @@ pub(super) struct Corrected {
 
 /// Chooses a model, with oblique incidence taken out where that is asked for and the points are likelier then. What is left of its effect goes
 /// into the model's error.
-pub(super) fn choose_corrected(points: &[CloudPoint], asked: &Asked) -> Option<Corrected> {
-    let plain = choose(points, asked.model, Begin::Anywhere)?;
+pub(super) fn choose_corrected(points: &[CloudPoint], asked: &Asked, distorted: f64) -> Option<Corrected> {
+    let plain = choose(points, asked.model, Begin::Anywhere, distorted)?;
     let Some((stand, material)) = asked.stand else {
         return Some(Corrected { choice: plain, correction: None, report: None });
     };
@@ -270,7 +270,9 @@ pub(super) fn choose_corrected(points: &[CloudPoint], asked: &Asked) -> Option<C
     let mut report = ObliqueReport::new(&stand, material, asked.oblique);
     let can_be_taken_out = asked.oblique == Oblique::Auto && stand.largest_sin2 <= FIRST_ORDER;
     let mut found = None;
-    if can_be_taken_out && let Some((choice, correction)) = taken_out(points, &few, &plain, corrections, asked) {
+    if can_be_taken_out
+        && let Some((choice, correction)) = taken_out(points, &few, &plain, corrections, (asked, distorted))
+    {
         let gain = plain.likelihood - choice.likelihood;
         report.corrected = gain > 0.0;
         (report.scatter, report.gain) = (Some([plain.scatter(), choice.scatter()]), Some(gain));
@@ -291,15 +293,15 @@ fn taken_out(
     few: &[CloudPoint],
     plain: &Choice,
     corrections: Vec<Correction>,
-    asked: &Asked,
+    (asked, distorted): (&Asked, f64),
 ) -> Option<(Choice, Correction)> {
     let (stand, material) = asked.stand?;
-    let at = |points: &[CloudPoint], films: &[Film]| choose(points, asked.model, Begin::At(films));
+    let at = |points: &[CloudPoint], films: &[Film]| choose(points, asked.model, Begin::At(films), distorted);
     let films = plain.films();
     let tried = corrections.into_iter().filter_map(|c| Some((at(&c.straighten(few), &films)?.likelihood, c)));
     let (_, first) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
     // With that taken out the film is found, and with the film what is to be taken out.
-    let found = choose(&first.straighten(few), asked.model, Begin::Anywhere)?;
+    let found = choose(&first.straighten(few), asked.model, Begin::Anywhere, distorted)?;
     let film = found.candidates[found.chosen].film;
     let correction = film.map_or(first, |film| Correction::new(stand, &material, &film));
     Some((at(&correction.straighten(points), &found.films())?, correction))

@@ -20,12 +20,51 @@ const CONVERGED: f64 = 0.01;
 /// What [`mean cost`](Fitted::cost) is when the points lie on the curve to their noise: `E[9 ln(1 + z²/9)]`.
 pub const COST_OF_NOISE: f64 = 0.8735;
 
+/// What is expected of a parameter.
+#[derive(Clone, Copy)]
+pub enum Expected {
+    /// It is an angle, and may have any value.
+    Anything,
+    /// It is about 0, with this standard deviation: more is hardly ever met.
+    Near(f64),
+    /// Half the time it is nearer to 0 than this, and it may be far off (Cauchy's distribution).
+    Mostly(f64),
+}
+
+impl Expected {
+    /// -2 ln likelihood of a value, but for a constant.
+    fn cost(self, value: f64) -> f64 {
+        match self {
+            Self::Anything => 0.0,
+            Self::Near(size) => (value / size).powi(2),
+            Self::Mostly(size) => 2.0 * (value / size).powi(2).ln_1p(),
+        }
+    }
+
+    /// How strongly a value is drawn to 0: the inverse of a variance.
+    fn pull(self, value: f64) -> f64 {
+        match self {
+            Self::Anything => 0.0,
+            Self::Near(size) => size.powi(-2),
+            Self::Mostly(size) => 2.0 / (size * size + value * value),
+        }
+    }
+
+    /// How far values are apart: those of angles of half a turn.
+    fn size(self) -> f64 {
+        match self {
+            Self::Anything => PI / 12f64.sqrt(),
+            Self::Near(size) | Self::Mostly(size) => size,
+        }
+    }
+}
+
 /// A family of curves.
 pub struct Family<'a> {
     /// The curve of given parameters.
     pub curve: &'a (dyn Fn(&[f64]) -> Curve + Sync),
-    /// How far each parameter may be expected from 0: standard deviations, infinite where nothing is expected.
-    pub expected: &'a [f64],
+    /// What is expected of each parameter before any point is seen.
+    pub expected: &'a [Expected],
     /// How far each parameter may be from 0 at most.
     pub limits: &'a [f64],
 }
@@ -126,7 +165,12 @@ impl Family<'_> {
 
     /// -2 ln likelihood of the parameters by themselves.
     pub(super) fn prior(&self, at: &[f64]) -> f64 {
-        at.iter().zip(self.expected).map(|(a, e)| (a / e).powi(2)).sum()
+        at.iter().zip(self.expected).map(|(a, e)| e.cost(*a)).sum()
+    }
+
+    /// How strongly each parameter is drawn to 0.
+    pub(super) fn pull(&self, at: &[f64]) -> Vec<f64> {
+        at.iter().zip(self.expected).map(|(a, e)| e.pull(*a)).collect()
     }
 
     /// Normal matrix and right side of a step.
@@ -134,8 +178,9 @@ impl Family<'_> {
         let n = at.len();
         let moved = self.moved(at);
         let middle = (self.curve)(at);
-        let mut matrix = DMatrix::from_diagonal(&DVector::from_iterator(n, self.expected.iter().map(|e| e.powi(-2))));
-        let mut right = DVector::from_iterator(n, at.iter().zip(self.expected).map(|(a, e)| -a / (e * e)));
+        let pull = self.pull(at);
+        let mut right = DVector::from_iterator(n, at.iter().zip(&pull).map(|(a, by)| -a * by));
+        let mut matrix = DMatrix::from_diagonal(&pull.into());
         let of_block = |feet: &[Foot]| {
             let mut sums = Normal::default();
             vectorised(
@@ -179,14 +224,12 @@ impl Family<'_> {
     }
 
     /// What points whose variance is `widened` times their noise tell of the parameters: ln of how much smaller the volume is that
-    /// is left than that of what was expected (Laplace's factor, as -2 ln). Where nothing is expected, parameters are angles of
-    /// half a turn.
+    /// is left than that of what was expected (Laplace's factor, as -2 ln).
     pub fn told(&self, fitted: &Fitted, widened: f64) -> f64 {
-        let size = |e: &f64| if e.is_finite() { *e } else { PI / 12f64.sqrt() };
-        let sizes: Vec<f64> = self.expected.iter().map(size).collect();
-        let n = sizes.len();
+        let sizes: Vec<f64> = self.expected.iter().map(|e| e.size()).collect();
+        let (n, pull) = (sizes.len(), self.pull(&fitted.parameters));
         let scaled = DMatrix::from_fn(n, n, |i, j| {
-            let expected = if i == j { self.expected[i].powi(-2) } else { 0.0 };
+            let expected = if i == j { pull[i] } else { 0.0 };
             let told = (fitted.information[(i, j)] - expected) / widened * sizes[i] * sizes[j];
             told + if i == j { 1.0 } else { 0.0 }
         });

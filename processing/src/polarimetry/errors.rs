@@ -80,32 +80,63 @@ pub(super) struct Answer {
 
 /// Works out what is no noise, for orientations under the chosen model (the sinusoid without one).
 pub(super) fn systematic(
-    frames: &LoadedFrames,
     sample: &Sample,
     views: &[View],
     noise: &[FrameNoise],
     choice: Option<&Choice>,
     alignment: Option<&Alignment>,
+    angles: &Angles,
 ) -> Systematic {
-    let kept: Vec<(usize, f64)> = views.iter().map(|v| v.angle).enumerate().take(sample.views()).collect();
-    let Ok(design) = Design::new(&kept.iter().map(|v| v.1).collect::<Vec<_>>()) else { return Systematic::default() };
-    let blocks: Vec<usize> = (0..sample.view(0).len() / AREA).collect();
-    let maps = sample.solve(&blocks, &kept, &design);
-    let answers = answers(&maps, &design, &noise[..kept.len().min(noise.len())], choice);
-    let (sigma, angle_source) = match frames.set.angle_sigma_deg {
-        Some(deg) => (Some(deg.to_radians()), Some(AngleSource::Given)),
-        // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
-        None if views.iter().any(|v| v.block > 1) => (None, None),
-        None => (angle_sigma(sample, &design, &maps), Some(AngleSource::Residuals)),
-    };
+    let Some(Solved { design, maps }) = Solved::new(sample, views) else { return Systematic::default() };
+    let answers = answers(&maps, &design, &noise[..design.frames().min(noise.len())], choice);
     // Of more views than are kept, all count.
-    let share = (kept.len() as f64 / views.len().max(1) as f64).sqrt();
+    let share = (design.frames() as f64 / views.len().max(1) as f64).sqrt();
     let misses = of_angles(&answers, &design).map(|w| w * share);
     Systematic {
-        angle_deg: sigma.zip(misses).map(|(sigma, per)| (sigma * per).to_degrees()),
+        angle_deg: angles.sigma.zip(misses).map(|(sigma, per)| (sigma * per).to_degrees()),
         registration_deg: of_shifts(views, alignment).and_then(|s| of_registration(&answers, &maps, &design, &s)),
-        angle_sigma_deg: sigma.map(f64::to_degrees),
-        angle_source: angle_source.filter(|_| sigma.is_some()),
+        angle_sigma_deg: angles.sigma.map(f64::to_degrees),
+        angle_source: angles.source,
+    }
+}
+
+/// How well the analyser's angles are known.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Angles {
+    /// Standard deviation in rad.
+    pub sigma: Option<f64>,
+    source: Option<AngleSource>,
+}
+
+impl Angles {
+    /// As `frames.json` states it, or as the sample's residuals tell.
+    pub(super) fn of(frames: &LoadedFrames, sample: &Sample, views: &[View]) -> Self {
+        let (sigma, source) = match frames.set.angle_sigma_deg {
+            Some(deg) => (Some(deg.to_radians()), AngleSource::Given),
+            // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
+            None if views.iter().any(|v| v.block > 1) => (None, AngleSource::Residuals),
+            None => {
+                let solved = Solved::new(sample, views);
+                (solved.and_then(|s| angle_sigma(&sample.all(), &s.design, &s.maps)), AngleSource::Residuals)
+            }
+        };
+        Self { sigma, source: sigma.map(|_| source) }
+    }
+}
+
+/// Malus' law through all blocks of a sample.
+struct Solved {
+    design: Design,
+    maps: StokesMaps,
+}
+
+impl Solved {
+    fn new(sample: &Sample, views: &[View]) -> Option<Self> {
+        let kept: Vec<(usize, f64)> = views.iter().map(|v| v.angle).enumerate().take(sample.views()).collect();
+        let design = Design::new(&kept.iter().map(|v| v.1).collect::<Vec<_>>()).ok()?;
+        let blocks: Vec<usize> = (0..sample.view(0).len() / AREA).collect();
+        let maps = sample.solve(&blocks, &kept, &design);
+        Some(Self { design, maps })
     }
 }
 

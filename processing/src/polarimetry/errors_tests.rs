@@ -49,7 +49,7 @@ fn wrong_angles_are_found_and_carried_through() {
         let blocks: Vec<usize> = (0..sample.view(0).len() / AREA).collect();
         let maps = sample.solve(&blocks, &kept, &design);
         // Without noise all but the common turn is known; what is neglected is of second order, 1 % of it.
-        let sigma = angle_sigma(&sample, &design, &maps).unwrap();
+        let sigma = angle_sigma(&sample.all(), &design, &maps).unwrap();
         assert!((sigma.to_degrees() / scatter - 1.0).abs() < 0.02, "{} {scatter}", sigma.to_degrees());
         said += (sigma * of_angles(&answers(&maps, &design, &noise, None), &design).unwrap()).to_degrees().powi(2);
         let off = |i: usize| {

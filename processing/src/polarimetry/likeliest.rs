@@ -85,8 +85,7 @@ impl Objective<'_> {
 
     /// Slope of the likelihood of the sample: what pulls at each place, times how this moves (Fisher's identity).
     fn slope(&self, at: &[f64], curve: &Curve, pulled: &Pulls) -> DVector<f64> {
-        let mut slope =
-            DVector::from_iterator(at.len(), at.iter().zip(self.family.expected).map(|(a, e)| -a / (e * e)));
+        let mut slope = DVector::from_iterator(at.len(), at.iter().zip(self.family.pull(at)).map(|(a, by)| -a * by));
         for (k, (moved, by)) in self.family.moved(at).iter().enumerate() {
             let along = |pull: [f64; 2], before: [f64; 2], after: [f64; 2]| {
                 (pull[0] * (after[0] - before[0]) + pull[1] * (after[1] - before[1])) / by

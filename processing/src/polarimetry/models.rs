@@ -13,7 +13,7 @@
 
 use super::cloud::{CloudPoint, SAMPLE, thinned};
 use super::curve::{Curve, Film};
-use super::curve_fit::{COST_OF_NOISE, Family, Fitted};
+use super::curve_fit::{COST_OF_NOISE, Expected, Family, Fitted};
 use super::foot::Path;
 use super::{evidence, mixture};
 use schemars::JsonSchema;
@@ -101,7 +101,7 @@ pub(super) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
     let about = |center: [f64; 2], model, count: usize| -> Option<Candidate> {
         let family = Family {
             curve: &|p: &[f64]| Curve::circle(center, p[0]),
-            expected: &[f64::INFINITY],
+            expected: &[Expected::Anything],
             limits: &[f64::INFINITY],
         };
         let begun = family.fit(&few, &[radius(&few, center)], 30)?;
@@ -110,8 +110,11 @@ pub(super) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
     };
     let mut found: Vec<Candidate> =
         [about([0.0; 2], Model::Sinusoid, 1), about(mean, Model::Prenormalized, 3)].into_iter().flatten().collect();
-    let far = [f64::INFINITY; 3];
-    let family = Family { curve: &|p: &[f64]| Curve::circle([p[0], p[1]], p[2]), expected: &far, limits: &far };
+    let family = Family {
+        curve: &|p: &[f64]| Curve::circle([p[0], p[1]], p[2]),
+        expected: &[Expected::Anything; 3],
+        limits: &[f64::INFINITY; 3],
+    };
     let starts = [mean, super::check::circle_center(points).unwrap_or(mean)];
     let begun = starts.iter().filter_map(|c| family.fit(&few, &[c[0], c[1], radius(&few, *c)], 60));
     let begun = begun.min_by(|a, b| a.cost.total_cmp(&b.cost));

@@ -1,10 +1,12 @@
 //! The whole job: a set of photographs to maps, pictures and a report in a new folder.
 
 use super::aligned::smoothed_noise;
+use super::angle_error::distorted;
 use super::choose::Choice;
 use super::cloud::cloud;
 use super::correction::{Corrected, Stand, choose_corrected};
 use super::edges::widen_at_edges;
+use super::errors::Angles;
 use super::locate::{Lens, locate};
 use super::merge::Merge;
 use super::orient::phases;
@@ -115,7 +117,7 @@ impl Solved {
 }
 
 /// What is asked of a solution.
-pub(super) struct Asked {
+pub(crate) struct Asked {
     pub model: Model,
     /// Added to every orientation, in rad.
     pub offset: f64,
@@ -123,24 +125,27 @@ pub(super) struct Asked {
     pub stand: Option<(Stand, Material)>,
     /// Whether what oblique incidence does is taken out.
     pub oblique: Oblique,
+    /// Standard deviation of the analyser's angles in rad, where it is known.
+    pub angle_sigma: f64,
     /// Pixels that models are fitted to and compared on.
     pub pixels: usize,
 }
 
 impl Asked {
     /// This model, and nothing else.
-    pub(super) fn of(model: Model) -> Self {
-        Self { model, offset: 0.0, stand: None, oblique: Oblique::Off, pixels: CLOUD }
+    pub(crate) fn of(model: Model) -> Self {
+        Self { model, offset: 0.0, stand: None, oblique: Oblique::Off, angle_sigma: 0.0, pixels: CLOUD }
     }
 
     /// What the user wants of these photographs.
-    pub(super) fn by(options: &Options, frames: &LoadedFrames, views: &[View]) -> Self {
+    pub(super) fn by(options: &Options, frames: &LoadedFrames, views: &[View], angles: &Angles) -> Self {
         let size = [frames.info.width, frames.info.height];
         let stand = frames.set.geometry.and_then(|g| Stand::new(&g, size, views.first().map_or(1, |v| v.block)));
         Self {
             offset: options.offset_deg.to_radians(),
             stand: stand.map(|stand| (stand, frames.set.material.unwrap_or_default())),
             oblique: options.oblique,
+            angle_sigma: angles.sigma.unwrap_or(0.0),
             ..Self::of(options.model)
         }
     }
@@ -149,15 +154,14 @@ impl Asked {
 /// Pixels that models are fitted to and compared on.
 pub(crate) const CLOUD: usize = 30_000;
 
-/// Orientations alone, with models fitted to and compared on so many pixels: for charts.
+/// Orientations alone: for charts.
 pub(crate) fn orient_with(
     maps: &mut StokesMaps,
     design: &Design,
     noise: &[FrameNoise],
-    model: Model,
-    pixels: usize,
+    asked: &Asked,
 ) -> OrientationMaps {
-    let mut solved = solve_model(maps, design, noise, &Asked { pixels, ..Asked::of(model) });
+    let mut solved = solve_model(maps, design, noise, asked);
     solved.tell_systematic();
     solved.map
 }
@@ -178,7 +182,8 @@ pub(super) fn solve_with(
 ) -> Solved {
     let mut points = cloud(maps, design, noise, asked.pixels);
     points.retain(|p| p.snr >= f64::from(MASK_SNR));
-    let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked) else {
+    let distorted = distorted(&points, maps, design, asked.angle_sigma);
+    let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked, distorted) else {
         let map = phases(maps, residual, design, noise, asked.offset);
         return Solved { circle: check_circle(maps, &map), map, without_grating: 0, choice: None, oblique: None };
     };

@@ -2,7 +2,7 @@
 
 use super::aligned::{alignment, correlated, fit_moved_back};
 use super::disk::Disk;
-use super::errors::systematic;
+use super::errors::{Angles, systematic};
 use super::merge::{Merge, clear_of_white};
 use super::noise::ASSUMED;
 use super::output::Writer;
@@ -239,7 +239,8 @@ impl Running {
         };
         let (noise, source) = noise_of(&taken, &mut maps, &design);
         let writer = Writer { folder: &folder, frames: &frames, options, progress };
-        let (disk, asked) = (Disk::new(), Asked::by(options, &frames, &views));
+        let angles = Angles::of(&frames, &sample, &views);
+        let (disk, asked) = (Disk::new(), Asked::by(options, &frames, &views, &angles));
         progress.stage("solving and writing maps", 5);
         let residual = std::mem::take(&mut maps.residual);
         // What no model changes is written while the model is chosen.
@@ -261,7 +262,7 @@ impl Running {
         }
         let mut report = reported(&frames, options, &design, (&noise, source), &maps, &solved);
         report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
-        report.with(systematic(&frames, &sample, &views, &noise, solved.choice.as_ref(), alignment.as_ref()));
+        report.with(systematic(&sample, &views, &noise, solved.choice.as_ref(), alignment.as_ref(), &angles));
         report.registration = alignment;
         report.warnings.extend(repeats.iter().filter_map(RepeatsReport::warning));
         report.warnings.extend(report.oblique.iter().filter_map(ObliqueReport::warning).collect::<Vec<_>>());

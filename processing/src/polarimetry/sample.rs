@@ -90,6 +90,11 @@ impl Sample {
         self.views.get(k).map_or(&[], |v| v)
     }
 
+    /// The pixels of all views.
+    pub(super) fn all(&self) -> Vec<&[f32]> {
+        self.views.iter().map(Vec::as_slice).collect()
+    }
+
     /// Numbers of the blocks of one half.
     pub(super) fn half(&self, half: Half) -> impl Iterator<Item = usize> + Clone {
         let columns = self.columns;

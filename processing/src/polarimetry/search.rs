@@ -4,10 +4,11 @@
 use super::angle_difference;
 use super::cloud::{CloudPoint, SAMPLE, thinned};
 use super::curve::{Curve, Film, PARAMETERS};
-use super::curve_fit::{Family, Fitted};
-use super::foot::{Foot, Path};
+use super::curve_fit::{Expected, Family, Fitted};
+use super::foot::Path;
 use super::likeliest::likeliest;
 use super::models::{Candidate, MIXTURE, Model, SPREAD, candidates, widened};
+use super::starts::{nearest, starts};
 use super::sums::summed_up;
 use super::{evidence, mixture};
 use num_complex::Complex;
@@ -29,12 +30,15 @@ const SAME: f64 = 4e-3;
 /// And by no more than this, places in the valley of the same minimum.
 const SAME_MINIMUM: f64 = 0.1;
 
-/// How far parameters may be expected from 0, where the points do not tell: ln r, retardance (up to 10° in the paper) and front
-/// reflection of packaging films, a retarder within a few degrees, stray light of a dark room.
-const EXPECTED: [f64; PARAMETERS] = [0.5, f64::INFINITY, 0.15, f64::INFINITY, 0.1, 0.1, 0.03, 0.015, 0.5];
+/// What is expected of parameters, where the points do not tell: ln r (gratings that polarize are rare), retardance (up to 10° in the paper) and
+/// front reflection of packaging films, a retarder within a few degrees, stray light of a dark room.
+const EXPECTED: [Expected; PARAMETERS] = {
+    use Expected::{Anything, Mostly, Near};
+    [Mostly(0.5), Anything, Near(0.15), Anything, Near(0.1), Near(0.1), Near(0.03), Near(0.015), Near(0.5)]
+};
 
-/// And how far at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
-const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 1.65, f64::INFINITY, 0.3, 0.3, 0.1, 0.1, 1.0];
+/// And how far from 0 they may be at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
+const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 1.65, f64::INFINITY, 0.6, 0.6, 0.1, 0.1, 1.0];
 
 /// The film's retardance.
 const RETARDANCE: usize = 2;
@@ -65,6 +69,15 @@ const MIRROR_SETS: [Set; 4] = [
     (&[0, 1, 2, 3, 4, 5, 6, STRAY, SHADE], &["stray", "front", "source", "mirror"]),
 ];
 
+/// A grating that reflects one polarization only, which no ζ matters to. Its light is fully polarized but for the film: the circle's radius is
+/// nearly 1.
+const POLARIZER: Set = (&[2, 3], &["polarizer"]);
+const POLARIZED: f64 = 0.9;
+
+/// Near to that, ln r is hardly told, and what explains the points is no place but a valley: places along it, by ln r.
+const HELD: Set = (&[1, 2, 3], &[]);
+const VALLEY: [f64; 4] = [1.0, 2.0, 3.5, 5.0];
+
 /// Where a search begins.
 #[derive(Clone, Copy)]
 pub(super) enum Begin<'a> {
@@ -87,7 +100,7 @@ pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
     let samples =
         Samples { tried: of(TRIED), followed: of(FOLLOWED), last: of(SAMPLE), enough: ENOUGH, score: likelihood };
     let begun = match begin {
-        Begin::Anywhere => starts(&samples.tried, circle),
+        Begin::Anywhere => starts(&samples.tried, circle, STARTS),
         Begin::At(films) => films.to_vec(),
     };
     let (mut sets, mut found) = (&SETS, samples.search_all(&SETS, begun.clone()));
@@ -102,16 +115,35 @@ pub(super) fn curves(points: &[CloudPoint], circle: &Curve, begin: Begin<'_>) ->
     let mut films = found.films();
     if let Begin::Anywhere = begin {
         films.extend(begun);
-        let near: Vec<_> =
-            grid().into_par_iter().map(|film| (distance(&Path::new(film.curve()).feet(&sums)), film)).collect();
-        films.extend(best(near, STARTS));
+        films.extend(nearest(&sums, STARTS));
     }
     let of_sums =
         Samples { tried: sums.clone(), followed: sums.clone(), last: sums.clone(), enough: 0.0, score: |_, f| f.cost };
     let found = of_sums.search_all(sets, films);
     // What is a minimum with fewer parameters, or with more, may lead to one.
     let films = found.films();
-    sets.iter().flat_map(|set| finish(set, &films, &sums, points)).collect()
+    let polarized = 0.5 * (circle.at(0.0)[0] - circle.at(FRAC_PI_2)[0]).abs() > POLARIZED;
+    let mut all = if polarized { finish(&POLARIZER, &films, &sums, points) } else { vec![] };
+    let polarizer = all.first().and_then(|c| c.film);
+    all.extend(polarizer.into_iter().flat_map(|film| along_valley(&film, &sums, points)));
+    all.extend(sets.iter().flat_map(|set| finish(set, &films, &sums, points)));
+    all
+}
+
+/// Candidates of the simplest set that are no minima: the best ones of given ln r, from a polarizer behind a film.
+fn along_valley(polarizer: &Film, sums: &[CloudPoint], points: &[CloudPoint]) -> Vec<Candidate> {
+    let at = |ln_r: &f64| {
+        let start = |k: u32| Film { zeta: FRAC_PI_4 * f64::from(k), ..*polarizer };
+        let film = with_family_of(&HELD, *ln_r, |family, film| {
+            let fits = (0..8).filter_map(|k| family.fit(sums, &taken(HELD.0, &start(k)), 30));
+            fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).map(|fit| film(&fit.parameters))
+        })?;
+        let set = &SETS[0];
+        with_family(set, |family, _| {
+            Some(candidate(set, family, &family.at(points, taken(set.0, &film))?, film, points))
+        })
+    };
+    VALLEY.par_iter().filter_map(at).collect()
 }
 
 /// Sums of all points about a film's curve, after it is fitted to them.
@@ -229,7 +261,7 @@ fn candidate(set: &Set, family: &Family<'_>, fit: &Fitted, film: Film, points: &
 
 /// The set of parameters that a candidate has; None for a circle.
 fn set_of(like: &Candidate) -> Option<&'static Set> {
-    SETS.iter().chain(&MIRROR_SETS).find(|set| like.film.is_some() && set.1 == like.extended)
+    SETS.iter().chain(&MIRROR_SETS).chain([&POLARIZER]).find(|set| like.film.is_some() && set.1 == like.extended)
 }
 
 /// A candidate's model with parameters that are fitted to other points, from where they are.
@@ -282,16 +314,22 @@ fn mirrors(set: &Set) -> bool {
 
 /// Does something with the family of films whose other parameters are 0, and the film of its parameters.
 fn with_family<T>(set: &Set, work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T) -> T {
+    with_family_of(set, if set.1 == POLARIZER.1 { LIMITS[0] } else { 0.0 }, work)
+}
+
+/// The same with this ln r, where that is no parameter.
+fn with_family_of<T>(set: &Set, ln_r: f64, work: impl FnOnce(&Family<'_>, &(dyn Fn(&[f64]) -> Film + Sync)) -> T) -> T {
     let (free, mirrors) = (set.0, mirrors(set));
     let film = |p: &[f64]| {
         let mut all = [0.0; PARAMETERS];
+        all[0] = ln_r;
         for (k, value) in free.iter().zip(p) {
             all[*k] = *value;
         }
         Film::from_array(all)
     };
-    let of = |all: &[f64; PARAMETERS]| -> Vec<f64> { free.iter().map(|k| all[*k]).collect() };
-    let (expected, limits) = (of(&EXPECTED), of(&LIMITS));
+    let expected: Vec<Expected> = free.iter().map(|k| EXPECTED[*k]).collect();
+    let limits: Vec<f64> = free.iter().map(|k| LIMITS[*k]).collect();
     let curve = |p: &[f64]| if mirrors { film(p).curve_and_mirror() } else { film(p).curve() };
     work(&Family { curve: &curve, expected: &expected, limits: &limits }, &film)
 }
@@ -334,87 +372,4 @@ fn same_orientations(a: &Curve, b: &Curve, limit: f64) -> bool {
     let (sin, cos) = turns.iter().fold((0.0, 0.0), |(s, c), t| (s + (2.0 * t).sin(), c + (2.0 * t).cos()));
     let offset = 0.5 * f64::atan2(sin, cos);
     turns.iter().all(|t| angle_difference(*t, offset).abs() < limit)
-}
-
-/// The most promising of a grid of films, and of those that a circle through the points can mean. Promising is a curve
-/// that is near to the points, or near for its length.
-fn starts(points: &[CloudPoint], circle: &Curve) -> Vec<Film> {
-    let (mirrors, others): (Vec<_>, Vec<_>) = grid().into_iter().partition(is_mirror_like);
-    let mut begun = vec![];
-    for films in [mirrors, others] {
-        let (near, near_for_its_length) = films.into_par_iter().map(|film| scored(points, film)).unzip();
-        begun.extend(best(near, STARTS / 8));
-        begun.extend(best(near_for_its_length, STARTS / 8));
-    }
-    let groups = explanations(circle);
-    let each = STARTS / 2 / groups.len().max(1);
-    for films in groups {
-        begun.extend(best(films.into_par_iter().map(|film| scored(points, film).1).collect(), each));
-    }
-    begun
-}
-
-/// How far points are off a film's curve, and the same for its length.
-fn scored(points: &[CloudPoint], film: Film) -> ((f64, Film), (f64, Film)) {
-    let curve = film.curve();
-    let feet = Path::new(curve).feet(points);
-    ((distance(&feet), film), (evidence::screening(points, &feet, &curve), film))
-}
-
-/// How far points are off a curve in all, each by as much as matters at most.
-fn distance(feet: &[Foot]) -> f64 {
-    feet.iter().map(|f| f.distance.abs().min(1e6)).sum()
-}
-
-/// The films of the least scores, the least first.
-fn best(mut scored: Vec<(f64, Film)>, count: usize) -> Vec<Film> {
-    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    scored.into_iter().take(count).map(|(_, film)| film).collect()
-}
-
-fn grid() -> Vec<Film> {
-    let mut films = vec![];
-    for ln_r in [-0.6, -0.1, 0.1, 0.6, 2.0] {
-        for zeta in [3.0_f64, 12.0, 30.0, 60.0, 90.0, 120.0, 150.0, 165.0, 176.0] {
-            for retardance in [2.0_f64, 6.0, 14.0, 24.0, 42.0, 65.0, 85.0] {
-                for axis in 0..6 {
-                    let (retardance, axis) = (retardance.to_radians(), PI * f64::from(axis) / 6.0);
-                    films.push(Film { ln_r, zeta: zeta.to_radians(), retardance, axis, ..Film::NONE });
-                }
-            }
-        }
-    }
-    films
-}
-
-/// Films whose curve is nearly this circle, in groups that differ by what is hardly seen: the phase of a/b. The circle's
-/// radius gives |a/b| or |b/a|, since a circle off the origin has two explanations: by what the film does to the constant
-/// part of the field, or to the one that turns with the grating. Its centre gives the film.
-fn explanations(circle: &Curve) -> Vec<Vec<Film>> {
-    let (a, b) = (circle.at(0.0), circle.at(FRAC_PI_2));
-    let (radius, [x, y]) = (0.5 * (a[0] - b[0]).abs().min(1.98), [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]);
-    let small = (1.0 - (1.0 - radius * radius).sqrt()) / radius.max(1e-6);
-    let mut groups = vec![];
-    for size in [small, 1.0 / small.max(1e-6)] {
-        let share = size * size / (1.0 + size * size);
-        let retardance = 0.5 * (x.hypot(y) / share.max(1.0 - share)).min(1.0).asin();
-        // Where |a| and |b| are alike, both act, and the centre is their sum or difference.
-        for (turn, much) in (0..4).flat_map(|turn| [0.6, 1.0, 1.8].map(|much| (turn, much))) {
-            let (axis, retardance) = (0.5 * y.atan2(x) + FRAC_PI_4 * f64::from(turn), much * retardance);
-            let ratios = (0..8).map(|phase| {
-                let k = Complex::from_polar(size, FRAC_PI_4 * f64::from(phase));
-                (1.0 - k) / (1.0 + k)
-            });
-            let good = ratios.filter(|ratio| ratio.norm() > 1e-6 && ratio.norm() < 1e6);
-            let films =
-                good.map(|ratio| Film { ln_r: ratio.norm().ln(), zeta: ratio.arg(), retardance, axis, ..Film::NONE });
-            groups.push(films.collect());
-        }
-    }
-    groups
-}
-
-/// |a| > |b|: the grating acts as a mirror more than as a half-wave plate.
-fn is_mirror_like(film: &Film) -> bool {
-    film.zeta.cos() < 0.0
 }

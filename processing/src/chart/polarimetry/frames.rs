@@ -52,7 +52,7 @@ fn run(method: &Method, frames: usize, electrons: f64, pixels: usize, seed: u64)
     let photographs = scene.render(pixels, seed)?;
     let begun = Instant::now();
     let mut maps = fitted(&photographs);
-    let map = (method.solve)(&mut maps, &photographs.design, &photographs.noise)?;
+    let map = (method.solve)(&mut maps, &photographs)?;
     let seconds = begun.elapsed().as_secs_f64() / pixels as f64 * 1e6;
     // Without a film all pixels have one mean and one amplitude: take them from the light, not from the fit.
     let (mean, amplitude) = photographs.light;

@@ -5,15 +5,15 @@ use crate::chart::style::number;
 use crate::chart::{Axis, Effort, Outcome};
 use crate::polarimetry::synthetic::{Photographs, Synthetic};
 use crate::polarimetry::{
-    CLOUD, Design, Fit, FrameNoise, Model, OrientationMaps, StokesMaps, angle_difference, compare, orient, orient_with,
+    Asked, CLOUD, Fit, Model, OrientationMaps, StokesMaps, angle_difference, angle_sigma, compare, orient, orient_with,
 };
 use num_complex::Complex;
 use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// From solved Stokes maps to orientations.
-pub(super) type Solve = dyn Fn(&mut StokesMaps, &Design, &[FrameNoise]) -> Result<OrientationMaps> + Send + Sync;
+/// From the maps of photographs to orientations.
+pub(super) type Solve = dyn Fn(&mut StokesMaps, &Photographs) -> Result<OrientationMaps> + Send + Sync;
 
 /// A model by name.
 #[derive(Clone)]
@@ -32,14 +32,17 @@ pub(super) fn methods() -> Vec<Method> {
 
 /// The phase alone, without a look at what else might explain the points: for what concerns photographs and not films.
 pub(super) fn sinusoid() -> Method {
-    let solve = |maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise]| Ok(orient(maps, design, noise, 0.0));
+    let solve = |maps: &mut StokesMaps, of: &Photographs| Ok(orient(maps, &of.design, &of.noise, 0.0));
     Method { name: "sinusoid", solve: Arc::new(solve), default: true }
 }
 
 /// A model that is fitted to so many pixels.
 pub(super) fn method(model: Model, pixels: usize) -> Method {
-    let solve = move |maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise]| {
-        Ok(orient_with(maps, design, noise, model, pixels))
+    let solve = move |maps: &mut StokesMaps, of: &Photographs| {
+        let views: Vec<&[f32]> = of.frames.iter().map(Vec::as_slice).collect();
+        // As the program does where nobody says how good the stage is.
+        let angle_sigma = angle_sigma(&views, &of.design, maps).unwrap_or(0.0);
+        Ok(orient_with(maps, &of.design, &of.noise, &Asked { pixels, angle_sigma, ..Asked::of(model) }))
     };
     Method { name: model.word(), solve: Arc::new(solve), default: model == Model::Auto }
 }
@@ -74,7 +77,7 @@ pub(super) fn run(scene: &Synthetic, method: &Method, pixels: usize, seed: u64) 
     let photographs = scene.render(pixels, seed)?;
     let begun = Instant::now();
     let mut maps = fitted(&photographs);
-    let map = (method.solve)(&mut maps, &photographs.design, &photographs.noise)?;
+    let map = (method.solve)(&mut maps, &photographs)?;
     Ok(judge(&map.orientation, &map.sigma, &photographs.truth, begun.elapsed().as_secs_f64()))
 }
 

@@ -263,6 +263,6 @@ fn saturation(effort: Effort) -> Study {
 fn solve(photographs: &Photographs, method: &Method) -> Result<Outcome> {
     let begun = Instant::now();
     let mut maps = super::scene::fitted(photographs);
-    let map = (method.solve)(&mut maps, &photographs.design, &photographs.noise)?;
+    let map = (method.solve)(&mut maps, photographs)?;
     Ok(judge(&map.orientation, &map.sigma, &photographs.truth, begun.elapsed().as_secs_f64()))
 }
