@@ -114,9 +114,9 @@ impl Witness {
             }
             let [cc, cs, ss] = &mut new.squares;
             (*cc, *cs, *ss) = (*cc + c * c, *cs + c * s, *ss + s * s);
-            for (k, x) in design.rows.iter().enumerate() {
-                let residual = f64::from(views[k][i]) - (a + c * x[1] + s * x[2]);
-                new.slope[k] += 2.0 * (s * x[1] - c * x[2]) * residual;
+            for ((slope, view), x) in new.slope.iter_mut().zip(views).zip(&design.rows) {
+                let residual = f64::from(view[i]) - (a + c * x[1] + s * x[2]);
+                *slope += 2.0 * (s * x[1] - c * x[2]) * residual;
             }
         }
         new

@@ -136,6 +136,7 @@ pub(super) const PROMISED: &str = "the error that σ promises";
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::polarimetry::synthetic::{even_angles, normal};
 
     /// Maps of more than a row of the fit promise what their pixels are off by: pixels are no edges of each other.
     #[test]
@@ -144,5 +145,18 @@ mod tests {
         let outcome = run(&scene, &method(Model::Circle, 2000), 4 * ROW, 1).unwrap();
         let (error, promised) = (outcome.error.unwrap(), outcome.predicted.unwrap());
         assert!((promised / error - 1.0).abs() < 0.1, "{promised} {error}");
+    }
+
+    /// Angles that are off at random, and a stage that turns too far, make an ellipse of the circle, which a film can explain as well: no pixel is
+    /// wrong and confident, and the bare sample is as right as the phase alone.
+    #[test]
+    fn wrong_angles_are_no_film() {
+        let bare = |angle_errors| Synthetic { reflectance: 0.2, angle_errors, ..Synthetic::default() };
+        let missed = (0..12).map(|k| f64::to_radians(0.5) * normal(1, k)).collect();
+        let too_far = even_angles(12).iter().map(|a| a / 180.0).collect();
+        for scene in [bare(missed), bare(too_far)] {
+            let [auto, phase] = [method(Model::Auto, CLOUD), sinusoid()].map(|m| run(&scene, &m, 4000, 1).unwrap());
+            assert!(auto.error.unwrap() < phase.error.unwrap() + 0.01 && auto.wrong == 0.0, "{auto:?} {phase:?}");
+        }
     }
 }
