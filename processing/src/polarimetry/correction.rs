@@ -323,6 +323,10 @@ fn circles(choice: &Choice) -> Vec<Film> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::angle_difference;
+    use super::super::foot::Path;
+    use super::super::models::orientation;
+    use super::super::synthetic::{normal, uniform};
     use super::*;
 
     /// Points of the exact curves, at every angle of incidence in view, come back to the curve at normal incidence: what is of
@@ -352,5 +356,46 @@ mod tests {
         let [without, with] = [without, with].map(f64::to_degrees);
         println!("at most {without}° without, {with}° with the correction");
         assert!(with < 0.15 && without > 10.0 * with, "{without} {with}");
+    }
+
+    /// What is left of oblique incidence is what orientations are off by beside noise, to a factor of 1.5, over a baseline that it is most of.
+    #[test]
+    fn what_is_left_is_told() {
+        let film = Film { ln_r: 0.05, zeta: 2.9, retardance: 0.17, axis: 0.4, ..Film::NONE };
+        let (size, sigma, material) = (200, 0.002, Material::default());
+        for baseline_mm in [100.0, 170.0, 300.0] {
+            let geometry = Geometry { distance_mm: 500.0, baseline_mm, pixel_um: Some(500.0), camera_px: None };
+            let stand = Stand::new(&geometry, [size, size], 1).unwrap();
+            let theta = |pixel: usize| PI * uniform(3, pixel as u64);
+            let point = |pixel: usize| {
+                let [sin2, cos, sin] = stand.at(pixel).map(f64::from);
+                let at = curve_at(&film, &Incidence::new(&material, sin2, 0.5 * sin.atan2(cos))).at(theta(pixel));
+                let at = [0, 1].map(|k| at[k] + sigma * normal(k as u64, pixel as u64));
+                CloudPoint { pixel, at, covariance: [sigma * sigma, 0.0, sigma * sigma], snr: 100.0 }
+            };
+            let points: Vec<CloudPoint> = (0..size * size).step_by(5).map(point).collect();
+            let asked = Asked { stand: Some((stand, material)), ..Asked::of(Model::Auto) };
+            let Corrected { choice, report, .. } = choose_corrected(&points, &asked, 0.0).unwrap();
+            let chosen = &choice.candidates[choice.chosen];
+            let path = Path::new(chosen.curve);
+            let off: Vec<(f64, f64)> = points
+                .iter()
+                .map(|p| {
+                    let (found, sigma) = orientation(chosen, &path, p);
+                    (found - theta(p.pixel), sigma)
+                })
+                .collect();
+            let (sin, cos) = off.iter().fold((0.0, 0.0), |(s, c), (d, _)| (s + (2.0 * d).sin(), c + (2.0 * d).cos()));
+            let offset = 0.5 * f64::atan2(sin, cos);
+            let mean = |of: &dyn Fn(&(f64, f64)) -> f64| off.iter().map(of).sum::<f64>() / off.len() as f64;
+            let error = mean(&|(d, _)| angle_difference(*d, offset).powi(2)).sqrt();
+            let beside_noise = (error * error - mean(&|(_, sigma)| sigma * sigma)).max(0.0).sqrt().to_degrees();
+            let left = report.unwrap().left_deg;
+            println!("{baseline_mm} mm: {beside_noise:.3}° off, {left:.3}° told, by {}", chosen.name());
+            assert!(
+                (left / beside_noise).ln().abs() < 1.5f64.ln(),
+                "{baseline_mm} mm: {beside_noise}° off, {left}° told"
+            );
+        }
     }
 }

@@ -48,7 +48,7 @@ pub enum Model {
 pub(super) struct Candidate {
     /// Which.
     pub model: Model,
-    /// What of the curve was fitted beyond the four parameters of the film: `front`, `source`.
+    /// What of the curve was fitted beyond the four parameters of the film: `front`, `source`; or what was not: `polarizer`.
     pub extended: &'static [&'static str],
     /// Number of parameters that were fitted.
     pub parameters: usize,
