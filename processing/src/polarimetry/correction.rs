@@ -358,7 +358,8 @@ mod tests {
         assert!(with < 0.15 && without > 10.0 * with, "{without} {with}");
     }
 
-    /// What is left of oblique incidence is what orientations are off by beside noise, to a factor of 1.5, over a baseline that it is most of.
+    /// What is left of oblique incidence is what orientations are off by beside noise, to a factor of 1.5: 0.72 to 0.79 of it were measured, 0.8 of which
+    /// is what a mean, which is told, is of a root mean square.
     #[test]
     fn what_is_left_is_told() {
         let film = Film { ln_r: 0.05, zeta: 2.9, retardance: 0.17, axis: 0.4, ..Film::NONE };

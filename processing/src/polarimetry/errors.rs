@@ -87,7 +87,7 @@ pub(super) fn systematic(
     alignment: Option<&Alignment>,
     angles: &Angles,
 ) -> Systematic {
-    let Some(Solved { design, maps }) = Solved::new(sample, views) else { return Systematic::default() };
+    let Some(SampleFit { design, maps }) = SampleFit::new(sample, views) else { return Systematic::default() };
     let answers = answers(&maps, &design, &noise[..design.frames().min(noise.len())], choice);
     // Of more views than are kept, all count.
     let share = (design.frames() as f64 / views.len().max(1) as f64).sqrt();
@@ -116,8 +116,8 @@ impl Angles {
             // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
             None if views.iter().any(|v| v.block > 1) => (None, AngleSource::Residuals),
             None => {
-                let solved = Solved::new(sample, views);
-                (solved.and_then(|s| angle_sigma(&sample.all(), &s.design, &s.maps)), AngleSource::Residuals)
+                let fit = SampleFit::new(sample, views);
+                (fit.and_then(|s| angle_sigma(&sample.all(), &s.design, &s.maps)), AngleSource::Residuals)
             }
         };
         Self { sigma, source: sigma.map(|_| source) }
@@ -125,12 +125,12 @@ impl Angles {
 }
 
 /// Malus' law through all blocks of a sample.
-struct Solved {
+struct SampleFit {
     design: Design,
     maps: StokesMaps,
 }
 
-impl Solved {
+impl SampleFit {
     fn new(sample: &Sample, views: &[View]) -> Option<Self> {
         let kept: Vec<(usize, f64)> = views.iter().map(|v| v.angle).enumerate().take(sample.views()).collect();
         let design = Design::new(&kept.iter().map(|v| v.1).collect::<Vec<_>>()).ok()?;

@@ -138,7 +138,8 @@ mod tests {
     use super::*;
     use crate::polarimetry::synthetic::{even_angles, normal};
 
-    /// Maps of more than a row of the fit promise what their pixels are off by: pixels are no edges of each other.
+    /// Maps of more than a row of the fit promise what their pixels are off by: pixels are no edges of each other. To a tenth, of which the mean of 4096
+    /// errors varies by 1 %; as edges they promised 46°.
     #[test]
     fn charted_maps_promise_their_errors() {
         let scene = Synthetic { reflectance: 0.2, ..Synthetic::default() };
@@ -148,7 +149,7 @@ mod tests {
     }
 
     /// Angles that are off at random, and a stage that turns too far, make an ellipse of the circle, which a film can explain as well: no pixel is
-    /// wrong and confident, and the bare sample is as right as the phase alone.
+    /// wrong and confident, and the bare sample is as right as the phase alone, but for a tenth of the noise (as a film it was 2° off).
     #[test]
     fn wrong_angles_are_no_film() {
         let bare = |angle_errors| Synthetic { reflectance: 0.2, angle_errors, ..Synthetic::default() };
