@@ -1,6 +1,6 @@
 //! Bytes to and from a device on a cable, and the lines that they make.
 //!
-//! Time here is the machine's own: how long a device may be silent has nothing to do with the bench's clock.
+//! Time here is the cable's: how long a device may be silent has nothing to do with the bench's clock.
 
 #[cfg(test)]
 pub(crate) mod replay;
@@ -50,6 +50,11 @@ pub trait Wire: Send {
     /// # Errors
     /// The link is gone.
     fn clear(&mut self) -> io::Result<()>;
+
+    /// What time it is on this cable: the machine's own, where nothing is replayed.
+    fn now(&self) -> Instant {
+        Instant::now()
+    }
 }
 
 /// Cuts bytes into lines, of bounded length and number.
@@ -118,6 +123,11 @@ impl Lines {
         self.device = device.to_owned();
     }
 
+    /// What time it is on the cable.
+    pub fn now(&self) -> Instant {
+        self.wire.now()
+    }
+
     /// Sends bytes as they are.
     ///
     /// # Errors
@@ -143,17 +153,17 @@ impl Lines {
         let mut bytes = [0; 256];
         loop {
             // Whoever skips the lines of a device that never stops talking must come to an end, too.
-            if Instant::now() > until + FLOOD {
+            if self.now() > until + FLOOD {
                 self.buffer.clear();
                 return Ok(None);
             }
             if let Some(line) = self.buffer.pop() {
                 return Ok(Some(line));
             }
-            let limit = until.saturating_duration_since(Instant::now()).min(SLICE);
+            let limit = until.saturating_duration_since(self.now()).min(SLICE);
             let count = self.wire.receive(&mut bytes, limit).map_err(|e| self.lost(command, &e))?;
             self.buffer.push(bytes.get(..count).unwrap_or(&bytes));
-            if count == 0 && Instant::now() >= until {
+            if count == 0 && self.now() >= until {
                 return Ok(None);
             }
             tokio::task::yield_now().await;
@@ -165,9 +175,9 @@ impl Lines {
     /// # Errors
     /// `Lost`; `Retry` when it does not become quiet.
     pub async fn quiet(&mut self, command: &str, time: Duration) -> DeviceResult<()> {
-        let begun = Instant::now();
-        while self.next(command, Instant::now() + time).await?.is_some() {
-            if begun.elapsed() > MAX_TALK * time {
+        let begun = self.now();
+        while self.next(command, self.now() + time).await?.is_some() {
+            if self.now() - begun > MAX_TALK * time {
                 let got = "a device that talks all the time";
                 return Err(DeviceError::new(&self.device, command, "an answer", got)
                     .remedy("check the cable and the settings of the port, then try again")
@@ -245,7 +255,7 @@ mod tests {
     fn half_a_line_is_none() {
         let mut lines = Lines::new(Box::new(Replay::new(&[("a", "0PO00")])), "stage", b"\r\n");
         lines.send("ask", b"a").unwrap();
-        let until = Instant::now() + Duration::from_millis(5);
+        let until = lines.now() + Duration::from_millis(5);
         assert_eq!(wait(lines.next("ask", until)), Ok(None));
     }
 

@@ -117,10 +117,8 @@ async fn kills_count_as_attempts() {
     store.close().await;
 
     kill_in_the_middle(folder.path(), false, Duration::ZERO);
-    let begun = Instant::now();
     let jobs = open(folder.path()).await;
     assert_eq!(reach(&jobs, &id, JobState::Done).await.attempts, 2);
-    assert!(begun.elapsed() < Duration::from_secs(3), "{:?}", begun.elapsed());
     assert!(jobs.log(&id).await.unwrap().unwrap().contains("killed"));
     let id = jobs.submit(spec("wait")).await.unwrap().id;
     until(&jobs, &id, |job| job.progress > 0.0).await;

@@ -8,7 +8,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 use tokio::time::{sleep, timeout};
 
-const PATIENCE: Duration = Duration::from_secs(10);
+/// Only a stuck machine takes so long.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Follows the word in `model`: succeed, fail at once or for good, wait to be stopped, or crash.
 fn act(spec: &Spec, progress: &dyn Progress) -> Result<(), Failure> {

@@ -185,7 +185,7 @@ impl Elliptec {
         self.settle(what).await?;
         for _ in 0..2 {
             self.lines.send(what, &command.encode(self.settings.address))?;
-            let until = Instant::now() + self.answer();
+            let until = self.lines.now() + self.answer();
             got = loop {
                 match self.hear(what, until).await? {
                     Heard::Nothing => break format!("nothing within {} ms", self.settings.answer_ms),
@@ -229,11 +229,11 @@ impl Elliptec {
 
     /// Waits until it is not busy.
     async fn idle(&mut self, what: &str, limit: Duration) -> DeviceResult<()> {
-        let until = Instant::now() + limit;
+        let until = self.lines.now() + limit;
         loop {
             match self.status(what).await? {
                 Status::Ok => return Ok(()),
-                Status::Busy if Instant::now() < until => self.pause(what).await?,
+                Status::Busy if self.lines.now() < until => self.pause(what).await?,
                 Status::Busy => return Err(self.stuck(what, limit)),
                 status => return Err(self.failed(what, status)),
             }
@@ -241,19 +241,19 @@ impl Elliptec {
     }
 
     async fn pause(&mut self, what: &str) -> DeviceResult<()> {
-        let until = Instant::now() + POLL / 2;
+        let until = self.lines.now() + POLL / 2;
         while self.lines.next(what, until).await?.is_some() {}
         Ok(())
     }
 
     /// Waits for the end of a movement; returns where it stands then.
     async fn finish(&mut self, what: &str) -> DeviceResult<f64> {
-        let until = Instant::now() + self.longest_move();
+        let until = self.lines.now() + self.longest_move();
         let (mut unanswered, mut idle, mut busy) = (0, 0, false);
         let mut got = "an end without its position".to_owned();
-        while Instant::now() < until {
+        while self.lines.now() < until {
             let limit = if unanswered > 0 { self.answer() } else { POLL };
-            match self.hear(what, Instant::now() + limit).await? {
+            match self.hear(what, self.lines.now() + limit).await? {
                 // Late words of an earlier movement look the same, but it is busy then.
                 Heard::Reply(Reply::Position(_)) => match self.status(what).await? {
                     Status::Ok => return self.place(what).await,

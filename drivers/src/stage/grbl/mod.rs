@@ -79,11 +79,11 @@ impl Grbl {
     /// Waits for the first report, and asks for the version.
     async fn start(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "start";
-        let until = Instant::now() + Duration::from_millis(self.settings.start_ms);
+        let until = self.lines.now() + Duration::from_millis(self.settings.start_ms);
         let mut reported = false;
-        while !reported && Instant::now() < until {
+        while !reported && self.lines.now() < until {
             self.lines.send(WHAT, protocol::REPORT)?;
-            let next = Instant::now() + self.answer();
+            let next = self.lines.now() + self.answer();
             while let Some(line) = self.lines.next(WHAT, next).await? {
                 if matches!(parse(&line), Some(Line::Report(_))) {
                     reported = true;
@@ -105,7 +105,7 @@ impl Grbl {
 
     async fn version(&mut self, what: &str) -> DeviceResult<String> {
         self.lines.send(what, b"$I\n")?;
-        let until = Instant::now() + self.answer();
+        let until = self.lines.now() + self.answer();
         let mut version = None;
         while let Some(line) = self.lines.next(what, until).await? {
             match parse(&line) {
@@ -159,9 +159,9 @@ impl Grbl {
     /// Looks at what came without being asked for, and waits until nothing late can come any more.
     async fn settle(&mut self, what: &str) -> DeviceResult<()> {
         let time = if self.unsettled { QUIET * self.answer() } else { Duration::ZERO };
-        let until = Instant::now() + time + TALK * self.answer();
-        while Instant::now() < until {
-            if let Heard::Nothing = self.hear(what, Instant::now() + time).await? {
+        let until = self.lines.now() + time + TALK * self.answer();
+        while self.lines.now() < until {
+            if let Heard::Nothing = self.hear(what, self.lines.now() + time).await? {
                 self.unsettled = false;
                 return Ok(());
             }
@@ -173,7 +173,7 @@ impl Grbl {
     async fn command(&mut self, what: &str, line: &str, limit: Duration) -> DeviceResult<()> {
         self.settle(what).await?;
         self.lines.send(what, line.as_bytes())?;
-        let until = Instant::now() + limit;
+        let until = self.lines.now() + limit;
         loop {
             match self.hear(what, until).await? {
                 Heard::Line(Line::Ok) => return Ok(()),
@@ -195,7 +195,7 @@ impl Grbl {
     async fn report_once(&mut self, what: &str) -> DeviceResult<Report> {
         self.settle(what).await?;
         self.lines.send(what, protocol::REPORT)?;
-        let until = Instant::now() + self.answer();
+        let until = self.lines.now() + self.answer();
         loop {
             match self.hear(what, until).await? {
                 Heard::Line(Line::Report(report)) => return Ok(report),
@@ -227,7 +227,7 @@ impl Grbl {
 
     /// Waits until it is idle, at the target if there is one; returns where it stands.
     async fn rest(&mut self, what: &str, target_deg: Option<f64>, limit: Duration) -> DeviceResult<f64> {
-        let until = Instant::now() + limit;
+        let until = self.lines.now() + limit;
         let mut short = 0;
         loop {
             let (state, at) = self.look(what).await?;
@@ -237,7 +237,7 @@ impl Grbl {
                 }
                 State::Idle if short + 1 == SHORT => return Err(self.stopped_short(what, target_deg, at)),
                 State::Idle => short += 1,
-                State::Run | State::Jog | State::Home if Instant::now() < until => short = 0,
+                State::Run | State::Jog | State::Home if self.lines.now() < until => short = 0,
                 State::Alarm => return Err(self.alarmed(what, None)),
                 state => return Err(self.not_idle(what, state)),
             }
@@ -246,8 +246,8 @@ impl Grbl {
     }
 
     async fn pause(&mut self, what: &str) -> DeviceResult<()> {
-        let until = Instant::now() + POLL;
-        while Instant::now() < until {
+        let until = self.lines.now() + POLL;
+        while self.lines.now() < until {
             // What it says meanwhile of its own accord is heard.
             let _ = self.hear(what, until).await?;
         }
@@ -312,11 +312,11 @@ impl Grbl {
     async fn end_movement(&mut self) -> DeviceResult<()> {
         const WHAT: &str = "halt";
         self.lines.send(WHAT, protocol::HOLD)?;
-        let until = Instant::now() + Duration::from_millis(self.settings.move_ms);
+        let until = self.lines.now() + Duration::from_millis(self.settings.move_ms);
         // While it homes, it answers nothing but a reset.
         let homing = std::mem::take(&mut self.homing);
         let mut stood = None;
-        while Instant::now() < until && !homing {
+        while self.lines.now() < until && !homing {
             match self.look(WHAT).await {
                 Ok((State::Hold { still: true } | State::Idle, at)) => {
                     stood = Some(at);
@@ -334,7 +334,7 @@ impl Grbl {
             }
         }
         self.lines.send(WHAT, protocol::RESET)?;
-        let until = Instant::now() + self.answer();
+        let until = self.lines.now() + self.answer();
         while let Some(line) = self.lines.next(WHAT, until).await? {
             if matches!(parse(&line), Some(Line::Started(_))) {
                 let forgotten = self.zero == Zero::Forgotten;

@@ -17,7 +17,7 @@ use async_trait::async_trait;
 use pattern::{Match, Pattern};
 use settings::{Phrases, Said};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How often a moving stage is asked.
 const POLL: Duration = Duration::from_millis(50);
@@ -99,7 +99,7 @@ impl LineStage {
 
     /// The next line; an error if it looks like one.
     async fn hear(&mut self, what: &str, limit: Duration) -> DeviceResult<Vec<u8>> {
-        let Some(line) = self.lines.next(what, Instant::now() + limit).await? else {
+        let Some(line) = self.lines.next(what, self.lines.now() + limit).await? else {
             self.unsettled = true;
             return Err(self.passing(what, "an answer", format!("nothing within {} ms", limit.as_millis())));
         };
@@ -160,7 +160,7 @@ impl LineStage {
 
     /// Waits until it says that it stands, where it can be asked.
     async fn stands(&mut self, what: &str) -> DeviceResult<()> {
-        let until = Instant::now() + self.longest_move();
+        let until = self.lines.now() + self.longest_move();
         while let Some(text) = self.phrases.poll.as_ref().map(|p| p.send.fill(0.0, 1.0)) {
             self.say(what, &text).await?;
             let line = self.hear(what, self.answer()).await?;
@@ -168,7 +168,7 @@ impl LineStage {
             if stands.is_some() {
                 return Ok(());
             }
-            if Instant::now() > until {
+            if self.lines.now() > until {
                 return Err(self.error(what, "the end of the movement", shown(&line)).remedy(
                     "check that it turns freely, and poll.reply in the configuration, then resume the session",
                 ));
@@ -179,7 +179,7 @@ impl LineStage {
     }
 
     async fn pause(&mut self, what: &str) -> DeviceResult<()> {
-        let until = Instant::now() + POLL;
+        let until = self.lines.now() + POLL;
         while self.lines.next(what, until).await?.is_some() {}
         Ok(())
     }
@@ -187,9 +187,9 @@ impl LineStage {
     /// Waits until its position does not change any more, at the target if there is one; returns the position.
     async fn rest(&mut self, what: &str, target_deg: Option<f64>) -> DeviceResult<f64> {
         let tolerance = self.settings.motion.tolerance_deg;
-        let until = Instant::now() + self.longest_move();
+        let until = self.lines.now() + self.longest_move();
         let (mut last, mut still) = (f64::NAN, 0);
-        while Instant::now() < until {
+        while self.lines.now() < until {
             let at = self.place(what).await?;
             // The first of the places that are alike stays, so that creeping is noticed.
             if (at - last).abs() <= tolerance {

