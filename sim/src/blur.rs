@@ -2,33 +2,33 @@
 
 use rayon::prelude::*;
 
-/// Separable Gaussian of `sigma` pixels in place; edges repeat. Nothing happens below 0.01 pixels.
-pub fn gaussian(plane: &mut Vec<f32>, width: usize, sigma: f64) {
-    if sigma < 0.01 || plane.is_empty() {
-        return;
-    }
-    let radius = (4.0 * sigma).ceil() as i64;
-    let weights: Vec<f64> = (-radius..=radius).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
+/// How far light spreads, in pixels: nowhere below 0.01 pixels.
+pub fn reach(sigma: f64) -> usize {
+    if sigma < 0.01 { 0 } else { (4.0 * sigma).ceil() as usize }
+}
+
+/// Separable Gaussian of `sigma` pixels of a picture with a margin of [`reach`] on all sides; what is returned has none, as the lens brings light from
+/// beyond the edges, too. `width` is that with the margins.
+pub fn gaussian(plane: &[f32], width: usize, sigma: f64) -> Vec<f32> {
+    let reach = reach(sigma);
+    let weights: Vec<f64> =
+        (0..=2 * reach).map(|i| (-0.5 * ((i as f64 - reach as f64) / sigma).powi(2)).exp()).collect();
     let sum: f64 = weights.iter().sum();
-    let weights: Vec<f32> = weights.iter().map(|w| (w / sum) as f32).collect();
-    let height = plane.len() / width;
-    let source = std::mem::take(plane);
-    let at = |i: i64, limit: usize| i.clamp(0, limit as i64 - 1) as usize;
-    let mut rows = vec![0.0_f32; source.len()];
-    rows.par_chunks_mut(width).zip(source.par_chunks(width)).for_each(|(out, row)| {
-        for (x, out) in out.iter_mut().enumerate() {
-            *out = weights.iter().zip(-radius..).map(|(w, i)| w * row[at(x as i64 + i, width)]).sum();
+    let weights: Vec<f32> = if reach == 0 { vec![1.0] } else { weights.iter().map(|w| (w / sum) as f32).collect() };
+    let inner = width - 2 * reach;
+    let mut rows = vec![0.0_f32; plane.len() / width * inner];
+    rows.par_chunks_mut(inner).zip(plane.par_chunks(width)).for_each(|(out, row)| {
+        for (out, around) in out.iter_mut().zip(row.windows(weights.len())) {
+            *out = weights.iter().zip(around).map(|(w, v)| w * v).sum();
         }
     });
-    let mut result = source;
-    result.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-        out.fill(0.0);
-        for (w, i) in weights.iter().zip(-radius..) {
-            let row = &rows[at(y as i64 + i, height) * width..][..width];
+    let mut result = vec![0.0; rows.len() - 2 * reach * inner];
+    result.par_chunks_mut(inner).enumerate().for_each(|(y, out)| {
+        for (w, row) in weights.iter().zip(rows[y * inner..].chunks(inner)) {
             out.iter_mut().zip(row).for_each(|(o, v)| *o += w * v);
         }
     });
-    *plane = result;
+    result
 }
 
 #[cfg(test)]
@@ -38,11 +38,33 @@ mod tests {
     #[test]
     fn blur_keeps_light_and_has_the_asked_width() {
         let (width, sigma) = (65, 2.0);
-        let mut plane = vec![0.0; width * width];
-        plane[32 * width + 32] = 1.0;
-        gaussian(&mut plane, width, sigma);
+        let with_margins = width + 2 * reach(sigma);
+        let mut plane = vec![0.0; with_margins * with_margins];
+        plane[with_margins * with_margins / 2] = 1.0;
+        let plane = gaussian(&plane, with_margins, sigma);
+        assert_eq!(plane.len(), width * width);
         let sum: f32 = plane.iter().sum();
         let variance: f32 = plane.iter().enumerate().map(|(i, v)| v * ((i % width) as f32 - 32.0).powi(2)).sum();
         assert!((sum - 1.0).abs() < 1e-5 && (variance - 4.0).abs() < 0.02, "{sum} {variance}");
+    }
+
+    /// Against its parts: what is rendered with more around it is the same, and an even picture stays even up to its edges.
+    #[test]
+    fn edges_see_what_is_beyond_them() {
+        let sigma = 0.5;
+        let value = |x: usize, y: usize| if x < 8 { 1.0 } else { 2.0 + (y % 3) as f32 };
+        let picture = |left: usize, width: usize| {
+            let margin = reach(sigma);
+            let with_margins = width + 2 * margin;
+            let plane: Vec<f32> =
+                (0..with_margins * 20).map(|i| value(left + i % with_margins, i / with_margins)).collect();
+            gaussian(&plane, with_margins, sigma)
+        };
+        let (whole, part) = (picture(0, 16), picture(5, 6));
+        for (whole, part) in whole.chunks(16).zip(part.chunks(6)) {
+            assert_eq!(whole[5..11], *part);
+            assert!((whole[0] - 1.0).abs() < 1e-6, "{whole:?}");
+        }
+        assert_eq!(gaussian(&[1.0, 2.0, 3.0, 4.0], 2, 0.0), [1.0, 2.0, 3.0, 4.0]);
     }
 }

@@ -130,9 +130,8 @@ impl Scene {
     /// # Errors
     /// `Cancelled`.
     pub fn render(&self, source: &Source, shift: [f64; 2], progress: &dyn Progress) -> Result<StokesImage> {
-        progress.stage("rendering the bench", self.bench.camera.height.into());
-        let rows = self.rows(progress, |x, y| self.light(x, y, source, shift))?;
-        let plane = |of: fn(&Stokes) -> f64| self.blurred(rows.iter().map(|s| of(s) as f32).collect());
+        let rows = self.rows("rendering the bench", progress, |x, y| self.light(x, y, source, shift))?;
+        let plane = |of: fn(&Stokes) -> f64| self.blurred(&rows.iter().map(|s| of(s) as f32).collect::<Vec<_>>());
         Ok(StokesImage { planes: [plane(|s| s.s0), plane(|s| s.s1), plane(|s| s.s2)] })
     }
 
@@ -141,50 +140,70 @@ impl Scene {
     /// # Errors
     /// `Cancelled`.
     pub fn survey(&self, shift: [f64; 2], progress: &dyn Progress) -> Result<(Truth, Vec<f32>)> {
-        progress.stage("laying the sample", self.bench.camera.height.into());
-        let rows = self.rows(progress, |x, y| self.sample_in(x, y, shift))?;
-        let plane = |of: fn(&Surveyed) -> f32| -> Vec<f32> { rows.iter().map(of).collect() };
+        let rows = self.rows("laying the sample", progress, |x, y| self.sample_in(x, y, shift))?;
+        let (margin, width) = (self.margin(), self.width());
+        let inner = || rows.chunks(width + 2 * margin).skip(margin).take(self.bench.camera.height as usize);
+        let plane = |of: fn(&Surveyed) -> f32| -> Vec<f32> {
+            inner().flat_map(|row| row[margin..][..width].iter().map(of)).collect()
+        };
         let truth =
             Truth { orientation: plane(|p| p.truth.0), period_um: plane(|p| p.truth.1), purity: plane(|p| p.truth.2) };
-        Ok((truth, self.blurred(plane(|p| p.ambient))))
+        let ambient: Vec<f32> = rows.iter().map(|p| p.ambient).collect();
+        Ok((truth, self.blurred(&ambient)))
     }
 
-    fn rows<T: Send>(&self, progress: &dyn Progress, pixel: impl Fn(usize, usize) -> T + Sync) -> Result<Vec<T>> {
-        let (width, height) = (self.bench.camera.width as usize, self.bench.camera.height as usize);
-        let row = |y: usize| {
+    fn width(&self) -> usize {
+        self.bench.camera.width as usize
+    }
+
+    /// Pixels around the picture from which the lens brings light into it.
+    fn margin(&self) -> usize {
+        crate::blur::reach(self.bench.camera.blur_px)
+    }
+
+    /// What is at each pixel, and at those of the margins around the picture.
+    fn rows<T: Send>(
+        &self,
+        stage: &str,
+        progress: &dyn Progress,
+        pixel: impl Fn(f64, f64) -> T + Sync,
+    ) -> Result<Vec<T>> {
+        let margin = self.margin() as i64;
+        let (width, height) = (i64::from(self.bench.camera.width), i64::from(self.bench.camera.height));
+        progress.stage(stage, (height + 2 * margin) as u64);
+        let row = |y: i64| {
             progress.check()?;
-            let row: Vec<T> = (0..width).map(|x| pixel(x, y)).collect();
+            let row: Vec<T> = (-margin..width + margin).map(|x| pixel(x as f64, y as f64)).collect();
             progress.step();
             Ok(row)
         };
-        let rows: Vec<Vec<T>> = (0..height).into_par_iter().map(row).collect::<Result<_>>()?;
+        let rows: Vec<Vec<T>> = (-margin..height + margin).into_par_iter().map(row).collect::<Result<_>>()?;
         Ok(rows.into_iter().flatten().collect())
     }
 
-    fn blurred(&self, mut plane: Vec<f32>) -> Vec<f32> {
-        crate::blur::gaussian(&mut plane, self.bench.camera.width as usize, self.bench.camera.blur_px);
-        plane
+    fn blurred(&self, plane: &[f32]) -> Vec<f32> {
+        crate::blur::gaussian(plane, self.width() + 2 * self.margin(), self.bench.camera.blur_px)
     }
 
     /// Where the rays of a pixel meet the sample, in mm.
-    fn rays(&self, x: usize, y: usize, [dx, dy]: [f64; 2]) -> impl ExactSizeIterator<Item = (f64, f64)> + use<> {
+    fn rays(&self, x: f64, y: f64, [dx, dy]: [f64; 2]) -> impl ExactSizeIterator<Item = (f64, f64)> + use<> {
         let n = self.bench.camera.subsamples;
         let (width, height) = (f64::from(self.bench.camera.width), f64::from(self.bench.camera.height));
         let pixel_mm = self.pixel_mm;
         (0..n * n).map(move |k| {
             let offset = |i: u32| (f64::from(i) + 0.5) / f64::from(n);
-            let x_mm = (x as f64 - dx + offset(k % n) - 0.5 * width) * pixel_mm;
-            (x_mm, (0.5 * height - y as f64 + dy - offset(k / n)) * pixel_mm)
+            let x_mm = (x - dx + offset(k % n) - 0.5 * width) * pixel_mm;
+            (x_mm, (0.5 * height - y + dy - offset(k / n)) * pixel_mm)
         })
     }
 
-    fn light(&self, x: usize, y: usize, source: &Source, shift: [f64; 2]) -> Stokes {
+    fn light(&self, x: f64, y: f64, source: &Source, shift: [f64; 2]) -> Stokes {
         let rays = self.rays(x, y, shift);
         let share = 1.0 / rays.len() as f64;
         rays.map(|(x, y)| self.ray(x, y, &self.sample.at(x, y), source)).fold(Stokes::default(), |a, b| a + b) * share
     }
 
-    fn sample_in(&self, x: usize, y: usize, shift: [f64; 2]) -> Surveyed {
+    fn sample_in(&self, x: f64, y: f64, shift: [f64; 2]) -> Surveyed {
         let rays = self.rays(x, y, shift);
         let count = rays.len() as u32;
         let (mut mean, mut reflectance) = (GratingMean::default(), 0.0);

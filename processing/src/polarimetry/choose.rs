@@ -4,7 +4,8 @@ use super::angle_difference;
 use super::cloud::{CloudPoint, SAMPLE, thinned};
 use super::foot::Path;
 use super::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
-use super::search::{Begin, ENOUGH, alike, at_limit, curves, likelier};
+use super::search::{Begin, ENOUGH, POLARIZER, alike, at_limit, curves, likelier};
+use nalgebra::{Matrix3, Vector3};
 use std::borrow::Cow;
 
 /// A model that is behind the best by no more than this in -2 ln likelihood (10 is 150 : 1), or by no more than so many
@@ -90,7 +91,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
         return None;
     }
     let (mut candidates, count) = (candidates(points), points.len());
-    let enough = wanted != Model::Curve && sinusoid_is_enough(&candidates);
+    let enough = wanted != Model::Curve && sinusoid_is_enough(&candidates, points);
     // Beside a model that was asked for, others only tell how wrong it is: a part of the points does.
     let asked = !matches!(wanted, Model::Auto | Model::Curve);
     let points = &*if asked { Cow::Owned(thinned(points, SAMPLE)) } else { Cow::Borrowed(points) };
@@ -158,10 +159,11 @@ impl Choice {
         let Self { candidates, chance, behind, differences, chosen, right, .. } = &*self;
         let all = 0..candidates.len();
         let widened = candidates.iter().map(|c| c.widened).fold(f64::INFINITY, f64::min);
-        // A circle about another place than the origin is what films make of it to first order, so that one of these is right, however much more
-        // its parameters must be worth.
-        let off_origin = candidates[*right].center.is_some_and(|c| c != [0.0; 2]);
-        let films = all.clone().filter(|k| off_origin && candidates[*k].film.is_some());
+        // A circle about another place than the origin is what films make of it to first order, and a polarizer behind a film is what any grating of
+        // ζ 90° looks like behind another one, so that one of these is right, however much more its parameters must be worth.
+        let made_by_films =
+            candidates[*right].center.map_or(candidates[*right].extended == POLARIZER.1, |c| c != [0.0; 2]);
+        let films = all.clone().filter(|k| made_by_films && k != right && candidates[*k].film.is_some());
         let likeliest_film = films.map(|k| behind[k]).reduce(f64::min).unwrap_or(f64::NEG_INFINITY);
         // Whatever may be true as well costs its difference as often as it is true.
         let of_rival = |k: usize| {
@@ -281,13 +283,30 @@ fn typical_sigma(candidate: &Candidate, points: &[CloudPoint]) -> f64 {
 }
 
 /// A circle about the origin explains everything.
-fn sinusoid_is_enough(simple: &[Candidate]) -> bool {
+fn sinusoid_is_enough(simple: &[Candidate], points: &[CloudPoint]) -> bool {
     let of = |model| simple.iter().find(|c| c.model == model);
     let (Some(sinusoid), Some(circle)) = (of(Model::Sinusoid), of(Model::Circle)) else { return false };
     let Some([x, y]) = circle.center else { return false };
     // The mean of |sin| over the turn, halved: orientations turn by half as much as phases.
     let cost_deg = (x.hypot(y) / circle.size() / std::f64::consts::PI).to_degrees();
-    sinusoid.widened < GOOD_WIDENED && cost_deg < GOOD_CENTER_DEG
+    sinusoid.widened < GOOD_WIDENED && cost_deg < GOOD_CENTER_DEG && ellipse(sinusoid, points) < UNDECIDED
+}
+
+/// How much likelier (-2 ln) an ellipse is than a circle about the origin: a film over a grating of ζ 90° makes one, long before single points are off
+/// the circle by more than their noise.
+fn ellipse(circle: &Candidate, points: &[CloudPoint]) -> f64 {
+    let path = Path::new(circle.curve);
+    let (mut normal, mut moment) = (Matrix3::zeros(), Vector3::zeros());
+    for p in points {
+        let foot = path.foot(p);
+        // The gradient's length is 1/σ across the circle.
+        let weight = foot.gradient[0].hypot(foot.gradient[1]);
+        let (sin, cos) = (2.0 * p.at[1].atan2(p.at[0])).sin_cos();
+        let row = Vector3::new(1.0, cos, sin) * weight;
+        normal += row * row.transpose();
+        moment += row * foot.distance;
+    }
+    normal.try_inverse().map_or(0.0, |inverse| moment.dot(&(inverse * moment)))
 }
 
 fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {

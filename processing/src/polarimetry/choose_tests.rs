@@ -245,6 +245,9 @@ fn no_model_is_wrong_and_confident() {
         ("r 1000", of_ratio(1e3), Model::Auto, 4000),
         // A weaker reflection of a stronger film explains the points as well.
         ("front 0.4", Synthetic { front: 0.4.into(), ..film(5.0) }, Model::Auto, 4000),
+        // Of gratings of ζ 90° the circle stays about the origin, and all of them lie on the same ellipse as a polarizer does, whatever r and film.
+        ("ζ 90°, film of 3°", Synthetic { ratio: Complex::new(0.0, 1.2), ..film(3.0) }, Model::Auto, 4000),
+        ("ζ 90°, film of 1.5°", Synthetic { ratio: Complex::new(0.0, 1.2), ..film(1.5) }, Model::Auto, 30_000),
     ];
     for (name, scene, model, pixels) in scenes {
         let Series { mut maps, design, noise, truth } = scene.photograph(pixels, 5).unwrap();

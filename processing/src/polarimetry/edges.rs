@@ -46,10 +46,42 @@ pub(super) fn widen_at_edges(map: &mut OrientationMaps) {
     });
 }
 
+/// Widens σ by what photographs that lie so many pixels apart (root mean square) show of other places: as much as orientations turn over them.
+///
+/// Photograph k shows a pixel as if its analyser were turned by g d_k, with g the change of the orientation per pixel. Errors of angles that sum up to
+/// nothing make an orientation wrong by at most their root mean square over √2, while they are small.
+pub(super) fn widen_where_apart(map: &mut OrientationMaps, apart_px: f32) {
+    let OrientationMaps { width, orientation, sigma, .. } = map;
+    let width = *width;
+    if apart_px <= 0.0 {
+        return;
+    }
+    // Where photographs contradict each other σ is not that of noise, which the clearest pixel tells of.
+    let noise = sigma.iter().copied().fold(FRAC_PI_2, f32::min);
+    let rows: Vec<&[f32]> = orientation.chunks(width).collect();
+    let beside = |x: usize, y: usize| rows.get(y).and_then(|row| row.get(x)).copied().unwrap_or(f32::NAN);
+    sigma.par_chunks_mut(width).enumerate().for_each(|(y, sigma)| {
+        for (x, sigma) in sigma.iter_mut().enumerate() {
+            let here = rows[y][x];
+            let turn = |x: usize, y: usize| turned(beside(x, y), here).powi(2);
+            // The steeper of two sides; a masked neighbour tells nothing.
+            let across = turn(x + 1, y).max(turn(x.wrapping_sub(1), y)).max(0.0);
+            let along = turn(x, y + 1).max(turn(x, y.wrapping_sub(1))).max(0.0);
+            let slope = (across + along - 4.0 * noise * noise).max(0.0);
+            *sigma = (*sigma * *sigma + 0.5 * apart_px * apart_px * slope).sqrt().min(FRAC_PI_2);
+        }
+    });
+}
+
+/// Smallest signed difference of two orientations from 0 to π.
+#[inline(always)]
+fn turned(a: f32, b: f32) -> f32 {
+    folded(a - b + FRAC_PI_2) - FRAC_PI_2
+}
+
 /// Raises values, from the `first` on, to the second differences of three runs of orientations; a masked one tells nothing.
 #[inline(always)]
 fn raise(values: &mut [f32], [before, here, after]: [&[f32]; 3], first: usize) {
-    let turned = |a: f32, b: f32| folded(a - b + FRAC_PI_2) - FRAC_PI_2;
     let runs = before.iter().zip(here).zip(after);
     for (value, ((before, here), after)) in values[first..].iter_mut().zip(runs) {
         let bend = (turned(*after, *here) + turned(*before, *here)).abs();
@@ -95,6 +127,29 @@ mod tests {
         let widened = turning.sigma.iter().filter(|s| **s > 0.002).count();
         // 40,000 pixels, six second differences each, of which 6e-5 are beyond 4 standard deviations: about 15.
         assert!(widened < 40, "{widened}");
+    }
+
+    /// What photographs show of other places: by the definition where orientations turn evenly and at an edge; not where all is alike, nor where
+    /// they lie on each other. Beside a masked pixel the other side tells.
+    #[test]
+    fn photographs_that_are_left_apart_widen_where_orientations_turn() {
+        let of = |x: usize, y: usize| match (x, y) {
+            (9, _) => f32::NAN,
+            (x, 0..6) => 0.1 * x as f32,
+            _ => 1.0,
+        };
+        let mut apart = map(10, 12, |x, y| of(x, y).rem_euclid(PI));
+        widen_where_apart(&mut apart, 2.0);
+        let expected = |slope: f32| (0.002_f32.powi(2) + 0.5 * 4.0 * (slope - 4.0 * 0.002_f32.powi(2))).sqrt();
+        for (x, slope) in [(0, 0.01), (4, 0.01), (8, 0.01)] {
+            assert!((apart.sigma[20 + x] - expected(slope)).abs() < 1e-5, "{x}: {}", apart.sigma[20 + x]);
+        }
+        assert!((apart.sigma[54] - expected(0.01 + 0.36)).abs() < 1e-5, "{}", apart.sigma[54]);
+        assert!((apart.sigma[64] - expected(0.36)).abs() < 1e-5, "{}", apart.sigma[64]);
+        assert_eq!(apart.sigma[94], 0.002);
+        let mut together = map(10, 12, of);
+        widen_where_apart(&mut together, 0.0);
+        assert!(together.sigma.iter().all(|s| *s == 0.002));
     }
 
     /// Against the definition, pixel by pixel in double precision: any orientations, a ninth of them masked, edges of the map among them.

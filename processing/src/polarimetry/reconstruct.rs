@@ -5,7 +5,7 @@ use super::angle_error::distorted;
 use super::choose::Choice;
 use super::cloud::cloud;
 use super::correction::{Corrected, Stand, choose_corrected};
-use super::edges::widen_at_edges;
+use super::edges::{widen_at_edges, widen_where_apart};
 use super::errors::Angles;
 use super::locate::{Lens, locate};
 use super::merge::Merge;
@@ -98,8 +98,8 @@ pub(super) struct Solved {
 const CHUNK: usize = 1 << 14;
 
 impl Solved {
-    /// σ of noise becomes that of noise, of the model and of what the lens mixes at edges.
-    pub fn tell_systematic(&mut self) {
+    /// σ of noise becomes that of noise, of the model, of what the lens mixes at edges, and of photographs that are left so many pixels apart.
+    pub fn tell_systematic(&mut self, apart_px: f64) {
         let systematic = self.choice.as_ref().map_or(0.0, |c| c.systematic) as f32;
         let square = systematic * systematic;
         self.map.sigma.par_chunks_mut(CHUNK).for_each(|sigma| {
@@ -113,6 +113,7 @@ impl Solved {
             );
         });
         widen_at_edges(&mut self.map);
+        widen_where_apart(&mut self.map, apart_px as f32);
     }
 }
 
@@ -162,7 +163,7 @@ pub(crate) fn orient_with(
     asked: &Asked,
 ) -> OrientationMaps {
     let mut solved = solve_model(maps, design, noise, asked);
-    solved.tell_systematic();
+    solved.tell_systematic(0.0);
     solved.map
 }
 

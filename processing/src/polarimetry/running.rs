@@ -263,6 +263,8 @@ impl Running {
         let mut report = reported(&frames, options, &design, (&noise, source), &maps, &solved);
         report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
         report.with(systematic(&sample, &views, &noise, solved.choice.as_ref(), alignment.as_ref(), &angles));
+        let apart_px = alignment.as_ref().map_or(0.0, Alignment::left_px);
+        report.warnings.extend(alignment.iter().filter_map(Alignment::warning));
         report.registration = alignment;
         report.warnings.extend(repeats.iter().filter_map(RepeatsReport::warning));
         report.warnings.extend(report.oblique.iter().filter_map(ObliqueReport::warning).collect::<Vec<_>>());
@@ -274,7 +276,7 @@ impl Running {
             report.period = Some(said);
         }
         // The report has these terms one by one.
-        solved.tell_systematic();
+        solved.tell_systematic(apart_px);
         writer.maps(maps, &solved.map, &disk)?;
         report.took(read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
         folder.write_json("report.json", &report)?;

@@ -71,7 +71,7 @@ const MIRROR_SETS: [Set; 4] = [
 
 /// A grating that reflects one polarization only, which no ζ matters to. Its light is fully polarized but for the film: the circle's radius is
 /// nearly 1.
-const POLARIZER: Set = (&[2, 3], &["polarizer"]);
+pub(super) const POLARIZER: Set = (&[2, 3], &["polarizer"]);
 const POLARIZED: f64 = 0.9;
 
 /// Near to that, ln r is hardly told, and what explains the points is no place but a valley: places along it, by ln r.
