@@ -1,6 +1,7 @@
-//! Photographs that a wedged analyser or a loose stage has shifted against each other, laid over each other again.
+//! What a wedged analyser or a loose stage does, undone: photographs that lie beside each other, and angles that are not what they are said to be.
 
 use super::FrameNoise;
+use super::angle_error::Misses;
 use super::merge::Merge;
 use super::running::{Running, Sums, noise_of_bracket, read, sampled};
 use super::sample::Sample;
@@ -22,7 +23,7 @@ pub(super) fn fit_moved_back(
     let Running { frames, linearizer, brackets, views, .. } = running;
     let (width, height) = (frames.info.width, frames.info.height);
     progress.stage("moving photographs back", views.len() as u64);
-    let mut sums = Sums::new(matches!(running.sums, Sums::Weighted(_)), width, height);
+    let mut sums = running.sums.emptied(width, height);
     let mut sample = running.sample.emptied();
     for (view, shift) in views.iter().zip(shifts) {
         progress.check()?;
@@ -38,6 +39,26 @@ pub(super) fn fit_moved_back(
         progress.step();
     }
     Ok((sums, sample))
+}
+
+/// Finds by residuals where the analyser stood; where that is worth it, photographs are read and fitted anew with these angles.
+pub(super) fn put_angles_right(
+    running: &mut Running,
+    alignment: Option<&Alignment>,
+    progress: &dyn Progress,
+) -> Result<Option<Misses>> {
+    // Where photographs show edges beside each other, these look like wrong angles.
+    if alignment.is_some_and(Alignment::is_left) {
+        return Ok(None);
+    }
+    let stated = running.frames.set.angle_sigma_deg.map(f64::to_radians);
+    let Some(misses) = running.sample.misses(&running.views, stated) else { return Ok(None) };
+    running.views.iter_mut().zip(&misses.errors).for_each(|(view, error)| view.angle += error);
+    match alignment.filter(|a| a.corrected) {
+        Some(moved) => (running.sums, running.sample) = fit_moved_back(running, &moved.shifts_px, progress)?,
+        None => running.fit_anew(progress)?,
+    }
+    Ok(Some(misses))
 }
 
 /// What resampling leaves of the noise that a camera is said to have.

@@ -1,6 +1,6 @@
 //! How wrong a typical orientation is, term by term: noise, and what is no noise.
 
-use super::angle_error::angle_sigma;
+use super::angle_error::{Misses, angle_sigma};
 use super::choose::Choice;
 use super::cloud::{CloudPoint, cloud};
 use super::foot::Path;
@@ -42,6 +42,8 @@ pub enum AngleSource {
     Given,
     /// From residuals that look like wrong angles; light that drifts does as well where few orientations are in view.
     Residuals,
+    /// What is not known of angles that were put right by residuals.
+    Corrected,
 }
 
 /// What is no noise, in degrees of orientation.
@@ -109,6 +111,11 @@ pub(super) struct Angles {
 }
 
 impl Angles {
+    /// Of angles that were put right.
+    pub(super) fn corrected(misses: &Misses) -> Self {
+        Self { sigma: Some(misses.left), source: Some(AngleSource::Corrected) }
+    }
+
     /// As `frames.json` states it, or as the sample's residuals tell.
     pub(super) fn of(frames: &LoadedFrames, sample: &Sample, views: &[View]) -> Self {
         let (sigma, source) = match frames.set.angle_sigma_deg {

@@ -80,7 +80,7 @@ mod weighted;
 mod weights;
 
 pub use crate::image::registration::{Align, Alignment};
-pub(crate) use angle_error::angle_sigma;
+pub(crate) use angle_error::{angle_sigma, misses};
 pub use check::{CircleCheck, check_circle};
 pub use compare::{Comparison, compare};
 pub use correction::{Oblique, ObliqueReport};

@@ -100,6 +100,7 @@ const CHUNK: usize = 1 << 14;
 impl Solved {
     /// σ of noise becomes that of noise, of the model, of what the lens mixes at edges, and of photographs that are left so many pixels apart.
     pub fn tell_systematic(&mut self, apart_px: f64) {
+        widen_where_apart(&mut self.map, apart_px as f32);
         let systematic = self.choice.as_ref().map_or(0.0, |c| c.systematic) as f32;
         let square = systematic * systematic;
         self.map.sigma.par_chunks_mut(CHUNK).for_each(|sigma| {
@@ -113,7 +114,6 @@ impl Solved {
             );
         });
         widen_at_edges(&mut self.map);
-        widen_where_apart(&mut self.map, apart_px as f32);
     }
 }
 

@@ -74,7 +74,7 @@ pub(super) fn pairs(frames: &LoadedFrames, views: &[View], kept: usize) -> Vec<[
     if !one_exposure {
         return vec![];
     }
-    paired(&views.iter().take(kept).map(|v| v.angle).collect::<Vec<_>>())
+    paired(&views.iter().take(kept).map(|v| v.said).collect::<Vec<_>>())
 }
 
 fn paired(angles: &[f64]) -> Vec<[usize; 2]> {

@@ -54,7 +54,10 @@ pub struct Report {
     pub oblique: Option<ObliqueReport>,
     /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
     pub offset_deg: f64,
-    /// Analyser angles in the order of the frames.
+    /// By how much the analyser stood beside each of its positions, in degrees, their mean taken as 0: found by residuals and put right. None where that is
+    /// not worth it or cannot be told.
+    pub analyser_errors_deg: Option<Vec<f64>>,
+    /// Analyser angles in the order of the frames, as they are said to be.
     pub analyser_deg: Vec<f64>,
     /// Condition number of the angle set, √2 at best.
     pub condition: f64,
@@ -181,6 +184,7 @@ impl Report {
             period: None,
             oblique: solved.oblique.clone(),
             offset_deg: options.offset_deg,
+            analyser_errors_deg: None,
             analyser_deg: match set.layout {
                 Some(layout) => layout.concat().repeat(set.frames.len()),
                 None => set.frames.iter().filter_map(|f| f.analyser_deg).collect(),

@@ -1,6 +1,6 @@
 //! A reconstruction on its way: photographs are folded into sums as they come.
 
-use super::aligned::{alignment, correlated, fit_moved_back};
+use super::aligned::{alignment, correlated, fit_moved_back, put_angles_right};
 use super::disk::Disk;
 use super::errors::{Angles, systematic};
 use super::merge::{Merge, clear_of_white};
@@ -55,6 +55,11 @@ pub(super) enum Sums {
 impl Sums {
     pub(super) fn new(weighted: bool, width: usize, height: usize) -> Self {
         if weighted { Self::Weighted(WeightedFit::new(width, height)) } else { Self::Alike(Fit::new(width, height)) }
+    }
+
+    /// The same kind without its views.
+    pub(super) fn emptied(&self, width: usize, height: usize) -> Self {
+        Self::new(matches!(self, Self::Weighted(_)), width, height)
     }
 
     pub(super) fn width(&self) -> usize {
@@ -221,9 +226,11 @@ impl Running {
             let problem = format!("only {} of its {} photographs were taken", self.added(), self.frames().len());
             return Err(Error::file(&self.frames.path, problem, "take the rest first"));
         }
-        let design = self.design()?;
-        let start = Instant::now();
+        let (begun, before) = (Instant::now(), self.read_and_fit_s);
         let alignment = self.align(options.align, progress)?;
+        let misses = put_angles_right(&mut self, alignment.as_ref(), progress)?;
+        self.read_and_fit_s = before + begun.elapsed().as_secs_f64();
+        let (design, start) = (self.design()?, Instant::now());
         let Self { frames, linearizer, brackets, views, sums, sample, read_and_fit_s, .. } = self;
         linearizer.rest();
         let mut maps = sums.solve(&design);
@@ -239,7 +246,7 @@ impl Running {
         };
         let (noise, source) = noise_of(&taken, &mut maps, &design);
         let writer = Writer { folder: &folder, frames: &frames, options, progress };
-        let angles = Angles::of(&frames, &sample, &views);
+        let angles = misses.as_ref().map_or_else(|| Angles::of(&frames, &sample, &views), Angles::corrected);
         let (disk, asked) = (Disk::new(), Asked::by(options, &frames, &views, &angles));
         progress.stage("solving and writing maps", 5);
         let residual = std::mem::take(&mut maps.residual);
@@ -261,6 +268,7 @@ impl Running {
             solved.map = smooth(&solved.map, options.smooth, shared, progress)?;
         }
         let mut report = reported(&frames, options, &design, (&noise, source), &maps, &solved);
+        report.analyser_errors_deg = misses.map(|m| m.errors.iter().map(|e| e.to_degrees()).collect());
         report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
         report.with(systematic(&sample, &views, &noise, solved.choice.as_ref(), alignment.as_ref(), &angles));
         let apart_px = alignment.as_ref().map_or(0.0, Alignment::left_px);
@@ -296,6 +304,14 @@ impl Running {
             (self.sums, self.sample) = fit_moved_back(self, &found.shifts_px, progress)?;
         }
         Ok(alignment)
+    }
+
+    /// Reads and fits all photographs anew, at the angles that its views have now.
+    pub(super) fn fit_anew(&mut self, progress: &dyn Progress) -> Result<()> {
+        let [width, height] = [self.frames.info.width, self.frames.info.height];
+        (self.sums, self.sample) = (self.sums.emptied(width, height), self.sample.emptied());
+        self.added = 0;
+        self.add_all(progress)
     }
 
     /// Noise of the maps so far.

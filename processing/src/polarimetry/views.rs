@@ -19,7 +19,10 @@ pub(super) struct View {
     /// `(x, y)` inside the block and the block's size.
     pub(super) position: [usize; 2],
     pub(super) block: usize,
+    /// Of the analyser, in rad: as it is said to be, or as residuals tell.
     pub(super) angle: f64,
+    /// As it is said to be.
+    pub(super) said: f64,
 }
 
 /// Numbers of the frames that were taken at one analyser angle with different exposures, in the order of the first of
@@ -55,16 +58,14 @@ pub(super) fn views(frames: &LoadedFrames, brackets: &[Vec<usize>]) -> Result<Ve
         (Kind::Polarization, _) => indexed
             .map(|(bracket, f)| {
                 let angle = f.analyser_deg.unwrap_or_default().to_radians();
-                View { bracket, position: [0, 0], block: 1, angle }
+                View { bracket, position: [0, 0], block: 1, angle, said: angle }
             })
             .collect(),
         (Kind::DivisionOfFocalPlane, Some(layout)) => indexed
             .flat_map(|(bracket, _)| (0..4).map(move |k| (bracket, [k % 2, k / 2])))
-            .map(|(bracket, position)| View {
-                bracket,
-                position,
-                block: 2,
-                angle: layout[position[1]][position[0]].to_radians(),
+            .map(|(bracket, position)| {
+                let angle = layout[position[1]][position[0]].to_radians();
+                View { bracket, position, block: 2, angle, said: angle }
             })
             .collect(),
         _ => {

@@ -4,7 +4,8 @@ use crate::Failure;
 use crate::commands::said::{lines, meets};
 use crate::console::Console;
 use nacre_processing::polarimetry::{
-    self, Align, ErrorReport, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report, Smoothing,
+    self, Align, AngleSource, ErrorReport, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report,
+    Smoothing,
 };
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -194,7 +195,10 @@ pub fn summary(report: &Report) -> String {
 /// What the error is made of.
 fn terms(error: &ErrorReport) -> String {
     let term = |name: &str, deg: Option<f64>| deg.map_or(format!("{name} unknown"), |v| format!("{name} {v:.3}°"));
-    let off = error.angle_sigma_deg.map_or(String::new(), |v| format!(" (they are off by {v:.3}°)"));
+    let off = error.angle_sigma_deg.map_or(String::new(), |v| match error.angle_source {
+        Some(AngleSource::Corrected) => format!(" (put right to {v:.3}°)"),
+        _ => format!(" (they are off by {v:.3}°)"),
+    });
     let angles = term("analyser angles", error.angle_deg) + &off;
     let rest = [term("registration", error.registration_deg), term("model", error.model_deg)].join(", ");
     format!("{}, {angles}, {rest}", term("noise", error.noise_deg))

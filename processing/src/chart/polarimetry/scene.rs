@@ -5,7 +5,8 @@ use crate::chart::style::number;
 use crate::chart::{Axis, Effort, Outcome};
 use crate::polarimetry::synthetic::{Photographs, Synthetic};
 use crate::polarimetry::{
-    Asked, CLOUD, Fit, Model, OrientationMaps, StokesMaps, angle_difference, angle_sigma, compare, orient, orient_with,
+    Asked, CLOUD, Design, Fit, Model, OrientationMaps, StokesMaps, angle_difference, angle_sigma, compare, misses,
+    orient, orient_with,
 };
 use num_complex::Complex;
 use std::f64::consts::PI;
@@ -41,6 +42,13 @@ pub(super) fn method(model: Model, pixels: usize) -> Method {
     let solve = move |maps: &mut StokesMaps, of: &Photographs| {
         let views: Vec<&[f32]> = of.frames.iter().map(Vec::as_slice).collect();
         // As the program does where nobody says how good the stage is.
+        if let Some(found) = misses(&views, &of.angles, None, |angles, design| fit_of(of, angles, design)) {
+            let angles: Vec<f64> = of.angles.iter().zip(&found.errors).map(|(a, e)| a + e).collect();
+            let design = Design::new(&angles)?;
+            *maps = fit_of(of, &angles, &design);
+            let asked = Asked { pixels, angle_sigma: found.left, ..Asked::of(model) };
+            return Ok(orient_with(maps, &design, &of.noise, &asked));
+        }
         let angle_sigma = angle_sigma(&views, &of.design, maps).unwrap_or(0.0);
         Ok(orient_with(maps, &of.design, &of.noise, &Asked { pixels, angle_sigma, ..Asked::of(model) }))
     };
@@ -86,10 +94,15 @@ const ROW: usize = 1024;
 
 /// The fit to all photographs. Pixels are drawn each for itself: in one row they have no neighbours, which would all be edges.
 pub(super) fn fitted(photographs: &Photographs) -> StokesMaps {
+    fit_of(photographs, &photographs.angles, &photographs.design)
+}
+
+/// The same with these angles in rad.
+fn fit_of(photographs: &Photographs, angles: &[f64], design: &Design) -> StokesMaps {
     let n = photographs.truth.len();
     let width = if n.is_multiple_of(ROW) { ROW } else { n };
     let mut fit = Fit::new(width, n / width);
-    for (psi, frame) in photographs.angles.iter().zip(&photographs.frames) {
+    for (psi, frame) in angles.iter().zip(&photographs.frames) {
         fit.add(*psi, |y, values, bad| {
             let row = &frame[y * width..][..width];
             values.copy_from_slice(row);
@@ -98,7 +111,7 @@ pub(super) fn fitted(photographs: &Photographs) -> StokesMaps {
             }
         });
     }
-    StokesMaps { width: n, height: 1, ..fit.solve(&photographs.design) }
+    StokesMaps { width: n, height: 1, ..fit.solve(design) }
 }
 
 /// A map of orientations and their σ in rad against the truth, its gauge removed: mean error in degrees, shares, and the error

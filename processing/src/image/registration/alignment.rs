@@ -53,11 +53,16 @@ impl Alignment {
         if self.corrected { 0.0 } else { square.max(0.0).sqrt() }
     }
 
+    /// Whether photographs are left that should be moved back.
+    pub fn is_left(&self) -> bool {
+        let left = self.left_px();
+        left > WORTH_PX && left > WORTH_SIGMA * self.sigma_px.unwrap_or(0.0)
+    }
+
     /// What to say where photographs are left that should be moved back.
     pub fn warning(&self) -> Option<String> {
-        let left = self.left_px();
-        let worth = left > WORTH_PX && left > WORTH_SIGMA * self.sigma_px?;
-        worth.then(|| {
+        self.is_left().then(|| {
+            let left = self.left_px();
             format!(
                 "photographs lie {left:.2} pixels from each other (root mean square) and are left so, as asked: wherever the sample changes they show \
                  different places, which widens σ; leave out --align off to have them moved back"
