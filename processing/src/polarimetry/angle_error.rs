@@ -80,15 +80,19 @@ pub(crate) fn misses(
         let (step, covariance) = Evidence::new(views, &design, &fit(&moved, &design))?.likeliest(&errors, stated)?;
         errors += &step;
         variances = covariance;
-        if step.norm() < CONVERGED {
+        if step.norm() < CONVERGED || rms(&errors) < 0.5 * WORTH {
             break;
         }
     }
     // A common turn cannot be told, and does not matter.
     let errors = errors.add_scalar(-errors.mean());
     let left = ((variances.trace() - variances.sum() / n as f64) / (n - 1) as f64).max(0.0).sqrt();
-    let rms = (errors.norm_squared() / n as f64).sqrt();
-    (rms > WORTH && left < KNOWN * rms).then(|| Misses { errors: errors.iter().copied().collect(), left })
+    (rms(&errors) > WORTH && left < KNOWN * rms(&errors))
+        .then(|| Misses { errors: errors.iter().copied().collect(), left })
+}
+
+fn rms(errors: &DVector<f64>) -> f64 {
+    (errors.norm_squared() / errors.len().max(1) as f64).sqrt()
 }
 
 /// Variance of amplitudes beyond that of their noise, each weighted as it is known.
