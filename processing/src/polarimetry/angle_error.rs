@@ -37,9 +37,9 @@ const SETTLED: f64 = 0.01;
 /// Combinations of errors that answer by less than this share of what the best does are those that nothing can tell, and rounding.
 const EXACT: f64 = 1e-9;
 
-/// Angles that are off by no more than this (root mean square, in rad) are not worth reading the photographs again: twelve that are off by 0.1° at random make
-/// orientations 0.02° wrong.
-const WORTH: f64 = 0.1 * PI / 180.0;
+/// Angles that are off by no more than this (root mean square, in rad) are not worth reading the photographs again: twelve that are off by 0.05° at random make
+/// orientations 0.01° wrong. What 0.1° make of a circle may already be a film.
+const WORTH: f64 = 0.05 * PI / 180.0;
 
 /// And nor are they where no more than this share of it can be told.
 const KNOWN: f64 = 0.5;
