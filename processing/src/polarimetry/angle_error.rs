@@ -1,12 +1,12 @@
 //! How far the analyser missed its angles, from the photographs themselves.
 //!
-//! An analyser that stands δ from where it is said to be changes the intensity by δ·dI/dψ, in every pixel in its own way but by one
-//! δ. Part of that pattern the fit takes up: turning all angles together changes nothing but the gauge, and of N angles three
-//! numbers per pixel are fitted. What is left over is explained by all δ together, by least squares, as far as they can be told.
+//! An analyser that stands δ from where it is said to be changes the intensity by δ·dI/dψ, in every pixel in its own way but by one δ. Part
+//! of that pattern the fit takes up: turning all angles together changes nothing but the gauge, and of N angles three numbers per pixel are
+//! fitted. What is left over is explained by all δ together, by least squares, as far as they can be told.
 //!
-//! Light that drifts changes the intensity in proportion. That looks the same where few orientations are in view, and always where errors go with
-//! sin 2(ψ - φ) and light with cos 2(ψ - φ), as these together change all light's polarization alike (boosts of the cone of [1, cos 2ψ, sin 2ψ]). So before angles are
-//! put right, both are told together, each expected to be as large as the rest of its kind is.
+//! Light that drifts changes the intensity in proportion. That looks the same where few orientations are in view, and always where errors go
+//! with sin 2(ψ - φ) and light with cos 2(ψ - φ), as these together change all light's polarization alike (boosts of the cone of [1, cos 2ψ,
+//! sin 2ψ]). So before angles are put right, both are told together, each expected to be as large as the rest of its kind is.
 
 use super::cloud::CloudPoint;
 use super::sample::AREA;
@@ -37,15 +37,15 @@ const SETTLED: f64 = 0.01;
 /// Combinations of errors that answer by less than this share of what the best does are those that nothing can tell, and rounding.
 const EXACT: f64 = 1e-9;
 
-/// Angles that are off by no more than this (root mean square, in rad) are not worth reading the photographs again: twelve that are off by 0.05° at random make
-/// orientations 0.01° wrong. What 0.1° make of a circle may already be a film.
+/// Angles that are off by no more than this (root mean square, in rad) are not worth reading the photographs again: twelve that are off by
+/// 0.05° at random make orientations 0.01° wrong. What 0.1° make of a circle may already be a film.
 const WORTH: f64 = 0.05 * PI / 180.0;
 
 /// And nor are they where no more than this share of it can be told.
 const KNOWN: f64 = 0.5;
 
-/// Standard deviation of the analyser's angles in rad about where they are said to be; `maps` is the fit of these views, in blocks of [`AREA`] pixels. None
-/// for three angles, which fit everything, and where no combination of angles can be told.
+/// Standard deviation of the analyser's angles in rad about where they are said to be; `maps` is the fit of these views, in blocks of
+/// [`AREA`] pixels. None for three angles, which fit everything, and where no combination of angles can be told.
 pub(crate) fn angle_sigma(views: &[&[f32]], design: &Design, maps: &StokesMaps) -> Option<f64> {
     let modes = Evidence::new(views, design, maps)?.modes()?;
     Some(scatter(&modes.amplitudes, &modes.noise).sqrt())
@@ -60,8 +60,8 @@ pub(crate) struct Misses {
     pub left: f64,
 }
 
-/// Finds by how much the analyser missed these angles, in rad, from views in blocks of [`AREA`] pixels. `stated` is the standard deviation that they are said
-/// to have, `fit` solves the views with others. None where there is nothing worth putting right.
+/// Finds by how much the analyser missed these angles, in rad, from views in blocks of [`AREA`] pixels. `stated` is the standard deviation
+/// that they are said to have, `fit` solves the views with others. None where there is nothing worth putting right.
 pub(crate) fn misses(
     views: &[&[f32]],
     angles: &[f64],
@@ -198,8 +198,9 @@ impl Evidence {
         Some(Modes { amplitudes, noise })
     }
 
-    /// The likeliest further errors of angles and their covariance, where they were moved by so much already, with the light of every view unknown, too. How large either is
-    /// comes from the residuals (empirical Bayes, by expectation and maximisation), that of angles from what is stated, if anything is.
+    /// The likeliest further errors of angles and their covariance, where they were moved by so much already, with the light of every view
+    /// unknown, too. How large either is comes from the residuals (empirical Bayes, by expectation and maximisation), that of angles from
+    /// what is stated, if anything is.
     fn likeliest(&self, moved: &DVector<f64>, stated: Option<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let (all, n) = (self.all(), moved.len());
         let (curvature, mut slope) = (self.both(&all), both_slopes(&all));

@@ -65,8 +65,8 @@ fn wrong_angles_are_found_and_carried_through() {
     assert!((1.0 / FACTOR..FACTOR).contains(&ratio), "said {said} actual {actual}");
 }
 
-/// The same from files, with more photographs than are registered: each angle is found but for a common turn, and put right. Codes that round, and noise in
-/// the second series, tell an angle to what is said to be left of it. Who says that angles are right is believed.
+/// The same from files, with more photographs than are registered: each angle is found but for a common turn, and put right. Codes that
+/// round, and noise in the second series, tell an angle to what is said to be left of it. Who says that angles are right is believed.
 #[test]
 fn wrong_angles_are_found_in_photographs_and_put_right() {
     let (missed, _) = misses(30, 3);
@@ -96,8 +96,8 @@ fn views(angles: &[f64], missed: &[f64], light: impl Fn(usize) -> f64, spread: f
     angles.iter().zip(missed).enumerate().map(view).collect()
 }
 
-/// Angles are found to what single precision leaves in steady light, also where they are off by 5°, and to what is said to be left where it drifts; where one orientation is in
-/// view, or four angles are, light and angles look alike and are left.
+/// Angles are found to what single precision leaves in steady light, also where they are off by 5°, and to what is said to be left where it
+/// drifts; where one orientation is in view, or four angles are, light and angles look alike and are left.
 #[test]
 fn angles_are_found_beside_light_that_drifts() {
     let of = |n: usize, factor: f64, drift: f64, spread: f64| {

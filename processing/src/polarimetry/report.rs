@@ -54,8 +54,8 @@ pub struct Report {
     pub oblique: Option<ObliqueReport>,
     /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
     pub offset_deg: f64,
-    /// By how much the analyser stood beside each of its positions, in degrees, their mean taken as 0: found by residuals and put right. None where that is
-    /// not worth it or cannot be told.
+    /// By how much the analyser stood beside each of its positions, in degrees, their mean taken as 0: found by residuals and put right.
+    /// None where that is not worth it or cannot be told.
     pub analyser_errors_deg: Option<Vec<f64>>,
     /// Analyser angles in the order of the frames, as they are said to be.
     pub analyser_deg: Vec<f64>,
