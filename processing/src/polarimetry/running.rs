@@ -309,8 +309,10 @@ impl Running {
     /// Reads and fits all photographs anew, at the angles that its views have now.
     pub(super) fn fit_anew(&mut self, progress: &dyn Progress) -> Result<()> {
         let [width, height] = [self.frames.info.width, self.frames.info.height];
-        (self.sums, self.sample) = (self.sums.emptied(width, height), self.sample.emptied());
-        self.added = 0;
+        // The old sums, which are most of the memory, go before there are new ones.
+        self.sums = self.sums.emptied(1, 1);
+        self.sums = self.sums.emptied(width, height);
+        (self.sample, self.added) = (self.sample.emptied(), 0);
         self.add_all(progress)
     }
 
