@@ -51,7 +51,7 @@ fn a_birefringent_film_is_found_and_the_sinusoid_warned_of() {
 fn a_wanted_error_is_held_or_the_exit_code_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let (session, out) = (folder.path().join("session"), folder.path().join("result"));
-    nacre(args(&["sim", "render", "--size", "128", "--out", "OUT"], &session)).expect(0);
+    nacre(args(&["sim", "render", "--size", "256", "--out", "OUT"], &session)).expect(0);
     let run = |wanted: &str| {
         let fixed = [
             "reconstruct",

@@ -27,7 +27,7 @@ impl Emulated {
         };
         let config = format!(
             "[bench]\nsim = true\nsocket = {:?}\n[bench.stage]\n\
-             driver = {{ kind = \"{stage}\", port = {port:?}, {patience}answer_ms = 150, move_ms = 3000, settling_ms = 0 }}\n\
+             driver = {{ kind = \"{stage}\", port = {port:?}, {patience}answer_ms = 300, move_ms = 3000, settling_ms = 0 }}\n\
              [bench.flash]\ndriver = {{ kind = \"{flash}\", path = \"unix:{}\" }}\nsettling_ms = 0.001\n",
             folder.join("socket"),
             lamp.display(),

@@ -37,6 +37,16 @@ pub(super) fn sinusoid() -> Method {
     Method { name: "sinusoid", solve: Arc::new(solve), default: true }
 }
 
+/// The program's choice with the angles of the analyser as they are said to be.
+pub(super) fn angles_as_said() -> Method {
+    let solve = |maps: &mut StokesMaps, of: &Photographs| {
+        let views: Vec<&[f32]> = of.frames.iter().map(Vec::as_slice).collect();
+        let angle_sigma = angle_sigma(&views, &of.design, maps).unwrap_or(0.0);
+        Ok(orient_with(maps, &of.design, &of.noise, &Asked { angle_sigma, ..Asked::of(Model::Auto) }))
+    };
+    Method { name: "auto, angles as said", solve: Arc::new(solve), default: false }
+}
+
 /// A model that is fitted to so many pixels.
 pub(super) fn method(model: Model, pixels: usize) -> Method {
     let solve = move |maps: &mut StokesMaps, of: &Photographs| {

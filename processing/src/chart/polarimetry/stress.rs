@@ -4,7 +4,9 @@
 //! behind a film; what concerns the photographs (noise, angles, saturation) acts on one without, so that nothing else is in
 //! the way.
 
-use super::scene::{Method, PROMISED, judge, methods, orientation_error, pixels, ratio, run, sinusoid, time_of_map};
+use super::scene::{
+    Method, PROMISED, angles_as_said, judge, methods, orientation_error, pixels, ratio, run, sinusoid, time_of_map,
+};
 use crate::Result;
 use crate::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
 use crate::polarimetry::NoiseModel;
@@ -49,7 +51,11 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let mut all: Vec<Study> = sample().into_iter().map(|s| study(s, methods(), effort)).collect();
     // Nothing here asks for the models between the simplest and the program's choice.
     let few: Vec<Method> = methods().into_iter().filter(|m| m.default || m.name == "sinusoid").collect();
-    all.extend(photographs().into_iter().map(|s| study(s, few.clone(), effort)));
+    let of_angles = |name| ["stress-angle-random", "stress-backlash", "stress-angle-scale"].contains(&name);
+    all.extend(photographs().into_iter().map(|s| {
+        let as_said = of_angles(s.name).then(angles_as_said);
+        study(s, as_said.into_iter().chain(few.clone()).collect(), effort)
+    }));
     all.push(saturation(effort));
     all
 }
