@@ -74,6 +74,8 @@ fn wrong_angles_are_found_in_photographs_and_put_right() {
     let angles: Vec<f64> = (0..30).map(|k| 6.0 * f64::from(k)).collect();
     let series =
         |louder, angle_sigma_deg| Series { angles: angles.clone(), louder, angle_sigma_deg, ..series(missed.clone()) };
+    // 25,000 pixels of 1.5 % noise and 40 % modulation tell an angle to 0.01°, and 29 numbers how large their errors are to an eighth; half as many
+    // orientations are in view as there are.
     for (louder, most) in [(0.0, 0.002), (1.0, 0.03)] {
         let report = series(louder, None).reconstructed(tempfile::tempdir().unwrap().path(), None);
         assert_eq!((report.error.angle_source, report.error.registration_deg), (Some(AngleSource::Corrected), None));
@@ -120,7 +122,8 @@ fn angles_are_found_beside_light_that_drifts() {
     for (n, factor, drift) in [(12, 1.0, 0.0), (12, 10.0, 0.0), (12, 1.0, 0.02), (12, 10.0, 0.02), (6, 1.0, 0.02)] {
         let (off, left) = of(n, factor, drift, 1.0).unwrap();
         println!("{n} angles, {factor} times as wrong, light {drift}: {off:.5}° off, {left:.5}° left");
-        // Single precision tells angles to 0.0001°; of light that drifts there are two numbers of chance.
+        // Single precision tells angles to 0.0001°; of light that drifts there are two numbers of chance. What is left is no more than half of 0.5°, or
+        // nothing is put right.
         let most = if drift == 0.0 { 0.001 } else { 2.5 * left };
         assert!(off < most && left < 0.25, "{n} {factor} {drift}: {off} {left}");
     }

@@ -115,7 +115,7 @@ pub struct NoiseReport {
 /// Wall time in seconds.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Seconds {
-    /// Decoding the photographs and folding them into the fit.
+    /// Decoding the photographs and folding them into the fit, once again where they are moved back or angles are put right.
     pub read_and_fit: f64,
     /// Solving, noise, orientation, checks.
     pub solve: f64,

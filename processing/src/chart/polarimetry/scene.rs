@@ -39,28 +39,32 @@ pub(super) fn sinusoid() -> Method {
 
 /// The program's choice with the angles of the analyser as they are said to be.
 pub(super) fn angles_as_said() -> Method {
-    let solve = |maps: &mut StokesMaps, of: &Photographs| {
-        let views: Vec<&[f32]> = of.frames.iter().map(Vec::as_slice).collect();
-        let angle_sigma = angle_sigma(&views, &of.design, maps).unwrap_or(0.0);
-        Ok(orient_with(maps, &of.design, &of.noise, &Asked { angle_sigma, ..Asked::of(Model::Auto) }))
-    };
+    let solve = |maps: &mut StokesMaps, of: &Photographs| Ok(as_said(maps, of, Asked::of(Model::Auto)));
     Method { name: "auto, angles as said", solve: Arc::new(solve), default: false }
+}
+
+/// Orientations with the angles as they are said to be, and how good they are by the residuals.
+fn as_said(maps: &mut StokesMaps, of: &Photographs, asked: Asked) -> OrientationMaps {
+    let angle_sigma = angle_sigma(&views(of), &of.design, maps).unwrap_or(0.0);
+    orient_with(maps, &of.design, &of.noise, &Asked { angle_sigma, ..asked })
+}
+
+fn views(of: &Photographs) -> Vec<&[f32]> {
+    of.frames.iter().map(Vec::as_slice).collect()
 }
 
 /// A model that is fitted to so many pixels.
 pub(super) fn method(model: Model, pixels: usize) -> Method {
     let solve = move |maps: &mut StokesMaps, of: &Photographs| {
-        let views: Vec<&[f32]> = of.frames.iter().map(Vec::as_slice).collect();
         // As the program does where nobody says how good the stage is.
-        if let Some(found) = misses(&views, &of.angles, None, |angles, design| fit_of(of, angles, design)) {
+        if let Some(found) = misses(&views(of), &of.angles, None, |angles, design| fit_of(of, angles, design)) {
             let angles: Vec<f64> = of.angles.iter().zip(&found.errors).map(|(a, e)| a + e).collect();
             let design = Design::new(&angles)?;
             *maps = fit_of(of, &angles, &design);
             let asked = Asked { pixels, angle_sigma: found.left, ..Asked::of(model) };
             return Ok(orient_with(maps, &design, &of.noise, &asked));
         }
-        let angle_sigma = angle_sigma(&views, &of.design, maps).unwrap_or(0.0);
-        Ok(orient_with(maps, &of.design, &of.noise, &Asked { pixels, angle_sigma, ..Asked::of(model) }))
+        Ok(as_said(maps, of, Asked { pixels, ..Asked::of(model) }))
     };
     Method { name: model.word(), solve: Arc::new(solve), default: model == Model::Auto }
 }
