@@ -55,7 +55,7 @@ export function pixelChart(pixel) {
   }
   label((LEFT + WIDTH - RIGHT) / 2, height - 6, "analyser", "middle");
   const path = curve.map((p, i) => `${i ? "L" : "M"}${x(p.analyser_deg).toFixed(1)} ${y(p.value).toFixed(1)}`).join("");
-  const about = (p) => svg("title", {}, `${p.file}: ${fixed(p.analyser_deg, 1)}°, ${significant(p.value, 4)}, residual ${significant(p.rest, 2)}`);
+  const about = (p) => svg("title", {}, `${p.file}: ${fixed(p.analyser_deg, 2)}°, ${significant(p.value, 4)}, residual ${significant(p.rest, 2)}`);
   const chart = svg("svg", { id: "pixel-chart", class: "chart", viewBox: `0 0 ${WIDTH} ${height}`, role: "img",
     "aria-label": `Intensity against analyser angle: ${points.length} measured points, the fitted curve, and residuals of ${significant(pixel.residual_rms, 2)} (root mean square)` },
   grid, svg("path", { class: "fit", d: path }),

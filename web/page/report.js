@@ -5,7 +5,8 @@ import { count, degrees, duration, fixed, percent, significant, words } from "./
 
 /** Warnings, the figures that count, and the rest as facts. */
 export function reportView(report) {
-  const { pixels = {}, noise, circle, models = [], seconds = {}, smoothing, period, error, repeats } = report;
+  const { pixels = {}, noise, circle, models = [], seconds = {}, smoothing, period, error, repeats, registration } = report;
+  const moved = registration?.corrected && Math.max(...registration.shifts_px.map(([x, y]) => Math.hypot(x, y)));
   const term = (deg) => (deg === null ? "unknown" : degrees(deg, 3));
   const share = (n) => (n === undefined ? null : `${percent(n / pixels.all, 2)} (${count(n)})`);
   const warnings = report.warnings ?? [];
@@ -28,7 +29,7 @@ export function reportView(report) {
       ["Fit", pixels.correlation_mean && `${fixed(pixels.correlation_mean, 5)} mean correlation`],
       ["Error by noise", error && term(error.noise_deg)],
       ["By analyser angles", error && term(error.angle_deg) + (error.angle_sigma_deg === null ? "" : `; they ${error.angle_source === "corrected" ? "were put right to" : "are off by"} ${degrees(error.angle_sigma_deg, 3)}`)],
-      ["By registration", error && term(error.registration_deg)],
+      ["By registration", error && term(error.registration_deg) + (moved ? `; photographs were moved back by up to ${fixed(moved, 2)} px` : "")],
       ["By the model", error && term(error.model_deg)],
       ["Repeats", repeats && `${repeats.pairs} pairs; halves differ by ${degrees(repeats.difference_deg, 3)}, σ says ${degrees(repeats.expected_deg, 3)} (reduced χ² ${fixed(repeats.chi2, 2)})`],
       ["Bias of the model", circle && (circle.bias_deg === null ? "cannot be told" : degrees(circle.bias_deg))],

@@ -18,7 +18,7 @@ const PERIOD = ["period", "Period"];
 const MEANING = {
   orientation: "Direction of the grating vector, across the grooves, anticlockwise from image right, up to one offset that all pixels share.",
   smoothed: "The orientations after the bilateral filter, for the eye: measure on the map beside it.",
-  sigma: "Standard deviation of the orientation, from camera noise.",
+  sigma: "Standard deviation of the orientation: camera noise, how far the model may be wrong, and edges that a lens may mix.",
   dolp: "Degree of linear polarization.",
   mask: "White where there is an orientation: not saturated, and σ at most 7.2°.",
   s0: "Intensity without the analyser.",

@@ -9,7 +9,7 @@ use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use nacre_processing::frames::load;
 use nacre_processing::image::encode_png8;
-use nacre_processing::polarimetry::{Point, probe};
+use nacre_processing::polarimetry::{Point, PutRight, probe};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
@@ -77,7 +77,7 @@ pub struct PixelQuery {
 pub struct Pixel {
     x: usize,
     y: usize,
-    /// `{analyser_deg, value, file}` for each photograph.
+    /// `{analyser_deg, value, file}` for each photograph, as the reconstruction put it right.
     #[schema(value_type = Vec<Object>)]
     points: Vec<Point>,
     s0: f64,
@@ -182,7 +182,7 @@ fn read_pixel(place: &Place, x: usize, y: usize) -> Answer<Pixel> {
     let periods = place.results.join("period.exr").exists();
     let period = |name: &str| if periods { value(name) } else { Ok(None) };
     let (period_um, period_sigma_um) = (period("period")?, period("period_sigma")?);
-    let found = probe(&load(&place.input)?, x, y)?;
+    let found = probe(&load(&place.input)?, [x, y], &PutRight::read(&place.results)?)?;
     let curve = |k: u32| {
         let deg = 2.0 * f64::from(k);
         let (sin, cos) = (2.0 * deg.to_radians()).sin_cos();

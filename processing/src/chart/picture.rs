@@ -1,7 +1,7 @@
 //! The picture of a study: time against error on the left, error against difficulty on the right.
 
 use super::style::{ALARM, INK, SOFT, WRONG, color, methods, number, shape};
-use super::svg::{Anchor, Area, Svg, fill, text_width};
+use super::svg::{Anchor, Area, Svg, bold_width, fill, text_width};
 use super::{Scale, Summary, sweep, trade};
 
 const WIDTH: f64 = 1280.0;
@@ -26,7 +26,9 @@ pub(super) fn draw(summary: &Summary) -> String {
     let right = Area::new(660.0, 96.0, WIDTH - 660.0 - 24.0, PANEL);
     let title = format!("Time against error, where {} = {value}{unit}", summary.stress.name);
     let title = if names { format!("Time against error, at “{value}”") } else { title };
-    svg.text([left.x, 82.0], &title, 14.5, Anchor::Start, "font-weight=\"bold\"");
+    // Long ones are written smaller, so that they end with their panel.
+    let size = 14.5 * (left.w / bold_width(&title, 14.5)).min(1.0);
+    svg.text([left.x, 82.0], &title, size, Anchor::Start, "font-weight=\"bold\"");
     svg.text([right.x, 82.0], "Error, and where it breaks", 14.5, Anchor::Start, "font-weight=\"bold\"");
     trade::draw(&mut svg, left, summary);
     sweep::draw(&mut svg, right, summary);

@@ -232,7 +232,7 @@ impl Ruler {
         let decades = (self.high / self.low).log10();
         let labelled: &[f64] = if decades < 0.6 {
             &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]
-        } else if decades < 1.6 {
+        } else if 4.0 * decades < room as f64 {
             &[1.0, 2.0, 5.0]
         } else {
             &[1.0]

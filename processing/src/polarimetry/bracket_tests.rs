@@ -1,7 +1,7 @@
 //! Exposure brackets against closed forms, through files as a session writes them.
 
 use super::synthetic::{even_angles, normal};
-use super::{NoiseModel, Options, angle_difference, probe, reconstruct};
+use super::{NoiseModel, Options, PutRight, angle_difference, probe, reconstruct};
 use crate::frames::{Frame, FrameSet, Kind, load, save};
 use crate::image::{encode_png16_gray, read_exr};
 use crate::progress::Silent;
@@ -167,7 +167,7 @@ fn a_probe_shows_what_the_maps_hold() {
     let (found, set) = (maps(folder.path()), load(folder.path()).unwrap());
     for (level, held) in [(0, 6), (2, 12), (5, 18)] {
         let (x, y) = (7, level * ROWS + 3);
-        let probe = probe(&set, x, y).unwrap();
+        let probe = probe(&set, [x, y], &PutRight::read(&folder.path().join("out")).unwrap()).unwrap();
         assert_eq!((probe.points.len(), probe.saturated), (held, false));
         assert!((probe.s0 / f64::from(found.s0[y * WIDTH + x]) - 1.0).abs() < 1e-4, "level {level}");
     }

@@ -5,7 +5,10 @@ use super::errors::{Shifts, answers, of_angles, of_registration};
 use super::repeats_tests::Series;
 use super::sample::{AREA, Sample};
 use super::synthetic::normal;
-use super::{AngleSource, Design, Fit, FrameNoise, angle_difference};
+use super::{AngleSource, Design, Fit, FrameNoise, Model, Options, PutRight, angle_difference, probe, reconstruct};
+use crate::frames::load;
+use crate::image::read_exr;
+use crate::progress::Silent;
 use std::f64::consts::PI;
 
 /// The requirement's: terms are right to this factor.
@@ -87,6 +90,30 @@ fn wrong_angles_are_found_in_photographs_and_put_right() {
     }
     let believed = series(0.0, Some(0.0)).reconstructed(tempfile::tempdir().unwrap().path(), None);
     assert_eq!((believed.analyser_errors_deg, believed.error.angle_source), (None, Some(AngleSource::Given)));
+}
+
+/// A looked-at pixel has the fit of the maps also where photographs were moved back and angles put right; photographs that the results are not of are
+/// told from those.
+#[test]
+fn a_probe_shows_photographs_as_they_were_put_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let series = Series { shift: |k| (k % 3) as f64, louder: 1.0, ..series(misses(12, 3).0) };
+    series.reconstructed(folder.path(), None);
+    let results = folder.path().join("moved");
+    let options = Options { model: Model::Sinusoid, ..Options::default() };
+    let report = reconstruct(folder.path(), &results, &options, &Silent).unwrap();
+    assert!(report.registration.unwrap().corrected && report.analyser_errors_deg.is_some());
+    let (mut set, right) = (load(folder.path()).unwrap(), PutRight::read(&results).unwrap());
+    let maps = read_exr(&results.join("stokes.exr")).unwrap();
+    for (x, y) in [(41, 3), (97, 60), (21, 119)] {
+        let probe = probe(&set, [x, y], &right).unwrap();
+        for (name, found) in [("S0", probe.s0), ("S1", probe.s1), ("S2", probe.s2)] {
+            let of_map = f64::from(maps.channels[name][y * maps.width + x]);
+            assert!((found - of_map).abs() < 1e-5 * probe.s0, "{name} at {x}, {y}: {found} {of_map}");
+        }
+    }
+    set.set.frames.pop();
+    assert!(probe(&set, [41, 3], &right).unwrap_err().to_string().contains("reconstruct again"));
 }
 
 /// Views of all orientations, or of few, at angles that are missed by so much (in degrees) and in light that drifts by these factors.

@@ -2,11 +2,13 @@
 
 use super::merge::Merge;
 use super::running::{noise_of_bracket, read};
-use super::views::{brackets, views};
+use super::views::{View, brackets, views};
 use super::{Design, Running, orient};
-use crate::frames::{Kind, Linearizer, LoadedFrames};
+use crate::frames::{Kind, LinearFrame, Linearizer, LoadedFrames};
+use crate::image::registration::Resampler;
 use crate::{Error, Result};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// The maps so far, on a coarser grid.
 pub struct Glance {
@@ -40,6 +42,48 @@ impl Running {
     }
 }
 
+/// What a reconstruction put right in its photographs, one entry for each analyser position; empty where nothing was.
+#[derive(Clone, Debug, Default)]
+pub struct PutRight {
+    /// By how much the analyser stood beside each of its positions.
+    angle_errors_deg: Vec<f64>,
+    /// By how much photographs were moved back.
+    shifts_px: Vec<[f64; 2]>,
+}
+
+impl PutRight {
+    /// Reads it from `report.json` in a folder of results.
+    ///
+    /// # Errors
+    /// `Input` when there is no such file, or it is damaged.
+    pub fn read(results: &Path) -> Result<Self> {
+        #[derive(Deserialize)]
+        struct Said {
+            analyser_errors_deg: Option<Vec<f64>>,
+            registration: Option<Moved>,
+        }
+        #[derive(Deserialize)]
+        struct Moved {
+            corrected: bool,
+            shifts_px: Vec<[f64; 2]>,
+        }
+        let path = results.join("report.json");
+        let bad = |problem: String| Error::file(&path, problem, "reconstruct again");
+        let text = std::fs::read(&path).map_err(|e| bad(e.to_string()))?;
+        let said: Said = serde_json::from_slice(&text).map_err(|e| bad(e.to_string()))?;
+        Ok(Self {
+            angle_errors_deg: said.analyser_errors_deg.unwrap_or_default(),
+            shifts_px: said.registration.filter(|m| m.corrected).map(|m| m.shifts_px).unwrap_or_default(),
+        })
+    }
+
+    /// Whether it is of so many analyser positions, and of photographs of this size.
+    fn fits(&self, views: usize, [width, height]: [usize; 2]) -> bool {
+        let counts = [self.angle_errors_deg.len(), self.shifts_px.len()].iter().all(|n| [0, views].contains(n));
+        counts && self.shifts_px.iter().all(|[x, y]| x.abs() < width as f64 && y.abs() < height as f64)
+    }
+}
+
 /// One pixel of a set of photographs: what was measured, and the sinusoid through it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Probe {
@@ -64,44 +108,42 @@ pub struct Probe {
 /// A measured value.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
-    /// Analyser angle in degrees.
+    /// Analyser angle in degrees, put right where the reconstruction did so.
     pub analyser_deg: f64,
-    /// Light.
+    /// Light, moved back where the reconstruction did so.
     pub value: f64,
     /// Photograph.
     pub file: String,
 }
 
-/// Reads one pixel of the maps from all photographs.
+/// Reads one pixel of the maps from all photographs, as the reconstruction put them right.
 ///
 /// # Errors
-/// `Input` when the set is no polarization set, or the pixel lies outside.
-pub fn probe(frames: &LoadedFrames, x: usize, y: usize) -> Result<Probe> {
+/// `Input` when the set is no polarization set, the pixel lies outside, or other photographs were put right.
+pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Result<Probe> {
     let brackets = brackets(&frames.set.frames);
-    let views = views(frames, &brackets)?;
+    let mut views = views(frames, &brackets)?;
     let block = views.first().map_or(1, |v| v.block);
-    let (width, height) = (frames.info.width / block, frames.info.height / block);
-    if x >= width || y >= height {
-        let problem = format!("pixel {x}, {y} lies outside of {width} × {height}");
+    let size = [frames.info.width / block, frames.info.height / block];
+    if x >= size[0] || y >= size[1] {
+        let problem = format!("pixel {x}, {y} lies outside of {} × {}", size[0], size[1]);
         return Err(Error::file(&frames.path, problem, "choose one inside"));
     }
+    if !right.fits(views.len(), size) {
+        let problem = format!("holds {} analyser positions, other ones than its results are of", views.len());
+        return Err(Error::file(&frames.path, problem, "reconstruct again"));
+    }
+    views.iter_mut().zip(&right.angle_errors_deg).for_each(|(view, error)| view.angle += error.to_radians());
     let linearizer = Linearizer::new(frames)?;
     let weighted = brackets.iter().any(|b| b.len() > 1);
     // Value and weight per view.
     let (mut points, mut merged, mut saturated) = (vec![], vec![], false);
     for (i, bracket) in brackets.iter().enumerate() {
         let photographs = read(frames, &linearizer, bracket)?;
-        let merge = Merge::new(noise_of_bracket(frames, &linearizer, bracket));
-        for view in views.iter().filter(|v| v.bracket == i) {
-            let [left, top] = view.position;
-            let values: Vec<(f32, u8)> = photographs
-                .iter()
-                .map(|photograph| {
-                    let (mut light, mut bad) = (vec![0.0; width], vec![0; width]);
-                    photograph.strided(y * block + top, left, block, &mut light, &mut bad);
-                    (light[x], bad[x])
-                })
-                .collect();
+        let noise = noise_of_bracket(frames, &linearizer, bracket);
+        for (v, view) in views.iter().enumerate().filter(|(_, view)| view.bracket == i) {
+            let back = right.shifts_px.get(v).map(|shift| Resampler::new(*shift, size[0], size[1]));
+            let values: Vec<(f32, u8)> = photographs.iter().map(|p| value(p, view, back.as_ref(), [x, y], size[0])).collect();
             for (k, (value, _)) in bracket.iter().zip(&values).filter(|(_, (_, bad))| *bad == 0 || !weighted) {
                 let file = frames.set.frames[*k].file.to_string_lossy().into_owned();
                 points.push(Point { analyser_deg: view.angle.to_degrees(), value: f64::from(*value), file });
@@ -109,6 +151,7 @@ pub fn probe(frames: &LoadedFrames, x: usize, y: usize) -> Result<Probe> {
             let (mut light, mut variance, mut bad) = ([values[0].0], [1.0], [values[0].1]);
             if weighted {
                 bad = [0];
+                let merge = Merge::new(noise.clone()).scaled(back.map_or(1.0, |b| b.noise_factor()));
                 merge.row(|k, light, bad| (light[0], bad[0]) = values[k], &mut light, &mut variance, &mut bad);
             }
             saturated |= bad[0] != 0;
@@ -123,6 +166,25 @@ pub fn probe(frames: &LoadedFrames, x: usize, y: usize) -> Result<Probe> {
     let squares: f64 = rows().map(|(x, (value, _))| (value - x.dot(&beta)).powi(2)).sum();
     let residual_rms = (squares / merged.len().max(1) as f64).sqrt();
     Ok(Probe { x, y, points, s0: 2.0 * beta[0], s1: 2.0 * beta[1], s2: 2.0 * beta[2], residual_rms, saturated })
+}
+
+/// Light of a photograph at a pixel of its view, which has such rows, moved back, and whether it is bad.
+fn value(
+    photograph: &LinearFrame,
+    view: &View,
+    back: Option<&Resampler>,
+    [x, y]: [usize; 2],
+    width: usize,
+) -> (f32, u8) {
+    let (mut light, mut bad) = (vec![0.0; width], vec![0; width]);
+    match back {
+        Some(back) => back.row(y, |y, light, bad| photograph.row(y, light, bad), &mut light, &mut bad),
+        None => {
+            let [left, top] = view.position;
+            photograph.strided(y * view.block + top, left, view.block, &mut light, &mut bad);
+        }
+    }
+    (light[x], bad[x])
 }
 
 /// Whether a set can be probed and reconstructed.

@@ -88,7 +88,7 @@ pub use design::Design;
 pub use errors::{AngleSource, ErrorReport};
 pub use fit::{Fit, StokesMaps, fit_stack};
 pub use jones::{Jones, JonesVector};
-pub use look::{Glance, Point, Probe, is_polarimetric, probe};
+pub use look::{Glance, Point, Probe, PutRight, is_polarimetric, probe};
 pub(crate) use merge::BELOW_WHITE_SIGMA;
 pub use model_report::{FilmReport, ModelReport};
 pub use models::Model;
