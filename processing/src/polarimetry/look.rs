@@ -143,7 +143,8 @@ pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Res
         let noise = noise_of_bracket(frames, &linearizer, bracket);
         for (v, view) in views.iter().enumerate().filter(|(_, view)| view.bracket == i) {
             let back = right.shifts_px.get(v).map(|shift| Resampler::new(*shift, size[0], size[1]));
-            let values: Vec<(f32, u8)> = photographs.iter().map(|p| value(p, view, back.as_ref(), [x, y], size[0])).collect();
+            let values: Vec<(f32, u8)> =
+                photographs.iter().map(|p| value(p, view, back.as_ref(), [x, y], size[0])).collect();
             for (k, (value, _)) in bracket.iter().zip(&values).filter(|(_, (_, bad))| *bad == 0 || !weighted) {
                 let file = frames.set.frames[*k].file.to_string_lossy().into_owned();
                 points.push(Point { analyser_deg: view.angle.to_degrees(), value: f64::from(*value), file });
