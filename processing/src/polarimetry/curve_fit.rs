@@ -42,7 +42,7 @@ impl Expected {
     }
 
     /// How strongly a value is drawn to 0: the inverse of a variance.
-    fn pull(self, value: f64) -> f64 {
+    pub(super) fn pull(self, value: f64) -> f64 {
         match self {
             Self::Anything => 0.0,
             Self::Near(size) => size.powi(-2),

@@ -31,11 +31,16 @@ const SAME: f64 = 4e-3;
 const SAME_MINIMUM: f64 = 0.1;
 
 /// What is expected of parameters, where the points do not tell: ln r (gratings that polarize are rare), retardance (up to 10° in the paper) and
-/// front reflection (glass has an amplitude of 0.2), a retarder within a few degrees, stray light of a dark room.
+/// front reflection of packaging films, a retarder within a few degrees, stray light of a dark room.
 const EXPECTED: [Expected; PARAMETERS] = {
     use Expected::{Anything, Mostly, Near};
-    [Mostly(0.5), Anything, Near(0.15), Anything, Near(0.15), Near(0.15), Near(0.03), Near(0.015), Near(0.5)]
+    [Mostly(0.5), Anything, Near(0.15), Anything, Near(0.1), Near(0.1), Near(0.03), Near(0.015), Near(0.5)]
 };
+
+/// The parts of a front reflection, and how large each is held possible when it is told how wrong a fit may be (glass has an amplitude of 0.2). Fits expect
+/// less: many films have none, and what no parameter holds is soon taken for one.
+const FRONT: [usize; 2] = [4, 5];
+const POSSIBLE_FRONT: Expected = Expected::Near(0.15);
 
 /// And how far from 0 they may be at most: what a model leaves out must not turn up as a film of glass fibre behind a mirror.
 const LIMITS: [f64; PARAMETERS] = [10.0, f64::INFINITY, 1.65, f64::INFINITY, 0.6, 0.6, 0.1, 0.1, 1.0];
@@ -254,9 +259,18 @@ fn candidate(set: &Set, family: &Family<'_>, fit: &Fitted, film: Film, points: &
         prior: fit.prior,
         told: Some(family.told(fit, widened)),
         widened,
-        uncertain: family.spread(fit, &thinned(points, SPREAD), widened),
+        uncertain: family.spread(&less_told(set, fit), &thinned(points, SPREAD), widened),
         film: Some(film),
     }
+}
+
+/// A fit that knows as little of its front reflection as is held possible.
+fn less_told(set: &Set, fit: &Fitted) -> Fitted {
+    let mut fit = fit.clone();
+    for (i, k) in set.0.iter().enumerate().filter(|(_, k)| FRONT.contains(k)) {
+        fit.information[(i, i)] += POSSIBLE_FRONT.pull(0.0) - EXPECTED[*k].pull(0.0);
+    }
+    fit
 }
 
 /// The set of parameters that a candidate has; None for a circle.
