@@ -109,6 +109,7 @@ fn a_probe_shows_photographs_as_they_were_put_right() {
         let probe = probe(&set, [x, y], &right).unwrap();
         for (name, found) in [("S0", probe.s0), ("S1", probe.s1), ("S2", probe.s2)] {
             let of_map = f64::from(maps.channels[name][y * maps.width + x]);
+            // Maps are in single precision, and sum up a dozen photographs in it.
             assert!((found - of_map).abs() < 1e-5 * probe.s0, "{name} at {x}, {y}: {found} {of_map}");
         }
     }

@@ -6,9 +6,16 @@ use super::views::{View, brackets, views};
 use super::{Design, Running, orient};
 use crate::frames::{Kind, LinearFrame, Linearizer, LoadedFrames};
 use crate::image::registration::Resampler;
+use crate::text::read_text;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+
+/// Most bytes of a report that are read: a few numbers and a name for each photograph.
+const MAX_REPORT: u64 = 1 << 24;
+
+/// What to do where a report is not of the photographs.
+const AGAIN: &str = "reconstruct again";
 
 /// The maps so far, on a coarser grid.
 pub struct Glance {
@@ -55,7 +62,7 @@ impl PutRight {
     /// Reads it from `report.json` in a folder of results.
     ///
     /// # Errors
-    /// `Input` when there is no such file, or it is damaged.
+    /// `Input` when there is no such file, or it is damaged or larger than 16 MiB.
     pub fn read(results: &Path) -> Result<Self> {
         #[derive(Deserialize)]
         struct Said {
@@ -68,9 +75,8 @@ impl PutRight {
             shifts_px: Vec<[f64; 2]>,
         }
         let path = results.join("report.json");
-        let bad = |problem: String| Error::file(&path, problem, "reconstruct again");
-        let text = std::fs::read(&path).map_err(|e| bad(e.to_string()))?;
-        let said: Said = serde_json::from_slice(&text).map_err(|e| bad(e.to_string()))?;
+        let text = read_text(&path, MAX_REPORT, AGAIN)?;
+        let said: Said = serde_json::from_str(&text).map_err(|e| Error::file(&path, e.to_string(), AGAIN))?;
         Ok(Self {
             angle_errors_deg: said.analyser_errors_deg.unwrap_or_default(),
             shifts_px: said.registration.filter(|m| m.corrected).map(|m| m.shifts_px).unwrap_or_default(),
@@ -131,7 +137,7 @@ pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Res
     }
     if !right.fits(views.len(), size) {
         let problem = format!("holds {} analyser positions, other ones than its results are of", views.len());
-        return Err(Error::file(&frames.path, problem, "reconstruct again"));
+        return Err(Error::file(&frames.path, problem, AGAIN));
     }
     views.iter_mut().zip(&right.angle_errors_deg).for_each(|(view, error)| view.angle += error.to_radians());
     let linearizer = Linearizer::new(frames)?;
@@ -169,7 +175,7 @@ pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Res
     Ok(Probe { x, y, points, s0: 2.0 * beta[0], s1: 2.0 * beta[1], s2: 2.0 * beta[2], residual_rms, saturated })
 }
 
-/// Light of a photograph at a pixel of its view, which has such rows, moved back, and whether it is bad.
+/// Light of a photograph at a pixel of its view, whose rows have `width` pixels, moved back, and whether it is bad.
 fn value(
     photograph: &LinearFrame,
     view: &View,
