@@ -165,7 +165,7 @@ fn the_polarization_sensor_agrees_with_plain_least_squares() {
 /// Least squares of its own: normal equations per pixel in f64, solved by elimination.
 fn compare_stokes(result: &Path, angles: &[f64], images: &[Vec<f64>], at: impl Fn(usize, usize) -> f64) {
     let stokes = read_exr(&result.join("stokes.exr")).unwrap();
-    let map = read_exr(&result.join("orientation.exr")).unwrap();
+    let map = read_exr(&result.join("aolp.exr")).unwrap();
     let rows: Vec<[f64; 3]> = angles.iter().map(|a| 2.0 * a.to_radians()).map(|p| [1.0, p.cos(), p.sin()]).collect();
     let (mut worst, mut counted) = (0.0_f64, 0);
     for i in 0..images[0].len() {
@@ -186,9 +186,14 @@ fn compare_stokes(result: &Path, angles: &[f64], images: &[Vec<f64>], at: impl F
                 counted += 1;
             }
         }
-        assert_eq!(map.channels["mask"][i] == 1.0, map.channels["orientation"][i].is_finite());
+        let [mask, aolp, sigma] = ["mask", "aolp", "sigma"].map(|c| map.channels[c][i]);
+        assert_eq!(mask == 1.0, !saturated && sigma <= 0.125, "pixel {i}");
+        if mask == 1.0 {
+            let off = (2.0 * (f64::from(aolp) - 0.5 * fit[2].atan2(fit[1]))).sin().abs();
+            assert!(off < 1e-4, "pixel {i}: {aolp} rad");
+        }
     }
-    assert!(worst < 1e-5 && counted > 1000, "worst {worst} of {counted}");
+    assert!(worst < 1e-6 && counted > 1000, "worst {worst} of {counted}");
 }
 
 fn eliminate(mut m: [[f64; 4]; 3]) -> [f64; 3] {

@@ -35,8 +35,25 @@ fn uploaded_photographs_become_maps() {
     assert_eq!(done["report"]["width"], 16);
     assert!(service.get(&format!("{base}/log")).expect(200).text().contains("attempt"));
     service.post(&format!("{base}/cancel"), &json!({})).expect(409);
-    service.get(&format!("{base}/pixel?x=3&y=4")).expect(200);
-    assert_eq!(service.get("/api/v1/reconstructions").expect(200).json()["items"][0]["id"], id.as_str());
+    // Nobody said that a grating is in view.
+    assert_eq!(done["report"]["model"], "plain");
+    let pixel = service.get(&format!("{base}/pixel?x=3&y=4")).expect(200).json();
+    assert!(pixel["aolp_deg"].is_f64() && pixel["orientation_deg"].is_null() && pixel["masked"] == false, "{pixel}");
+    for map in ["aolp.png", "sigma.npy", "mask.csv", "dolp.exr"] {
+        service.get(&format!("{base}/maps/{map}")).expect(200);
+    }
+    service.get(&format!("{base}/maps/orientation.png")).expect(404);
+    let gratings = json!({ "upload": uploaded["id"], "model": "auto" });
+    let other = service.post("/api/v1/reconstructions", &gratings).expect(202).json();
+    let other = format!("/api/v1/reconstructions/{}", other["id"].as_str().unwrap());
+    service.until(&other, |job| job["state"] == "done");
+    service.get(&format!("{other}/maps/orientation.png")).expect(200);
+    for wrong in [json!({ "offset_deg": 3 }), json!({ "model": "none" }), json!({ "smoothed_exr": true })] {
+        let mut asked = json!({ "upload": uploaded["id"] });
+        asked.as_object_mut().unwrap().extend(wrong.as_object().unwrap().clone());
+        service.post("/api/v1/reconstructions", &asked).expect(400);
+    }
+    assert_eq!(service.get("/api/v1/reconstructions").expect(200).json()["items"][1]["id"], id.as_str());
 
     let good = photograph(60);
     for (parts, words) in [

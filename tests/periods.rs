@@ -121,6 +121,8 @@ fn heuristic_periods_are_labelled() {
         (&["--relative-period", "1,2", "--depth-um", "0.1"], "--relative-period"),
         (&["--smooth", "much"], "light"),
         (&["--smooth", "none", "--smooth-maps"], "smooth"),
+        (&["--smooth", "none", "--smoothed-exr"], "smooth"),
+        (&["--model", "plain", "--offset-deg", "3"], "models of gratings"),
     ] {
         let run = foil.reconstruct("bad", wrong, 2);
         assert!(run.stderr().contains(said) || run.stdout().contains(said), "{wrong:?}: {}", run.stderr());
@@ -138,7 +140,14 @@ fn maps_stay_as_measured_unless_asked() {
     let file = |name: &str| std::fs::read(foil.path(name)).unwrap();
     assert!(file("plain/orientation.exr") == file("light/orientation.exr"));
     assert!(file("plain/orientation.png") != file("light/orientation.png"));
-    assert!(foil.path("light/smoothed.exr").exists() && !foil.path("plain/smoothed.exr").exists());
+    assert!(!foil.path("light/smoothed.exr").exists() && !foil.path("plain/smoothed.exr").exists());
+    foil.reconstruct("full", &["--smoothed-exr"], 0);
+    assert!(file("full/orientation.png") == file("light/orientation.png"));
+    let full = read_exr(&foil.path("full/smoothed.exr")).unwrap();
+    assert!(
+        full.attributes["smoothing"].as_str() == "light"
+            && full.channels["orientation"].len() == foil.truth.width * foil.truth.height
+    );
     let [plain, smooth] = ["plain", "smooth"].map(|n| read_exr(&foil.path(n).join("orientation.exr")).unwrap());
     assert_eq!((plain.attributes["smoothing"].as_str(), smooth.attributes["smoothing"].as_str()), ("none", "3"));
     assert_eq!(plain.channels["mask"], smooth.channels["mask"]);

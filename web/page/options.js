@@ -1,7 +1,9 @@
-// The options of a reconstruction: model, oblique incidence, offset, smoothing, periods.
+// The options of a polarization reconstruction: model, oblique incidence, offset, smoothing, periods.
 
 import { field, h, number, select } from "./dom.js";
 import { MODELS } from "./plan.js";
+
+const ALL_MODELS = [["", "Gratings for sessions, plain polarization for uploads"], ["plain", "Plain: Stokes, angle and degree of polarization"], ...MODELS];
 
 const SMOOTHINGS = [["none", "None"], ["light", "Light (10 rounds)"], ["strong", "Strong (50 rounds)"]];
 const PERIODS = [
@@ -15,7 +17,7 @@ const METALS = ["aluminium", "silver", "gold", "chromium"].map((metal) => [metal
 export function optionFields(report = {}) {
   const { method = {} } = report.period ?? {};
   const [low, high] = method.range_um ?? [0.7, 2];
-  const model = select(MODELS, "auto", { id: "model" });
+  const model = select(ALL_MODELS, report.model === "plain" ? "plain" : report.model ? "auto" : "", { id: "model" });
   const oblique = h("input", { type: "checkbox", id: "oblique", checked: Boolean(report.oblique?.asked) });
   const obliqueRow = h("label", { class: "check" }, oblique, h("span", {},
     "Take oblique incidence out, where the photographs say where the camera stood and the points are likelier then: worth it near and from the side"));
@@ -25,6 +27,8 @@ export function optionFields(report = {}) {
   const smooth = select(known ? SMOOTHINGS : [...SMOOTHINGS, [given, `${given} rounds`]], given, { id: "smooth" });
   const maps = h("input", { type: "checkbox", id: "smooth-maps", checked: report.smoothing?.map ?? false });
   const mapsRow = h("label", { class: "check" }, maps, h("span", {}, "Smooth the map itself and its σ as well"));
+  const full = h("input", { type: "checkbox", id: "smoothed-exr", checked: report.smoothing?.exr ?? false });
+  const fullRow = h("label", { class: "check" }, full, h("span", {}, "Also make a smoothed map at full size"));
   const from = select(PERIODS, method.from ?? "", { id: "period-from", onchange: paint });
   const shortest = number({ id: "period-low", value: low, min: 0 });
   const longest = number({ id: "period-high", value: high, min: 0 });
@@ -40,12 +44,21 @@ export function optionFields(report = {}) {
     range.hidden = from.value === "";
     assumed.hidden = from.value !== "contrast";
   }
-  smooth.addEventListener("change", () => (mapsRow.hidden = smooth.value === "none"));
-  mapsRow.hidden = smooth.value === "none";
-  paint();
-  const element = h("div", { class: "stack" }, h("div", { class: "fields" }, field("Model", model),
-    field("Offset (°)", offset, { hint: "The method leaves one open; set it where one orientation is known" })),
-    obliqueRow, field("Smoothing of pictures", smooth), mapsRow, field("Periods", from), range, assumed);
+  // Smoothing, offset, oblique incidence and periods are of gratings.
+  const offsetField = field("Offset (°)", offset, { hint: "The method leaves one open; set it where one orientation is known" });
+  const smoothField = field("Smoothing of pictures", smooth);
+  const periodField = field("Periods", from);
+  const ofGratings = () => model.value !== "plain";
+  function gratings() {
+    for (const row of [obliqueRow, offsetField, smoothField, periodField]) row.hidden = !ofGratings();
+    for (const row of [mapsRow, fullRow]) row.hidden = !ofGratings() || smooth.value === "none";
+    if (ofGratings()) paint();
+    else range.hidden = assumed.hidden = true;
+  }
+  for (const choice of [model, smooth]) choice.addEventListener("change", gratings);
+  gratings();
+  const element = h("div", { class: "stack" }, h("div", { class: "fields" }, field("Model", model), offsetField),
+    obliqueRow, smoothField, mapsRow, fullRow, periodField, range, assumed);
   function period() {
     const range_um = [shortest.valueAsNumber, longest.valueAsNumber];
     if (from.value === "") return null;
@@ -55,9 +68,12 @@ export function optionFields(report = {}) {
   }
   return {
     element,
-    request: () => ({
-      method: "polarization", model: model.value, oblique: oblique.checked ? "auto" : "off", offset_deg: offset.valueAsNumber || 0, smooth: smooth.value,
-      smooth_maps: maps.checked && smooth.value !== "none", period: period(),
-    }),
+    /** @returns {Record<string, any>} */
+    request: () => (ofGratings()
+      ? {
+        method: "polarization", ...(model.value && { model: model.value }), oblique: oblique.checked ? "auto" : "off", offset_deg: offset.valueAsNumber || 0,
+        smooth: smooth.value, smooth_maps: maps.checked && smooth.value !== "none", smoothed_exr: full.checked && smooth.value !== "none", period: period(),
+      }
+      : { method: "polarization", model: "plain" }),
   };
 }

@@ -28,7 +28,7 @@ export function reportView(report) {
       ["Metal without a grating", pixels.without_grating ? share(pixels.without_grating) : null],
       ["Fit", pixels.correlation_mean && `${fixed(pixels.correlation_mean, 5)} mean correlation`],
       ["Error by noise", error && term(error.noise_deg)],
-      ["By analyser angles", error && term(error.angle_deg) + (error.angle_sigma_deg === null ? "" : `; they ${error.angle_source === "corrected" ? "were put right to" : "are off by"} ${degrees(error.angle_sigma_deg, 3)}`)],
+      ["By analyser angles", error && term(error.angle_deg) + (error.angle_sigma_deg === null ? "" : `; ${error.angle_source === "corrected" ? "corrected to" : "error of an angle"} ${degrees(error.angle_sigma_deg, 3)}`)],
       ["By registration", error && term(error.registration_deg) + (moved ? `; photographs were moved back by up to ${fixed(moved, 2)} px` : "")],
       ["By the model", error && term(error.model_deg)],
       ["Repeats", repeats && `${repeats.pairs} pairs; halves differ by ${degrees(repeats.difference_deg, 3)}, σ says ${degrees(repeats.expected_deg, 3)} (reduced χ² ${fixed(repeats.chi2, 2)})`],

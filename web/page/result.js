@@ -13,6 +13,7 @@ import { soFar } from "./rendering.js";
 import { reportView } from "./report.js";
 
 const MAPS = [["orientation", "Orientation"], ["sigma", "σ"], ["dolp", "DoLP"], ["mask", "Mask"], ["s0", "S0"], ["aolp", "AoLP"]];
+const PLAIN = [["aolp", "AoLP"], ["dolp", "DoLP"], ["sigma", "σ"], ["mask", "Mask"], ["s0", "S0"]];
 const SMOOTHED = ["smoothed", "Smoothed"];
 const PERIOD = ["period", "Period"];
 const MEANING = {
@@ -22,7 +23,11 @@ const MEANING = {
   dolp: "Degree of linear polarization.",
   mask: "White where there is an orientation: not saturated, and σ at most 7.2°.",
   s0: "Intensity without the analyser.",
-  aolp: "Angle of linear polarization, before the model.",
+  aolp: "Angle of linear polarization, anticlockwise from image right.",
+};
+const PLAIN_MEANING = {
+  sigma: "Standard deviation of the angle of polarization.",
+  mask: "White where the angle of polarization is known: not saturated, and σ at most 7.2°.",
 };
 const FORMATS = [["exr", "EXR"], ["png", "PNG"], ["csv", "CSV"], ["npy", "NumPy"]];
 
@@ -96,9 +101,13 @@ async function showProgress(main, job, signal) {
 function showMaps(main, job, signal) {
   const { report } = job;
   const base = `/reconstructions/${job.id}`;
-  const smoothed = report.smoothing && report.smoothing.strength !== "none" && !report.smoothing.map;
-  const maps = [...MAPS.slice(0, 1), ...(smoothed ? [SMOOTHED] : []), ...(report.period ? [PERIOD] : []), ...MAPS.slice(1)];
-  let shown = "orientation";
+  const plain = report.model === "plain";
+  const { strength, map, exr } = report.smoothing ?? {};
+  // Reports of earlier versions do not say whether there is a smoothed map, and have one.
+  const smoothed = exr ?? (strength !== "none" && map === false);
+  const gratings = [...MAPS.slice(0, 1), ...(smoothed ? [SMOOTHED] : []), ...(report.period ? [PERIOD] : []), ...MAPS.slice(1)];
+  const maps = plain ? PLAIN : gratings;
+  let shown = maps[0][0];
   const canvas = h("canvas", { id: "result-map", class: "map", tabindex: 0, role: "application", "aria-roledescription": "map" });
   const where = h("output", { class: "where" });
   const legend = h("div", { class: "legend" });
@@ -130,7 +139,7 @@ function showMaps(main, job, signal) {
     rose.refresh();
   }
   function change() {
-    say(meaning, shown === "period" ? periodMeaning(report.period) : MEANING[shown]);
+    say(meaning, shown === "period" ? periodMeaning(report.period) : (plain && PLAIN_MEANING[shown]) || MEANING[shown]);
     canvas.setAttribute("aria-label", `${maps.find(([key]) => key === shown)?.[1]} map. Arrows move it, plus and minus zoom, 0 shows all, Enter picks the middle, Shift with arrows goes from pixel to pixel.`);
     paintLegend(null);
     for (const link of links) makeDownload(link, `${base}/maps/${shown}.${link.dataset.download}`, `${job.id}-${shown}.${link.dataset.download}`, complain);
@@ -144,9 +153,10 @@ function showMaps(main, job, signal) {
     try {
       const pixel = await get(`${base}/pixel?x=${x}&y=${y}`, { signal });
       if (mine !== asked) return;
-      view.mark(x, y, pixel.orientation_deg);
-      rose.mark(pixel.orientation_deg);
-      detail.replaceChildren(h("p", { class: "verdict" }, verdict(pixel)), report.period && !pixel.masked ? h("p", {}, periodVerdict(pixel, report.period)) : "", pixelChart(pixel),
+      const angle = plain ? pixel.aolp_deg : pixel.orientation_deg;
+      view.mark(x, y, angle);
+      rose.mark(angle);
+      detail.replaceChildren(h("p", { class: "verdict" }, verdict(pixel, angle, plain)), report.period && !pixel.masked ? h("p", {}, periodVerdict(pixel, report.period)) : "", pixelChart(pixel),
         h("p", { class: "soft" }, `x ${x}, y ${y} · S0 ${significant(pixel.s0)} · S1 ${significant(pixel.s1)} · S2 ${significant(pixel.s2)} · DoLP ${fixed(pixel.dolp, 3)} · residual ${significant(pixel.residual_rms, 2)} rms`));
     } catch (problem) {
       if (mine === asked && problem.name !== "AbortError") detail.replaceChildren(problemMessage(problem));
@@ -170,8 +180,8 @@ function showMaps(main, job, signal) {
   nameOf(job, signal).then((name) => name && say(title, name));
   main.append(
     h("div", { class: "head" }, title,
-      h("a", { class: "button primary", id: "to-view", href: `#/view/${job.id}` }, "Under a light"),
-      h("a", { class: "button", href: `#/render/${job.id}` }, "Render"),
+      plain ? null : h("a", { class: "button primary", id: "to-view", href: `#/view/${job.id}` }, "Under a light"),
+      plain ? null : h("a", { class: "button", href: `#/render/${job.id}` }, "Render"),
       job.session ? h("a", { class: "button", href: `#/session/${job.session}` }, "Session") : null),
     h("div", { class: "columns result" },
       h("section", { class: "panel mappanel", "aria-label": "Map" },
@@ -212,9 +222,10 @@ async function nameOf(job, signal) {
 }
 
 /** A pixel in words. */
-function verdict(pixel) {
+function verdict(pixel, angle, plain) {
   if (pixel.saturated) return "Masked: saturated in at least one photograph.";
-  if (pixel.masked || pixel.orientation_deg === null) return `Masked: too little modulation to tell an orientation (σ would be ${degrees(pixel.sigma_deg, 1)}).`;
+  if (pixel.masked || angle === null) return `Masked: too little modulation to tell an angle (σ would be ${degrees(pixel.sigma_deg, 1)}).`;
   const digits = pixel.sigma_deg < 0.1 ? 2 : 1;
+  if (plain) return `The light is polarized at ${degrees(angle, digits)} ± ${degrees(pixel.sigma_deg, digits)} anticlockwise from image right.`;
   return `The grating vector points ${degrees(pixel.orientation_deg, digits)} ± ${degrees(pixel.sigma_deg, digits)} anticlockwise from image right; the grooves run at ${degrees((pixel.orientation_deg + 90) % 180, digits)}.`;
 }

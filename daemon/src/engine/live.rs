@@ -174,7 +174,8 @@ pub fn begin_survey(folder: &Path, description: &SessionFile, camera: &CameraInf
     let settings = plan.reconstruct.as_ref().and_then(|r| r.spots.as_deref().cloned()).unwrap_or_default();
     let set = frame_set(description, camera, vec![]);
     let path = folder.join(FILE_NAME);
-    Survey::begin(LoadedFrames { path, folder: folder.to_path_buf(), set, info: info(plan, camera) }, &settings)
+    let (folder, info) = (folder.to_path_buf(), info(plan, camera));
+    Survey::begin(LoadedFrames { path, folder, set, info, from_session: true }, &settings)
 }
 
 fn info(plan: &Plan, camera: &CameraInfo) -> Info {

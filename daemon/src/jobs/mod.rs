@@ -24,7 +24,7 @@ use live::Live;
 use nacre_processing::Error;
 use nacre_processing::frames::Transfer;
 use nacre_processing::pattern::{LightPhotograph, Settings};
-use nacre_processing::polarimetry::{Align, Model, Oblique, Options, PeriodMethod, Smoothing};
+use nacre_processing::polarimetry::{Align, Oblique, Options, PeriodMethod, Smoothing};
 use nacre_processing::progress::Progress;
 use record::Record;
 use serde::{Deserialize, Serialize};
@@ -61,7 +61,7 @@ pub struct Spec {
     /// Of the method lut: a light that is no point. Jobs of earlier versions have none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light: Option<LightUpload>,
-    /// The model to fit.
+    /// The model to fit; empty for the default of the photographs.
     pub model: String,
     /// Whether oblique incidence is taken out. Jobs of earlier versions do not say.
     #[serde(default)]
@@ -74,6 +74,9 @@ pub struct Spec {
     /// Smooth the map itself as well.
     #[serde(default)]
     pub smooth_maps: bool,
+    /// Also write the smoothed orientations at full size.
+    #[serde(default)]
+    pub smoothed_exr: bool,
     /// From what periods are told, if they are.
     #[serde(default)]
     pub period: Option<PeriodMethod>,
@@ -122,18 +125,24 @@ impl Spec {
             .map_err(|e| Error::input("options", e, "see the service's OpenAPI document"))
     }
 
-    /// As the reconstruction takes it, with the model of its name.
-    pub fn options(&self, model: Model) -> Options {
-        Options {
+    /// Options of the method polarization.
+    ///
+    /// # Errors
+    /// `Input` for a model that there is not.
+    pub fn polarization(&self) -> Result<Options, Error> {
+        let parsed = |word: &str| word.parse().map_err(|problem: String| Error::input("model", problem, "ask again"));
+        let model = Some(self.model.as_str()).filter(|word| !word.is_empty()).map(parsed).transpose()?;
+        Ok(Options {
             model,
             align: Align::Auto,
             oblique: self.oblique,
             offset_deg: self.offset_deg,
             smooth: self.smooth,
             smooth_maps: self.smooth_maps,
+            smoothed_exr: self.smoothed_exr,
             period: self.period.clone(),
             overwrite: true,
-        }
+        })
     }
 }
 

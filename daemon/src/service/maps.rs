@@ -16,12 +16,14 @@ pub struct View {
     pub region: Option<[usize; 4]>,
 }
 
-/// A map by name: its file and channel.
-pub fn source(name: &str) -> Option<(&'static str, &'static str)> {
+/// A map by name: its file in `folder` and its channel. Results of plain polarimetry have no orientations; their σ and mask are those of the
+/// angle of polarization.
+pub fn source(folder: &Path, name: &str) -> Option<(&'static str, &'static str)> {
+    let angles = || if folder.join("orientation.exr").exists() { "orientation.exr" } else { "aolp.exr" };
     Some(match name {
         "orientation" => ("orientation.exr", "orientation"),
-        "sigma" => ("orientation.exr", "sigma"),
-        "mask" => ("orientation.exr", "mask"),
+        "sigma" => (angles(), "sigma"),
+        "mask" => (angles(), "mask"),
         "aolp" => ("aolp.exr", "aolp"),
         "dolp" => ("aolp.exr", "dolp"),
         "smoothed" => ("smoothed.exr", "orientation"),
@@ -39,10 +41,10 @@ pub fn source(name: &str) -> Option<(&'static str, &'static str)> {
 pub fn plane(folder: &Path, name: &str) -> Answer<(Vec<f32>, usize)> {
     let missing = || {
         Problem::not_found(format!("map {name:?}")).remedy(
-            "there are orientation, sigma, dolp, mask, aolp and s0; smoothed and period where they were asked for",
+            "there are sigma, dolp, mask, aolp and s0; orientation of gratings; smoothed and period where they were asked for",
         )
     };
-    let (file, channel) = source(name).ok_or_else(missing)?;
+    let (file, channel) = source(folder, name).ok_or_else(missing)?;
     let mut map = read_exr(&folder.join(file)).map_err(|_| missing())?;
     let plane = map.channels.remove(channel).ok_or_else(missing)?;
     Ok((plane, map.width))

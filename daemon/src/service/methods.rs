@@ -6,7 +6,6 @@ use crate::jobs::{Spec, Work};
 use crate::plan::Method;
 use nacre_processing::frames::{FILE_NAME, load};
 use nacre_processing::map::Maps;
-use nacre_processing::polarimetry::Model;
 use nacre_processing::progress::Progress;
 use nacre_processing::{
     Error, bokeh, calibration, color, flash, foil, hdr, map, pattern, polarimetry, render, spots, surface,
@@ -36,7 +35,7 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
             if spec.options.is_some() {
                 return Err(Problem::bad("options do not belong to the method polarization, which has its own"));
             }
-            Ok(spec.options(Model::Auto).check(&load(input)?).map(drop)?)
+            Ok(spec.polarization()?.check(&load(input)?).map(drop)?)
         }
         Method::Hdr => {
             if spec.session.is_some() {
@@ -146,9 +145,7 @@ pub fn work(data: PathBuf, renders: Arc<Renders>) -> Work {
         let out = data.join("reconstructions").join(&spec.id);
         match spec.method {
             Method::Polarization => {
-                let model: Model =
-                    spec.model.parse().map_err(|e: String| Error::input("reconstruction", e, "ask again"))?;
-                polarimetry::reconstruct(&input, &out, &spec.options(model), progress)?;
+                polarimetry::reconstruct(&input, &out, &spec.polarization()?, progress)?;
             }
             Method::Hdr => {
                 let options = hdr::Options { overwrite: true, ..spec.options_of()? };

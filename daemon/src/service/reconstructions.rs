@@ -9,7 +9,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use nacre_processing::polarimetry::{Model, Oblique, PeriodMethod, Smoothing};
+use nacre_processing::polarimetry::{Oblique, PeriodMethod, Smoothing};
 use nacre_processing::render::SoFar;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -54,7 +54,8 @@ pub struct Request {
     /// 0.01, "wavelengths": null, "check": false, "spectral_nm": 10}`.
     #[schema(value_type = Option<Object>)]
     options: Option<serde_json::Value>,
-    /// `auto`, `sinusoid`, `prenormalized`, `circle` or `curve`.
+    /// `plain` (Stokes, angle and degree of linear polarization), or a model of gratings: `auto`, `sinusoid`, `prenormalized`, `circle` or
+    /// `curve`. Default: `auto` for sessions, `plain` for uploads.
     model: Option<String>,
     /// Whether what oblique incidence does to polarization is taken out: `off` (the default), or `auto`, where the photographs say
     /// where the camera stood and the points are likelier then.
@@ -62,12 +63,13 @@ pub struct Request {
     oblique: Option<Oblique>,
     /// Added to every orientation.
     offset_deg: Option<f64>,
-    /// Smoothing of orientations in pictures and in the map `smoothed`: `none`, `light` (the default), `strong` or a number of
-    /// rounds.
+    /// Smoothing of orientations in pictures and in the map `smoothed`: `none`, `light` (default), `strong` or a number of rounds.
     #[schema(value_type = Option<String>, example = "light")]
     smooth: Option<Smoothing>,
     /// Smooth the map itself and its σ as well.
     smooth_maps: Option<bool>,
+    /// Also make the map `smoothed`: the smoothed orientations at full size (default: false).
+    smoothed_exr: Option<bool>,
     /// Makes a map of periods: `{"from": "brightness", "range_um": [0.7, 2.0]}` (heuristic), or `{"from": "contrast",
     /// "range_um": [1.2, 3.0], "depth_um": 0.1, "metal": "aluminium", "index_above": 1, "wavelength_nm": 560}` (for an assumed
     /// surface; the last three can be left out).
@@ -228,10 +230,6 @@ impl App {
     responses((status = 202, body = Reconstruction, headers(("Location" = String, description = "The reconstruction"))),
         (status = 400, body = Problem), (status = 404, body = Problem)))]
 pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): Body<Request>) -> Answer<Response> {
-    let model = body.model.unwrap_or_else(|| "auto".into());
-    if let Err(problem) = model.parse::<Model>() {
-        return Err(Problem::bad(format!("model: {problem}")));
-    }
     let offset_deg = body.offset_deg.unwrap_or(0.0);
     let nothing = body.session.is_none() && body.upload.is_none() && body.method == Some(Method::Calibrate);
     if body.session.is_some() == body.upload.is_some() && !nothing {
@@ -252,11 +250,12 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         upload: body.upload,
         light: body.light,
         options: body.options,
-        model,
+        model: body.model.unwrap_or_default(),
         oblique: body.oblique.unwrap_or_default(),
         offset_deg,
         smooth: body.smooth.unwrap_or_default(),
         smooth_maps: body.smooth_maps.unwrap_or(false),
+        smoothed_exr: body.smoothed_exr.unwrap_or(false),
         period: body.period,
     };
     let input = app.input_of(&spec)?;

@@ -86,8 +86,10 @@ pub struct Pixel {
     /// The fitted curve.
     fit: Vec<FitPoint>,
     residual_rms: f64,
-    /// None where masked.
+    /// None where masked, and where the model is plain.
     orientation_deg: Option<f64>,
+    /// Angle of linear polarization; none where masked.
+    aolp_deg: Option<f64>,
     sigma_deg: Option<f64>,
     dolp: Option<f64>,
     /// None where masked, or when there is no map of periods.
@@ -106,7 +108,7 @@ pub struct FitPoint {
 }
 
 /// A map: `NAME.png` for a picture (of a region), `NAME.exr`, `NAME.csv` or `NAME.npy` for its numbers; NAME is
-/// orientation, sigma, dolp, mask, aolp or s0; smoothed, period and period_sigma where they were asked for.
+/// sigma, dolp, mask, aolp or s0; orientation where the model is one of gratings; smoothed, period and period_sigma where they were asked for.
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/maps/{file}", tag = "reconstructions", operation_id = "map",
     params(("id" = String, Path), ("file" = String, Path, description = "For instance orientation.png"), Region),
     responses((status = 200, content(([u8] = "image/png"), ([u8] = "application/octet-stream"), (String = "text/csv"))),
@@ -119,7 +121,7 @@ pub async fn map(
     let folder = app.place(&id).await?.results;
     let missing = || Problem::not_found(format!("map {file:?}"));
     let (name, kind) = file.split_once('.').ok_or_else(missing)?;
-    let (exr, _) = maps::source(name).ok_or_else(missing)?;
+    let (exr, _) = maps::source(&folder, name).ok_or_else(missing)?;
     let (name, kind) = (name.to_owned(), kind.to_owned());
     match kind.as_str() {
         "exr" => return files::send(&files::inside(&folder, exr)?, files::BYTES).await,
@@ -178,10 +180,11 @@ fn read_pixel(place: &Place, x: usize, y: usize) -> Answer<Pixel> {
         };
         Ok(v.is_finite().then_some(f64::from(v)))
     };
-    let (orientation, sigma, dolp) = (value("orientation")?, value("sigma")?, value("dolp")?);
-    let periods = place.results.join("period.exr").exists();
-    let period = |name: &str| if periods { value(name) } else { Ok(None) };
-    let (period_um, period_sigma_um) = (period("period")?, period("period_sigma")?);
+    let (aolp, sigma, dolp) = (value("aolp")?, value("sigma")?, value("dolp")?);
+    let masked = value("mask")? != Some(1.0);
+    let of = |file: &str, name: &str| if place.results.join(file).exists() { value(name) } else { Ok(None) };
+    let orientation = of("orientation.exr", "orientation")?;
+    let (period_um, period_sigma_um) = (of("period.exr", "period")?, of("period.exr", "period_sigma")?);
     let found = probe(&load(&place.input)?, [x, y], &PutRight::read(&place.results)?)?;
     let curve = |k: u32| {
         let deg = 2.0 * f64::from(k);
@@ -199,10 +202,11 @@ fn read_pixel(place: &Place, x: usize, y: usize) -> Answer<Pixel> {
         saturated: found.saturated,
         points: found.points,
         orientation_deg: orientation.map(f64::to_degrees),
+        aolp_deg: aolp.filter(|_| !masked).map(f64::to_degrees),
         sigma_deg: sigma.map(f64::to_degrees),
         dolp,
         period_um,
         period_sigma_um,
-        masked: orientation.is_none(),
+        masked,
     })
 }

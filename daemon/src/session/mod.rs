@@ -93,7 +93,7 @@ impl SessionFile {
 }
 
 /// Name of the description inside a session folder.
-pub const SESSION_FILE: &str = "session.json";
+pub use nacre_processing::frames::SESSION_FILE;
 
 /// An open session folder, which no other process can open meanwhile.
 pub struct Session<D: Disk> {

@@ -83,7 +83,7 @@ fn whole(session: &Path, scratch: &Path) -> Outcome<()> {
     fs::create_dir_all(scratch)?;
     let out = scratch.join("result");
     let command = |model: Model, smooth: Smoothing| -> Outcome<()> {
-        let options = Options { model, smooth, ..Options::default() };
+        let options = Options { model: Some(model), smooth, ..Options::default() };
         let report = reconstruct(session, &out, &options, &Silent)?;
         println!("  {model:?}, smoothing {smooth}: {:?}", report.seconds);
         Ok(())

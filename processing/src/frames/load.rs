@@ -1,6 +1,6 @@
 //! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
 
-use super::{FILE_NAME, FrameSet, Fringes, GAMMAS, Geometry, Kind, Spot, Transfer};
+use super::{FILE_NAME, FrameSet, Fringes, GAMMAS, Geometry, Kind, SESSION_FILE, Spot, Transfer};
 use crate::image::{Info, info};
 use crate::text::read_text;
 use crate::{Error, Result};
@@ -20,6 +20,8 @@ pub struct LoadedFrames {
     pub set: FrameSet,
     /// What all photographs have in common.
     pub info: Info,
+    /// A capture session took the photographs: a grating lit by the panel, behind an analyser that the engine turned.
+    pub from_session: bool,
 }
 
 impl LoadedFrames {
@@ -50,17 +52,18 @@ pub fn check(path: PathBuf, set: FrameSet) -> Result<LoadedFrames> {
     };
     check_values(&path, &set)?;
     let info = check_files(&path, &folder, &set)?;
-    Ok(LoadedFrames { path, folder, set, info })
+    let from_session = folder.join(SESSION_FILE).is_file();
+    Ok(LoadedFrames { path, folder, set, info, from_session })
 }
 
-/// A set whose photographs are still being taken into `folder`; `info` is what they will have in common.
+/// A set whose photographs a capture session is still taking into `folder`; `info` is what they will have in common.
 ///
 /// # Errors
 /// `Input` for values that cannot be used; no file is looked at.
 pub fn planned(folder: &Path, set: FrameSet, info: Info) -> Result<LoadedFrames> {
     let path = folder.join(FILE_NAME);
     check_values(&path, &set)?;
-    Ok(LoadedFrames { path, folder: folder.to_path_buf(), set, info })
+    Ok(LoadedFrames { path, folder: folder.to_path_buf(), set, info, from_session: true })
 }
 
 /// Text of a `frames.json`, one frame a line.

@@ -17,6 +17,9 @@ use std::path::PathBuf;
 /// Name of the file that describes a folder of photographs.
 pub const FILE_NAME: &str = "frames.json";
 
+/// Name of the file beside it in the folder of a capture session.
+pub const SESSION_FILE: &str = "session.json";
+
 /// A set of photographs and how their numbers become light.
 /// Linear value = transfer⁻¹((v - black)/(white - black)) / (exposure · gain).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,11 +1,13 @@
-//! What a wedged analyser or a loose stage does, undone: photographs that lie beside each other, and angles that are not what they are said to be.
+//! Corrections for a wedged analyser and an inexact stage: shifts between photographs, and analyser-angle errors.
 
 use super::FrameNoise;
 use super::angle_error::Misses;
 use super::merge::Merge;
 use super::running::{Running, Sums, noise_of_bracket, read, sampled};
 use super::sample::Sample;
+use super::views::View;
 use crate::Result;
+use crate::frames::LoadedFrames;
 use crate::image::registration::{Alignment, Registrar, Resampler};
 use crate::progress::Progress;
 
@@ -41,24 +43,71 @@ pub(super) fn fit_moved_back(
     Ok((sums, sample))
 }
 
-/// Finds by residuals where the analyser stood; where that is worth it, photographs are read and fitted anew with these angles.
-pub(super) fn put_angles_right(
+/// Errors beyond this in degrees are outside the reach of the linearised fit, which finds their presence but not their size.
+const FINDABLE_DEG: f64 = 15.0;
+
+/// Analyser-angle errors that the residuals show.
+pub(super) enum AngleErrors {
+    /// The fit was made anew with corrected angles.
+    Corrected(Misses),
+    /// The stated angles were kept.
+    Kept(Misses),
+}
+
+impl AngleErrors {
+    /// The errors, where angles were corrected.
+    pub(super) fn corrected(&self) -> Option<&Misses> {
+        match self {
+            Self::Corrected(errors) => Some(errors),
+            Self::Kept(_) => None,
+        }
+    }
+
+    /// The largest error that was not corrected, and what to do.
+    pub(super) fn warning(&self, frames: &LoadedFrames, brackets: &[Vec<usize>], views: &[View]) -> Option<String> {
+        let Self::Kept(Misses { errors, left }) = self else { return None };
+        let (k, largest) = errors.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+        let frame = brackets.get(views.get(k)?.bracket)?.first()?;
+        let file = frames.set.frames.get(*frame)?.file.display();
+        let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt().to_degrees();
+        let would_explain = if rms < FINDABLE_DEG {
+            format!(
+                "analyser-angle errors of {rms:.2}° ± {:.2}° (root mean square), the largest of {:+.2}° at {file}, would explain them",
+                left.to_degrees(),
+                largest.to_degrees()
+            )
+        } else {
+            format!("no analyser-angle errors below {FINDABLE_DEG}° explain them")
+        };
+        Some(format!(
+            "the residuals exceed the noise in a pattern: {would_explain}, and light that changed between photographs might. The stated angles \
+             were kept; state angle_sigma_deg in frames.json to have them corrected"
+        ))
+    }
+}
+
+/// Estimates analyser-angle errors from the residuals. They are corrected, and the photographs fitted anew, where a capture session turned the
+/// analyser or where `angle_sigma_deg` states that angles may be wrong: elsewhere other causes, such as a drifting lamp, are as likely.
+pub(super) fn correct_analyser_angles(
     running: &mut Running,
     alignment: Option<&Alignment>,
     progress: &dyn Progress,
-) -> Result<Option<Misses>> {
-    // Where photographs show edges beside each other, these look like wrong angles.
+) -> Result<Option<AngleErrors>> {
+    // Edges of photographs that are shifted against each other look like wrong angles.
     if alignment.is_some_and(Alignment::is_left) {
         return Ok(None);
     }
     let stated = running.frames.set.angle_sigma_deg.map(f64::to_radians);
-    let Some(misses) = running.sample.misses(&running.views, stated) else { return Ok(None) };
-    running.views.iter_mut().zip(&misses.errors).for_each(|(view, error)| view.angle += error);
+    let Some(errors) = running.sample.misses(&running.views, stated) else { return Ok(None) };
+    if stated.is_none() && !running.frames.from_session {
+        return Ok(Some(AngleErrors::Kept(errors)));
+    }
+    running.views.iter_mut().zip(&errors.errors).for_each(|(view, error)| view.angle += error);
     match alignment.filter(|a| a.corrected) {
         Some(moved) => (running.sums, running.sample) = fit_moved_back(running, &moved.shifts_px, progress)?,
         None => running.fit_anew(progress)?,
     }
-    Ok(Some(misses))
+    Ok(Some(AngleErrors::Corrected(errors)))
 }
 
 /// What resampling leaves of the noise that a camera is said to have.

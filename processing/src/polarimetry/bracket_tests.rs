@@ -90,7 +90,7 @@ struct Maps {
 }
 
 fn maps(folder: &Path) -> Maps {
-    let options = Options { model: super::Model::Sinusoid, ..Options::default() };
+    let options = Options { model: Some(super::Model::Sinusoid), ..Options::default() };
     let out = folder.join("out");
     let report = reconstruct(folder, &out, &options, &Silent).unwrap();
     assert_eq!(report.analyser_deg.len(), report.frames.len());

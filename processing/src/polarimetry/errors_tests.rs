@@ -100,7 +100,7 @@ fn a_probe_shows_photographs_as_they_were_put_right() {
     let series = Series { shift: |k| (k % 3) as f64, louder: 1.0, ..series(misses(12, 3).0) };
     series.reconstructed(folder.path(), None);
     let results = folder.path().join("moved");
-    let options = Options { model: Model::Sinusoid, ..Options::default() };
+    let options = Options { model: Some(Model::Sinusoid), ..Options::default() };
     let report = reconstruct(folder.path(), &results, &options, &Silent).unwrap();
     assert!(report.registration.unwrap().corrected && report.analyser_errors_deg.is_some());
     let (mut set, right) = (load(folder.path()).unwrap(), PutRight::read(&results).unwrap());

@@ -58,10 +58,13 @@ mod output;
 mod period;
 mod period_map;
 mod places;
+#[cfg(test)]
+mod plain_tests;
 mod precision;
 #[cfg(test)]
 mod precision_tests;
 mod reconstruct;
+mod reduced;
 mod repeats;
 #[cfg(test)]
 mod repeats_tests;

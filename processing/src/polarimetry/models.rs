@@ -30,9 +30,11 @@ pub(super) const SPREAD: usize = 500;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Model {
-    /// The simplest model that explains the data; its name and the reason are in the report.
+    /// The simplest model of a grating that explains the data; its name and the reason are in the report.
     #[default]
     Auto,
+    /// No grating: Stokes parameters, angle and degree of linear polarization.
+    Plain,
     /// The phase is the orientation, up to one offset.
     Sinusoid,
     /// The phase about the mean of all points (2018 paper, section 5.3, of ratios instead of raw photographs).
@@ -71,12 +73,14 @@ pub(super) struct Candidate {
 
 impl Model {
     /// All models, simplest first after `auto`.
-    pub const ALL: [Self; 5] = [Self::Auto, Self::Sinusoid, Self::Prenormalized, Self::Circle, Self::Curve];
+    pub const ALL: [Self; 6] =
+        [Self::Auto, Self::Plain, Self::Sinusoid, Self::Prenormalized, Self::Circle, Self::Curve];
 
     /// Its name in options and files.
     pub fn word(self) -> &'static str {
         match self {
             Self::Auto => "auto",
+            Self::Plain => "plain",
             Self::Sinusoid => "sinusoid",
             Self::Prenormalized => "prenormalized",
             Self::Circle => "circle",

@@ -2,14 +2,15 @@
 
 use super::arcs::{atan2, folded};
 use super::disk::Disk;
-use super::{Options, OrientationMaps, PeriodMaps, PeriodMethod, Smoothing, StokesMaps, smoothed_orientation};
+use super::reduced::reduced;
+use super::{Model, Options, OrientationMaps, PeriodMaps, PeriodMethod, Smoothing, StokesMaps, smoothed_orientation};
 use crate::Result;
 use crate::frames::LoadedFrames;
 use crate::image::{Attribute, OutputFolder, orientation_rows, scalar_picture, scalar_rows, write_exr};
 use crate::progress::Progress;
 use crate::vectors::vectorised;
 
-/// Most pixels along a picture of σ or of the degree of polarization.
+/// Most pixels along a side of a picture.
 const WIDEST: usize = 2048;
 
 /// Writes into a result folder.
@@ -17,11 +18,12 @@ pub(super) struct Writer<'a> {
     pub folder: &'a OutputFolder,
     pub frames: &'a LoadedFrames,
     pub options: &'a Options,
+    pub model: Model,
     pub progress: &'a dyn Progress,
 }
 
 impl Writer<'_> {
-    /// Writes what hangs on the maps alone: `stokes.exr` and `aolp.exr`.
+    /// Writes what depends on the maps alone: `stokes.exr` and, beside orientations, `aolp.exr`.
     pub fn light(&self, maps: &StokesMaps) -> Result<()> {
         let (width, size) = (maps.width, [maps.width, maps.height]);
         let units = self.attributes(width, "linear value / (exposure s * gain)");
@@ -29,29 +31,28 @@ impl Writer<'_> {
             copy([&maps.s0, &maps.s1, &maps.s2][c], y, row);
         })?;
         self.progress.step();
+        if self.model == Model::Plain {
+            return Ok(());
+        }
         let units = self.attributes(width, "aolp: rad; dolp: 0 to 1");
-        self.exr("aolp.exr", size, &["aolp", "dolp"], &units, &|c, y, row| {
-            let first = y * width;
-            if c == 0 { aolp(&maps.s1[first..], &maps.s2[first..], row) } else { dolp(maps, first, 1, row) }
-        })?;
+        self.exr("aolp.exr", size, &["aolp", "dolp"], &units, &|c, y, row| polarization(maps, c, y, row))?;
         self.progress.step();
         Ok(())
     }
 
-    /// Writes `orientation.exr`, `smoothed.exr` and the pictures.
+    /// Writes `orientation.exr` (of plain polarimetry `aolp.exr`), `smoothed.exr` where it was asked for, and the pictures.
     ///
     /// Pictures are compressed while maps, which are not, are written and synced by `disk`.
     pub fn maps(&self, maps: StokesMaps, map: &OrientationMaps, disk: &Disk) -> Result<()> {
-        let smooths = !self.options.smooth_maps && self.options.smooth != Smoothing::NONE;
-        let pictures = || {
+        let numbers = || if self.model == Model::Plain { self.aolp(&maps, map) } else { self.orientation(&maps, map) };
+        let (numbers, pictures) = disk.beside(numbers, || {
             self.scalars(&maps, map)?;
-            if smooths { Ok(()) } else { self.picture(map) }
-        };
-        let (numbers, pictures) = disk.beside(|| self.orientation(&maps, map), pictures);
+            self.picture(map)
+        });
         numbers.and(pictures)?;
-        // Smoothing takes memory.
+        // Smoothing a whole map takes memory.
         drop(maps);
-        if smooths { self.picture(map) } else { Ok(()) }
+        if self.options.smoothed_exr { self.smoothed(map) } else { Ok(()) }
     }
 
     /// Writes `period.exr` and `period.png`.
@@ -101,6 +102,21 @@ impl Writer<'_> {
         // The disk has the time now that others are computing, rather than in the end.
         self.folder.sync(name)?;
         self.progress.check()
+    }
+
+    /// `aolp.exr` of plain polarimetry.
+    fn aolp(&self, maps: &StokesMaps, map: &OrientationMaps) -> Result<()> {
+        let units = "aolp, sigma: rad; dolp, correlation: 0 to 1; mask: 1 measured, 0 masked";
+        let attributes = self.attributes(maps.width, units);
+        let channels = ["aolp", "dolp", "sigma", "mask", "correlation"];
+        self.exr("aolp.exr", [maps.width, maps.height], &channels, &attributes, &|c, y, row| match c {
+            0 | 1 => polarization(maps, c, y, row),
+            2 => copy(&map.sigma, y, row),
+            3 => mask(&map.orientation, y, row),
+            _ => copy(&maps.correlation, y, row),
+        })?;
+        self.progress.step();
+        Ok(())
     }
 
     fn orientation(&self, maps: &StokesMaps, map: &OrientationMaps) -> Result<()> {
@@ -154,29 +170,40 @@ impl Writer<'_> {
         self.progress.check()
     }
 
-    /// The picture of the orientations, smoothed unless the map is already or nobody wants it.
+    /// `orientation.png`, smoothed unless the map is already or nobody wants it; of plain polarimetry `aolp.png`, as measured.
+    ///
+    /// Smoothing reaches as far on the sample as that of the map does: a pixel of the picture is `step` of the map, and the filter spreads with
+    /// the root of its rounds.
     fn picture(&self, map: &OrientationMaps) -> Result<()> {
-        let (width, height, smooth) = (map.width, map.height, self.options.smooth);
-        let smoothed = if self.options.smooth_maps || smooth == Smoothing::NONE {
-            None
-        } else {
-            Some(smoothed_orientation(map, smooth, self.progress)?)
+        let step = map.width.max(map.height).div_ceil(WIDEST);
+        let small = reduced(map, step);
+        let small = small.as_ref().unwrap_or(map);
+        let draw = |name: &str, title: &str, values: &[f32]| {
+            orientation_rows(small.width, small.height, &|y, row| copy(values, y, row), title)
+                .save_png(&self.folder.path(name))
         };
-        if let Some(smoothed) = &smoothed {
-            let mut attributes = self.attributes(width, "orientation: rad");
-            attributes.push(("smoothing", Attribute::Text(smooth.to_string())));
-            self.exr("smoothed.exr", [width, height], &["orientation"], &attributes, &|_, y, row| {
-                copy(smoothed, y, row)
-            })?;
+        if self.model == Model::Plain {
+            draw("aolp.png", "Angle of linear polarization", &small.orientation)?;
+            return self.progress.check();
         }
-        let title = match smooth {
-            Smoothing::NONE => "Orientation".to_owned(),
-            smooth => format!("Orientation\nsmoothed: {smooth}"),
-        };
-        let shown = smoothed.as_ref().unwrap_or(&map.orientation);
-        let picture = orientation_rows(width, height, &|y, row| copy(shown, y, row), &title);
-        picture.save_png(&self.folder.path("orientation.png"))?;
+        match self.options.smooth {
+            Smoothing::NONE => draw("orientation.png", "Orientation", &small.orientation)?,
+            smooth => {
+                let title = format!("Orientation\nsmoothed: {smooth}");
+                let rounds = if self.options.smooth_maps { Smoothing::NONE } else { smooth.coarser(step) };
+                draw("orientation.png", &title, &smoothed_orientation(small, rounds, self.progress)?)?;
+            }
+        }
         self.progress.check()
+    }
+
+    /// `smoothed.exr`: the orientations of all pixels, smoothed.
+    fn smoothed(&self, map: &OrientationMaps) -> Result<()> {
+        let (size, smooth) = ([map.width, map.height], self.options.smooth);
+        let smoothed = smoothed_orientation(map, smooth, self.progress)?;
+        let mut attributes = self.attributes(map.width, "orientation: rad");
+        attributes.push(("smoothing", Attribute::Text(smooth.to_string())));
+        self.exr("smoothed.exr", size, &["orientation"], &attributes, &|_, y, row| copy(&smoothed, y, row))
     }
 }
 
@@ -209,6 +236,12 @@ fn top_of_scale(mut values: Vec<f32>) -> f32 {
     let top = values.get(values.len() * 98 / 100).copied().unwrap_or(1.0).max(1e-6);
     let digit = 10_f32.powf(top.log10().floor());
     [1.0, 2.0, 5.0, 10.0].map(|k| k * digit).into_iter().find(|&t| t >= top).unwrap_or(top)
+}
+
+/// Row `y` of the angle (`channel` 0) or degree of linear polarization.
+fn polarization(maps: &StokesMaps, channel: usize, y: usize, row: &mut [f32]) {
+    let first = y * maps.width;
+    if channel == 0 { aolp(&maps.s1[first..], &maps.s2[first..], row) } else { dolp(maps, first, 1, row) }
 }
 
 /// Angles of linear polarization from 0 to π.

@@ -2,7 +2,7 @@
 
 use super::bracket_tests::{CAMERA, EXPOSURES, photograph, write_set};
 use super::{Model, Options, Running, reconstruct};
-use crate::frames::{LoadedFrames, load};
+use crate::frames::load;
 use crate::image::OutputFolder;
 use crate::progress::Silent;
 use std::f64::consts::{FRAC_PI_4, PI};
@@ -10,9 +10,9 @@ use std::path::Path;
 
 /// Takes in the photographs at the first so many angles, `per` at each, as a session does.
 fn running(folder: &Path, angles: usize, per: usize) -> Running {
-    let LoadedFrames { path, folder, mut set, info } = load(folder).unwrap();
-    let rest = set.frames.split_off(per);
-    let mut running = Running::open(LoadedFrames { path, folder, set, info }).unwrap();
+    let mut frames = load(folder).unwrap();
+    let rest = frames.set.frames.split_off(per);
+    let mut running = Running::open(frames).unwrap();
     running.add().unwrap();
     for photographs in rest.chunks(per).take(angles - 1) {
         running.push(photographs.to_vec()).unwrap();
@@ -27,7 +27,7 @@ fn a_series_that_grows_gives_the_same_maps_as_the_whole() {
     for exposures in [&EXPOSURES[..1], &EXPOSURES[..]] {
         let folder = tempfile::tempdir().unwrap();
         photograph(folder.path(), 6, exposures, Some(CAMERA));
-        let options = Options { model: Model::Sinusoid, ..Options::default() };
+        let options = Options { model: Some(Model::Sinusoid), ..Options::default() };
         let (whole, grown) = (folder.path().join("whole"), folder.path().join("grown"));
         let report = reconstruct(folder.path(), &whole, &options, &Silent).unwrap();
         let running = running(folder.path(), 6, exposures.len());

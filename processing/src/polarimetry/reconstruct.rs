@@ -31,8 +31,8 @@ use std::path::Path;
 /// What the user may choose.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// The model.
-    pub model: Model,
+    /// The model; [`Options::model_for`] says which one is the default.
+    pub model: Option<Model>,
     /// Whether photographs are moved back onto each other.
     pub align: Align,
     /// Whether oblique incidence is taken out.
@@ -43,6 +43,8 @@ pub struct Options {
     pub smooth: Smoothing,
     /// Smooth the map itself as well.
     pub smooth_maps: bool,
+    /// Also write `smoothed.exr`, the smoothed orientations at full size.
+    pub smoothed_exr: bool,
     /// Makes a map of periods, too.
     pub period: Option<PeriodMethod>,
     /// Replace results that are already there.
@@ -53,7 +55,7 @@ pub struct Options {
 /// division_of_focal_plane) into the new folder `out`.
 ///
 /// Memory: 6 floats per pixel and two decoded photographs, whatever the number of frames; where several exposures at each
-/// angle are merged, 22 floats and the photographs at two angles; 10 while the picture is smoothed.
+/// angle are merged, 22 floats and the photographs at two angles; 10 while the map is smoothed.
 ///
 /// # Errors
 /// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which
@@ -67,6 +69,12 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
 }
 
 impl Options {
+    /// The model asked for. By default [`Model::Auto`] for photographs of a capture session, which shows gratings lit by its panel;
+    /// [`Model::Plain`] for others, whose scene nobody declared.
+    pub fn model_for(&self, frames: &LoadedFrames) -> Model {
+        self.model.unwrap_or(if frames.from_session { Model::Auto } else { Model::Plain })
+    }
+
     /// Refuses what makes no sense, before anything is done; returns how periods are told, with the photographs' wavelength.
     ///
     /// # Errors
@@ -75,11 +83,31 @@ impl Options {
         if !self.offset_deg.is_finite() {
             return Err(Error::input("offset", format!("{} is no angle", self.offset_deg), "give finite degrees"));
         }
-        if self.smooth_maps && self.smooth == Smoothing::NONE {
-            let problem = "the map is to be smoothed, but the smoothing is none";
+        if (self.smooth_maps || self.smoothed_exr) && self.smooth == Smoothing::NONE {
+            let problem = "a smoothed map was asked for, but the smoothing is none";
             return Err(Error::input("smoothing", problem, "choose light, strong or a number of rounds"));
         }
+        if self.model_for(frames) == Model::Plain {
+            self.check_plain()?;
+        }
         self.period.as_ref().map(|p| p.completed(frames.set.wavelength_nm)).transpose()
+    }
+
+    /// Refuses options that plain polarimetry has no use for.
+    fn check_plain(&self) -> Result<()> {
+        let of_gratings = [
+            ("offset", self.offset_deg != 0.0),
+            ("oblique", self.oblique != Oblique::Off),
+            ("smoothed map", self.smooth_maps || self.smoothed_exr),
+            ("periods", self.period.is_some()),
+        ];
+        match of_gratings.into_iter().find(|(_, given)| *given) {
+            Some((option, _)) => {
+                let problem = "belongs to models of gratings, and the model is plain";
+                Err(Error::input(option, problem, "leave it out, or choose the model auto if this is a grating"))
+            }
+            None => Ok(()),
+        }
     }
 }
 
@@ -99,8 +127,12 @@ const CHUNK: usize = 1 << 14;
 
 impl Solved {
     /// σ of noise becomes that of noise, of the model, of what the lens mixes at edges, and of photographs that are left so many pixels apart.
-    pub fn tell_systematic(&mut self, apart_px: f64) {
+    /// Plain polarimetry has no model that could be wrong, and light that a lens mixes has the polarization of the mixture.
+    pub fn tell_systematic(&mut self, model: Model, apart_px: f64) {
         widen_where_apart(&mut self.map, apart_px as f32);
+        if model == Model::Plain {
+            return;
+        }
         let systematic = self.choice.as_ref().map_or(0.0, |c| c.systematic) as f32;
         let square = systematic * systematic;
         self.map.sigma.par_chunks_mut(CHUNK).for_each(|sigma| {
@@ -139,7 +171,12 @@ impl Asked {
     }
 
     /// What the user wants of these photographs.
-    pub(super) fn by(options: &Options, frames: &LoadedFrames, views: &[View], angles: &Angles) -> Self {
+    pub(super) fn by(
+        (options, model): (&Options, Model),
+        frames: &LoadedFrames,
+        views: &[View],
+        angles: &Angles,
+    ) -> Self {
         let size = [frames.info.width, frames.info.height];
         let stand = frames.set.geometry.and_then(|g| Stand::new(&g, size, views.first().map_or(1, |v| v.block)));
         Self {
@@ -147,7 +184,7 @@ impl Asked {
             stand: stand.map(|stand| (stand, frames.set.material.unwrap_or_default())),
             oblique: options.oblique,
             angle_sigma: angles.sigma.unwrap_or(0.0),
-            ..Self::of(options.model)
+            ..Self::of(model)
         }
     }
 }
@@ -163,7 +200,7 @@ pub(crate) fn orient_with(
     asked: &Asked,
 ) -> OrientationMaps {
     let mut solved = solve_model(maps, design, noise, asked);
-    solved.tell_systematic(0.0);
+    solved.tell_systematic(asked.model, 0.0);
     solved.map
 }
 
@@ -181,6 +218,10 @@ pub(super) fn solve_with(
     noise: &[FrameNoise],
     asked: &Asked,
 ) -> Solved {
+    if asked.model == Model::Plain {
+        let map = phases(maps, residual, design, noise, 0.0);
+        return Solved { map, without_grating: 0, circle: None, choice: None, oblique: None };
+    }
     let mut points = cloud(maps, design, noise, asked.pixels);
     points.retain(|p| p.snr >= f64::from(MASK_SNR));
     let distorted = distorted(&points, maps, design, asked.angle_sigma);
@@ -271,7 +312,7 @@ pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Des
 /// The report, but for what took how long.
 pub(super) fn reported(
     frames: &LoadedFrames,
-    options: &Options,
+    options: (&Options, Model),
     design: &Design,
     noise: (&[FrameNoise], NoiseSource),
     maps: &StokesMaps,

@@ -3,7 +3,7 @@
 use super::bracket_tests::write_set;
 use super::synthetic::normal;
 use super::{Align, NoiseModel, NoiseSource, Options, Report, Smoothing, reconstruct};
-use crate::frames::{Frame, FrameSet, Kind};
+use crate::frames::{Frame, FrameSet, Kind, SESSION_FILE};
 use crate::image::encode_png16_gray;
 use crate::progress::Silent;
 use std::path::Path;
@@ -27,6 +27,8 @@ pub(super) struct Series {
     pub shift: fn(usize) -> f64,
     /// Noise of the photographs over that of the camera that `frames.json` is told of, as a variance.
     pub louder: f64,
+    /// Another program took the photographs.
+    pub foreign: bool,
 }
 
 impl Default for Series {
@@ -40,6 +42,7 @@ impl Default for Series {
             lamp: |_| 1.0,
             shift: |_| 0.0,
             louder: 1.0,
+            foreign: false,
         }
     }
 }
@@ -57,6 +60,15 @@ impl Series {
 
     /// Photographs and results in `out` in a folder.
     pub(super) fn reconstructed(&self, folder: &Path, told: Option<NoiseModel>) -> Report {
+        self.photograph(folder, told);
+        // Moving photographs back smooths their noise.
+        let (model, align, smooth) = (Some(super::Model::Sinusoid), Align::Off, Smoothing::NONE);
+        let options = Options { model, align, smooth, ..Options::default() };
+        reconstruct(folder, &folder.join("out"), &options, &Silent).unwrap()
+    }
+
+    /// Writes the photographs and `frames.json` into `folder`.
+    pub(super) fn photograph(&self, folder: &Path, told: Option<NoiseModel>) {
         let frame = |(k, deg): (usize, &f64)| {
             let code = |i: usize| {
                 let (light, aolp) = Self::scene((i % SIZE) as f64 - (self.shift)(k), (i / SIZE) as f64);
@@ -82,10 +94,9 @@ impl Series {
             ..FrameSet::new(Kind::Polarization, frames)
         };
         write_set(folder, &set);
-        // Moving photographs back smooths their noise.
-        let (model, align, smooth) = (super::Model::Sinusoid, Align::Off, Smoothing::NONE);
-        let options = Options { model, align, smooth, ..Options::default() };
-        reconstruct(folder, &folder.join("out"), &options, &Silent).unwrap()
+        if !self.foreign {
+            std::fs::write(folder.join(SESSION_FILE), "{}").unwrap();
+        }
     }
 }
 

@@ -99,6 +99,8 @@ pub struct SmoothingReport {
     pub space_sigma_px: f32,
     /// `orientation.exr` is smoothed as well, with its σ, so that all numbers here are those of the smoothed map.
     pub map: bool,
+    /// `smoothed.exr` was written.
+    pub exr: bool,
 }
 
 /// Noise of an average frame: variance = `shot` · I + `floor`, in linear units.
@@ -128,7 +130,7 @@ pub struct Seconds {
 impl Report {
     pub(super) fn new(
         frames: &LoadedFrames,
-        options: &Options,
+        (options, asked): (&Options, Model),
         design: &Design,
         (noise, source): (&[FrameNoise], NoiseSource),
         pixels: Pixels,
@@ -138,14 +140,16 @@ impl Report {
         let block = if frames.set.layout.is_some() { 2 } else { 1 };
         let mean = |of: fn(&FrameNoise) -> f64| noise.iter().map(of).sum::<f64>() / noise.len().max(1) as f64;
         let set = &frames.set;
+        let smooth = if asked == Model::Plain { Smoothing::NONE } else { options.smooth };
         let chosen = choice.map(|c| &c.candidates[c.chosen]);
-        let model = chosen.map_or(Model::Sinusoid, |c| c.model);
+        let plain = asked == Model::Plain;
+        let model = chosen.map_or(if plain { Model::Plain } else { Model::Sinusoid }, |c| c.model);
         // What is wrong with the sinusoid does not matter to who has a better model.
         let checked = circle.iter().filter(|_| model == Model::Sinusoid);
         let mut warnings: Vec<String> = checked.flat_map(CircleCheck::warnings).collect();
         warnings.extend(choice.iter().filter(|_| model != Model::Sinusoid).flat_map(|c| c.warnings()));
         if pixels.valid == 0 {
-            warnings.push("no pixel shows enough modulation to carry an orientation: the map is empty".into());
+            warnings.push("no pixel shows enough modulation to tell an angle of polarization: the map is empty".into());
         }
         if options.smooth_maps {
             warnings.push(
@@ -157,12 +161,20 @@ impl Report {
         if source == NoiseSource::Assumed {
             warnings.push("three angles leave no residual and no noise is given, so σ assumes a modest camera".into());
         }
-        let error = ErrorReport::new(pixels.sigma_median_deg, error_of_model(solved));
+        // Of plain polarimetry there is no model that could be wrong.
+        let of_model = if plain { Some(0.0) } else { error_of_model(solved) };
+        let error = ErrorReport::new(pixels.sigma_median_deg, of_model);
+        let reason = || match (plain, options.model) {
+            (true, Some(_)) => "asked for",
+            (true, None) => {
+                "the default for photographs that no capture session took; choose the model auto if they show a grating lit by a panel"
+            }
+            _ => "too few pixels carry an orientation to compare models",
+        };
         Self {
             method: "polarization",
-            model: chosen.map_or_else(|| Model::Sinusoid.word().to_owned(), |c| c.name()),
-            model_reason: choice
-                .map_or_else(|| "too few pixels carry an orientation to compare models".into(), |c| c.reason.clone()),
+            model: chosen.map_or_else(|| model.word().to_owned(), |c| c.name()),
+            model_reason: choice.map_or_else(|| reason().into(), |c| c.reason.clone()),
             models: choice.map(Choice::report).unwrap_or_default(),
             warnings,
             width: frames.info.width / block,
@@ -176,10 +188,11 @@ impl Report {
             registration: None,
             repeats: None,
             smoothing: SmoothingReport {
-                strength: options.smooth,
-                rounds: options.smooth.rounds(),
+                strength: smooth,
+                rounds: smooth.rounds(),
                 space_sigma_px: SPACE_SIGMA_PX,
                 map: options.smooth_maps,
+                exr: options.smoothed_exr,
             },
             period: None,
             oblique: solved.oblique.clone(),

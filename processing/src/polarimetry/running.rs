@@ -1,6 +1,6 @@
 //! A reconstruction on its way: photographs are folded into sums as they come.
 
-use super::aligned::{alignment, correlated, fit_moved_back, put_angles_right};
+use super::aligned::{AngleErrors, alignment, correct_analyser_angles, correlated, fit_moved_back};
 use super::disk::Disk;
 use super::errors::{Angles, systematic};
 use super::merge::{Merge, clear_of_white};
@@ -222,13 +222,14 @@ impl Running {
     /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`. Nothing is left behind.
     pub fn finish(mut self, folder: OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
         let period = options.check(&self.frames)?;
+        let model = options.model_for(&self.frames);
         if self.added != self.brackets.len() {
             let problem = format!("only {} of its {} photographs were taken", self.added(), self.frames().len());
             return Err(Error::file(&self.frames.path, problem, "take the rest first"));
         }
         let (begun, before) = (Instant::now(), self.read_and_fit_s);
         let alignment = self.align(options.align, progress)?;
-        let misses = put_angles_right(&mut self, alignment.as_ref(), progress)?;
+        let angle_errors = correct_analyser_angles(&mut self, alignment.as_ref(), progress)?;
         self.read_and_fit_s = before + begun.elapsed().as_secs_f64();
         let (design, start) = (self.design()?, Instant::now());
         let Self { frames, linearizer, brackets, views, sums, sample, read_and_fit_s, .. } = self;
@@ -245,9 +246,10 @@ impl Running {
             shifts,
         };
         let (noise, source) = noise_of(&taken, &mut maps, &design);
-        let writer = Writer { folder: &folder, frames: &frames, options, progress };
-        let angles = misses.as_ref().map_or_else(|| Angles::of(&frames, &sample, &views), Angles::corrected);
-        let (disk, asked) = (Disk::new(), Asked::by(options, &frames, &views, &angles));
+        let writer = Writer { folder: &folder, frames: &frames, options, model, progress };
+        let corrected = angle_errors.as_ref().and_then(AngleErrors::corrected);
+        let angles = corrected.map_or_else(|| Angles::of(&frames, &sample, &views), Angles::corrected);
+        let (disk, asked) = (Disk::new(), Asked::by((options, model), &frames, &views, &angles));
         progress.stage("solving and writing maps", 5);
         let residual = std::mem::take(&mut maps.residual);
         // What no model changes is written while the model is chosen.
@@ -267,8 +269,9 @@ impl Running {
             let shared = shifts.map_or(1.0, |shifts| correlated(shifts, [frames.info.width, frames.info.height]));
             solved.map = smooth(&solved.map, options.smooth, shared, progress)?;
         }
-        let mut report = reported(&frames, options, &design, (&noise, source), &maps, &solved);
-        report.analyser_errors_deg = misses.map(|m| m.errors.iter().map(|e| e.to_degrees()).collect());
+        let mut report = reported(&frames, (options, model), &design, (&noise, source), &maps, &solved);
+        report.analyser_errors_deg = corrected.map(|m| m.errors.iter().map(|e| e.to_degrees()).collect());
+        report.warnings.extend(angle_errors.iter().filter_map(|errors| errors.warning(&frames, &brackets, &views)));
         report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
         report.with(systematic(&sample, &views, &noise, solved.choice.as_ref(), alignment.as_ref(), &angles));
         let apart_px = alignment.as_ref().map_or(0.0, Alignment::left_px);
@@ -284,7 +287,7 @@ impl Running {
             report.period = Some(said);
         }
         // The report has these terms one by one.
-        solved.tell_systematic(apart_px);
+        solved.tell_systematic(model, apart_px);
         writer.maps(maps, &solved.map, &disk)?;
         report.took(read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
         folder.write_json("report.json", &report)?;

@@ -16,28 +16,30 @@ use std::path::PathBuf;
 Examples:
   nacre reconstruct polarization session --out result
   nacre reconstruct polarization series/frames.json --out result --force --json
-  nacre reconstruct polarization cd --out result --offset-deg 12.5
-  nacre reconstruct polarization session --out result --smooth strong
+  nacre reconstruct polarization series --out result --model auto
+  nacre reconstruct polarization session --out result --offset-deg 12.5 --smooth strong
   nacre reconstruct polarization session --out result --contrast-period 1.2,3 --depth-um 0.1
   nacre reconstruct polarization session --out result --relative-period 0.7,2
 
-Writes stokes.exr (S0 S1 S2), aolp.exr (aolp dolp), orientation.exr (orientation sigma
-mask correlation), smoothed.exr, orientation.png (smoothed), sigma.png, dolp.png and
-report.json; with periods period.exr (period sigma mask) and period.png. Orientations are
-known up to one offset that all pixels share.")]
+The model plain writes stokes.exr (S0 S1 S2), aolp.exr (aolp dolp sigma mask correlation),
+aolp.png, dolp.png, sigma.png and report.json. Models of gratings write orientation.exr
+(orientation sigma mask correlation) and orientation.png (smoothed) in place of aolp.png;
+with periods also period.exr (period sigma mask) and period.png. Orientations are relative:
+one unknown offset, common to all pixels, remains.")]
 pub struct Polarization {
     /// Session folder, frames.json, or a folder holding one (`nacre import` makes one for your photographs).
     input: PathBuf,
     /// Folder for the results.
     #[arg(long)]
     out: PathBuf,
-    /// How the fitted phase becomes an orientation.
+    /// plain, or how the fitted phase becomes the orientation of a grating [default: auto for capture sessions, plain for other
+    /// photographs].
     ///
-    /// auto takes the simplest that explains the data; sinusoid: the phase is the orientation; prenormalized: the phase
-    /// about the mean of all pixels; circle: the phase about the centre of the circle that they lie on; curve: the nearest
-    /// place on the curve of the fitted film.
-    #[arg(long, default_value = "auto", value_name = "MODEL")]
-    model: Model,
+    /// plain: Stokes parameters, angle and degree of linear polarization. auto takes the simplest of the models of gratings that explains
+    /// the data; sinusoid: the phase is the orientation; prenormalized: the phase about the mean of all pixels; circle: the phase about the
+    /// centre of the circle that they lie on; curve: the nearest place on the curve of the fitted film.
+    #[arg(long, value_name = "MODEL")]
+    model: Option<Model>,
     /// auto moves photographs that lie shifted against each other back, where that is worth it; off leaves them.
     #[arg(long, default_value = "auto", value_name = "auto|off")]
     align: Align,
@@ -88,6 +90,9 @@ pub struct Polarization {
     /// written in any case, but the exit code is 1 when the estimate is larger or cannot be made.
     #[arg(long, value_name = "DEG")]
     max_error: Option<f64>,
+    /// Also write smoothed.exr: the smoothed orientations at full size.
+    #[arg(long)]
+    smoothed_exr: bool,
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
@@ -103,6 +108,7 @@ impl Polarization {
             offset_deg: self.offset_deg,
             smooth: self.smooth,
             smooth_maps: self.smooth_maps,
+            smoothed_exr: self.smoothed_exr,
             period: self.period(),
             overwrite: self.force,
         };
@@ -147,17 +153,19 @@ pub fn summary(report: &Report) -> String {
         report.model,
         report.model_reason
     );
+    let plain = report.model == Model::Plain.word();
+    let carry = if plain { "have an angle of polarization" } else { "carry an orientation" };
+    let bare = |n: usize| if plain { String::new() } else { format!("{:.1} % metal without a grating, ", percent(n)) };
     let _ = writeln!(
         text,
-        "pixels    {:.1} % carry an orientation; masked: {:.1} % too little modulation, {:.1} % metal without a grating, \
-         {:.1} % saturated",
+        "pixels    {:.1} % {carry}; masked: {:.1} % too little modulation, {}{:.1} % saturated",
         percent(pixels.valid),
         percent(pixels.too_little_modulation),
-        percent(pixels.without_grating),
+        bare(pixels.without_grating),
         percent(pixels.saturated)
     );
     if let Some(estimate) = report.error_estimate_deg {
-        let _ = writeln!(text, "estimate  a typical orientation is good to {estimate:.3}°, all that is known together");
+        let _ = writeln!(text, "estimate  expected error of a typical pixel: {estimate:.3}° (all known terms)");
     }
     let _ = writeln!(text, "error     {}", terms(&report.error));
     if let Some(repeats) = &report.repeats {
@@ -196,8 +204,8 @@ pub fn summary(report: &Report) -> String {
 fn terms(error: &ErrorReport) -> String {
     let term = |name: &str, deg: Option<f64>| deg.map_or(format!("{name} unknown"), |v| format!("{name} {v:.3}°"));
     let off = error.angle_sigma_deg.map_or(String::new(), |v| match error.angle_source {
-        Some(AngleSource::Corrected) => format!(" (put right to {v:.3}°)"),
-        _ => format!(" (they are off by {v:.3}°)"),
+        Some(AngleSource::Corrected) => format!(" (corrected to {v:.3}°)"),
+        _ => format!(" (error of an angle {v:.3}°)"),
     });
     let angles = term("analyser angles", error.angle_deg) + &off;
     let rest = [term("registration", error.registration_deg), term("model", error.model_deg)].join(", ");

@@ -42,6 +42,7 @@ fn spec(model: &str) -> Spec {
         offset_deg: 1.25,
         smooth: Smoothing::LIGHT,
         smooth_maps: false,
+        smoothed_exr: false,
         period: None,
     }
 }

@@ -65,6 +65,12 @@ impl Smoothing {
     pub fn rounds(self) -> u32 {
         self.0
     }
+
+    /// The smoothing that reaches as far in a map of which each pixel stands for `step` × `step` of these.
+    pub(super) fn coarser(self, step: usize) -> Self {
+        let areas = step.saturating_mul(step).min(MOST as usize).max(1) as u32;
+        if self == Self::NONE { self } else { Self((self.0 / areas).max(1)) }
+    }
 }
 
 impl Default for Smoothing {
