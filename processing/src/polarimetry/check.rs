@@ -110,6 +110,24 @@ pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCh
     Some(CircleCheck { center, radius, spread, spread_of_noise, gap_deg, bias_deg })
 }
 
+/// Root mean square distance of points from their mean, relative to its distance from the origin, below which they lie together.
+const TOGETHER: f64 = 0.1;
+
+/// Whether points lie together away from the origin, and not on a ring: light of nearly one polarization, which any circle explains.
+pub(super) fn lie_together(points: &[CloudPoint]) -> bool {
+    let points: Vec<[f64; 2]> = points.iter().map(|p| p.at).collect();
+    let n = points.len().max(1) as f64;
+    let mean = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / n);
+    let square = points.iter().map(|p| (p[0] - mean[0]).powi(2) + (p[1] - mean[1]).powi(2)).sum::<f64>() / n;
+    let ring = || {
+        least_squares_circle(&points).is_some_and(|circle| {
+            let spread = distance_of(0.8, &points, circle) / 1.2816 / circle.1;
+            spread < NO_RING_SPREAD && gap(&points, circle.0) <= WIDEST_GAP_DEG
+        })
+    };
+    square.sqrt() < TOGETHER * mean[0].hypot(mean[1]) && !ring()
+}
+
 /// Centre of the least-squares circle through points, a start for better fits.
 pub(super) fn circle_center(points: &[CloudPoint]) -> Option<[f64; 2]> {
     let points: Vec<[f64; 2]> = points.iter().map(|p| p.at).collect();
@@ -247,6 +265,24 @@ mod tests {
             .collect();
         let c = check_points(&points);
         assert!(!c.bias_is_known() && c.warnings().iter().any(|w| w.contains("several periods")), "{c:?}");
+    }
+
+    /// A spot and a streak lie together, a small ring and a long arc do not.
+    #[test]
+    fn points_that_lie_together_are_told_from_curves() {
+        let cloud = |of: &dyn Fn(f64) -> [f64; 2]| -> Vec<CloudPoint> {
+            let at = |i: usize| of(i as f64 / 1000.0);
+            (0..1000)
+                .map(|pixel| CloudPoint { pixel, at: at(pixel), covariance: [1e-6, 0.0, 1e-6], snr: 100.0 })
+                .collect()
+        };
+        let turn = |t: f64| std::f64::consts::TAU * t;
+        let spot = |t: f64| [0.4 + 0.02 * t.sqrt() * (997.0 * t).cos(), 0.3 + 0.02 * t.sqrt() * (997.0 * t).sin()];
+        let streak = |t: f64| [0.4 + 0.04 * t, 0.3 + 0.03 * t + 1e-3 * (997.0 * t).sin()];
+        let ring = |t: f64| [0.5 + 0.03 * turn(t).cos(), 0.03 * turn(t).sin()];
+        let arc = |t: f64| [0.5 * (0.2 * turn(t)).cos(), 0.5 * (0.2 * turn(t)).sin()];
+        assert!(lie_together(&cloud(&spot)) && lie_together(&cloud(&streak)));
+        assert!(!lie_together(&cloud(&ring)) && !lie_together(&cloud(&arc)));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Chooses the model: the one of most evidence, or the one that was asked for, and how far it may be wrong.
 
 use super::angle_difference;
+use super::check::lie_together;
 use super::cloud::{CloudPoint, SAMPLE, thinned};
 use super::foot::Path;
 use super::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
@@ -91,6 +92,10 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
         return None;
     }
     let (mut candidates, count) = (candidates(points), points.len());
+    let together = wanted == Model::Auto && lie_together(points);
+    if together {
+        candidates.retain(|c| c.model == Model::Sinusoid);
+    }
     let enough = wanted != Model::Curve && sinusoid_is_enough(&candidates, points);
     // Beside a model that was asked for, others only tell how wrong it is: a part of the points does.
     let asked = !matches!(wanted, Model::Auto | Model::Curve);
@@ -101,7 +106,7 @@ pub(super) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
         Model::Auto if least(&candidates) < UNEXPLAINED => count < MIXTURE,
         _ => count < FEW_CURVE_POINTS,
     };
-    if !enough && !few {
+    if !enough && !few && !together {
         let circle = candidates.last()?.curve;
         let all = wanted == Model::Curve || count >= CURVE_POINTS;
         // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
@@ -352,6 +357,9 @@ fn reason(
     }
     if enough && candidates[chosen].model == Model::Sinusoid {
         return "(S1/S0, S2/S0) lie on a circle about the origin to their noise, so nothing more is needed".into();
+    }
+    if candidates.len() == 1 {
+        return "the points (S1/S0, S2/S0) lie together away from the origin: they cannot tell a film from polarized light".into();
     }
     if !explained {
         return "no model explains the data, so it is the one that assumes least: see warnings".into();

@@ -66,14 +66,15 @@ fn stated_angles_are_kept_and_doubt_is_a_warning() {
     }
 }
 
-/// Writes photographs of a scene of one polarization, 60 % of the light, with noise, and reconstructs them.
+/// Writes photographs of a scene of one angle of polarization, which is 60 to 65 % of the light, with noise, and reconstructs them.
 fn uniform(folder: &Path, options: &Options) -> Report {
     const SIZE: usize = 96;
     let frames = (0..8_u64).map(|k| {
         let deg = 45.0 * k as f64;
-        let level = 0.4 * (1.0 + 0.6 * (2.0 * (deg - 20.0_f64).to_radians()).cos());
+        let turned = (2.0 * (deg - 20.0_f64).to_radians()).cos();
+        let level = |i: usize| 0.4 * (1.0 + (0.6 + 0.05 * (i % SIZE) as f64 / SIZE as f64) * turned);
         let codes: Vec<u16> =
-            (0..SIZE * SIZE).map(|i| ((level + 0.004 * normal(k, i as u64)) * 65_535.0) as u16).collect();
+            (0..SIZE * SIZE).map(|i| ((level(i) + 0.004 * normal(k, i as u64)) * 65_535.0) as u16).collect();
         let file = format!("{k:02}.png");
         std::fs::write(folder.join(&file), encode_png16_gray(SIZE, SIZE, &codes).unwrap()).unwrap();
         Frame { analyser_deg: Some(deg), ..Frame::new(file) }
