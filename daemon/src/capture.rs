@@ -5,7 +5,7 @@ use crate::console::Console;
 use crate::engine::{Control, Engine, Input, Observer, State};
 use crate::plan::{Method, Plan, ReconstructPlan};
 use crate::rig::Rig;
-use crate::session::{Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
+use crate::session::{self, Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::polarimetry::{self, Align, Options, Report, Running};
@@ -194,7 +194,19 @@ pub fn cannot_resume(folder: &Path, error: &std::io::Error) -> Failure {
     if error.kind() == std::io::ErrorKind::WouldBlock {
         return Error::file(folder, "is being captured by another process", "wait for it or stop it").into();
     }
-    Error::file(folder, format!("cannot be resumed: {error}"), "give a folder that `nacre capture` made").into()
+    let remedy = match error.kind() {
+        std::io::ErrorKind::InvalidData => {
+            "put an undamaged copy of the file back (without frames.json, it is written anew), or begin a new session"
+        }
+        _ => "give a folder that `nacre capture` made",
+    };
+    Error::file(folder, format!("cannot be resumed: {error}"), remedy).into()
+}
+
+/// Frames of a session that has them all and the results that its plan asks for, so that there is nothing to resume.
+pub fn complete(folder: &Path) -> Option<usize> {
+    // What is wrong with another one, resuming it says.
+    session::check(folder).ok().filter(|c| c.is_complete()).map(|c| c.planned)
 }
 
 /// Refuses a plan that asks more than the devices can do. `place` is where the plan came from.

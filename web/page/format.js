@@ -59,8 +59,13 @@ export function moment(unixSeconds) {
   return `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())} ${two(date.getHours())}:${two(date.getMinutes())}`;
 }
 
-/** Time of day, for logs. */
-export const clock = (date = new Date()) => date.toTimeString().slice(0, 8);
+/** When something happened, for logs: the time of day, and the date where that is not today's. */
+export function happened(unixSeconds, now = new Date()) {
+  if (!known(unixSeconds)) return DASH;
+  const date = new Date(1000 * unixSeconds);
+  const time = date.toTimeString().slice(0, 8);
+  return date.toDateString() === now.toDateString() ? time : `${moment(unixSeconds).slice(0, 10)} ${time}`;
+}
 
 /** A whole number with thin spaces between thousands. */
 export const count = (value) => (known(value) ? String(Math.round(value)).replace(/\B(?=(\d{3})+$)/g, "\u202f") : DASH);

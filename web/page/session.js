@@ -3,7 +3,7 @@
 import { get, listen, makeDownload, picture, post, show } from "./api.js";
 import { facts, figures, h, panel, say, segments, settle } from "./dom.js";
 import { complain } from "./feedback.js";
-import { bytes, clock, degrees, duration, fileName, moment, percent, words } from "./format.js";
+import { bytes, degrees, duration, fileName, happened, moment, percent, words } from "./format.js";
 import { dial } from "./dial.js";
 import { bar, wheel } from "./legend.js";
 import { prepare } from "./new.js";
@@ -110,8 +110,11 @@ export async function sessionPage(main, { id, signal }) {
         panel("Events", null, log), h("section", { class: "panel stack" }, table, files,
           h("details", {}, h("summary", {}, "Plan"), h("pre", { class: "scroll code", tabindex: 0 }, session.plan ? pretty(session.plan) : ""))))));
 
-  function note(text) {
-    log.prepend(h("li", {}, h("time", {}, clock()), text));
+  /** What events told last of state and stage, so that only changes are listed. */
+  const told = { state: "", stage: "" };
+  /** Lists what happened; the time is the service's, so that it is the same after a reload. */
+  function note(text, time) {
+    log.prepend(h("li", {}, h("time", {}, happened(time)), text));
     while (log.children.length > LOG_LINES) log.lastElementChild?.remove();
   }
 
@@ -128,8 +131,6 @@ export async function sessionPage(main, { id, signal }) {
   /** @param {Session | null} next */
   function take(next) {
     if (!next) return;
-    if (next.state !== session.state) note(`State: ${next.state}`);
-    if (next.stage && next.stage !== session.stage) note(`Stage: ${words(next.stage)}`);
     const results = next.has_results && !session.has_results;
     session = { ...session, ...next };
     paint();
@@ -223,13 +224,19 @@ export async function sessionPage(main, { id, signal }) {
   }
 
   const handlers = {
-    state: take,
+    state(next) {
+      // The state of a session that nobody works on has no time: its journal has told what happened.
+      if (next.time && next.state !== told.state) note(`State: ${next.state}`, next.time);
+      if (next.time && next.stage && next.stage !== told.stage) note(`Stage: ${words(next.stage)}`, next.time);
+      Object.assign(told, { state: next.state, stage: next.stage });
+      take(next);
+    },
     frame(frame) {
+      note([fileName(frame.file), typeof frame.analyser_deg === "number" && degrees(frame.analyser_deg), duration(frame.exposure_s),
+        frame.dropped > 0 && `${frame.dropped} stale dropped`].filter(Boolean).join(" · "), frame.time);
       if (frames.some((f) => f.file === frame.file)) return;
       frames = [...frames, frame];
       session.frames_committed = Math.max(session.frames_committed, frames.length);
-      note([fileName(frame.file), typeof frame.analyser_deg === "number" && degrees(frame.analyser_deg), duration(frame.exposure_s),
-        frame.dropped > 0 && `${frame.dropped} stale dropped`].filter(Boolean).join(" · "));
       paint();
       refreshFrame();
       framesLater();
@@ -239,13 +246,13 @@ export async function sessionPage(main, { id, signal }) {
       session.sigma = so_far;
       paint();
     },
-    results() {
-      note("Results are there");
+    results({ time }) {
+      note("Results are there", time);
       session.has_results = true;
       paint();
       refreshMap();
     },
-    note: ({ text }) => note(text),
+    note: ({ text, time }) => note(text, time),
   };
   // After a break the session can be anywhere: read it again rather than trust the events that were missed.
   async function reload() {

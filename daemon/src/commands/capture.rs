@@ -2,7 +2,7 @@
 
 use super::bench::{BenchArgs, runtime};
 use crate::Failure;
-use crate::capture::{Capture, Taken, cannot_resume, check_limits, steer};
+use crate::capture::{Capture, Taken, cannot_resume, check_limits, complete, steer};
 use crate::catalogue::note_session;
 use crate::console::Console;
 use crate::engine::Control;
@@ -50,6 +50,11 @@ pub struct Args {
 
 /// Captures a session, or what is missing of one.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
+    if let Some((folder, frames)) = args.resume.as_ref().and_then(|folder| Some((folder, complete(folder)?))) {
+        let value = serde_json::json!({ "session": folder, "frames": frames, "complete": true });
+        console.result(&format!("session is complete: {frames} frames"), &value);
+        return Ok(());
+    }
     let plan = args.plan.as_ref().map(|path| Plan::read(path).map(|plan| (plan, path))).transpose()?;
     let mut place = match &args.resume {
         Some(folder) => bench_of(args, folder)?,
@@ -174,12 +179,12 @@ fn report(taken: &Taken, console: &Console) {
     if let Some(metering) = taken.metering {
         let _ = write!(text, " ({:.1} s of it metering)", metering.device_s);
     }
-    let _ = write!(
-        text,
-        ", {:.2} s of the engine's ({:.1} %)\nsession   {folder}\n",
-        t.engine_s,
-        100.0 * t.engine_s / t.device_s.max(1e-9)
-    );
+    let _ = write!(text, ", {:.2} s of the engine's", t.engine_s);
+    // A run that takes no frame needs no time of the devices.
+    if t.device_s > 0.0 {
+        let _ = write!(text, " ({:.1} %)", 100.0 * t.engine_s / t.device_s);
+    }
+    let _ = write!(text, "\nsession   {folder}\n");
     match (&taken.results, taken.results_after_s) {
         (Some(results), Some(after)) => {
             let _ = write!(text, "results   {}, {after:.2} s after the last frame", results.display());

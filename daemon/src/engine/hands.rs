@@ -38,6 +38,8 @@ pub struct Hands<'a> {
     pub memory: Memory,
     /// Time that the devices took.
     pub stopwatch: Stopwatch,
+    /// Analyser angle of a session whose plan does not turn the analyser, once it is known.
+    pub stood: Option<f64>,
 }
 
 /// What is known of the devices, from one piece of work to the next.
@@ -105,7 +107,7 @@ impl<'a> Hands<'a> {
     /// Takes the devices in hand again.
     pub fn with(devices: &'a mut Devices, memory: Memory) -> Self {
         let limits = devices.limits();
-        Self { devices, limits, memory, stopwatch: Stopwatch::default() }
+        Self { devices, limits, memory, stopwatch: Stopwatch::default(), stood: None }
     }
 
     /// What the devices can do.

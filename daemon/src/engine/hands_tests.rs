@@ -1,10 +1,13 @@
 //! The hands on a simulated bench with a lamp that needs long to be steady.
 
+use super::take::prepare;
 use super::{Devices, Hands};
+use crate::plan::Plan;
 use async_trait::async_trait;
-use nacre_drivers::{Clock, DeviceResult, Flash, FlashInfo, Pattern, Switched};
+use nacre_drivers::{Clock, DeviceResult, Flash, FlashInfo, HandStage, Pattern, Prompt, Switched};
 use nacre_processing::progress::Silent;
 use nacre_sim::{Bench, BenchConfig, SharedBench, SimDevice};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 const SETTLING: Duration = Duration::from_secs(10);
@@ -72,4 +75,58 @@ fn other_devices_are_used_while_a_lamp_settles() {
         hands.dark().await
     })
     .unwrap();
+}
+
+/// As after a pause: an analyser that the plan leaves alone must be where it was.
+#[test]
+fn an_analyser_that_the_plan_leaves_alone_is_compared() {
+    let plan: Plan = toml::from_str("kind = \"flash\"").unwrap();
+    let (_bench, mut devices) = bench();
+    let mut hands = Hands::new(&mut devices);
+    run(async {
+        hands.turn(20.0).await.unwrap();
+        prepare(&mut hands, &plan).await.unwrap();
+        let stood = hands.stood.unwrap();
+        assert!((stood - 20.0).abs() < 0.1, "{stood}");
+        prepare(&mut hands, &plan).await.unwrap();
+        for moved in [20.4, 65.0, -20.0] {
+            hands.turn(moved).await.unwrap();
+            let error = prepare(&mut hands, &plan).await.unwrap_err().to_string();
+            assert!(
+                error.contains("simulated stage") && error.contains(&format!("turn the analyser back to {stood:.3}°")),
+                "{error}"
+            );
+        }
+        hands.turn(20.0).await.unwrap();
+        prepare(&mut hands, &plan).await.unwrap();
+        assert_eq!(hands.stood, Some(stood));
+    });
+}
+
+struct Asked(Arc<Mutex<Vec<String>>>);
+
+impl Prompt for Asked {
+    fn ask(&mut self, request: &str) -> std::io::Result<()> {
+        self.0.lock().unwrap().push(request.into());
+        Ok(())
+    }
+}
+
+/// One that a person turns is asked for where it is not known to be there, and nothing is asked before that is known.
+#[test]
+fn a_person_is_asked_to_turn_the_analyser_back() {
+    let plan: Plan = toml::from_str("kind = \"flash\"").unwrap();
+    let (bench, mut devices) = bench();
+    let asked = Arc::new(Mutex::new(vec![]));
+    devices.stage = Box::new(HandStage::new(Box::new(Asked(asked.clone())), Arc::new(bench), None));
+    let mut hands = Hands::new(&mut devices);
+    run(async {
+        prepare(&mut hands, &plan).await.unwrap();
+        assert_eq!((hands.stood, asked.lock().unwrap().len()), (None, 0));
+        hands.stood = Some(37.0);
+        for _ in 0..2 {
+            prepare(&mut hands, &plan).await.unwrap();
+            assert_eq!(*asked.lock().unwrap(), ["turn the analyser to 37° and press Enter"]);
+        }
+    });
 }

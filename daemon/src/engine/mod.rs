@@ -47,10 +47,10 @@ const QUEUE: usize = 2;
 
 /// Follows a run from other threads.
 pub trait Observer: Progress {
-    /// A step's frame is stored for good.
-    fn stored(&self, _step: &Step, _evidence: &Commit) {}
-    /// Something else went into the journal.
-    fn noted(&self, _entry: &Entry) {}
+    /// A step's frame is stored for good, since this time in Unix seconds.
+    fn stored(&self, _step: &Step, _evidence: &Commit, _time: Option<f64>) {}
+    /// Something else went into the journal at this time in Unix seconds.
+    fn noted(&self, _entry: &Entry, _time: Option<f64>) {}
     /// Whether the map is to be looked at while frames arrive.
     fn wants_map(&self) -> bool {
         false
@@ -154,9 +154,11 @@ impl Engine<'_> {
         let (out, queue) = mpsc::channel(QUEUE);
         let (arrivals, arrived) = std::sync::mpsc::channel();
         let (known, before_chosen) = (steps.clone(), chosen.clone());
+        let mut hands = Hands::new(self.devices);
+        hands.stood = session.journal().stood().filter(|_| !plan.turns());
         let store = Store { session, description, steps: known, chosen: before_chosen, camera, observer, arrivals };
         let taker = Taker {
-            hands: Hands::new(self.devices),
+            hands,
             watch: self.watch,
             control: self.control,
             plan,

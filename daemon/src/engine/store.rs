@@ -87,12 +87,14 @@ impl<D: Disk> Store<'_, D> {
     }
 
     fn note(&mut self, entry: Entry) -> Result<(), Failure> {
-        self.observer.noted(&entry);
+        self.session.record(entry).map_err(|e| self.refused(Journal::NAME, e))?;
+        let Some((time, entry)) = self.session.journal().timed().next_back() else { return Ok(()) };
+        self.observer.noted(entry, time);
         if let Entry::Chosen { added, .. } = entry {
-            self.chosen.push(added);
+            self.chosen.push(*added);
             self.steps = self.description.plan.steps_with(&self.chosen);
         }
-        self.session.record(entry).map_err(|e| self.refused(Journal::NAME, e))
+        Ok(())
     }
 
     /// Tells of frames that are there already.
@@ -122,8 +124,8 @@ impl<D: Disk> Store<'_, D> {
         let png = encode_png16_gray(width, height, &codes).map_err(|e| self.refused(&file, e))?;
         self.session.store(&file, &png, shot.evidence.clone()).map_err(|e| self.refused(&file, e))?;
         self.announce(shot.index, &shot.evidence);
-        if let Some(commit) = self.session.journal().commit(&file) {
-            self.observer.stored(&self.steps[shot.index], commit);
+        if let Some((time, Entry::Committed(commit))) = self.session.journal().timed().next_back() {
+            self.observer.stored(&self.steps[shot.index], commit, time);
         }
         self.observer.step();
         Ok(())

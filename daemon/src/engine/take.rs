@@ -8,7 +8,7 @@ use super::watch::Watch;
 use crate::Failure;
 use crate::plan::{Added, Plan, Step, groups};
 use crate::session::{Commit, Entry};
-use nacre_drivers::Class;
+use nacre_drivers::{Class, DeviceError, DeviceResult};
 use nacre_processing::Error;
 use nacre_processing::image::Averaging;
 use std::time::{Duration, Instant};
@@ -17,6 +17,10 @@ use tokio::sync::oneshot;
 
 /// A step that goes wrong in a way that may pass is tried this often in all.
 const ATTEMPTS: u32 = 3;
+
+/// An analyser within this angle of where it stood was not moved: stages repeat an angle to some hundredths of a degree,
+/// and 0.1° changes the light behind the analyser by less than 0.4 % of its mean.
+const UNMOVED_DEG: f64 = 0.1;
 
 /// How a series goes on, as it is decided.
 pub type Decisions = UnboundedReceiver<nacre_processing::Result<Decision>>;
@@ -194,9 +198,33 @@ impl Taker<'_> {
     }
 }
 
-async fn prepare(hands: &mut Hands<'_>, plan: &Plan) -> Result<(), Failure> {
-    let turns = plan.analyser.is_some() || plan.steps.iter().any(|s| s.analyser_deg.is_some());
-    Ok(hands.prepare(turns).await?)
+/// Brings the devices into a known state: at first, after a pause, and after a failure.
+pub(super) async fn prepare(hands: &mut Hands<'_>, plan: &Plan) -> Result<(), Failure> {
+    hands.prepare(plan.turns()).await?;
+    if !plan.turns() {
+        compare_analyser(hands).await?;
+    }
+    Ok(())
+}
+
+/// Learns where an analyser stands that the plan does not turn, or compares it with where it stood at the frames before.
+/// A person is asked to turn it back; a stage is not moved, since such a plan leaves it alone.
+async fn compare_analyser(hands: &mut Hands<'_>) -> DeviceResult<()> {
+    let Some(stood) = hands.stood else {
+        // A stage that cannot say it is no reason to refuse a plan that does not need it.
+        hands.stood = hands.position().await.ok().filter(|at| at.is_finite());
+        return Ok(());
+    };
+    let stage = hands.limits().stage.clone();
+    let tolerance = stage.tolerance_deg.min(UNMOVED_DEG);
+    let stands = match hands.position().await {
+        Ok(at) if (at - stood).abs() <= tolerance => return Ok(()),
+        _ if stage.by_hand => return hands.turn(stood).await,
+        other => other?,
+    };
+    let expected = format!("{stood:.3}° within {tolerance}°, as in the frames so far");
+    Err(DeviceError::new(&stage.id, "stand where the analyser stood", expected, format!("{stands:.3}°"))
+        .remedy(format!("turn the analyser back to {stood:.3}°, then resume the session")))
 }
 
 /// Brings the bench into the group's state and takes its frames, one after the other.
@@ -254,7 +282,7 @@ async fn shoot(hands: &mut Hands<'_>, plan: &Plan, step: &Step, index: usize) ->
     }
     let analyser_deg = match step.state.analyser_deg {
         Some(_) => Some(hands.position().await?),
-        None => None,
+        None => hands.stood,
     };
     let (freshness, controls) = (hands.freshness(), hands.controls());
     let evidence = Commit {

@@ -114,6 +114,11 @@ impl Plan {
         }
     }
 
+    /// Whether the plan turns the analyser; otherwise it is left as it is.
+    pub fn turns(&self) -> bool {
+        self.analyser.is_some() || self.steps.iter().any(|s| s.analyser_deg.is_some())
+    }
+
     /// Whether the session's exposure time has to be metered.
     pub fn is_metered(&self) -> bool {
         self.camera.exposure_ms.is_none() && self.steps().iter().any(|s| s.state.exposure_ms.is_none())

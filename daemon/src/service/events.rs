@@ -32,6 +32,15 @@ struct Entry {
     data: Arc<str>,
 }
 
+/// Data with the time of what they tell.
+#[derive(Serialize)]
+struct Timed<'a, T> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time: Option<f64>,
+    #[serde(flatten)]
+    data: &'a T,
+}
+
 impl Default for EventLog {
     fn default() -> Self {
         Self { entries: Mutex::default(), newest: watch::Sender::new(0), closed: watch::Sender::new(false) }
@@ -50,6 +59,22 @@ impl EventLog {
         }
         drop(entries);
         self.newest.send_replace(id);
+    }
+
+    /// Adds an event of a session with its `time` in Unix seconds, where it is known.
+    pub fn push_at(&self, name: &'static str, time: Option<f64>, data: &impl Serialize) {
+        self.push(name, &Timed { time, data });
+    }
+
+    /// A log that goes on from this one, with its events and numbers.
+    pub fn continued(&self) -> Self {
+        let entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        Self { newest: watch::Sender::new(*self.newest.borrow()), entries: Mutex::new(entries), ..Self::default() }
+    }
+
+    /// Whether no event is kept.
+    pub fn is_empty(&self) -> bool {
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner).is_empty()
     }
 
     /// Forgets what happened; numbers go on.

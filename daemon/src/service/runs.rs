@@ -1,16 +1,17 @@
-//! Runs of sessions in the service: what they tell while they run.
+//! Runs of sessions in the service: what they tell while they run, and what the journal tells of them afterwards.
 
 use super::events::EventLog;
 use super::problem::Problem;
 use crate::Failure;
 use crate::engine::{Control, Observer, SoFar, State};
 use crate::plan::{Added, Plan, Step};
-use crate::session::{Commit, Entry};
+use crate::session::{Commit, Entry, Journal, SessionFile};
 use nacre_drivers::DeviceError;
 use nacre_processing::polarimetry::{Glance, Running};
 use nacre_processing::progress::Progress;
-use serde_json::json;
-use std::path::PathBuf;
+use serde_json::{Value, json};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Instant, SystemTime};
 
@@ -63,6 +64,11 @@ impl Run {
         };
         let created = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs());
         Self { id, folder, plan, created, control: Arc::default(), events: Arc::default(), inner: Mutex::new(inner) }
+    }
+
+    /// A run of a session of which this happened already.
+    pub fn resumed(self, events: EventLog) -> Self {
+        Self { events: Arc::new(events), ..self }
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
@@ -138,7 +144,7 @@ impl Progress for Run {
         let mut inner = self.inner();
         (inner.stage, inner.steps, inner.done, inner.begun) = (name.to_owned(), steps, 0, Instant::now());
         drop(inner);
-        self.events.push("stage", &json!({ "stage": name, "steps": steps }));
+        self.events.push_at("stage", now(), &json!({ "stage": name, "steps": steps }));
     }
 
     fn step(&self) {
@@ -152,26 +158,15 @@ impl Progress for Run {
 }
 
 impl Observer for Run {
-    fn stored(&self, step: &Step, evidence: &Commit) {
-        let (exposure_s, gain) = evidence.controls();
-        let data = json!({
-            "file": step.file, "analyser_deg": step.state.analyser_deg, "exposure_s": exposure_s, "gain": gain,
-            "dropped": evidence.dropped, "sequence": evidence.sequence, "index": self.inner().done,
-        });
-        self.events.push("frame", &data);
+    fn stored(&self, step: &Step, evidence: &Commit, time: Option<f64>) {
+        let index = self.inner().done;
+        self.events.push_at("frame", time, &frame(step, evidence, index));
     }
 
-    fn noted(&self, entry: &Entry) {
-        let text = match entry {
-            Entry::Retried { reason } => format!("again after: {reason}"),
-            Entry::Paused => "paused, with the light off".into(),
-            Entry::Stopped { reason, .. } => format!("stopped: {reason}"),
-            Entry::Chosen { added: Added::Angle { analyser_deg }, .. } => format!("next angle: {analyser_deg}°"),
-            Entry::Chosen { added: Added::Fringes { fringes }, .. } => format!("more fringes: {fringes}"),
-            Entry::Ended(end) => end.text(),
-            _ => return,
-        };
-        self.events.push("note", &json!({ "text": text }));
+    fn noted(&self, entry: &Entry, time: Option<f64>) {
+        if let Some(text) = note(entry) {
+            self.events.push_at("note", time, &json!({ "text": text }));
+        }
     }
 
     fn wants_map(&self) -> bool {
@@ -180,14 +175,70 @@ impl Observer for Run {
 
     fn so_far(&self, so_far: &SoFar) {
         self.inner().sigma = Some(*so_far);
-        self.events.push("sigma", so_far);
+        self.events.push_at("sigma", now(), so_far);
     }
 
     fn map(&self, running: &Running) {
         if let Some(glance) = running.glance(MAP_WIDTH) {
             let frames = glance.frames;
             self.inner().map = Some(Arc::new(glance));
-            self.events.push("map", &json!({ "frames": frames }));
+            self.events.push_at("map", now(), &json!({ "frames": frames }));
         }
     }
+}
+
+/// Unix seconds now.
+pub fn now() -> Option<f64> {
+    SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok().map(|d| d.as_millis() as f64 / 1000.0)
+}
+
+/// The events that a session's journal tells, with its times; none for what has no journal.
+pub fn history(folder: &Path) -> EventLog {
+    let log = EventLog::default();
+    let read = SessionFile::read(folder).and_then(|file| Ok((file, Journal::read(&folder.join(Journal::NAME))?.0)));
+    let Ok((file, journal)) = read else { return log };
+    let steps = file.plan.steps_with(&journal.chosen());
+    let steps: HashMap<&str, &Step> = steps.iter().map(|s| (s.file.as_str(), s)).collect();
+    let mut index = 0;
+    for (time, entry) in journal.timed() {
+        match entry {
+            Entry::Committed(commit) => {
+                if let Some(step) = steps.get(commit.file.as_str()) {
+                    log.push_at("frame", time, &frame(step, commit, index));
+                    index += 1;
+                }
+            }
+            other => {
+                if let Some(text) = note(other) {
+                    log.push_at("note", time, &json!({ "text": text }));
+                }
+            }
+        }
+    }
+    log
+}
+
+/// Data of the event that a frame is stored.
+fn frame(step: &Step, evidence: &Commit, index: u64) -> Value {
+    let (exposure_s, gain) = evidence.controls();
+    json!({
+        "file": step.file, "analyser_deg": step.state.analyser_deg, "exposure_s": exposure_s, "gain": gain,
+        "dropped": evidence.dropped, "sequence": evidence.sequence, "index": index,
+    })
+}
+
+/// What a person should know of an entry of the journal.
+fn note(entry: &Entry) -> Option<String> {
+    Some(match entry {
+        Entry::Begun => "begun".into(),
+        Entry::Resumed => "resumed".into(),
+        Entry::Finished(_) => "finished".into(),
+        Entry::Retried { reason } => format!("again after: {reason}"),
+        Entry::Paused => "paused, with the light off".into(),
+        Entry::Stopped { reason, .. } => format!("stopped: {reason}"),
+        Entry::Chosen { added: Added::Angle { analyser_deg }, .. } => format!("next angle: {analyser_deg}°"),
+        Entry::Chosen { added: Added::Fringes { fringes }, .. } => format!("more fringes: {fringes}"),
+        Entry::Ended(end) => end.text(),
+        Entry::Sealed { .. } | Entry::Intent { .. } | Entry::Committed(_) => return None,
+    })
 }

@@ -2,10 +2,10 @@
 
 use super::plans::PlanBody;
 use super::problem::{Answer, Kind, Problem};
-use super::runs::Run;
+use super::runs::{Run, history, now};
 use super::{App, At, Body, Params, blocking, events};
 use crate::Failure;
-use crate::capture::Capture;
+use crate::capture::{Capture, complete};
 use crate::catalogue::{Cursor, Query, SessionRow};
 use crate::engine::{Input, SoFar, State as RunState};
 use crate::plan::{Plan, PlanKind};
@@ -222,7 +222,7 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
             capture.resume(&run.folder, MortalDisk::default())
         };
         match taken {
-            Ok(taken) if taken.results.is_some() => run.events.push("results", &json!({})),
+            Ok(taken) if taken.results.is_some() => run.events.push_at("results", now(), &json!({})),
             Ok(_) | Err(Failure::Processing(nacre_processing::Error::Cancelled)) => {}
             Err(failure) => {
                 // Also what failed before the engine began, so that nobody waits for it.
@@ -257,7 +257,7 @@ async fn tell_states(app: &Arc<App>, run: &Arc<Run>) {
         if last != Some((state, over)) {
             let (reader, id) = (app.clone(), run.id.clone());
             if let Ok(doc) = blocking(move || SessionDoc::read(&reader, &id, false)).await {
-                run.events.push("state", &doc);
+                run.events.push_at("state", now(), &doc);
             }
             app.note(&run.folder).await;
             last = Some((state, over));
@@ -312,7 +312,7 @@ pub async fn pause(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Re
     steer(&app, &id, Input::Pause)
 }
 
-/// Goes on after a pause, or takes what a session lacks.
+/// Goes on after a pause, or takes what a session lacks; one that lacks nothing stays as it is.
 #[utoipa::path(post, path = "/api/v1/sessions/{id}/resume", tag = "sessions", operation_id = "resume_session",
     params(("id" = String, Path)),
     responses((status = 202, body = SessionDoc), (status = 404, body = Problem), (status = 409, body = Problem)))]
@@ -321,9 +321,18 @@ pub async fn resume(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<R
         return steer(&app, &id, Input::Resume);
     }
     let folder = app.session_folder(&id)?;
-    let file = SessionFile::read(&folder).map_err(|_| Problem::not_found(format!("session {id}")))?;
-    let run = Arc::new(Run::new(id.clone(), folder, file.plan));
-    start(&app, &run, false)?;
+    let (place, before) = (folder.clone(), app.run(&id).filter(|r| !r.events.is_empty()));
+    let (file, log, complete) = blocking(move || {
+        let file = SessionFile::read(&place);
+        let log = before.map_or_else(|| history(&place), |run| run.events.continued());
+        Answer::Ok((file, log, complete(&place).is_some()))
+    })
+    .await?;
+    let file = file.map_err(|_| Problem::not_found(format!("session {id}")))?;
+    if !complete {
+        let run = Run::new(id.clone(), folder, file.plan).resumed(log);
+        start(&app, &Arc::new(run), false)?;
+    }
     accepted(&app, &id)
 }
 
@@ -359,20 +368,23 @@ fn steer(app: &Arc<App>, id: &str, input: Input) -> Answer<Response> {
 }
 
 /// What happens in a session, as server-sent events: `state`, `stage`, `frame`, `map`, `sigma` (of a
-/// series that ends by it), `note`, `results`.
+/// series that ends by it), `note`, `results`. `time` is when it happened, in Unix seconds; `frame` and `note` are told
+/// from the journal, also after the session has ended, with its times.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/events", tag = "sessions", operation_id = "session_events",
     params(("id" = String, Path), ("Last-Event-ID" = Option<String>, Header, description = "Go on after this event")),
     responses((status = 200, content_type = "text/event-stream", body = String), (status = 404, body = Problem),
         (status = 429, body = Problem)))]
 pub async fn session_events(State(app): State<Arc<App>>, At(id): At<String>, headers: HeaderMap) -> Answer<Response> {
     let log = match app.run(&id) {
-        Some(run) => run.events.clone(),
-        None => {
-            let doc = SessionDoc::read(&app, &id, false)?;
-            let log = Arc::new(events::EventLog::default());
+        Some(run) if !run.is_over() || !run.events.is_empty() => run.events.clone(),
+        _ => {
+            let (reader, id) = (app.clone(), id.clone());
+            let told =
+                move || Answer::Ok((SessionDoc::read(&reader, &id, false)?, history(&reader.session_folder(&id)?)));
+            let (doc, log) = blocking(told).await?;
             log.push("state", &doc);
             log.close();
-            log
+            Arc::new(log)
         }
     };
     Ok(events::stream(&app, &headers, log)?.into_response())

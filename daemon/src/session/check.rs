@@ -1,7 +1,8 @@
 //! `nacre check`: is a session folder complete, and are its files what the journal says?
 
-use super::{Journal, SESSION_FILE, SeriesEnd, SessionFile, sha256};
+use super::{BROKEN, Journal, SESSION_FILE, Seal, SeriesEnd, SessionFile, seal, sealed_files, sha256};
 use nacre_processing::Error;
+use nacre_processing::frames::FILE_NAME as FRAMES_FILE;
 use serde::Serialize;
 use std::path::Path;
 
@@ -19,6 +20,12 @@ pub struct Condition {
     pub ended: Option<SeriesEnd>,
     /// What is wrong with the rest.
     pub trouble: Vec<Trouble>,
+    /// Files whose checksums are not recorded, in sessions of older versions.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unverified: Vec<&'static str>,
+    /// Results that the plan asks for are missing.
+    #[serde(skip)]
+    lacks_results: bool,
 }
 
 /// One file that is not as it should be.
@@ -30,6 +37,19 @@ pub struct Trouble {
     pub problem: String,
 }
 
+impl Condition {
+    /// The first file besides the frames that is not as it was written.
+    pub fn changed(&self) -> Option<&str> {
+        let described = |t: &&Trouble| [SESSION_FILE, FRAMES_FILE].contains(&t.file.as_str()) && t.problem == BROKEN;
+        self.trouble.iter().find(described).map(|t| t.file.as_str())
+    }
+
+    /// Whether there is nothing left to take or to make.
+    pub fn is_complete(&self) -> bool {
+        self.finished && self.trouble.is_empty() && !self.lacks_results
+    }
+}
+
 /// Checks a session folder without changing it.
 ///
 /// # Errors
@@ -38,27 +58,45 @@ pub fn check(folder: &Path) -> Result<Condition, Error> {
     let bad = |path: &Path, problem: String| {
         Error::file(path, problem, "give a folder that `nacre capture` made; its frames may still be whole")
     };
-    let path = folder.join(SESSION_FILE);
-    let session = SessionFile::read(folder).map_err(|e| bad(&path, e.to_string()))?;
     let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| bad(folder, e.to_string()))?;
-    let (finished, ended) = (journal.finished(), journal.ended());
-    let mut condition = Condition { planned: 0, intact: 0, finished, ended, trouble: vec![] };
-    for step in session.plan.steps_with(&journal.chosen()) {
-        condition.planned += 1;
-        let problem = match (journal.commit(&step.file), std::fs::read(folder.join(&step.file))) {
+    // A plan that was changed since says nothing about the frames.
+    let plan = match seal(folder, &journal, SESSION_FILE) {
+        Seal::Broken | Seal::Missing if journal.len() > 0 => None,
+        _ => Some(SessionFile::read(folder).map_err(|e| bad(&folder.join(SESSION_FILE), e.to_string()))?.plan),
+    };
+    let files: Vec<String> = match &plan {
+        Some(plan) => plan.steps_with(&journal.chosen()).into_iter().map(|step| step.file).collect(),
+        None => journal.files(),
+    };
+    let mut condition = Condition {
+        planned: files.len(),
+        intact: 0,
+        finished: journal.finished(),
+        ended: journal.ended(),
+        trouble: vec![],
+        unverified: vec![],
+        lacks_results: plan.is_some_and(|p| p.reconstruct.is_some()) && !folder.join("results/report.json").exists(),
+    };
+    let trouble = |file: &str, problem: &str| Trouble { file: file.into(), problem: problem.into() };
+    for file in sealed_files(&journal) {
+        match seal(folder, &journal, file) {
+            Seal::Intact => {}
+            Seal::Broken => condition.trouble.push(trouble(file, BROKEN)),
+            Seal::Missing => condition.trouble.push(trouble(file, "is missing")),
+            Seal::None => condition.unverified.push(file),
+        }
+    }
+    for file in files {
+        let problem = match (journal.commit(&file), std::fs::read(folder.join(&file))) {
             (None, _) => Some("was not taken yet".to_owned()),
             (Some(_), Err(e)) => Some(format!("is recorded, but cannot be read: {e}")),
-            (Some(c), Ok(bytes)) if sha256(&bytes) != c.sha256 => Some("differs from its recorded checksum".to_owned()),
+            (Some(c), Ok(bytes)) if sha256(&bytes) != c.sha256 => Some(BROKEN.to_owned()),
             _ => None,
         };
         match problem {
-            Some(problem) => condition.trouble.push(Trouble { file: step.file, problem }),
+            Some(problem) => condition.trouble.push(Trouble { file, problem }),
             None => condition.intact += 1,
         }
-    }
-    if condition.finished && !folder.join(nacre_processing::frames::FILE_NAME).exists() {
-        let file = nacre_processing::frames::FILE_NAME.to_owned();
-        condition.trouble.push(Trouble { file, problem: "is missing".into() });
     }
     Ok(condition)
 }

@@ -1,13 +1,14 @@
-//! The journal: JSON Lines, each with its number and a CRC over its entry.
+//! The journal: JSON Lines, each with its number, its time and a CRC over entry and time.
 
 use crate::Failure;
 use crate::engine::{FringesSoFar, SigmaSoFar, SoFar};
 use crate::plan::{Added, Plan};
 use nacre_drivers::DeviceError;
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::Path;
+use std::time::SystemTime;
 
 /// Longest journal that is read; a frame takes about 400 bytes.
 const MAX_BYTES: u64 = 256 << 20;
@@ -20,6 +21,13 @@ pub enum Entry {
     Begun,
     /// A process went on with it.
     Resumed,
+    /// `session.json` or `frames.json` was written with these contents, and is not to change any more.
+    Sealed {
+        /// Its name.
+        file: String,
+        /// Of its contents.
+        sha256: String,
+    },
     /// A frame is about to be stored.
     Intent {
         /// Its file.
@@ -154,7 +162,7 @@ pub struct Commit {
     pub exposure_ns: u64,
     /// Gain in force.
     pub gain: f64,
-    /// Where the analyser stands, as the stage reports, in degrees.
+    /// Analyser angle in degrees, as the stage reports it; of a plan that does not turn the analyser, as it was before the frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analyser_deg: Option<f64>,
     /// Stale frames dropped before it.
@@ -165,6 +173,8 @@ pub struct Commit {
 #[derive(Default)]
 pub struct Journal {
     entries: Vec<Entry>,
+    /// When each happened, in Unix milliseconds; older versions did not record it.
+    times_ms: Vec<Option<u64>>,
     /// Where the last commit of each file is among the entries.
     commits: HashMap<String, usize>,
 }
@@ -172,6 +182,8 @@ pub struct Journal {
 #[derive(Serialize, Deserialize)]
 struct Line {
     seq: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    time_ms: Option<u64>,
     crc: u32,
     entry: Entry,
 }
@@ -197,13 +209,13 @@ impl Journal {
         let mut journal = Self::default();
         let mut intact = 0;
         for line in bytes.split_inclusive(|b| *b == b'\n') {
-            let Some(entry) = parse(line, journal.entries.len()) else {
+            let Some(line_read) = parse(line, journal.entries.len()) else {
                 if intact + line.len() < bytes.len() {
                     return Err(invalid(format!("line {} is damaged", journal.entries.len() + 1)));
                 }
                 break;
             };
-            journal.push(entry);
+            journal.push(line_read);
             intact += line.len();
         }
         Ok((journal, intact as u64))
@@ -214,17 +226,20 @@ impl Journal {
     /// # Errors
     /// Never for entries of this program; kept so that a failed serialisation cannot be overlooked.
     pub fn line(&mut self, entry: Entry) -> io::Result<String> {
-        let line = Line { seq: self.entries.len(), crc: checksum(&entry)?, entry };
+        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+        let time_ms = since.ok().and_then(|t| u64::try_from(t.as_millis()).ok());
+        let line = Line { seq: self.entries.len(), time_ms, crc: checksum(&entry, time_ms)?, entry };
         let text = serde_json::to_string(&line).map_err(io::Error::other)? + "\n";
-        self.push(line.entry);
+        self.push(line);
         Ok(text)
     }
 
-    fn push(&mut self, entry: Entry) {
+    fn push(&mut self, Line { entry, time_ms, .. }: Line) {
         if let Entry::Committed(commit) = &entry {
             self.commits.insert(commit.file.clone(), self.entries.len());
         }
         self.entries.push(entry);
+        self.times_ms.push(time_ms);
     }
 
     /// Number of entries.
@@ -241,19 +256,40 @@ impl Journal {
         }
     }
 
+    /// All files that were committed, in the order of their first commits.
+    pub fn files(&self) -> Vec<String> {
+        let mut seen = HashSet::new();
+        self.commits().filter(|c| seen.insert(&c.file)).map(|c| c.file.clone()).collect()
+    }
+
     /// All commits in order.
     pub fn commits(&self) -> impl Iterator<Item = &Commit> {
         self.entries.iter().filter_map(|e| if let Entry::Committed(c) = e { Some(c) } else { None })
     }
 
-    /// Whether the session was finished.
+    /// Whether the session was finished, and no frame was taken again since.
     pub fn finished(&self) -> bool {
-        self.entries.iter().any(|e| matches!(e, Entry::Finished(_)))
+        let last = self.entries.iter().rev().find(|e| matches!(e, Entry::Finished(_) | Entry::Committed(_)));
+        matches!(last, Some(Entry::Finished(_)))
     }
 
-    /// All entries in order.
-    pub fn entries(&self) -> &[Entry] {
-        &self.entries
+    /// All entries in order, each with its time in Unix seconds where it is known.
+    pub fn timed(&self) -> impl DoubleEndedIterator<Item = (Option<f64>, &Entry)> {
+        let seconds = |ms: &Option<u64>| ms.map(|ms| ms as f64 / 1000.0);
+        self.times_ms.iter().map(seconds).zip(&self.entries)
+    }
+
+    /// SHA-256 with which a file was sealed.
+    pub fn sealed(&self, name: &str) -> Option<&str> {
+        self.entries.iter().rev().find_map(|e| match e {
+            Entry::Sealed { file, sha256 } if file == name => Some(sha256.as_str()),
+            _ => None,
+        })
+    }
+
+    /// Where the analyser stood at the first frame that says so, in degrees.
+    pub fn stood(&self) -> Option<f64> {
+        self.commits().find_map(|c| c.analyser_deg)
     }
 
     /// What was added to the series.
@@ -308,14 +344,19 @@ impl Entry {
     }
 }
 
-fn checksum(entry: &Entry) -> io::Result<u32> {
-    Ok(crc32fast::hash(&serde_json::to_vec(entry).map_err(io::Error::other)?))
+fn checksum(entry: &Entry, time_ms: Option<u64>) -> io::Result<u32> {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&serde_json::to_vec(entry).map_err(io::Error::other)?);
+    if let Some(time) = time_ms {
+        hasher.update(&time.to_le_bytes());
+    }
+    Ok(hasher.finalize())
 }
 
-fn parse(line: &[u8], seq: usize) -> Option<Entry> {
+fn parse(line: &[u8], seq: usize) -> Option<Line> {
     let text = line.strip_suffix(b"\n")?;
     let line: Line = serde_json::from_slice(text).ok()?;
-    (line.seq == seq && checksum(&line.entry).ok()? == line.crc).then_some(line.entry)
+    (line.seq == seq && checksum(&line.entry, line.time_ms).ok()? == line.crc).then_some(line)
 }
 
 #[cfg(test)]
@@ -338,6 +379,7 @@ mod tests {
             std::fs::write(&path, &whole[..cut]).unwrap();
             let (journal, intact) = Journal::read(&path).unwrap();
             assert_eq!((journal.entries.as_slice(), intact), (&entries[..2], two as u64));
+            assert!(journal.timed().all(|(time, _)| time.is_some_and(|t| t > 1.7e9)));
         }
         for byte in 0..two - 1 {
             let mut damaged = whole.clone();

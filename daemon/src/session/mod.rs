@@ -1,14 +1,16 @@
 //! A session folder: the truth about a capture, whatever happens to the process that writes it.
 //!
 //! `session.json` says what was asked for and with which devices; `journal` records each step before (intent) and
-//! after (commit, with the file's SHA-256); `frames/` holds the frames. Files appear whole: temporary file, sync, rename,
-//! directory sync. A torn last line of the journal is cut.
+//! after (commit, with the file's SHA-256), and the SHA-256 of `session.json` and `frames.json`; `frames/` holds the
+//! frames. Files appear whole: temporary file, sync, rename, directory sync. A torn last line of the journal is cut.
 
 mod check;
 mod disk;
 mod journal;
 #[cfg(test)]
 mod power_loss;
+#[cfg(test)]
+mod tests;
 
 pub use check::{Condition, Trouble, check};
 pub use disk::{Disk, MortalDisk, RealDisk};
@@ -16,7 +18,7 @@ pub use journal::{Commit, Ending, Entry, Journal, SeriesEnd, Timing};
 
 use crate::plan::{Plan, PlanKind};
 use crate::rig::BenchSection;
-use nacre_processing::frames::{Geometry, Kind};
+use nacre_processing::frames::{FILE_NAME as FRAMES_FILE, Geometry, Kind};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::File;
@@ -124,6 +126,7 @@ impl<D: Disk> Session<D> {
         let mut session = Self { folder: folder.to_path_buf(), disk, journal: Journal::default(), lock };
         session.make_frames_folder()?;
         session.record(Entry::Begun)?;
+        session.seal(SESSION_FILE, &text)?;
         Ok(session)
     }
 
@@ -131,15 +134,27 @@ impl<D: Disk> Session<D> {
     ///
     /// # Errors
     /// As the system answers; `WouldBlock` while another process has it open; `InvalidData` for a journal that is damaged
-    /// before its tail.
+    /// before its tail, and for a `session.json` or `frames.json` that was changed.
     pub fn open(disk: D, folder: &Path) -> io::Result<Self> {
         let lock = lock(folder)?;
         let (journal, intact) = Journal::read(&folder.join(Journal::NAME))?;
+        if let Some(file) = sealed_files(&journal).find(|file| seal(folder, &journal, file) == Seal::Broken) {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, format!("{file}: {BROKEN}")));
+        }
         let mut session = Self { folder: folder.to_path_buf(), disk, journal, lock };
         session.disk.truncate(&session.folder.join(Journal::NAME), intact)?;
         session.make_frames_folder()?;
         session.record(Entry::Resumed)?;
+        if session.journal.sealed(SESSION_FILE).is_none() {
+            let text = std::fs::read(session.folder.join(SESSION_FILE))?;
+            session.seal(SESSION_FILE, &text)?;
+        }
         Ok(session)
+    }
+
+    /// Records a file's checksum.
+    fn seal(&mut self, file: &str, bytes: &[u8]) -> io::Result<()> {
+        self.record(Entry::Sealed { file: file.into(), sha256: sha256(bytes) })
     }
 
     fn make_frames_folder(&self) -> io::Result<()> {
@@ -182,7 +197,8 @@ impl<D: Disk> Session<D> {
     /// # Errors
     /// As the system answers.
     pub fn finish(&mut self, frames_json: &str, timing: Timing) -> io::Result<()> {
-        write_whole(&self.disk, &self.folder, nacre_processing::frames::FILE_NAME, frames_json.as_bytes())?;
+        write_whole(&self.disk, &self.folder, FRAMES_FILE, frames_json.as_bytes())?;
+        self.seal(FRAMES_FILE, frames_json.as_bytes())?;
         self.record(Entry::Finished(timing))
     }
 
@@ -198,6 +214,36 @@ impl<D: Disk> Session<D> {
         }
         Ok(())
     }
+}
+
+/// Whether a file is as the journal sealed it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Seal {
+    /// It is.
+    Intact,
+    /// It has other contents.
+    Broken,
+    /// It cannot be read.
+    Missing,
+    /// It is there, and the journal has no checksum of it.
+    None,
+}
+
+/// What is wrong with a file whose seal is broken.
+const BROKEN: &str = "differs from its recorded checksum";
+
+fn seal(folder: &Path, journal: &Journal, file: &str) -> Seal {
+    match (journal.sealed(file), std::fs::read(folder.join(file))) {
+        (_, Err(_)) => Seal::Missing,
+        (None, _) => Seal::None,
+        (Some(sealed), Ok(bytes)) if sha256(&bytes) == sealed => Seal::Intact,
+        _ => Seal::Broken,
+    }
+}
+
+/// The files that must be as they were sealed: `frames.json` is written anew once a frame was taken again.
+fn sealed_files(journal: &Journal) -> impl Iterator<Item = &'static str> {
+    [SESSION_FILE].into_iter().chain(journal.finished().then_some(FRAMES_FILE))
 }
 
 /// Whether a new session can be made here: there is nothing, or what is left of an attempt that came to nothing.

@@ -1,0 +1,119 @@
+//! Session files that were changed, and sessions of versions that recorded less.
+
+use super::{Commit, Entry, Journal, RealDisk, SESSION_FILE, Session, SessionFile, Setup, Timing, check};
+use nacre_processing::frames::FILE_NAME as FRAMES_FILE;
+use std::path::Path;
+
+fn description() -> SessionFile {
+    SessionFile {
+        software: "test".into(),
+        created: 0,
+        setup: Setup::default(),
+        plan: toml::from_str("kind = \"polarization\"\nanalyser = { angles_deg = [0, 60, 120] }").unwrap(),
+        devices: vec![],
+        exposure_s: 0.01,
+        bench: None,
+        section: None,
+    }
+}
+
+fn take(session: &mut Session<RealDisk>, frames_json: &str) {
+    for step in description().plan.steps() {
+        if !session.has(&step.file) {
+            session.store(&step.file, step.file.as_bytes(), Commit::default()).unwrap();
+        }
+    }
+    session.finish(frames_json, Timing::default()).unwrap();
+}
+
+fn complete(folder: &Path) {
+    take(&mut Session::create(RealDisk, folder, &description()).unwrap(), "{ \"frames\": [1, 2, 3] }");
+    assert!(check(folder).unwrap().is_complete());
+}
+
+#[test]
+fn any_changed_byte_is_seen_and_refused() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path().join("s");
+    complete(&folder);
+    for file in [SESSION_FILE, FRAMES_FILE] {
+        let whole = std::fs::read(folder.join(file)).unwrap();
+        let one_changed = (0..whole.len()).map(|at| {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            bytes
+        });
+        for bytes in one_changed.chain([vec![], whole[1..].to_vec(), [&whole[..], b"\n"].concat()]) {
+            std::fs::write(folder.join(file), &bytes).unwrap();
+            let condition = check(&folder).unwrap();
+            assert_eq!(condition.changed(), Some(file), "{condition:?}");
+            assert_eq!((condition.planned, condition.intact, condition.is_complete()), (3, 3, false));
+            let refused = Session::open(RealDisk, &folder).err().unwrap();
+            assert!(
+                refused.kind() == std::io::ErrorKind::InvalidData && refused.to_string().contains(file),
+                "{refused}"
+            );
+        }
+        std::fs::write(folder.join(file), whole).unwrap();
+    }
+    assert!(check(&folder).unwrap().is_complete());
+}
+
+/// A frame that is taken again may have another exposure, and `frames.json` then says so.
+#[test]
+fn frames_json_is_written_anew_after_a_frame_was_taken_again() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path().join("s");
+    complete(&folder);
+    let frame = description().plan.steps().remove(1).file;
+    std::fs::remove_file(folder.join(&frame)).unwrap();
+    let mut session = Session::open(RealDisk, &folder).unwrap();
+    session.store(&frame, frame.as_bytes(), Commit::default()).unwrap();
+    // It ends here once more, after the file was written and before the journal says so.
+    std::fs::write(folder.join(FRAMES_FILE), "{ \"frames\": [1, 4, 3] }").unwrap();
+    drop(session);
+    assert!(!check(&folder).unwrap().finished);
+    take(&mut Session::open(RealDisk, &folder).unwrap(), "{ \"frames\": [1, 4, 3] }");
+    assert!(check(&folder).unwrap().is_complete());
+}
+
+/// Rewrites a journal as older versions wrote it: without times and checksums of files.
+fn age(folder: &Path) {
+    let path = folder.join(Journal::NAME);
+    let (journal, _) = Journal::read(&path).unwrap();
+    let entries = journal.timed().map(|(_, entry)| entry).filter(|e| !matches!(e, Entry::Sealed { .. }));
+    let line = |(seq, entry): (usize, &Entry)| {
+        let json = serde_json::to_string(entry).unwrap();
+        format!("{{\"seq\":{seq},\"crc\":{},\"entry\":{json}}}\n", crc32fast::hash(json.as_bytes()))
+    };
+    std::fs::write(path, entries.enumerate().map(line).collect::<String>()).unwrap();
+}
+
+#[test]
+fn sessions_of_older_versions_are_checked_and_resumed() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path().join("s");
+    complete(&folder);
+    age(&folder);
+    let condition = check(&folder).unwrap();
+    assert!(condition.is_complete(), "{condition:?}");
+    assert_eq!(condition.unverified, [SESSION_FILE, FRAMES_FILE]);
+    std::fs::remove_file(folder.join(FRAMES_FILE)).unwrap();
+    assert_eq!(check(&folder).unwrap().trouble[0].file, FRAMES_FILE);
+    // From now on they are recorded.
+    take(&mut Session::open(RealDisk, &folder).unwrap(), "{}");
+    let condition = check(&folder).unwrap();
+    assert!(condition.is_complete() && condition.unverified.is_empty(), "{condition:?}");
+}
+
+/// A process that ended before it recorded the checksum.
+#[test]
+fn a_session_without_a_checksum_yet_gets_one() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path().join("s");
+    drop(Session::create(RealDisk, &folder, &description()).unwrap());
+    age(&folder);
+    drop(Session::open(RealDisk, &folder).unwrap());
+    let (journal, _) = Journal::read(&folder.join(Journal::NAME)).unwrap();
+    assert!(journal.sealed(SESSION_FILE).is_some());
+}
