@@ -3,7 +3,9 @@
 
 #![allow(clippy::unwrap_used)]
 
-use nacre_tests::{listing, nacre};
+use nacre_tests::http::Service;
+use nacre_tests::{BENCH, Place, listing, nacre};
+use serde_json::json;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -219,4 +221,92 @@ fn bench_files() {
     }
     nacre(["sim", "render", "--angles-deg", "0,nan", "--out", out.to_str().unwrap()]).expect(2);
     assert_eq!(listing(folder.path()), ["bench.toml"]);
+}
+
+/// A PNG of 3 × 1 pixels whose palette ends within a colour: the library that decodes it panics.
+const PALETTE: &[u8] = b"\x89PNG\x0d\x0a\x1a\x0a\x00\x00\x00\x0dIHDR\x00\x00\x00\x03\x00\x00\x00\x01\x08\x03\x00\x00\x00,>\xe4\x86\x00\x00\x00\x04PLTE\x01\x02\x03\x04#\xdb\x8a\xab\x00\x00\x00\x0cIDATx\x9cc```\x00\x00\x00\x04\x00\x01\xf6\x178U\x00\x00\x00\x00IEND\xaeB`\x82";
+
+/// glTF whose only primitive names an accessor that is not there: the library that reads it panics.
+const GLTF: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 4294967295}}]}]}"#;
+
+/// A scene of one shape of a plain material.
+fn scene(shape: &str, albedo: &str) -> String {
+    format!(
+        "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = 14\nwidth = 12\nheight = 12\n\
+         [[shape]]\n{shape}\nmaterial = \"a\"\n[material.a.base]\nalbedo = {albedo}\nroughness = 0.5\n\
+         [[light]]\ntype = \"environment\"\ncolor = [1, 1, 1]\n"
+    )
+}
+
+/// Photographs on which their decoder panics, as a polarization series, a bracket, and by themselves.
+fn panicking(folder: &Path) {
+    let angles = [0, 45, 90, 135];
+    let series = frames(&angles).replacen(r#""frames""#, r#""channel": "g", "frames""#, 1);
+    let times = angles.map(|a| format!(r#"{{"file": "{}", "exposure_s": {}}}"#, name(a), a + 1)).join(",");
+    let bracket = format!(r#"{{"kind": "exposures", "transfer": "linear", "frames": [{times}]}}"#);
+    for (kind, json) in [("series", Some(series)), ("bracket", Some(bracket)), ("photos", None)] {
+        let folder = folder.join(kind);
+        fs::create_dir(&folder).unwrap();
+        angles.iter().for_each(|a| fs::write(folder.join(name(*a)), PALETTE).unwrap());
+        json.into_iter().for_each(|json| fs::write(folder.join("frames.json"), json).unwrap());
+    }
+}
+
+#[test]
+fn files_on_which_a_decoder_panics() {
+    let dir = tempfile::tempdir().unwrap();
+    panicking(dir.path());
+    let plane = "type = \"plane\"\nsize = [9, 9]";
+    fs::write(dir.path().join("mesh.gltf"), GLTF).unwrap();
+    fs::write(dir.path().join("textured.toml"), scene(plane, "\"photos/000.png\"")).unwrap();
+    let mesh = scene("type = \"mesh\"\nfile = \"mesh.gltf\"", "[1, 1, 1]");
+    fs::write(dir.path().join("mesh.toml"), mesh).unwrap();
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    let before = listing(dir.path());
+    for (command, input, more, named) in [
+        ("reconstruct polarization", "series", "", "000.png"),
+        ("reconstruct hdr", "bracket", "", "000.png"),
+        ("reconstruct lut", "photos/000.png", "--wavelength-nm 560 --scale 0.002 --transfer linear", "000.png"),
+        ("reconstruct bokeh", "photos/045.png", "--psf-sigma 2", "045.png"),
+        ("recommend", "photos/090.png", "", "090.png"),
+        ("render", "textured.toml", "--samples 1", "000.png"),
+        ("render", "mesh.toml", "--samples 1", "mesh.gltf"),
+    ] {
+        let mut args: Vec<String> = command.split(' ').map(String::from).collect();
+        args.push(path(input));
+        args.extend(more.split_whitespace().map(String::from));
+        if command != "recommend" {
+            args.extend(["--out".into(), path("out.exr")]);
+        }
+        let run = nacre(&args);
+        let message = run.stderr();
+        assert_eq!(run.code(), 2, "{command} {input}: {message}");
+        assert!(message.contains(named) && message.contains("decoder fail"), "{command}: {message}");
+        assert!(!message.contains("panicked") && message.trim().lines().count() == 1, "{command}: {message}");
+        assert_eq!(listing(dir.path()), before, "{command}");
+    }
+}
+
+/// The service says so in the job, which is not tried again, and goes on.
+#[test]
+fn uploads_on_which_a_decoder_panics() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    panicking(&place.path(""));
+    for (kind, method) in [("series", "polarization"), ("bracket", "hdr")] {
+        let read = |name: &str| fs::read(place.path(&format!("{kind}/{name}"))).unwrap();
+        let json = read("frames.json");
+        let names = [0, 45, 90, 135].map(name);
+        let mut parts: Vec<(&str, &str, &[u8])> = vec![("kind", "", b"photographs"), ("frames", "frames.json", &json)];
+        parts.extend(names.iter().map(|name| ("file", name.as_str(), PALETTE)));
+        let id = service.upload(&parts).expect(201).json()["id"].clone();
+        let asked = json!({ "upload": id, "method": method });
+        let job = service.post("/api/v1/reconstructions", &asked).expect(202).json();
+        let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+        let ended = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
+        assert_eq!((ended["state"].as_str(), ended["attempts"].as_u64()), (Some("failed"), Some(1)), "{ended}");
+        let error = ended["error"].as_str().unwrap();
+        assert!(error.contains("000.png") && error.contains("decoder fail"), "{error}");
+    }
 }

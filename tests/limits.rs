@@ -2,7 +2,9 @@
 
 #![allow(clippy::unwrap_used)]
 
-use nacre_tests::{binary, listing, nacre};
+use nacre_tests::http::Service;
+use nacre_tests::{BENCH, Place, binary, listing, nacre};
+use serde_json::json;
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -149,4 +151,68 @@ fn a_full_disk_is_an_error_that_leaves_nothing() {
     assert_eq!(code, 1, "{message}");
     let lines: Vec<&str> = message.lines().collect();
     assert!(lines.len() == 1 && lines[0].contains("free some space"), "{message}");
+}
+
+/// Address space of the programs that photographs are too large for: 2 GiB.
+const ADDRESS_SPACE_KIB: u64 = 2 << 20;
+
+/// A description of four files: photographs at four angles, or in four exposures.
+fn description(kind: &str) -> String {
+    let frames = [0, 45, 90, 135].map(|n| match kind {
+        "polarization" => json!({ "file": format!("{n:03}.png"), "analyser_deg": n }),
+        _ => json!({ "file": format!("{n:03}.png"), "exposure_s": n + 1 }),
+    });
+    json!({ "kind": kind, "transfer": "linear", "frames": frames }).to_string()
+}
+
+/// 64 Mpixel of black, the largest photograph that is read, in 64 KiB.
+fn black() -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(vec![]);
+    image::GrayImage::new(8192, 8192).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn photographs_that_do_not_fit_into_memory_are_refused_by_their_headers() {
+    let folder = tempfile::tempdir().unwrap();
+    let png = black();
+    for (kind, method) in [("polarization", "polarization"), ("exposures", "hdr")] {
+        let (input, out) = (folder.path().join(method), folder.path().join("out"));
+        fs::create_dir(&input).unwrap();
+        fs::write(input.join("frames.json"), description(kind)).unwrap();
+        [0, 45, 90, 135].iter().for_each(|n| fs::write(input.join(format!("{n:03}.png")), &png).unwrap());
+        let script = format!(r#"ulimit -v {ADDRESS_SPACE_KIB}; exec "$NACRE" reconstruct {method} "$IN" --out "$OUT""#);
+        let (code, message) = shell(&script, &input, &out);
+        assert_eq!(code, 2, "{method}: {message}");
+        for word in ["000.png", "8192 x 8192", "GiB of memory", "allowed", "crop or scale"] {
+            assert!(message.contains(word), "{method}: no {word} in {message}");
+        }
+        assert!(!out.exists());
+    }
+}
+
+/// The same over REST, at once; the service lives on.
+#[test]
+fn uploads_that_do_not_fit_into_memory_are_refused_when_asked_for() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let limit = format!("--as={}", ADDRESS_SPACE_KIB << 10);
+    let limited = Command::new("prlimit").args(["--pid", &service.pid().to_string(), &limit]).status();
+    assert!(limited.unwrap().success());
+    let png = black();
+    for (kind, method) in [("polarization", "polarization"), ("exposures", "hdr")] {
+        let text = description(kind);
+        let names = [0, 45, 90, 135].map(|n| format!("{n:03}.png"));
+        let mut parts: Vec<(&str, &str, &[u8])> =
+            vec![("kind", "", b"photographs"), ("frames", "frames.json", text.as_bytes())];
+        parts.extend(names.iter().map(|name| ("file", name.as_str(), png.as_slice())));
+        let id = service.upload(&parts).expect(201).json()["id"].clone();
+        let asked = json!({ "upload": id, "method": method });
+        let message = service.post("/api/v1/reconstructions", &asked).expect(400).text();
+        for word in ["000.png", "8192 x 8192", "GiB of memory", "allowed", "crop or scale"] {
+            assert!(message.contains(word), "{method}: no {word} in {message}");
+        }
+    }
+    let none = service.get("/api/v1/reconstructions").expect(200).json();
+    assert_eq!(none["items"].as_array().unwrap().len(), 0);
 }

@@ -9,6 +9,7 @@
 //! - Lengths are µm, wavelengths nm, unless a name says otherwise.
 
 pub mod bokeh;
+mod budget;
 pub mod calibration;
 pub mod chart;
 pub mod color;
@@ -18,6 +19,7 @@ pub mod flash;
 pub mod foil;
 pub mod frames;
 pub mod geometry;
+mod guard;
 pub mod hdr;
 pub mod image;
 pub mod map;

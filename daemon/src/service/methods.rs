@@ -35,7 +35,9 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
             if spec.options.is_some() {
                 return Err(Problem::bad("options do not belong to the method polarization, which has its own"));
             }
-            Ok(spec.polarization()?.check(&load(input)?).map(drop)?)
+            let frames = load(input)?;
+            spec.polarization()?.check(&frames)?;
+            Ok(polarimetry::check_memory(&frames)?)
         }
         Method::Hdr => {
             if spec.session.is_some() {

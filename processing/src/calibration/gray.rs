@@ -1,12 +1,9 @@
 //! Photographs as brightness alone.
 
+use crate::Result;
 use crate::image::{Raster, Samples, read};
-use crate::{Error, Result};
 use rayon::prelude::*;
 use std::path::Path;
-
-/// Most pixels of a photograph of a board; more are of no use.
-const MOST_PIXELS: usize = 64 << 20;
 
 /// Brightness as the file has it (not linear light), any unit, `width · height` values, row 0 on top.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,12 +20,8 @@ impl Gray {
     /// Reads a photograph; colours become their mean.
     ///
     /// # Errors
-    /// `Input` for a file that is none, or has more than 64 Mpixel.
+    /// `Input` for a file that is none.
     pub fn read(path: &Path) -> Result<Self> {
-        let info = crate::image::info(path)?;
-        if info.width * info.height > MOST_PIXELS {
-            return Err(Error::file(path, format!("is {info}"), "give photographs of at most 64 Mpixel"));
-        }
         Ok(Self::of(&read(path)?))
     }
 

@@ -1,5 +1,7 @@
 //! What is merged: a `frames.json`, or a folder of photographs whose times are in their tags.
 
+use super::reconstruct::{BATCH, KEPT};
+use crate::budget;
 use crate::frames::{FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, load};
 use crate::image::{Depth, exposure, photographs};
 use crate::{Error, Result};
@@ -31,7 +33,20 @@ pub(super) fn bracket(input: &Path) -> Result<LoadedFrames> {
         let problem = "holds several views: analyser, spot or flash differ between its frames";
         return refuse(problem, "merge one view at a time, or reconstruct polarization, which merges exposures itself");
     }
+    budget::check(&frames.file(&first.file), frames.info, needed(&frames))?;
     Ok(frames)
+}
+
+/// Most bytes that merging takes at a time: sums, a photograph that is moved back, a batch of decoded photographs and those that are
+/// kept, with their dark photographs.
+fn needed(frames: &LoadedFrames) -> u64 {
+    let LoadedFrames { set, info, .. } = frames;
+    let channels = if set.channel.is_some() { 1 } else { info.channels };
+    let floats = 4 * (info.width * info.height * channels) as u64;
+    let dark = set.dark.is_some() || set.frames.iter().any(|f| f.dark.is_some());
+    // Sums and what is moved are two floats each; a dark photograph is kept, and scaled for each photograph of a batch.
+    let planes = 4 + if dark { 1 + BATCH as u64 } else { 0 } + u64::from(set.flat.is_some());
+    planes * floats + BATCH as u64 * budget::decoded(*info) + KEPT as u64
 }
 
 /// A folder without a `frames.json`, whose photographs say their exposure times.
@@ -54,4 +69,29 @@ fn tagged(folder: &Path) -> Result<LoadedFrames> {
     let frames = check(folder.join(FILE_NAME), FrameSet::new(Kind::Exposures, frames))?;
     let transfer = if frames.info.depth == Depth::U8 { Transfer::Recover } else { Transfer::Linear };
     Ok(LoadedFrames { set: FrameSet { transfer, ..frames.set }, ..frames })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Info;
+
+    #[test]
+    fn need_grows_with_samples_and_dark_photographs_but_not_with_exposures() {
+        let mib = |change: &dyn Fn(&mut FrameSet, &mut Info)| {
+            let mut set = FrameSet::new(Kind::Exposures, vec![Frame::new("a.png"), Frame::new("b.png")]);
+            let mut info = Info { width: 1 << 10, height: 1 << 10, channels: 3, depth: Depth::U8 };
+            change(&mut set, &mut info);
+            let frames = LoadedFrames { path: FILE_NAME.into(), folder: ".".into(), set, info };
+            (needed(&frames) - KEPT as u64) >> 20
+        };
+        let one = mib(&|_, _| ());
+        assert_eq!(one, 3 * 16 + 4 * 2 * 3);
+        assert_eq!(mib(&|set, _| set.frames.extend(set.frames.clone())), one);
+        assert_eq!(mib(&|_, info| info.width *= 2), 2 * one);
+        assert_eq!(mib(&|_, info| info.depth = Depth::F32), 3 * 16 + 4 * 2 * 12);
+        assert_eq!(mib(&|set, _| set.channel = Some(crate::frames::Channel::G)), 16 + 4 * 2 * 3);
+        assert_eq!(mib(&|set, _| set.frames[0].dark = Some("d.png".into())), one + 3 * 4 * 5);
+        assert_eq!(mib(&|set, _| set.flat = Some("f.png".into())), one + 3 * 4);
+    }
 }

@@ -22,10 +22,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Exposures that are decoded and merged at a time.
-const BATCH: usize = 4;
+pub(super) const BATCH: usize = 4;
 
 /// Decoded exposures up to so many bytes are kept for when they are needed again.
-const KEPT: usize = 256 << 20;
+pub(super) const KEPT: usize = 256 << 20;
 
 /// What the user may choose.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -2,7 +2,7 @@
 
 use super::{Options, Report, check_input, reconstruct};
 use crate::frames::FILE_NAME;
-use crate::image::photograph_in;
+use crate::image::{photograph_in, size};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -34,7 +34,7 @@ impl Source {
         Ok(Self { path: out.join("hdr.exr"), merged, _folder: Some(folder) })
     }
 
-    /// Whether there is something to read, without a look at any pixel.
+    /// Refuses what is no photograph or too large, by its header.
     ///
     /// # Errors
     /// `Input`.
@@ -42,10 +42,7 @@ impl Source {
         if is_bracket(input) {
             return check_input(input);
         }
-        let remedy = "give a photograph (EXR, PNG, TIFF, JPEG), results of reconstruct hdr, or a session of exposures";
-        let file = file(input).unwrap_or_else(|| input.to_owned());
-        let there = std::fs::metadata(&file).map_err(|e| Error::file(&file, format!("cannot be read: {e}"), remedy))?;
-        if there.is_file() { Ok(()) } else { Err(Error::file(&file, "is no photograph", remedy)) }
+        size(&file(input).unwrap_or_else(|| input.to_owned())).map(drop)
     }
 }
 

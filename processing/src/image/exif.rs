@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
+use crate::guard::guarded;
 use exif::{In, Reader, Tag, Value};
 
 /// Most bytes of a file that are searched for tags.
@@ -21,9 +22,13 @@ pub struct Exposure {
 /// The exposure settings of a photograph, or `None` when the file cannot be read or has no Exif tags.
 pub fn exposure(path: &Path) -> Option<Exposure> {
     let file = File::open(path).ok().filter(|f| f.metadata().is_ok_and(|m| m.is_file()))?;
-    let tags = Reader::new().read_from_container(&mut BufReader::new(file.take(SEARCHED))).ok()?;
-    let number = |tag| tags.get_field(tag, In::PRIMARY).and_then(|field| positive(&field.value));
-    Some(Exposure { seconds: number(Tag::ExposureTime), iso: number(Tag::PhotographicSensitivity) })
+    let decode = || {
+        let tags = Reader::new().read_from_container(&mut BufReader::new(file.take(SEARCHED))).ok()?;
+        let number = |tag| tags.get_field(tag, In::PRIMARY).and_then(|field| positive(&field.value));
+        Some(Exposure { seconds: number(Tag::ExposureTime), iso: number(Tag::PhotographicSensitivity) })
+    };
+    // Tags that no decoder reads are as good as none.
+    guarded(decode).ok().flatten()
 }
 
 /// A finite number above zero. The crate's own conversions to integers and `f32` lose 1/3 s and the like.

@@ -35,8 +35,8 @@ pub use openexr::{ExrMap, read_exr};
 pub use picture::{
     MASKED, hsv, orientation_color, orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis, wheel,
 };
-pub(crate) use read::read_into;
 pub use read::{Depth, EXTENSIONS, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, info, read};
+pub(crate) use read::{read_into, size};
 pub use whole::{json, write_whole, write_whole_with};
 pub use write::{
     Attribute, Precision, encode_png8, encode_png16_gray, write_exr, write_exr_as, write_png8, write_png16_gray,

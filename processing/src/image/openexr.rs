@@ -4,14 +4,22 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use exr::block::UncompressedBlock;
+use exr::block::chunk::Chunk;
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
-use exr::meta::attribute::{AttributeValue, SampleType, Text};
+use exr::error::Error as ExrError;
+use exr::meta::MetaData;
+use exr::meta::attribute::{AttributeValue, ChannelList, SampleType, Text};
 use exr::meta::header::Header;
 use exr::prelude::f16;
+use rayon::prelude::*;
 
-use super::read::{Decoded, Depth, Fault, Info, Raster, Samples, Source, check_size, open, zeroed};
+use super::read::{Decoded, Depth, Fault, Info, Raster, Samples, Source, check_size, decode, open, zeroed};
+use crate::guard::guarded;
 use crate::{Error, Result};
+
+/// Bytes of blocks that are decompressed at a time; one block for each thread at least.
+const BATCH_BYTES: usize = 16 << 20;
 
 /// An EXR file as named planes.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,7 +51,7 @@ impl ExrMap {
 /// # Errors
 /// `Error::Input` when the file cannot be read, is not an EXR, is damaged, or is beyond the size limits.
 pub fn read_exr(path: &Path) -> Result<ExrMap> {
-    open(path).and_then(read_map).map_err(|fault| fault.at(path))
+    decode(path, || read_map(open(path)?))
 }
 
 fn read_map(source: Source) -> Decoded<ExrMap> {
@@ -80,6 +88,10 @@ fn plain(value: &AttributeValue) -> Option<String> {
 
 fn utf8(text: &Text) -> String {
     String::from_utf8_lossy(text.as_slice()).into_owned()
+}
+
+pub(super) fn layer_size(source: Source) -> Decoded<[usize; 2]> {
+    Ok(Layer::open(source)?.size)
 }
 
 pub(super) fn info(source: Source) -> Decoded<Info> {
@@ -155,14 +167,12 @@ impl Layer {
         let mut found = vec![0_usize; height];
         let mut values = Vec::with_capacity(width);
         let full = |layer: usize, level: exr::math::Vec2<usize>| layer == index && level.0 == 0 && level.1 == 0;
-        let chunks = self.reader.filter_chunks(false, |_, _, block| full(block.layer, block.level)).map_err(fault)?;
-        let insert = |meta: &exr::meta::MetaData, block: UncompressedBlock| {
-            let channels = &meta.headers[index].channels;
+        let mut insert = |block: UncompressedBlock, channels: &ChannelList| {
             for line in block.lines(channels) {
                 let at = line.location;
                 let inside = at.position.0 + at.sample_count <= width && at.position.1 < height;
                 if !inside || !full(at.layer, at.level) {
-                    return Err(exr::error::Error::Invalid("a block lies outside the picture".into()));
+                    return Err(Fault::damaged("a block lies outside the picture"));
                 }
                 to_floats(&line, channels.list[at.channel].sample_type, &mut values);
                 found[at.position.1] += usize::from(at.channel == 0) * values.len();
@@ -170,13 +180,34 @@ impl Layer {
             }
             Ok(())
         };
-        chunks.decompress_parallel(false, insert).map_err(fault)?;
+        let mut chunks =
+            self.reader.filter_chunks(false, |_, _, block| full(block.layer, block.level)).map_err(fault)?;
+        let meta = chunks.meta_data().clone();
+        let header = &meta.headers[index];
+        let batch = (BATCH_BYTES / header.max_block_byte_size().max(1)).max(rayon::current_num_threads());
+        loop {
+            let compressed =
+                chunks.by_ref().take(batch).collect::<std::result::Result<Vec<Chunk>, _>>().map_err(fault)?;
+            if compressed.is_empty() {
+                break;
+            }
+            let blocks = compressed.into_par_iter().map(|chunk| decompress(chunk, &meta));
+            for block in blocks.collect::<std::result::Result<Vec<_>, _>>().map_err(fault)? {
+                insert(block, &header.channels)?;
+            }
+        }
         // Chunks may name the same block twice, and then another is missing.
         if found.iter().any(|&pixels| pixels != width) {
             return Err(Fault::damaged("some rows are missing"));
         }
         Ok(())
     }
+}
+
+/// Decompresses a block. The crate's own parallel reader does so in detached tasks, whose panics would end the process.
+fn decompress(chunk: Chunk, meta: &MetaData) -> std::result::Result<UncompressedBlock, ExrError> {
+    guarded(|| UncompressedBlock::decompress_chunk(chunk, meta, false))
+        .unwrap_or_else(|panic| Err(ExrError::Invalid(panic.into())))
 }
 
 fn to_floats(line: &LineRef<'_>, kind: SampleType, values: &mut Vec<f32>) {
@@ -201,8 +232,8 @@ fn size(header: &Header) -> Decoded<[usize; 2]> {
     check_size(size, channels.len() as u64 * 4)
 }
 
-fn fault(error: exr::error::Error) -> Fault {
-    use exr::error::Error as E;
+fn fault(error: ExrError) -> Fault {
+    use ExrError as E;
     match error {
         E::Io(error) => error.into(),
         E::NotSupported(words) => Fault::unsupported(format!("cannot be decoded: {words}")),

@@ -9,6 +9,7 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::{bmp, jpeg, openexr, png, radiance, tif};
+use crate::guard::guarded;
 use crate::{Error, Result};
 
 /// File name endings of the formats that [`read`] understands, in lower case.
@@ -16,10 +17,13 @@ pub const EXTENSIONS: &[&str] = &["png", "tif", "tiff", "jpg", "jpeg", "exr"];
 
 /// Longest side of an image, in pixels.
 pub const MAX_SIDE: usize = 65_535;
-/// Most pixels of an image (256 Mpixel).
-pub const MAX_PIXELS: usize = 256 << 20;
+/// Most pixels of an image (64 Mpixel).
+pub const MAX_PIXELS: usize = 64 << 20;
 /// Most bytes that one decoded image or one image file may take (4 GiB).
 pub(super) const MAX_BYTES: u64 = 4 << 30;
+
+/// What to do about a damaged file.
+const RENEW: &str = "copy or export the file again";
 
 /// Samples as the file stores them; half floats, doubles and EXR integers become `f32`.
 #[derive(Debug, Clone, PartialEq)]
@@ -182,7 +186,7 @@ pub(super) type Decoded<T> = std::result::Result<T, Fault>;
 impl Fault {
     /// The content contradicts itself or ends early.
     pub(super) fn damaged(words: impl fmt::Display) -> Self {
-        Self { problem: format!("is truncated or damaged: {words}"), remedy: "copy or export the file again" }
+        Self { problem: format!("is truncated or damaged: {words}"), remedy: RENEW }
     }
 
     /// A valid file of a kind that is not read.
@@ -238,7 +242,7 @@ pub(super) fn open(path: &Path) -> Decoded<Source> {
         return Err(Fault::unusable("is not a regular file", "name an image file"));
     }
     if meta.len() == 0 {
-        return Err(Fault::unusable("is empty", "copy or export the file again"));
+        return Err(Fault::unusable("is empty", RENEW));
     }
     if meta.len() > MAX_BYTES {
         return Err(Fault::too_large(format!("is larger than {} GiB", MAX_BYTES >> 30)));
@@ -264,23 +268,42 @@ fn sniff(source: &mut Source) -> Decoded<Format> {
     }
 }
 
+/// Runs a decoder on the file at `path`; its panic is damage of the file, like any other.
+pub(super) fn decode<T>(path: &Path, decoder: impl FnOnce() -> Decoded<T>) -> Result<T> {
+    guarded(decoder).unwrap_or_else(|panic| Err(Fault::unusable(panic, RENEW))).map_err(|fault| fault.at(path))
+}
+
 /// Reads only the header of an image file: no pixel is decoded and no memory taken for any.
 ///
 /// # Errors
 /// `Error::Input` when the file cannot be read, is no image of a known format, or is beyond the size limits.
 pub fn info(path: &Path) -> Result<Info> {
-    let attempt = || {
+    decode(path, || header(open(path)?))
+}
+
+fn header(mut source: Source) -> Decoded<Info> {
+    match sniff(&mut source)? {
+        Format::Png => png::info(source),
+        Format::Jpeg => jpeg::info(source),
+        Format::Tiff => tif::info(source),
+        Format::Exr => openexr::info(source),
+        Format::Bmp => bmp::info(source),
+        Format::Radiance => radiance::info(source),
+    }
+}
+
+/// Width and height of an image file, by its header alone; an OpenEXR file may have any channels.
+///
+/// # Errors
+/// As [`info`].
+pub(crate) fn size(path: &Path) -> Result<[usize; 2]> {
+    decode(path, || {
         let mut source = open(path)?;
         match sniff(&mut source)? {
-            Format::Png => png::info(source),
-            Format::Jpeg => jpeg::info(source),
-            Format::Tiff => tif::info(source),
-            Format::Exr => openexr::info(source),
-            Format::Bmp => bmp::info(source),
-            Format::Radiance => radiance::info(source),
+            Format::Exr => openexr::layer_size(source),
+            _ => header(source).map(|info| [info.width, info.height]),
         }
-    };
-    attempt().map_err(|fault| fault.at(path))
+    })
 }
 
 /// Reads an image file whole.
@@ -294,7 +317,7 @@ pub fn read(path: &Path) -> Result<Raster> {
 
 /// [`read`] that uses the memory of an image of the same size and depth again, where the format can.
 pub(crate) fn read_into(path: &Path, spare: Vec<u16>) -> Result<Raster> {
-    let attempt = || {
+    decode(path, || {
         let mut source = open(path)?;
         match sniff(&mut source)? {
             Format::Png => png::read(source, spare),
@@ -304,8 +327,7 @@ pub(crate) fn read_into(path: &Path, spare: Vec<u16>) -> Result<Raster> {
             Format::Bmp => bmp::read(source),
             Format::Radiance => radiance::read(source),
         }
-    };
-    attempt().map_err(|fault| fault.at(path))
+    })
 }
 
 /// A zeroed buffer, or a fault when the memory is not there.

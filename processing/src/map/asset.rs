@@ -1,12 +1,12 @@
 //! Maps in memory and in their files.
 
-use crate::image::{Attribute, ExrMap, OutputFolder, read_exr, write_exr};
+use crate::image::{Attribute, ExrMap, MAX_PIXELS, OutputFolder, read_exr, write_exr};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Most pixels of a map that is edited.
-pub(super) const MOST_PIXELS: usize = 64 << 20;
+pub(super) const MOST_PIXELS: usize = MAX_PIXELS;
 
 /// What a map holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -65,7 +65,7 @@ impl Maps {
     /// Reads a folder with maps, or one of the files.
     ///
     /// # Errors
-    /// `Input` for what is none, and for maps of different sizes or more than 64 Mpixel.
+    /// `Input` for what is none, and for maps of different sizes.
     pub fn read(input: &Path) -> Result<Self> {
         let remedy = "give a folder with orientation.exr or period.exr, or one of these files";
         let files: Vec<PathBuf> = if input.is_dir() {
@@ -75,14 +75,6 @@ impl Maps {
         };
         let mut all: Option<Self> = None;
         for path in &files {
-            let info = read_size(path)?;
-            if info[0] * info[1] > MOST_PIXELS {
-                return Err(Error::file(
-                    path,
-                    format!("has {} × {} pixels", info[0], info[1]),
-                    "give at most 64 Mpixel",
-                ));
-            }
             let map = read_exr(path)?;
             let (width, height) = (map.width, map.height);
             let found = Kind::ALL.into_iter().find(|kind| map.channels.contains_key(kind.name()));
@@ -122,19 +114,6 @@ impl Maps {
             })?;
         }
         Ok(())
-    }
-}
-
-/// Size of an EXR file, which may have any channels.
-fn read_size(path: &Path) -> Result<[usize; 2]> {
-    let meta = exr::meta::MetaData::read_from_file(path, false);
-    match meta {
-        Ok(meta) => {
-            let header = meta.headers.first().map(|h| [h.layer_size.0, h.layer_size.1]);
-            header.ok_or_else(|| Error::file(path, "has no layer", "give an EXR map"))
-        }
-        // The reader proper says what is wrong.
-        Err(_) => read_exr(path).map(|map| [map.width, map.height]),
     }
 }
 

@@ -13,7 +13,7 @@ use super::views::{View, brackets, views};
 use super::weighted::WeightedFit;
 use super::{
     Align, Alignment, Design, Fit, FrameNoise, NoiseSource, ObliqueReport, Options, RepeatsReport, Report, StokesMaps,
-    smooth,
+    check_memory, smooth,
 };
 use crate::frames::{Frame, LinearFrame, Linearizer, LoadedFrames};
 use crate::image::OutputFolder;
@@ -137,8 +137,9 @@ impl Running {
     /// photographs must be there already.
     ///
     /// # Errors
-    /// `Input` when the set is of another kind.
+    /// `Input` when the set is of another kind or needs more memory than there is.
     pub fn open(frames: LoadedFrames) -> Result<Self> {
+        check_memory(&frames)?;
         let brackets = brackets(&frames.set.frames);
         let views = views(&frames, &brackets)?;
         let linearizer = Linearizer::new(&frames)?;

@@ -3,6 +3,7 @@
 use super::files::inside;
 use super::mesh::{Corner, MOST_TRIANGLES, Raw};
 use super::vector::V3;
+use crate::guard::guarded;
 use crate::{Error, Result};
 use base64::Engine;
 use ply_rs_bw::parser::Parser;
@@ -23,12 +24,13 @@ pub(super) fn read(path: &Path) -> Result<Raw> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let bytes = bytes(path)?;
     let bad = |problem: String| Error::file(path, problem, REMEDY);
-    let (corners, triangles) = match ending.as_str() {
-        "obj" => obj(&bytes).map_err(bad)?,
-        "ply" => ply(&bytes).map_err(bad)?,
-        "gltf" | "glb" => gltf(&bytes, path)?,
-        _ => return Err(bad(format!("ends in {ending:?}"))),
+    let decode = || match ending.as_str() {
+        "obj" => obj(&bytes).map_err(bad),
+        "ply" => ply(&bytes).map_err(bad),
+        "gltf" | "glb" => gltf(&bytes, path),
+        _ => Err(bad(format!("ends in {ending:?}"))),
     };
+    let (corners, triangles) = guarded(decode).unwrap_or_else(|panic| Err(bad(panic)))?;
     Ok(Raw { name: path.display().to_string(), corners, triangles })
 }
 

@@ -8,9 +8,6 @@ use crate::map::{Kind, Maps};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Most pixels of a picture.
-const MOST_PIXELS: usize = 64 << 20;
-
 /// A picture with N channels, row 0 on top (v = 1).
 pub(super) struct Picture<const N: usize> {
     pub width: usize,
@@ -62,12 +59,8 @@ impl<const N: usize> Over<N> {
 
 /// Reads a picture; 8 and 16 bits go from 0 to 1, by the curve of sRGB if they are colours.
 fn picture<const N: usize>(path: &Path, color: bool, [low, high]: [f32; 2]) -> Result<Picture<N>> {
-    let info = crate::image::info(path)?;
-    if info.width * info.height > MOST_PIXELS {
-        let problem = format!("has {} × {} pixels", info.width, info.height);
-        return Err(Error::file(path, problem, "give at most 64 Mpixel"));
-    }
     let raster = read(path)?;
+    let info = raster.info();
     let (channels, full) = (raster.channels, info.depth.full_scale());
     let values: Vec<f32> = match raster.samples {
         Samples::U8(v) => v.into_iter().map(|v| f32::from(v) / full).collect(),

@@ -1,5 +1,6 @@
 //! Pixels as cameras send them, turned into codes of one channel.
 
+use std::panic::catch_unwind;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -164,7 +165,9 @@ impl Picture {
     pub fn unpack(&self, payload: &[u8]) -> Result<Vec<u16>, String> {
         self.check()?;
         if self.is_jpeg() {
-            return self.decode(payload);
+            // A decoder that panics over a frame makes it a bad frame, as any other error of the decoder.
+            return catch_unwind(|| self.decode(payload))
+                .unwrap_or_else(|_| Err("a JPEG file that its decoder fails on".into()));
         }
         let row_bytes = self.format.row_bytes(self.width);
         let stride = if self.stride == 0 { row_bytes } else { self.stride };

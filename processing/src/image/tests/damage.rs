@@ -102,12 +102,74 @@ fn gigantic_headers_are_refused_at_once() {
     }
     assert_eq!(tiff_patched, 3);
     let huge_png = |w, h| raw_png(&[(b"IHDR", &png_header(w, h, 16, 6)), (b"IDAT", &[]), (b"IEND", &[])]);
-    for file in [huge_png(60_000, 60_000), huge_png(2_000_000, 2), tiff, exr] {
+    for file in [huge_png(60_000, 60_000), huge_png(2_000_000, 2), huge_png(16_384, 16_384), tiff, exr] {
         fs::write(&path, &file).unwrap();
         for error in [info(&path).unwrap_err().to_string(), read(&path).unwrap_err().to_string()] {
             assert!(error.contains("more than") && error.contains("pixel"), "{error}");
         }
     }
+}
+
+/// 64 Mpixel and not a pixel more.
+#[test]
+fn the_largest_image_is_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("x.png");
+    let header = |w, h| raw_png(&[(b"IHDR", &png_header(w, h, 8, 0)), (b"IDAT", &[]), (b"IEND", &[])]);
+    fs::write(&path, header(8192, 8192)).unwrap();
+    assert_eq!((info(&path).unwrap().width, size(&path).unwrap()), (8192, [8192, 8192]));
+    fs::write(&path, header(8192, 8193)).unwrap();
+    let errors = [info(&path).unwrap_err(), read(&path).unwrap_err(), size(&path).unwrap_err()];
+    assert!(errors.iter().all(|e| e.to_string().contains("more than 64 Mpixel")), "{errors:?}");
+}
+
+#[test]
+fn the_size_of_maps_of_any_channels_is_known() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("map.exr");
+    exr_file(&path, &["period", "sigma", "mask", "light"]);
+    assert!(info(&path).is_err());
+    assert_eq!(size(&path).unwrap(), [W, H]);
+}
+
+/// The decoder of B44 does so over a block of zeros, where overflow is checked, and in one of its own threads.
+#[cfg(debug_assertions)]
+#[test]
+fn a_panic_in_a_thread_of_a_decoder_is_an_error_of_the_file() {
+    use exr::prelude::*;
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("b44.exr");
+    let channels =
+        SpecificChannels::rgb(|p: Vec2<usize>| [p.0, p.1, p.0 + p.1].map(|v| f16::from_f32(v as f32)).into());
+    let encoding = Encoding { compression: Compression::B44, ..Encoding::UNCOMPRESSED };
+    Image::from_layer(Layer::new((4, 4), LayerAttributes::default(), encoding, channels))
+        .write()
+        .to_file(&path)
+        .unwrap();
+    let mut file = fs::read(&path).unwrap();
+    // Three channels of one block of 14 bytes.
+    let blocks = file.len() - 3 * 14;
+    file[blocks..].fill(0);
+    fs::write(&path, file).unwrap();
+    let errors = [super::read(&path).map(drop), read_exr(&path).map(drop)];
+    assert!(
+        errors.iter().all(|e| e.as_ref().unwrap_err().to_string().contains("b44.exr: is truncated or damaged")),
+        "{errors:?}"
+    );
+}
+
+/// A palette that ends within a colour makes the decoder of PNG panic.
+#[test]
+fn a_panic_of_a_decoder_is_an_error_of_the_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("palette.png");
+    // A stored block of zlib: filter byte 0 and three pixels 0; its Adler-32.
+    let row = [0x78, 1, 1, 4, 0, 0xfb, 0xff, 0, 0, 0, 0, 0, 4, 0, 1];
+    let chunks: [(&[u8; 4], &[u8]); 4] =
+        [(b"IHDR", &png_header(3, 1, 8, 3)), (b"PLTE", &[1, 2, 3, 4]), (b"IDAT", &row), (b"IEND", &[])];
+    fs::write(&path, raw_png(&chunks)).unwrap();
+    let said = read(&path).unwrap_err().to_string();
+    assert!(said.contains("palette.png: makes its decoder fail (") && said.contains("; copy or export"), "{said}");
 }
 
 #[test]
