@@ -34,7 +34,20 @@ impl Service {
 
     /// With the devices of a configuration, or whatever else the arguments say.
     pub fn serve(place: &Place, args: &[&str]) -> Self {
-        let (mut command, mark) = command();
+        let (command, mark) = command();
+        Self::run(command, mark, place, args)
+    }
+
+    /// On a small simulated bench, with so many open files at most.
+    pub fn with_open_files(place: &Place, most: usize, more: &[&str]) -> Self {
+        let (program, mark) = command();
+        let mut command = Command::new("sh");
+        command.args(["-c", &format!("ulimit -n {most}; exec \"$0\" \"$@\"")]).arg(program.get_program());
+        command.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
+        Self::run(command, mark, place, &[&["--sim", "--bench", &place.text("bench.toml")], more].concat())
+    }
+
+    fn run(mut command: Command, mark: String, place: &Place, args: &[&str]) -> Self {
         command.args(["serve", "--listen", "127.0.0.1:0"]).args(args);
         command.args(["--data", &place.text("data")]).current_dir(place.path(""));
         let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the service starts");
@@ -57,6 +70,32 @@ impl Service {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
         assert_gone(&self.mark);
+    }
+
+    /// Sends it a signal.
+    pub fn signal(&self, name: &str) {
+        let sent = Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status();
+        assert!(sent.unwrap().success());
+    }
+
+    /// Its exit code, once it has ended by itself.
+    pub fn ended(&mut self) -> Option<i32> {
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_secs(120) {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status.code();
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        self.child.kill().unwrap();
+        panic!("the service does not end");
+    }
+
+    /// A connection on which these bytes were sent.
+    pub fn connect(&self, bytes: &[u8]) -> TcpStream {
+        let mut stream = TcpStream::connect(self.address).unwrap();
+        stream.write_all(bytes).unwrap();
+        stream
     }
 
     /// Sends bytes; reads until the other end closes, or for as long as `patience`.
@@ -211,7 +250,9 @@ fn dechunked(mut bytes: &[u8]) -> Vec<u8> {
 
 impl Drop for Service {
     fn drop(&mut self) {
-        let _ = Command::new("kill").arg(self.child.id().to_string()).status();
+        if let Ok(None) = self.child.try_wait() {
+            let _ = Command::new("kill").arg(self.child.id().to_string()).status();
+        }
         let status = self.child.wait();
         if !std::thread::panicking() {
             assert!(

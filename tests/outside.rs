@@ -142,18 +142,28 @@ fn large_slow_and_many_requests_are_bounded() {
     let answer = String::from_utf8_lossy(&service.raw(slow.as_bytes(), Duration::from_secs(3))).into_owned();
     assert!(answer.contains("too long") && begun.elapsed() < Duration::from_secs(5), "{answer}");
 
-    // Half-sent requests take the places of others, but not that of STOP.
-    let stuck: Vec<_> = (0..20)
-        .map(|_| {
-            let mut stream = std::net::TcpStream::connect(service.address).unwrap();
-            std::io::Write::write_all(&mut stream, slow.as_bytes()).unwrap();
-            stream
-        })
-        .collect();
-    std::thread::sleep(Duration::from_millis(200));
-    assert_eq!(service.get("/healthz").expect(429).json()["type"], "https://nacre.invalid/problems/too-many");
-    service.post("/api/v1/stop", &json!({})).expect(200);
+    // Half-sent requests take nobody's place. Those that are worked on do, but not that of STOP.
+    let stuck: Vec<_> = (0..20).map(|_| service.connect(slow.as_bytes())).collect();
+    service.get("/healthz").expect(200);
     drop(stuck);
+    let turn = json!({ "analyser_deg": 700.0 }).to_string();
+    let turn = format!(
+        "POST /api/v1/devices/stage/move HTTP/1.1\r\nHost: {}\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n{turn}",
+        service.address,
+        turn.len()
+    );
+    let busy: Vec<_> = (0..20).map(|_| service.connect(turn.as_bytes())).collect();
+    let begun = Instant::now();
+    let refused = loop {
+        let answer = service.get("/healthz");
+        if answer.status == 429 {
+            break answer.json();
+        }
+        assert!(begun.elapsed() < Duration::from_secs(30), "never refused");
+    };
+    assert_eq!(refused["type"], "https://nacre.invalid/problems/too-many");
+    service.post("/api/v1/stop", &json!({})).expect(200);
+    drop(busy);
     service.until("/api/v1/devices", |_| true);
 }
 

@@ -10,7 +10,17 @@ use crate::session::sha256;
 use nacre_processing::Error;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
+
+/// Signals are looked for this often.
+const SIGNALS: Duration = Duration::from_millis(20);
+
+/// After a first signal the service may end in order for this long,
+const IN_ORDER: Duration = Duration::from_secs(4);
+
+/// and then, or after a second signal, threads may end for this long.
+const AT_ONCE: Duration = Duration::from_millis(500);
 
 /// Arguments of `nacre serve`.
 #[derive(clap::Args)]
@@ -21,7 +31,8 @@ Examples:
   NACRE_SERVE_LISTEN=127.0.0.1:9000 nacre serve --sim
 
 Listens on this machine only unless the configuration says otherwise, which needs a token
-(`nacre token`). Ctrl-C ends it in order: a session in progress can be resumed, light is off.")]
+(`nacre token`). Ctrl-C or SIGTERM ends it in order within 5 s: a session in progress can be
+resumed, light is off. A second one ends it at once.")]
 pub struct Args {
     /// Use the simulated bench, at the pace of a real one.
     #[arg(long)]
@@ -77,13 +88,28 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let built = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     let runtime = built.map_err(|e| Error::input("tokio", format!("cannot start: {e}"), "free some memory"))?;
     let interrupted = console.interrupted();
-    let stop = async move {
-        while interrupted.load(std::sync::atomic::Ordering::Relaxed) == 0 {
-            tokio::time::sleep(Duration::from_millis(20)).await;
+    let asked = async |times| {
+        while interrupted.load(Ordering::Relaxed) < times {
+            tokio::time::sleep(SIGNALS).await;
         }
     };
     let ready = |address| console.note(&format!("Nacre is at http://{address}/  (Ctrl-C ends it)"));
-    runtime.block_on(serve(config, place, ready, stop))
+    let result = runtime.block_on(async {
+        let cut = async {
+            asked(1).await;
+            // Whatever happens, the light is told to go off first.
+            tokio::time::sleep(2 * SIGNALS).await;
+            let _ = tokio::time::timeout(IN_ORDER, asked(2)).await;
+        };
+        tokio::select! {
+            biased;
+            result = serve(config, place, ready, asked(1)) => result,
+            () = cut => Ok(()),
+        }
+    });
+    // Light may still be on its way off; whatever else runs ends with the process.
+    runtime.shutdown_timeout(AT_ONCE);
+    result
 }
 
 /// Makes a token.

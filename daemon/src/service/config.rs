@@ -62,6 +62,9 @@ pub struct LimitsSection {
     pub upload_mib: u64,
     /// A request that takes longer than this many seconds is ended, event streams and uploads apart.
     pub request_s: u64,
+    /// A client that makes no progress for this many seconds is disconnected: no complete request header, and less than 16 KiB
+    /// sent or received. Event streams may stay idle.
+    pub client_s: u64,
     /// Requests at once.
     pub requests: usize,
     /// Event streams at once.
@@ -83,7 +86,7 @@ impl Default for Config {
 
 impl Default for LimitsSection {
     fn default() -> Self {
-        Self { body_kib: 1024, upload_mib: 4096, request_s: 60, requests: 64, subscribers: 256 }
+        Self { body_kib: 1024, upload_mib: 4096, request_s: 60, client_s: 20, requests: 64, subscribers: 256 }
     }
 }
 
@@ -127,6 +130,7 @@ impl Config {
             ("body_kib", l.body_kib as u64),
             ("upload_mib", l.upload_mib),
             ("request_s", l.request_s),
+            ("client_s", l.client_s),
             ("requests", l.requests as u64),
             ("subscribers", l.subscribers as u64),
         ] {

@@ -7,6 +7,7 @@ pub mod access;
 pub mod bench;
 pub mod charts;
 pub mod config;
+mod connections;
 mod deletion;
 pub mod devices;
 pub mod display;
@@ -52,6 +53,7 @@ use serde::de::DeserializeOwned;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
 
 pub use router::openapi;
@@ -256,28 +258,29 @@ impl App {
 /// # Errors
 /// The bench, the data folder or the address cannot be used.
 pub async fn serve(
-    config: Config,
+    mut config: Config,
     place: Place,
     ready: impl FnOnce(std::net::SocketAddr),
-    stop: impl Future<Output = ()> + Send + 'static,
+    stop: impl Future<Output = ()>,
 ) -> Result<(), Failure> {
     let listen = config.listen;
+    let most = connections::fit(&mut config.limits);
+    let patience = Duration::from_secs(config.limits.client_s);
     let app = App::open(config, place).await?;
-    let bound = tokio::net::TcpListener::bind(listen).await;
     let bind = |e: std::io::Error| Error::input(listen, format!("cannot be listened on: {e}"), "give another --listen");
-    let listener = bound.map_err(bind)?;
+    let listener = connections::listen(listen).map_err(bind)?;
     ready(listener.local_addr().map_err(bind)?);
     let closing = app.clone();
     let graceful = async move {
         stop.await;
         closing.stopping.send_replace(true);
-        // First of all the light, and a session in progress, which survives that; slow requests may take their time.
+        // First of all the light, and a session in progress, which survives that.
         let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;
     };
-    let served = axum::serve(listener, router::router(&app)).with_graceful_shutdown(graceful).await;
+    connections::serve(listener, router::router(&app), most, patience, graceful).await;
     app.jobs.shutdown().await;
     app.catalogue.close().await;
-    Ok(served.map_err(|e| Error::input(listen, format!("cannot be served: {e}"), "report this"))?)
+    Ok(())
 }
 
 /// Ids are ULIDs, so that no other path is ever made of them.

@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::jobs::Refusal;
-use axum::extract::rejection::{JsonRejection, PathRejection, QueryRejection};
+use axum::extract::rejection::{BytesRejection, JsonRejection, PathRejection, QueryRejection};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_drivers::Class;
@@ -41,6 +41,8 @@ pub enum Kind {
     Busy,
     /// The request is larger than what is taken.
     TooLarge,
+    /// The request comes too slowly.
+    Slow,
     /// More at once than what is served.
     TooMany,
     /// No or no valid token.
@@ -63,6 +65,7 @@ impl Kind {
             Self::Conflict => (StatusCode::CONFLICT, "conflict", "It does not fit the state"),
             Self::Busy => (StatusCode::CONFLICT, "busy", "The devices are in use"),
             Self::TooLarge => (StatusCode::PAYLOAD_TOO_LARGE, "too-large", "Too large"),
+            Self::Slow => (StatusCode::REQUEST_TIMEOUT, "slow", "Too slow"),
             Self::TooMany => (StatusCode::TOO_MANY_REQUESTS, "too-many", "Too many at once"),
             Self::Unauthorized => (StatusCode::UNAUTHORIZED, "unauthorized", "A token is needed"),
             Self::Forbidden => (StatusCode::FORBIDDEN, "forbidden", "Not allowed"),
@@ -111,7 +114,7 @@ impl IntoResponse for Problem {
         let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let body = serde_json::to_string(&self).unwrap_or_default();
         let mut response = (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
-        if status == StatusCode::TOO_MANY_REQUESTS {
+        if matches!(status, StatusCode::TOO_MANY_REQUESTS | StatusCode::REQUEST_TIMEOUT) {
             // A connection that is kept takes memory too.
             response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
         }
@@ -177,10 +180,17 @@ impl From<Refusal> for Problem {
     }
 }
 
-impl From<JsonRejection> for Problem {
-    fn from(rejection: JsonRejection) -> Self {
+impl From<BytesRejection> for Problem {
+    fn from(rejection: BytesRejection) -> Self {
         let kind = if rejection.status() == StatusCode::PAYLOAD_TOO_LARGE { Kind::TooLarge } else { Kind::BadRequest };
         Self::new(kind, rejection.body_text())
+    }
+}
+
+impl From<JsonRejection> for Problem {
+    fn from(rejection: JsonRejection) -> Self {
+        // The size was checked when the body was received.
+        Self::bad(rejection.body_text())
     }
 }
 

@@ -1,17 +1,18 @@
 //! All paths, in one place.
 
+use super::connections::Activity;
 use super::problem::{Kind, Problem};
 use super::{
-    App, access, charts, deletion, devices, display, measure, plans, reconstructions, renders, results, session_data,
-    sessions, uploads, view,
+    App, access, charts, connections, deletion, devices, display, measure, plans, reconstructions, renders, results,
+    session_data, sessions, uploads, view,
 };
-use axum::Json;
-use axum::Router;
-use axum::extract::{DefaultBodyLimit, Path, Request, State};
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
 use axum::http::{StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use axum::{Extension, Json, Router};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -106,7 +107,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(display::beat))
 }
 
-/// Uploads take as long as they take, and are as large as the configuration says.
+/// Uploads take as long as they make progress, and are as large as the configuration says.
 fn slow() -> OpenApiRouter<Arc<App>> {
     OpenApiRouter::new().routes(routes!(uploads::upload)).layer(DefaultBodyLimit::disable())
 }
@@ -143,6 +144,7 @@ const REFUSALS: &[(&str, &str)] = &[
     ("401", "A token is needed"),
     ("403", "The token's role does not allow it, or the request comes from elsewhere"),
     ("404", "There is no such thing"),
+    ("408", "The request came too slowly"),
     ("409", "It does not fit the state"),
     ("413", "The request is too large"),
     ("429", "Too many requests at once"),
@@ -175,12 +177,13 @@ pub fn router(app: &Arc<App>) -> Router {
         .route("/", get(|| page("/".into())))
         .route("/display", get(|| page("/display".into())))
         .route("/assets/{*path}", get(|Path(path): Path<String>| page(format!("/assets/{path}"))))
+        .layer(middleware::from_fn_with_state(app.clone(), bounded))
         .layer(DefaultBodyLimit::max(limits.body_kib << 10))
         .layer(middleware::from_fn_with_state(app.clone(), in_time))
         .merge(slow)
         .fallback(|| async { Problem::not_found("such path") })
         .method_not_allowed_fallback(|| async { Problem::new(Kind::Method, "this path takes another method") })
-        .layer(middleware::from_fn_with_state(app.clone(), bounded))
+        .layer(middleware::from_fn(connections::in_pace))
         .layer(middleware::from_fn_with_state(app.clone(), access::check))
         .layer(middleware::from_fn_with_state(app.clone(), count))
         .with_state(app.clone())
@@ -209,20 +212,30 @@ async fn in_time(State(app): State<Arc<App>>, request: Request, next: Next) -> R
     }
 }
 
-/// Refuses more requests at once than the configuration allows; STOP is never refused.
-async fn bounded(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
+/// Refuses more requests at once than the configuration allows; those that are still being sent do not count. STOP is never
+/// refused, and needs no body.
+async fn bounded(
+    State(app): State<Arc<App>>,
+    Extension(activity): Extension<Arc<Activity>>,
+    request: Request,
+    next: Next,
+) -> Response {
     if request.uri().path() == "/api/v1/stop" {
+        let _work = activity.work();
         return next.run(request).await;
     }
-    match app.requests.clone().try_acquire_owned() {
-        Ok(_place) => next.run(request).await,
-        Err(_) => {
-            let most = app.config.limits.requests;
-            Problem::new(Kind::TooMany, format!("{most} requests are being answered"))
-                .remedy("try again")
-                .into_response()
-        }
-    }
+    let (parts, body) = request.into_parts();
+    let body = match Bytes::from_request(Request::from_parts(parts.clone(), body), &()).await {
+        Ok(body) => body,
+        Err(rejection) => return Problem::from(rejection).into_response(),
+    };
+    let _work = activity.work();
+    let Ok(_place) = app.requests.try_acquire() else {
+        let most = app.config.limits.requests;
+        let refused = Problem::new(Kind::TooMany, format!("{most} requests are being answered"));
+        return refused.remedy("try again").into_response();
+    };
+    next.run(Request::from_parts(parts, body.into())).await
 }
 
 /// Counts answers.

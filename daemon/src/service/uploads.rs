@@ -1,12 +1,13 @@
 //! `/api/v1/uploads`: photographs taken elsewhere, streamed to the disk.
 
+use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{App, scenes};
-use axum::Json;
 use axum::extract::multipart::{Field, MultipartRejection};
 use axum::extract::{Multipart, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
+use axum::{Extension, Json};
 use nacre_processing::frames::{FILE_NAME, load};
 use nacre_processing::image::{EXTENSIONS, info};
 use nacre_processing::map::Maps;
@@ -14,15 +15,11 @@ use nacre_processing::surface::height;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::io::AsyncWriteExt;
 use utoipa::ToSchema;
 
 /// Most photographs of one upload.
 const MAX_FILES: usize = 4096;
-
-/// A part of an upload has to come within this.
-const PATIENCE: Duration = Duration::from_secs(30);
 
 /// What was uploaded.
 #[derive(Debug, Serialize, ToSchema)]
@@ -70,7 +67,11 @@ impl App {
 #[utoipa::path(post, path = "/api/v1/uploads", tag = "reconstructions", operation_id = "upload",
     request_body(content = Form, content_type = "multipart/form-data"),
     responses((status = 201, body = Uploaded), (status = 400, body = Problem), (status = 413, body = Problem)))]
-pub async fn upload(State(app): State<Arc<App>>, form: Result<Multipart, MultipartRejection>) -> Answer<Response> {
+pub async fn upload(
+    State(app): State<Arc<App>>,
+    Extension(activity): Extension<Arc<Activity>>,
+    form: Result<Multipart, MultipartRejection>,
+) -> Answer<Response> {
     let form = form.map_err(|e| Problem::bad(e.body_text()))?;
     let id = super::new_id();
     let target = app.upload_folder(&id)?;
@@ -78,20 +79,20 @@ pub async fn upload(State(app): State<Arc<App>>, form: Result<Multipart, Multipa
     // Half an upload is none: the folder goes with this request unless all of it came.
     let folder = tempfile::Builder::new().prefix(".upload-").tempdir_in(app.config.data.join("uploads"));
     let folder = folder.map_err(refused)?;
-    let (files, bytes) = receive(&app, form, folder.path()).await?;
+    let (files, bytes) = receive(&app, &activity, form, folder.path()).await?;
     std::fs::rename(folder.path(), &target).map_err(refused)?;
     // It is not there under this name any more.
     let _ = folder.keep();
     Ok((StatusCode::CREATED, Json(Uploaded { id, files, bytes })).into_response())
 }
 
-async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
+async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
     let most = app.config.limits.upload_mib << 20;
     let (mut files, mut bytes, mut what, mut begun) = (0, 0, What::Polarization, false);
     loop {
-        let next = tokio::time::timeout(PATIENCE, form.next_field()).await;
-        let next = next.map_err(|_| Problem::bad("the upload stopped half-way"))?;
-        let Some(field) = next.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? else {
+        let Some(field) =
+            form.next_field().await.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))?
+        else {
             break;
         };
         match field.name() {
@@ -104,7 +105,9 @@ async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize
                     return Err(Problem::bad("a scene begins with more than one gallery or result").remedy("give one"));
                 }
                 let part = part.to_owned();
-                scenes::begin(app, &part, word(field).await?, folder).await?;
+                let word = word(field).await?;
+                let _work = activity.work();
+                scenes::begin(app, &part, word, folder).await?;
                 continue;
             }
             _ => {}
@@ -123,6 +126,9 @@ async fn receive(app: &App, mut form: Multipart, folder: &Path) -> Answer<(usize
         return Err(Problem::bad("the form holds no photograph").remedy("send parts named file with file names"));
     }
     let folder = folder.to_path_buf();
+    // All of it is here: it counts among the requests that are worked on, and waits for its turn.
+    let _work = activity.work();
+    let _place = app.requests.acquire().await;
     super::blocking(move || {
         match what {
             What::Polarization => describe(&folder)?,
@@ -184,9 +190,9 @@ async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
     })?;
     let mut bytes = 0;
     loop {
-        let chunk = tokio::time::timeout(PATIENCE, field.chunk()).await;
-        let chunk = chunk.map_err(|_| Problem::bad("the upload stopped half-way"))?;
-        let Some(chunk) = chunk.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? else {
+        let Some(chunk) =
+            field.chunk().await.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))?
+        else {
             break;
         };
         bytes += chunk.len() as u64;
@@ -203,9 +209,7 @@ async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
 async fn word(mut field: Field<'_>) -> Answer<String> {
     let mut word = vec![];
     while word.len() < 80 {
-        let chunk = tokio::time::timeout(PATIENCE, field.chunk()).await;
-        let chunk = chunk.map_err(|_| Problem::bad("the upload stopped half-way"))?;
-        match chunk.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? {
+        match field.chunk().await.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? {
             Some(chunk) => word.extend_from_slice(&chunk),
             None => break,
         }
