@@ -1,6 +1,6 @@
 //! The guardian of the flash is killed or hangs: the light goes off, and whoever uses the flash goes on.
 
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use nacre_tests::http::Service;
 use nacre_tests::{BENCH, BenchProcess, Place, assert_gone, command, data, light, nacre};

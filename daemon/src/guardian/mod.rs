@@ -6,7 +6,7 @@
 //! after the flash's longest on-time, and on SIGTERM.
 //!
 //! The owner ([`GuardedFlash`]) waits for the answer to every request, but not for ever. When the guardian has ended, answers
-//! no heartbeat for 0.2 s, or exceeds the time limit of a request, the owner kills it and starts another one, which switches the
+//! no heartbeat for 0.25 s, or exceeds the time limit of a request, the owner kills it and starts another one, which switches the
 //! light off when it starts.
 
 mod owner;

@@ -14,9 +14,15 @@ use std::time::{Duration, Instant};
 /// Interval of heartbeats while the light may be on or an answer is waited for.
 const BEAT: Duration = Duration::from_millis(50);
 
-/// A guardian that leaves this many heartbeats in a row unanswered hangs. Heartbeats are counted, not the time: an owner that
-/// is short of time itself sends fewer.
-const MISSED: u32 = 4;
+/// A guardian hangs when it leaves more than this many heartbeats in a row unanswered while the light may be on. Heartbeats are
+/// counted, not the time: an owner that is short of time itself sends fewer.
+const MISSED_LIT: u32 = 4;
+
+/// The same in the dark, where nothing is urgent and a busy machine may take its time,
+const MISSED_DARK: u32 = 20;
+
+/// and for a process that is still loading.
+const MISSED_LOADING: u32 = 200;
 
 /// Time limit of a request to a device, beyond the settling time of the lamp. Drivers give up earlier, with an error that names
 /// the device.
@@ -62,7 +68,7 @@ impl Guardian {
             }
         });
         let mut guardian = Self { child, asks, answers };
-        match guardian.ask(Ask::Describe, LAST_TRY + limit(guarded)) {
+        match guardian.ask(Ask::Describe, LAST_TRY + limit(guarded), MISSED_LOADING) {
             Ok(Ok(Answer::Described(info))) => Ok((guardian, info)),
             Ok(Ok(_)) => Err(failed(&"another answer")),
             Ok(Err(error)) => Err(error),
@@ -74,7 +80,7 @@ impl Guardian {
     ///
     /// # Errors
     /// The guardian is lost; the text says what came instead of an answer.
-    fn ask(&mut self, ask: Ask, limit: Duration) -> Result<DeviceResult<Answer>, String> {
+    fn ask(&mut self, ask: Ask, limit: Duration, most_missed: u32) -> Result<DeviceResult<Answer>, String> {
         let ended = || "the end of its process".to_owned();
         // Answers to earlier heartbeats.
         self.answers.try_iter().for_each(drop);
@@ -85,7 +91,7 @@ impl Guardian {
                 Ok(Ok(Answer::Alive)) if ask != Ask::Beat => missed = 0,
                 Ok(answer) => return Ok(answer),
                 Err(RecvTimeoutError::Disconnected) => return Err(ended()),
-                Err(RecvTimeoutError::Timeout) if missed == MISSED => return Err("no heartbeat".into()),
+                Err(RecvTimeoutError::Timeout) if missed == most_missed => return Err("no heartbeat".into()),
                 Err(RecvTimeoutError::Timeout) => {
                     missed += 1;
                     self.send(Ask::Beat).map_err(|_| ended())?;
@@ -168,7 +174,7 @@ impl Supervisor {
             }
             let was_lit = self.lit;
             self.lit |= ask == Ask::Switch(true);
-            match self.guardian.ask(ask, self.limit) {
+            match self.guardian.ask(ask, self.limit, self.most_missed()) {
                 Ok(answer) => {
                     if let Ok(Answer::Switched(switched)) = &answer {
                         self.lost = None;
@@ -187,6 +193,10 @@ impl Supervisor {
             }
         }
         Err(lost("carry out a request", &got))
+    }
+
+    fn most_missed(&self) -> u32 {
+        if self.lit { MISSED_LIT } else { MISSED_DARK }
     }
 
     /// Kills the guardian and starts another, which switches the light off.
@@ -214,7 +224,7 @@ impl Supervisor {
 
     /// Has the guardian switch off and exit. Returns false when it hung or was killed.
     fn end(&mut self) -> bool {
-        let _ = self.guardian.ask(Ask::End, LAST_TRY + self.limit);
+        let _ = self.guardian.ask(Ask::End, LAST_TRY + self.limit, self.most_missed());
         // Its stream ends a moment before its process does.
         self.guardian.exited(EXIT).is_some_and(|status| status.code().is_some())
     }
