@@ -261,6 +261,9 @@ pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
             hands.switch(true).await?;
         }
         let (frame, dropped) = hands.fresh().await?;
+        if args.flash {
+            hands.flash_still_on().await?;
+        }
         Ok((frame, dropped, camera.white))
     })?;
     write_png16_gray(&args.out, frame.width, frame.height, &frame.codes)?;
@@ -310,6 +313,7 @@ pub fn flash(command: &FlashCommand, console: &Console) -> Result<(), Failure> {
                 console.note(&format!("the flash is on for {wanted} s; Ctrl-C ends it"));
                 // A little less than its limit, so that it is us who end it.
                 hold(console, wanted.min(longest - 0.1).max(0.0)).await;
+                hands.flash_still_on().await?;
                 hands.switch(false).await?;
                 Ok("the flash is off again".to_owned())
             }

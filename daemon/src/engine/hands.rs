@@ -157,7 +157,15 @@ impl<'a> Hands<'a> {
     /// `Stop` when the flash went off by itself; as the panel answers.
     pub async fn still_lit(&mut self, flash: bool) -> DeviceResult<()> {
         timed(&mut self.stopwatch, self.devices.display.still_shows()).await?;
-        if flash && !self.is_lit().await? {
+        if flash { self.flash_still_on().await } else { Ok(()) }
+    }
+
+    /// Checks that the flash is on, at the end of the time for which it was switched on.
+    ///
+    /// # Errors
+    /// `Stop` when the flash went off by itself.
+    pub async fn flash_still_on(&mut self) -> DeviceResult<()> {
+        if !self.is_lit().await? {
             let device = self.limits.flash.as_ref().map_or("flash", |f| f.id.as_str());
             return Err(DeviceError::new(device, "switch on and stay on during the exposure", "on", "off").remedy(
                 "check lamp, supply and whether anything else switches it (by hand?), then resume the session",

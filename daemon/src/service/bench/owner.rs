@@ -111,15 +111,20 @@ impl Owner {
         if self.is_lit() { INTERLOCKS } else { Duration::from_secs(3600) }
     }
 
-    /// Light that was switched on by hand goes off in time, and when an interlock opens.
+    /// Light that was switched on by hand goes off in time, and when an interlock opens. A flash that went off by itself counts
+    /// as switched off.
     fn look_after_light(&mut self) {
-        let overdue = self.flash_until.is_some_and(|t| Instant::now() >= t);
         if self.runtime.block_on(self.rig.watch.check()).is_err() {
             // Lamps that do not go off say so to whoever asks for them next.
             let _ = self.dark();
-        } else if overdue {
+        } else if self.flash_until.is_some_and(|until| Instant::now() >= until || !self.flash_reports_on()) {
             let _ = self.flash(None);
         }
+    }
+
+    fn flash_reports_on(&mut self) -> bool {
+        let mut hands = Hands::with(&mut self.rig.devices, self.memory);
+        self.runtime.block_on(hands.is_lit()) == Ok(true)
     }
 
     /// Does something that STOP can abort, and while these interlocks hold.

@@ -1,0 +1,189 @@
+//! The guardian of the flash is killed or hangs: the light goes off, and whoever uses the flash goes on.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+use nacre_tests::http::Service;
+use nacre_tests::{BENCH, BenchProcess, Place, assert_gone, command, data, light, nacre};
+use serde_json::json;
+use std::fs;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Waiting longer is in vain, on the slowest machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// How a guardian is lost: it hangs, or it is killed.
+const LOSSES: [&str; 2] = ["-STOP", "-KILL"];
+
+fn until(what: &str, done: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !done() {
+        assert!(begun.elapsed() < PATIENCE, "waited in vain until {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// A bench whose flash may be on for longer than any test takes, so that no time limit switches it off.
+fn bench(place: &Place) -> BenchProcess {
+    fs::write(place.path("bench.toml"), format!("{BENCH}flash = {{ max_on_s = 3600 }}\n")).unwrap();
+    BenchProcess::start(&place.path("socket"), &place.path("bench.toml"), &["--real-time"])
+}
+
+fn serve(place: &Place) -> Service {
+    let config = format!("[bench]\nsim = true\nsocket = {:?}\n", place.path("socket"));
+    fs::write(place.path("nacre.toml"), config).unwrap();
+    Service::serve(place, &["--config", &place.text("nacre.toml")])
+}
+
+fn signal(pid: u32, name: &str) -> bool {
+    Command::new("kill").args([name, &pid.to_string()]).stderr(Stdio::null()).status().unwrap().success()
+}
+
+/// A line of `/proc/PID/status`, without its key.
+fn status(pid: u32, key: &str) -> Option<String> {
+    let text = fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
+    text.lines().find_map(|line| line.strip_prefix(key)).map(|value| value.trim().to_owned())
+}
+
+fn has_ended(pid: u32) -> bool {
+    status(pid, "State:").is_none_or(|state| state.starts_with('Z'))
+}
+
+/// The guardian of a process.
+fn guardian(owner: u32) -> u32 {
+    let is_it = |pid: &u32| {
+        let line = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        line.split(|byte| *byte == 0).any(|word| word == b"guardian")
+            && status(*pid, "PPid:") == Some(owner.to_string())
+    };
+    let processes = fs::read_dir("/proc").unwrap().flatten().filter_map(|p| p.file_name().to_str()?.parse().ok());
+    let found: Vec<u32> = processes.filter(is_it).collect();
+    assert_eq!(found.len(), 1, "guardians of {owner}: {found:?}");
+    found[0]
+}
+
+/// A guardian that hangs goes on when this is dropped, so that a test that fails ends.
+struct Lost(u32);
+
+impl Lost {
+    fn guardian_of(owner: u32, loss: &str) -> Self {
+        let lost = Self(guardian(owner));
+        assert!(signal(lost.0, loss));
+        lost
+    }
+}
+
+impl Drop for Lost {
+    fn drop(&mut self) {
+        signal(self.0, "-CONT");
+    }
+}
+
+/// A command on a bench, once the flash is on.
+fn with_light(bench: &BenchProcess, args: Vec<String>) -> (Child, String) {
+    let (mut command, mark) = command();
+    let child = command.args(Place::on(args, bench)).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    until("the flash is on", || light(bench)[1]);
+    (child, mark)
+}
+
+#[test]
+fn the_flash_of_the_service_goes_off_and_the_service_goes_on() {
+    let place = Place::new("");
+    let (bench, service) = (bench(&place), serve(&place));
+    let switch = |on: bool| {
+        let devices = service.post("/api/v1/devices/flash/switch", &json!({ "on": on })).expect(200).json();
+        assert!(devices["flash"]["on"] == on && light(&bench)[1] == on, "{devices}");
+    };
+    for loss in LOSSES {
+        switch(true);
+        let begun = Instant::now();
+        let lost = Lost::guardian_of(service.pid(), loss);
+        until("the flash is off", || !light(&bench)[1]);
+        println!("{loss}: off after {:.0} ms", 1000.0 * begun.elapsed().as_secs_f64());
+        assert!(has_ended(lost.0), "{loss}: the guardian that was lost still has the device");
+        service.until("/api/v1/devices", |d| d["flash"]["on"] == false);
+        // In the dark: the next guardian does what is asked for.
+        let _lost = Lost::guardian_of(service.pid(), loss);
+        switch(true);
+        let _lost = Lost::guardian_of(service.pid(), loss);
+        for _ in 0..2 {
+            service.post("/api/v1/stop", &json!({})).expect(200);
+            assert_eq!(light(&bench), [false, false], "{loss}: STOP has answered");
+        }
+        let _lost = Lost::guardian_of(service.pid(), loss);
+        service.post("/api/v1/stop", &json!({})).expect(200);
+        switch(true);
+        switch(false);
+    }
+}
+
+#[test]
+fn sigterm_ends_a_service_whose_guardian_is_lost() {
+    let place = Place::new("");
+    let bench = bench(&place);
+    for loss in LOSSES {
+        for on in [true, false] {
+            let service = serve(&place);
+            service.post("/api/v1/devices/flash/switch", &json!({ "on": on })).expect(200);
+            let lost = Lost::guardian_of(service.pid(), loss);
+            let begun = Instant::now();
+            assert!(signal(service.pid(), "-TERM"));
+            until("the service has ended", || has_ended(service.pid()));
+            println!("{loss}: ended after {:.0} ms", 1000.0 * begun.elapsed().as_secs_f64());
+            assert_eq!(light(&bench), [false, false], "{loss}");
+            assert!(has_ended(lost.0), "{loss}: the guardian is left behind");
+        }
+    }
+}
+
+/// A guardian is lost while a frame is exposed under the flash: the light goes off before the exposure ends, and the frame is
+/// taken again.
+fn during_an_exposure(loss: &str) {
+    const EXPOSURE: Duration = Duration::from_secs(8);
+    let step = format!("{{ flash = true, exposure_ms = {} }}", EXPOSURE.as_millis());
+    let place = Place::new(&format!("kind = \"free\"\nsteps = [{step}]"));
+    let bench = bench(&place);
+    nacre(place.capture("whole")).expect(0);
+    let journal = || fs::read_to_string(place.path("s/journal")).unwrap();
+    let (child, mark) = with_light(&bench, place.capture("s"));
+    let begun = Instant::now();
+    let _lost = Lost::guardian_of(child.id(), loss);
+    until("the flash is off", || !light(&bench)[1]);
+    let off = begun.elapsed();
+    println!("{loss}: off after {:.0} ms", 1000.0 * off.as_secs_f64());
+    assert!(off < EXPOSURE, "{loss}: off after {off:?}, which is the end of the exposure");
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_gone(&mark);
+    assert!(journal().contains("retried") && journal().contains("flash guardian"), "{}", journal());
+    assert!(data(&place.path("s")) == data(&place.path("whole")), "the data set differs");
+    assert_eq!(light(&bench), [false, false]);
+}
+
+#[test]
+fn a_guardian_that_hangs_during_an_exposure_costs_the_frame_only() {
+    during_an_exposure("-STOP");
+}
+
+#[test]
+fn a_guardian_that_is_killed_during_an_exposure_costs_the_frame_only() {
+    during_an_exposure("-KILL");
+}
+
+#[test]
+fn light_by_hand_goes_off_and_the_command_ends_with_an_error() {
+    let place = Place::new("");
+    let bench = bench(&place);
+    for loss in LOSSES {
+        let args = ["flash", "on", "--sim"].map(str::to_owned).to_vec();
+        let (child, mark) = with_light(&bench, args);
+        let _lost = Lost::guardian_of(child.id(), loss);
+        until("the flash is off", || !light(&bench)[1]);
+        assert!(signal(child.id(), "-INT"));
+        let output = child.wait_with_output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(1) && stderr.contains("flash guardian"), "{loss}: {stderr}");
+        assert_gone(&mark);
+    }
+}
