@@ -267,7 +267,7 @@ fn files_on_which_a_decoder_panics() {
     for (command, input, more, named) in [
         ("reconstruct polarization", "series", "", "000.png"),
         ("reconstruct hdr", "bracket", "", "000.png"),
-        ("reconstruct lut", "photos/000.png", "--wavelength-nm 560 --scale 0.002 --transfer linear", "000.png"),
+        ("reconstruct lut", "photos/000.png", "--wavelength 560 --scale 0.002 --transfer linear", "000.png"),
         ("reconstruct bokeh", "photos/045.png", "--psf-sigma 2", "045.png"),
         ("recommend", "photos/090.png", "", "090.png"),
         ("render", "textured.toml", "--samples 1", "000.png"),
