@@ -7,6 +7,8 @@
 //!   in names that end in `_deg`.
 //! - Images are row-major, row 0 on top, pixel centres at integers.
 //! - Lengths are µm, wavelengths nm, unless a name says otherwise.
+//!
+//! Programs call [`numeric::flush_subnormals`] once at their start, so that dark photographs take no longer than bright ones.
 
 pub mod bokeh;
 mod budget;
@@ -24,6 +26,7 @@ pub mod hdr;
 pub mod image;
 pub mod map;
 mod memory;
+pub mod numeric;
 pub mod pattern;
 pub mod polarimetry;
 pub mod progress;

@@ -2,8 +2,9 @@
 
 use crate::camera::{Camera, Exposed, Settings};
 use crate::config::{BenchConfig, CameraConfig};
+use crate::fringes::Fringes;
 use crate::random::{electrons, key};
-use crate::scene::{Fringes, Lamp, Scene, Source, StokesImage, Truth};
+use crate::scene::{Lamp, Scene, Source, StokesImage, Truth};
 use crate::stage::Stage;
 use nacre_drivers::Pattern;
 use nacre_processing::Result;

@@ -11,6 +11,7 @@ pub mod charts;
 mod config;
 mod devices;
 pub mod emulators;
+mod fringes;
 mod messages;
 mod optics;
 pub mod photographs;
@@ -29,7 +30,8 @@ pub use config::{
     FlashConfig, GeometryConfig, GratingConfig, PanelConfig, RigorousConfig, StageConfig,
 };
 pub use devices::{Port, SimDevice};
+pub use fringes::Fringes;
 pub use messages::{Devices, Reply, Request, describe};
 pub use port::SharedBench;
-pub use scene::{Fringes, Lamp, Scene, Source, StokesImage, Truth};
+pub use scene::{Lamp, Scene, Source, StokesImage, Truth};
 pub use truth::write_truth;

@@ -19,7 +19,9 @@ pub struct Wavelength {
     /// Field that leaves the retarder.
     source: JonesVector,
     film: FilmAt,
-    ratio: Complex<f64>,
+    /// ln r and 180° - ζ (radians) of the grating's R at a period of 1 µm.
+    ln_r: f64,
+    delta: f64,
     rigorous: Option<RatioTable>,
 }
 
@@ -57,6 +59,7 @@ struct FilmAt {
 
 /// The film's and the metal's Fresnel coefficients at one angle of incidence, relative to normal incidence, along
 /// (p) and across (s) the plane of incidence.
+#[derive(Clone, Copy)]
 pub struct Incidence {
     plane: Axis,
     through: [f64; 2],
@@ -95,8 +98,9 @@ impl Wavelength {
             index: film.index,
         };
         let source = retarder.apply(JonesVector::linear(panel.polarization_deg.to_radians()));
-        let ratio = Complex::from_polar(bench.grating.r, bench.grating.zeta_deg.to_radians());
-        Ok(Self { um: nm / 1000.0, weight, source, film, ratio, rigorous: rigorous(bench, nm)? })
+        let (r, zeta) = Complex::from_polar(bench.grating.r, bench.grating.zeta_deg.to_radians()).to_polar();
+        let delta = std::f64::consts::PI - zeta.rem_euclid(TAU);
+        Ok(Self { um: nm / 1000.0, weight, source, film, ln_r: r.ln(), delta, rigorous: rigorous(bench, nm)? })
     }
 
     /// `R` of a grating with this period, by Maxwell's equations where the bench asks for it; otherwise ln r and ζ - 180° grow as period^-power, and `ellipticity` draws R towards
@@ -106,9 +110,8 @@ impl Wavelength {
             return ellipticity * (table.nearest(period_um) + 1.0) - 1.0;
         }
         let growth = period_um.powf(-power);
-        let (r, zeta) = self.ratio.to_polar();
-        let delta = ((std::f64::consts::PI - zeta.rem_euclid(TAU)) * growth).clamp(-TAU, TAU);
-        let grating = Complex::from_polar((r.ln() * growth).exp(), std::f64::consts::PI - delta);
+        let delta = (self.delta * growth).clamp(-TAU, TAU);
+        let grating = Complex::from_polar((self.ln_r * growth).exp(), std::f64::consts::PI - delta);
         ellipticity * (grating + 1.0) - 1.0
     }
 

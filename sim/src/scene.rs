@@ -1,9 +1,9 @@
 //! What reaches the camera's side of the analyser, per pixel, and the truth about the sample.
 
 use crate::config::BenchConfig;
-use crate::optics::{Wavelength, band, efficiency};
+use crate::fringes::{Fringes, Tone};
+use crate::optics::{Incidence, Wavelength, band, efficiency};
 use crate::surface::{Point, Sample, Surface};
-use nacre_drivers::Pattern;
 use nacre_processing::Result;
 use nacre_processing::polarimetry::Stokes;
 use nacre_processing::progress::Progress;
@@ -35,17 +35,6 @@ pub struct Source {
     pub fringes: Option<Fringes>,
 }
 
-/// Stripes on the panel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fringes {
-    /// Spatial frequency to the right and up in cycles per mm.
-    pub cycles_per_mm: [f64; 2],
-    /// Phase at the panel's middle in cycles.
-    pub phase: f64,
-    /// Exponent that whoever drives the panel takes it to have.
-    pub gamma: f64,
-}
-
 /// Points of the aperture and their weights: the cubature of degree 5 on a disc of radius 1 (Hammer and Stroud 1958).
 const APERTURE: [([f64; 2], f64); 7] = {
     const R: f64 = 0.816_496_580_927_726;
@@ -71,12 +60,22 @@ pub enum Lamp {
     Flash,
 }
 
+/// A source, and the panel's luminance where it shows fringes.
+struct Light<'a> {
+    source: &'a Source,
+    tone: Option<Tone>,
+}
+
 /// A point of the sample (mm), the direction to the camera, and the light.
 struct Ray<'a> {
     x: f64,
     y: f64,
     view: [f64; 3],
-    source: &'a Source,
+    /// Mirror direction of the view.
+    mirror: [f64; 3],
+    /// Mirror directions of the views from the points of the aperture; used under fringes alone.
+    mirrors: [[f64; 3]; APERTURE.len()],
+    light: &'a Light<'a>,
 }
 
 /// What the sample really is, per pixel.
@@ -130,7 +129,8 @@ impl Scene {
     /// # Errors
     /// `Cancelled`.
     pub fn render(&self, source: &Source, shift: [f64; 2], progress: &dyn Progress) -> Result<StokesImage> {
-        let rows = self.rows("rendering the bench", progress, |x, y| self.light(x, y, source, shift))?;
+        let light = Light { source, tone: source.fringes.map(|f| Tone::new(f, self.bench.panel.gamma)) };
+        let rows = self.rows("rendering the bench", progress, |x, y| self.light(x, y, &light, shift))?;
         let plane = |of: fn(&Stokes) -> f64| self.blurred(&rows.iter().map(|s| of(s) as f32).collect::<Vec<_>>());
         Ok(StokesImage { planes: [plane(|s| s.s0), plane(|s| s.s1), plane(|s| s.s2)] })
     }
@@ -197,10 +197,10 @@ impl Scene {
         })
     }
 
-    fn light(&self, x: f64, y: f64, source: &Source, shift: [f64; 2]) -> Stokes {
+    fn light(&self, x: f64, y: f64, light: &Light, shift: [f64; 2]) -> Stokes {
         let rays = self.rays(x, y, shift);
         let share = 1.0 / rays.len() as f64;
-        rays.map(|(x, y)| self.ray(x, y, &self.sample.at(x, y), source)).fold(Stokes::default(), |a, b| a + b) * share
+        rays.map(|(x, y)| self.ray(x, y, &self.sample.at(x, y), light)).fold(Stokes::default(), |a, b| a + b) * share
     }
 
     fn sample_in(&self, x: f64, y: f64, shift: [f64; 2]) -> Surveyed {
@@ -217,32 +217,43 @@ impl Scene {
     }
 
     /// Light from one point of the sample towards the camera.
-    fn ray(&self, x: f64, y: f64, point: &Point, source: &Source) -> Stokes {
-        let (distance, [half, _]) = (self.bench.geometry.distance_mm, self.panel_middle_mm());
-        let ray = Ray { x, y, view: unit([-half - x, -y, distance]), source };
+    fn ray(&self, x: f64, y: f64, point: &Point, light: &Light) -> Stokes {
+        let (distance, [half, _], source) = (self.bench.geometry.distance_mm, self.panel_middle_mm(), light.source);
         let seen = match point.surface {
             Surface::Nothing => return Stokes::default(),
             // A diffuser sees the whole disc: its solid angle over π.
-            Surface::Diffuse => match source.fringes {
+            Surface::Diffuse => match &light.tone {
                 None => Stokes::unpolarized((0.5 * source.diameter_mm / distance).powi(2) * self.power(source)),
                 // It sees many stripes at once.
-                Some(fringes) => {
-                    let even = fringes.cycles_per_mm == [0.0; 2];
+                Some(tone) => {
                     let [w, h] = self.bench.panel.size_mm;
-                    let mean = if even { self.shown(&fringes, [0.0; 2]) } else { 0.5 };
+                    let mean = if tone.fringes().even() { tone.at([0.0; 2]) } else { 0.5 };
                     Stokes::unpolarized(mean * w * h / (std::f64::consts::PI * distance * distance))
                 }
             },
-            Surface::Mirror => self.order(&ray, point, 0),
+            Surface::Mirror => self.order(&self.traced(x, y, point, light), point, 0),
             Surface::Grating { period_um, .. } => {
                 // Orders whose sine leaves the disc's reach are not even traced.
-                let [x, y] = source.center_mm;
-                let reach = ((x - half).hypot(y) + 0.5 * source.diameter_mm) / distance + 0.2;
+                let [across, up] = source.center_mm;
+                let reach = ((across - half).hypot(up) + 0.5 * source.diameter_mm) / distance + 0.2;
                 let highest = ((reach * f64::from(period_um) / self.band[0].um).floor() as i32).clamp(0, ORDERS);
+                let ray = self.traced(x, y, point, light);
                 (-highest..=highest).map(|m| self.order(&ray, point, m)).fold(Stokes::default(), |a, b| a + b)
             }
         };
         seen * f64::from(point.reflectance)
+    }
+
+    /// The ray from a point of the sample to the camera.
+    fn traced<'a>(&self, x: f64, y: f64, point: &Point, light: &'a Light<'a>) -> Ray<'a> {
+        let (distance, [half, _]) = (self.bench.geometry.distance_mm, self.panel_middle_mm());
+        let normal = unit([-f64::from(point.slope[0]), -f64::from(point.slope[1]), 1.0]);
+        let radius = 0.5 * self.bench.camera.aperture_mm;
+        let view = unit([-half - x, -y, distance]);
+        let through =
+            |([a, b], _): ([f64; 2], f64)| mirrored(unit([radius * a - half - x, radius * b - y, distance]), normal);
+        let mirrors = light.tone.as_ref().map_or(Default::default(), |_| APERTURE.map(through));
+        Ray { x, y, view, mirror: mirrored(view, normal), mirrors, light }
     }
 
     fn power(&self, source: &Source) -> f64 {
@@ -254,35 +265,30 @@ impl Scene {
 
     /// Light that order `m` brings from the panel, over the band.
     fn order(&self, ray: &Ray, point: &Point, m: i32) -> Stokes {
-        let mirror = mirrored(ray.view, point.slope);
+        let (orientation, period_um) = match point.surface {
+            Surface::Grating { orientation, period_um, .. } => (f64::from(orientation), f64::from(period_um)),
+            _ => (0.0, f64::INFINITY),
+        };
+        let (sin, cos) = orientation.sin_cos();
+        let way = |wave: &Wavelength| {
+            let shift = f64::from(m) * wave.um / period_um;
+            self.way(ray, [shift * cos, shift * sin])
+        };
+        // The zero order goes one way at all wavelengths.
+        let zero = (m == 0).then(|| way(&self.band[0]));
         let mut light = Stokes::default();
         for wave in &self.band {
-            let (shift, orientation) = match point.surface {
-                Surface::Grating { orientation, period_um, .. } => {
-                    (f64::from(m) * wave.um / f64::from(period_um), f64::from(orientation))
-                }
-                _ => (0.0, 0.0),
-            };
-            let (sin, cos) = orientation.sin_cos();
-            let Some(source) = lifted(mirror[0] + shift * cos, mirror[1] + shift * sin) else { continue };
-            let seen = match &ray.source.fringes {
-                None => self.luminance(ray, source),
-                Some(fringes) => self.stripes(ray, point.slope, [shift * cos, shift * sin], fringes),
-            };
-            if seen == 0.0 {
-                continue;
-            }
-            let incidence = wave.incidence(source);
+            let Some((seen, incidence)) = zero.unwrap_or_else(|| way(wave)) else { continue };
             let (ratio, amplitude) = match point.surface {
-                Surface::Grating { period_um, depth_um, .. } => {
+                Surface::Grating { depth_um, .. } => {
                     let (g, n) = (&self.bench.grating, self.bench.film.index);
                     let w = incidence.cos_inside + (1.0 - (1.0 - ray.view[2] * ray.view[2]) / (n * n)).sqrt();
-                    let ratio = wave.ratio(period_um.into(), g.period_power, g.ellipticity);
+                    let ratio = wave.ratio(period_um, g.period_power, g.ellipticity);
                     (ratio, efficiency(m, depth_um.into(), wave.um, n, w))
                 }
                 _ => (MIRROR_RATIO, 1.0),
             };
-            let reflected = match ray.source.lamp {
+            let reflected = match ray.light.source.lamp {
                 Lamp::Panel => wave.reflect(&incidence, orientation, ratio, amplitude, m == 0),
                 Lamp::Flash => wave.reflect_unpolarized(&incidence, orientation, ratio, amplitude, m == 0),
             };
@@ -291,55 +297,56 @@ impl Scene {
         light
     }
 
+    /// Luminance that an order shows, and how its light comes in; the order's sines are the mirrored ones plus `shift`. None if it
+    /// shows no light.
+    fn way(&self, ray: &Ray, shift: [f64; 2]) -> Option<(f64, Incidence)> {
+        let source = lifted(ray.mirror[0] + shift[0], ray.mirror[1] + shift[1])?;
+        let seen = match &ray.light.tone {
+            None => self.luminance(ray, source),
+            Some(tone) => self.stripes(ray, shift, tone),
+        };
+        // The film has one index at all wavelengths.
+        (seen != 0.0).then(|| (seen, self.band[0].incidence(source)))
+    }
+
     /// Luminance where a ray along `direction` meets the plane of the lights. The camera focuses on the sample,
     /// so the light is out of focus and the disc's edge as soft as the aperture is wide.
     fn luminance(&self, ray: &Ray, direction: [f64; 3]) -> f64 {
         let hit = |from: f64, along: f64| from + along * self.bench.geometry.distance_mm / direction[2];
-        let [x, y] = ray.source.center_mm;
+        let [x, y] = ray.light.source.center_mm;
         let radius = (hit(ray.x, direction[0]) - x).hypot(hit(ray.y, direction[1]) - y);
         let edge = self.bench.camera.aperture_mm.max(1e-6);
-        let inside = ((0.5 * ray.source.diameter_mm - radius) / edge + 0.5).clamp(0.0, 1.0);
+        let inside = ((0.5 * ray.light.source.diameter_mm - radius) / edge + 0.5).clamp(0.0, 1.0);
         if inside == 0.0 {
             return 0.0;
         }
-        let falloff = match ray.source.lamp {
+        let falloff = match ray.light.source.lamp {
             Lamp::Panel => direction[2].powf(self.bench.panel.falloff),
             Lamp::Flash => 1.0,
         };
-        inside * inside * (3.0 - 2.0 * inside) * falloff * self.power(ray.source)
+        inside * inside * (3.0 - 2.0 * inside) * falloff * self.power(ray.light.source)
     }
 }
 
 impl Scene {
     /// Luminance of the panel's stripes as the whole aperture sees it through one order, whose sines are the mirrored ones plus `shift`.
-    fn stripes(&self, ray: &Ray, slope: [f32; 2], shift: [f64; 2], fringes: &Fringes) -> f64 {
+    fn stripes(&self, ray: &Ray, shift: [f64; 2], tone: &Tone) -> f64 {
         let (distance, [half, _]) = (self.bench.geometry.distance_mm, self.panel_middle_mm());
-        let radius = 0.5 * self.bench.camera.aperture_mm;
         let [w, h] = self.bench.panel.size_mm;
-        let through = |([a, b], weight): ([f64; 2], f64)| {
-            let view = unit([radius * a - half - ray.x, radius * b - ray.y, distance]);
-            let mirror = mirrored(view, slope);
+        let through = |(mirror, (_, weight)): (&[f64; 3], ([f64; 2], f64))| {
             let Some(to) = lifted(mirror[0] + shift[0], mirror[1] + shift[1]) else { return 0.0 };
             let place = [ray.x + to[0] * distance / to[2] - half, ray.y + to[1] * distance / to[2]];
             if place[0].abs() > 0.5 * w || place[1].abs() > 0.5 * h {
                 return 0.0;
             }
-            weight * to[2].powf(self.bench.panel.falloff) * self.shown(fringes, place)
+            weight * to[2].powf(self.bench.panel.falloff) * tone.at(place)
         };
-        APERTURE.into_iter().map(through).sum()
-    }
-
-    /// Luminance of the panel at a place, from its middle in mm: what is asked for, through the codes of the panel and its own exponent.
-    fn shown(&self, fringes: &Fringes, at: [f64; 2]) -> f64 {
-        let asked = Pattern::fringe(fringes.cycles_per_mm, fringes.phase, at);
-        let code = (255.0 * asked.powf(1.0 / fringes.gamma)).round();
-        (code / 255.0).powf(self.bench.panel.gamma)
+        ray.mirrors.iter().zip(APERTURE).map(through).sum()
     }
 }
 
-/// Mirror direction of `view` about the tilted normal `(-slope, 1)`.
-fn mirrored(view: [f64; 3], slope: [f32; 2]) -> [f64; 3] {
-    let normal = unit([-f64::from(slope[0]), -f64::from(slope[1]), 1.0]);
+/// Mirror direction of `view` about a normal.
+fn mirrored(view: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
     let along = 2.0 * (0..3).map(|i| view[i] * normal[i]).sum::<f64>();
     std::array::from_fn(|i| along * normal[i] - view[i])
 }

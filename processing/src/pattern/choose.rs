@@ -5,7 +5,7 @@
 
 use super::kernel::{Kernel, Weight};
 use super::rays::{Fineness, Layout};
-use super::table::{Grid, INNER_PX, Method, Source};
+use super::table::{Grid, INNER_PX, Method, Source, angle};
 use crate::image::catmull_rom;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -92,11 +92,65 @@ fn together(lines: &[Vec<f32>], every: usize) -> f64 {
     if all > 0.0 { (square / all).sqrt() } else { 0.0 }
 }
 
-/// Of the photograph on circles around the zero order.
+/// Squared light of the photograph in each of `bins`; `bin` takes the distance from the zero order in pixels, and the angle of the half
+/// vector there.
+fn squares(source: &Source, bins: usize, bin: impl Fn(f32, f32) -> Option<usize> + Sync) -> Vec<f64> {
+    const ROWS: usize = 64;
+    let (plane, [x0, y0]) = (source.plane, source.center.map(|c| c as f32));
+    let strip = |strip: usize| {
+        let mut sums = vec![0.0; bins];
+        for y in strip * ROWS..((strip + 1) * ROWS).min(plane.height) {
+            for x in 0..plane.width {
+                let light = f64::from(plane.coefficient(x, y));
+                let (u, v) = (x0 - x as f32, y as f32 - y0);
+                if light != 0.0
+                    && let Some(k) = bin((u * u + v * v).sqrt(), angle(u, v))
+                {
+                    sums[k.min(bins - 1)] += light * light;
+                }
+            }
+        }
+        sums
+    };
+    // In order, so that sums are the same every time.
+    let strips: Vec<Vec<f64>> = (0..plane.height.div_ceil(ROWS)).into_par_iter().map(strip).collect();
+    let mut all = vec![0.0; bins];
+    strips.iter().for_each(|strip| all.iter_mut().zip(strip).for_each(|(sum, s)| *sum += s));
+    all
+}
+
+/// The bins in the middle of `count` parts of equal sums; evenly placed ones where there is nothing.
+fn middles(sums: &[f64], count: usize) -> Vec<usize> {
+    let all: f64 = sums.iter().sum();
+    let part = |k: usize| (k as f64 + 0.5) / count as f64;
+    if all == 0.0 {
+        return (0..count).map(|k| (part(k) * sums.len() as f64) as usize).collect();
+    }
+    let mut sum = 0.0;
+    let reached: Vec<f64> = sums
+        .iter()
+        .map(|s| {
+            sum += s / all;
+            sum
+        })
+        .collect();
+    (0..count).map(|k| reached.partition_point(|r| *r < part(k)).min(sums.len() - 1)).collect()
+}
+
+/// Of the photograph on circles around the zero order, where its light lies: between orders there may be nothing but what
+/// the interpolation makes of a black background.
 fn across(source: &Source) -> [f64; QUARTERS.len()] {
+    const CIRCLES: usize = 4;
     let half = 0.5 * source.plane.width.min(source.plane.height) as f64;
-    let circle = |share: f64| {
-        let radius = share * half;
+    let (inner, outer) = (0.45 * half, 0.9 * half);
+    let bins = (outer - inner).ceil().max(1.0) as usize;
+    let place = |r: f64| (r - inner) / (outer - inner) * bins as f64;
+    let light = squares(source, bins, |r, _| {
+        let r = f64::from(r);
+        (inner..outer).contains(&r).then(|| place(r) as usize)
+    });
+    let circle = |bin: usize| {
+        let radius = inner + (bin as f64 + 0.5) / bins as f64 * (outer - inner);
         let count = ((TAU * radius * 4.0) as usize).clamp(64, 8192);
         let at = |k: usize| {
             let angle = 0.25 * k as f64 / radius;
@@ -105,24 +159,31 @@ fn across(source: &Source) -> [f64; QUARTERS.len()] {
         };
         (0..count).map(at).collect::<Vec<f32>>()
     };
-    let circles = [0.45, 0.6, 0.75, 0.9].map(circle);
+    let circles: Vec<Vec<f32>> = middles(&light, CIRCLES).into_iter().map(circle).collect();
     QUARTERS.map(|q| together(&circles, q))
 }
 
-/// Of entries along a few rays near the rim.
+/// Of entries along a few rays near the rim, where the light lies that they add up.
 fn along(source: &Source, kernel: &Kernel, radius: f64) -> Vec<(usize, f64)> {
     const RAYS: usize = 16;
     const ENTRIES: usize = 100;
     let taps = kernel.steps(SINGLE_PX / radius).taps();
-    let ray = |k: usize| -> Vec<f32> {
-        let angle = TAU * (k as f64 + 0.31) / RAYS as f64;
+    let (first, last) = (0.9 * radius, 0.9 * radius + 0.25 * ENTRIES as f64);
+    let [low, high] = kernel.range();
+    let (near, far) = (first * (-high).exp(), last * (-low).exp());
+    let bins = (TAU * radius).ceil() as usize;
+    let light = squares(source, bins, |r, angle| {
+        (near..far).contains(&f64::from(r)).then(|| (f64::from(angle) / TAU * bins as f64) as usize)
+    });
+    let ray = |bin: usize| -> Vec<f32> {
+        let angle = TAU * (bin as f64 + 0.5) / bins as f64;
         let at = |i: usize| {
-            let r = radius * 0.9 + 0.25 * i as f64;
+            let r = first + 0.25 * i as f64;
             source.sum(&taps, (r * angle.cos()) as f32, (r * angle.sin()) as f32)[1]
         };
         (0..ENTRIES).map(at).collect()
     };
-    let rays: Vec<Vec<f32>> = (0..RAYS).map(ray).collect();
+    let rays: Vec<Vec<f32>> = middles(&light, RAYS).into_iter().map(ray).collect();
     let mut spacings: Vec<usize> = QUARTERS.iter().flat_map(|q| EVERY.map(|e| q * e)).collect();
     spacings.sort_unstable();
     spacings.dedup();
@@ -214,6 +275,9 @@ const CHECKED: usize = 256;
 /// Distance of samples of the check, in pixels.
 const CHECK_PX: f64 = 0.25;
 
+/// Mean squared light of the checked entries over that of the rim, below which they have missed its light.
+const MISSED: f64 = 1e-4;
+
 /// Root mean square of what some entries are off from a finer sum, over their own: of the rim or of all, whichever is worse; and the same
 /// of the rim for a zero order that lies elsewhere. None where there is no light.
 pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight], moved: f64) -> [Option<f64>; 2] {
@@ -255,7 +319,10 @@ pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight]
     let all = |places: &(dyn Fn(usize) -> [usize; 2] + Sync), shift: f32| {
         (0..CHECKED).into_par_iter().map(|k| of(places(k), shift)).reduce(|| [0.0; 3], add)
     };
-    let relative = |square: f64, all: f64| (all > 0.0).then(|| (square / all).sqrt());
+    let of_rim_square = |i: usize| if (i % size).abs_diff(half) >= rim { f64::from(table[i][1]).powi(2) } else { 0.0 };
+    let mean = (0..table.len()).map(of_rim_square).sum::<f64>() / (2 * (half - rim) * size) as f64;
+    let least = MISSED * CHECKED as f64 * mean;
+    let relative = |square: f64, all: f64| (all > 0.0).then(|| (square / all.max(least)).sqrt());
     let ([off, displaced, light], [off_all, _, light_all]) = (all(&of_rim, moved as f32), all(&anywhere, 0.0));
     let worse = [relative(off, light), relative(off_all, light_all)].into_iter().flatten().reduce(f64::max);
     [worse.filter(|_| light > 0.0), relative(displaced, light)]

@@ -62,6 +62,14 @@ impl Plane {
         [sum * known, known]
     }
 
+    /// Coefficient of a pixel, which is about its light; 0 where that is unknown.
+    pub(super) fn coefficient(&self, x: usize, y: usize) -> f32 {
+        if self.known.get(y * self.width + x) == Some(&0.0) {
+            return 0.0;
+        }
+        self.coefficients[(y + MARGIN) * (self.width + 2 * MARGIN) + x + MARGIN]
+    }
+
     /// Which part of the four pixels around a place is known.
     #[inline(always)]
     fn known_at(&self, x: f32, y: f32) -> f32 {

@@ -154,7 +154,7 @@ fn each(table: &mut [Weight], side: &[f32], [inner, outer]: [f64; 2], entry: imp
 
 /// Angle of a direction, 0 to 2π, to the last digit or two of f32; unlike the library's function it vectorises.
 #[inline(always)]
-fn angle(u: f32, v: f32) -> f32 {
+pub(super) fn angle(u: f32, v: f32) -> f32 {
     let (large, small) = (u.abs().max(v.abs()), u.abs().min(v.abs()));
     let t = small / large.max(f32::MIN_POSITIVE);
     let square = t * t;

@@ -147,3 +147,30 @@ fn pixels_that_are_too_coarse_are_noticed() {
         assert!(off < said && said < 3.0 * off, "{px}: {off} {said}");
     }
 }
+
+/// Between orders on a black background there is nothing to interpolate, so a table costs what it costs on a dim one. The cost is the
+/// one that the choice counts, so that no clock is needed.
+#[test]
+fn a_black_background_costs_no_more_than_a_dim_one() {
+    for (pitch, angle) in [(0.58, 0.3), (0.46, 0.785), (0.3, 0.3), (0.2, 0.2)] {
+        let lattice = Lattice { pitch, sigma: 0.006, angle };
+        let black = lattice.photograph(SIZE, CENTER, 0.002).into_iter().map(|l| if l < 1e-6 { 0.0 } else { l });
+        let black: Vec<f32> = black.collect();
+        let dim = black.iter().enumerate().map(|(i, l)| l + 1e-7 * (1.0 + 0.1 * ((i * 7919) % 101) as f32 / 101.0));
+        let choice = |light: Vec<f32>| {
+            let settings = Settings {
+                wavelength_nm: Some(Wavelength::Band(680.0)),
+                scale: Some(0.002),
+                extent: Some(1.0),
+                size: 256,
+                center: Some(CENTER),
+                ..Settings::default()
+            };
+            let table = lookup(&[Photograph { light, width: SIZE, height: SIZE }], &settings).unwrap();
+            assert!(table.error.unwrap() < 0.01, "{pitch}: {:?}", table.error);
+            table.choice
+        };
+        let (dim, black) = (choice(dim.collect()), choice(black.clone()));
+        assert!(black.predicted_s < 1.3 * dim.predicted_s, "{pitch}: {black:?} {dim:?}");
+    }
+}

@@ -145,7 +145,8 @@ impl Factors {
     pub fn value(&self, h: [f64; 2]) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for part in &self.parts {
-            let Some(([column, row], z)) = part.grid.place(h) else { continue };
+            let Some((place, z)) = part.grid.position(h) else { continue };
+            let [column, row] = place.map(|p| p as usize);
             (0..3).for_each(|c| sum[c] += part.at(c, column, row) / (1.0 + z).powi(2));
         }
         sum

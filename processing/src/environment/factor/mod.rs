@@ -16,6 +16,7 @@ pub use straight::Grid;
 use super::Table;
 use crate::{Error, Result};
 use directions::Pattern;
+use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
 
 /// More terms take two passes longer than the exact sum along azimuths takes (1024 × 512, 256² entries: 15).
@@ -85,6 +86,18 @@ pub struct Factors {
     /// Terms of each channel that each part keeps.
     pub rank: Vec<usize>,
     pattern: Pattern,
+    /// Error that was asked for, where the number of terms was not.
+    wanted: Option<f64>,
+    measured: Measured,
+}
+
+/// The curves of all parts together against the table.
+#[derive(Clone, Copy, Debug, Default)]
+struct Measured {
+    /// Integral of the squared difference over the solid angle, of all channels.
+    left_out: f64,
+    /// Integral of the squared table.
+    whole: f64,
 }
 
 impl Factors {
@@ -100,32 +113,88 @@ impl Factors {
         let pattern = Pattern::of(table, settings.apart);
         let most = settings.rank.unwrap_or(MOST_RANK);
         let several = settings.parts > 1 && pattern.main.len() > 1 && settings.directions.is_none();
+        let directions: Vec<f64> =
+            pattern.main.iter().copied().take(if several { settings.parts } else { 0 }).collect();
         let parts = if several {
-            parts::split(table, &pattern, settings.parts, settings.kind, most)
+            parts::split(table, &directions, settings.kind, most)
         } else {
-            let along = |directions| Part::new(table, directions, settings.kind, most, |_| 1.0);
-            // Spots of a lattice may be brightest along its diagonals: those that leave less out are its directions.
-            let [a, b] = pattern.pair;
-            let between = [0.5 * (a + b), 0.5 * (a + b) + FRAC_PI_2].map(|angle| angle.rem_euclid(PI));
-            let candidates = settings.directions.map_or_else(|| vec![pattern.pair, between], |given| vec![given]);
-            let left = |part: &Part| {
-                let share = |c: usize| part.left_out(c, FEW.min(most)) / part.norm[c].max(f64::MIN_POSITIVE);
-                (0..3).map(share).sum::<f64>()
-            };
-            candidates.into_iter().map(along).min_by(|p, q| left(p).total_cmp(&left(q))).into_iter().collect()
+            vec![Self::whole(table, settings, &pattern, most)]
         };
-        let whole: [f64; 3] = [0, 1, 2].map(|c| parts.iter().map(|p| p.norm[c].powi(2)).sum::<f64>().sqrt());
+        let norm: [f64; 3] = [0, 1, 2].map(|c| parts.iter().map(|p| p.norm[c].powi(2)).sum::<f64>().sqrt());
         let enough = |part: &Part| {
-            let allowed = |c: usize| settings.max_error * whole[c] / (parts.len() as f64).sqrt();
-            (1..MOST_RANK).find(|r| (0..3).all(|c| part.left_out(c, *r) <= allowed(c))).unwrap_or(MOST_RANK)
+            // What parts leave out adds up at worst.
+            let allowed = |c: usize| settings.max_error * norm[c] / parts.len() as f64;
+            (1..part.terms()).find(|r| (0..3).all(|c| part.left_out(c, *r) <= allowed(c))).unwrap_or(part.terms())
         };
-        let rank = parts.iter().map(|p| settings.rank.unwrap_or_else(|| enough(p))).collect::<Vec<usize>>();
-        let parts = parts.iter().zip(&rank).map(|(p, r)| p.truncated(*r)).collect();
-        Ok(Self { parts, rank, pattern })
+        let rank: Vec<usize> =
+            parts.iter().map(|p| settings.rank.unwrap_or_else(|| enough(p)).min(p.terms())).collect();
+        let parts: Vec<Part> = parts.iter().zip(&rank).map(|(p, r)| p.truncated(*r)).collect();
+        let wanted = settings.rank.is_none().then_some(settings.max_error);
+        let measured = Measured::of(table, &parts, &directions);
+        Ok(Self { parts, rank, pattern, wanted, measured })
+    }
+
+    /// The table as one part.
+    fn whole(table: &Table, settings: &Settings, pattern: &Pattern, most: usize) -> Part {
+        let along = |directions| Part::new(table, directions, settings.kind, most, |_| 1.0);
+        // Spots of a lattice may be brightest along its diagonals: those that leave less out are its directions.
+        let [a, b] = pattern.pair;
+        let between = [0.5 * (a + b), 0.5 * (a + b) + FRAC_PI_2].map(|angle| angle.rem_euclid(PI));
+        let given = settings.directions.unwrap_or(pattern.pair);
+        // A line lies along the first direction.
+        if settings.directions.is_some() || settings.kind == Kind::Line {
+            return along(given);
+        }
+        let left = |part: &Part| {
+            let share = |c: usize| part.left_out(c, FEW.min(most)) / part.norm[c].max(f64::MIN_POSITIVE);
+            (0..3).map(share).sum::<f64>()
+        };
+        let (first, second) = (along(given), along(between));
+        if left(&second) < left(&first) { second } else { first }
+    }
+
+    /// Whether the error that was asked for is missed.
+    pub fn missed(&self) -> bool {
+        self.wanted.is_some_and(|wanted| self.error() > wanted)
     }
 
     /// Whether so few terms do that two passes are the method of choice.
     pub fn separable(&self) -> bool {
-        self.rank.iter().sum::<usize>() <= SEPARABLE
+        self.rank.iter().sum::<usize>() <= SEPARABLE && !self.missed()
+    }
+}
+
+impl Measured {
+    /// Measures what the parts' curves add up to. Near its direction a part is read at its own cells, where it needs no interpolation,
+    /// and the others between theirs.
+    fn of(table: &Table, parts: &[Part], directions: &[f64]) -> Self {
+        let column = |(k, i): (usize, usize)| {
+            let grid = &parts[k].grid;
+            let mut sum = Self::default();
+            for j in 0..grid.size[1] {
+                let entry = grid.entry(table, i, j);
+                let truth = entry.map_or([0.0; 3], |(h, square)| table.at(h).map(|v| f64::from(v) * square));
+                let share = match (directions, entry) {
+                    ([], _) => 1.0,
+                    // Outside of the table there is no light, and which part ends up there does not matter.
+                    (_, None) => 1.0,
+                    (directions, Some((h, _))) => parts::share(directions, k, h),
+                };
+                for (c, truth) in truth.into_iter().enumerate() {
+                    let others = parts.iter().enumerate().filter(|(other, _)| *other != k);
+                    let found: f64 = entry.map_or(0.0, |(h, _)| others.map(|(_, p)| p.between(c, h)).sum());
+                    sum.left_out += share * (found + parts[k].at(c, i, j) - truth).powi(2);
+                    sum.whole += share * truth.powi(2);
+                }
+            }
+            let [dx, dy] = grid.cell();
+            Self { left_out: sum.left_out * dx * dy, whole: sum.whole * dx * dy }
+        };
+        let columns: Vec<(usize, usize)> =
+            parts.iter().enumerate().flat_map(|(k, p)| (0..p.grid.size[0]).map(move |i| (k, i))).collect();
+        // In order, so that the sum is the same every time.
+        let sums: Vec<Self> = columns.into_par_iter().map(column).collect();
+        let add = |a: Self, b: &Self| Self { left_out: a.left_out + b.left_out, whole: a.whole + b.whole };
+        sums.iter().fold(Self::default(), add)
     }
 }

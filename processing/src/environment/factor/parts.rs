@@ -1,7 +1,6 @@
 //! A table as a sum of straightened parts, each a sum of products.
 
 use super::super::Table;
-use super::directions::Pattern;
 use super::straight::Grid;
 use super::svd::{Product, decompose, nonnegative};
 use nalgebra::DMatrix;
@@ -49,6 +48,8 @@ pub struct Part {
     pub norm: [f64; 3],
     /// Sum of each channel over the solid angle.
     pub albedo: [f64; 3],
+    /// Norm of what the first 0, 1, … terms of each channel leave out.
+    left_out: [Vec<f64>; 3],
 }
 
 impl Part {
@@ -77,13 +78,20 @@ impl Part {
             })
             .collect();
         let mut channels = factorised.into_iter().map(|products| products.into_iter().map(term).collect());
-        Self { grid, channels: std::array::from_fn(|_| channels.next().unwrap_or_default()), norm, albedo }
+        let channels: [Vec<Term>; 3] = std::array::from_fn(|_| channels.next().unwrap_or_default());
+        let left_out = [0, 1, 2].map(|c| left_out(&matrices[c], &channels[c]));
+        Self { grid, channels, norm, albedo, left_out }
     }
 
-    /// Norm of what the first `rank` terms of a channel leave out; singular values tell it exactly.
+    /// Terms of the channel that has the most.
+    pub fn terms(&self) -> usize {
+        self.channels.iter().map(Vec::len).max().unwrap_or(0)
+    }
+
+    /// Norm of what the first `rank` terms of a channel leave out, as the curves are written.
     pub fn left_out(&self, channel: usize, rank: usize) -> f64 {
-        let kept: f64 = self.channels[channel].iter().take(rank).map(|t| t.sigma * t.sigma).sum();
-        (self.norm[channel] * self.norm[channel] - kept).max(0.0).sqrt()
+        let left = &self.left_out[channel];
+        left.get(rank).or(left.last()).copied().unwrap_or(self.norm[channel])
     }
 
     /// The same part with fewer terms.
@@ -113,10 +121,44 @@ impl Part {
         part
     }
 
+    /// Value of a channel at a half vector of the table, times (1 + ωi·ωo)², interpolated between the centres of cells; outside of
+    /// the grid there is none.
+    pub(super) fn between(&self, channel: usize, h: [f64; 2]) -> f64 {
+        let Some((place, _)) = self.grid.position(h) else { return 0.0 };
+        let [(i, u), (j, v)] = [0, 1].map(|k| {
+            let at = (place[k] - 0.5).clamp(0.0, (self.grid.size[k] - 1) as f64);
+            let first = (at as usize).min(self.grid.size[k].saturating_sub(2));
+            (first, at - first as f64)
+        });
+        let mixed = |curve: &[f32], at: usize, share: f64| {
+            let [a, b] = [at, (at + 1).min(curve.len() - 1)].map(|k| f64::from(curve[k]));
+            a + share * (b - a)
+        };
+        self.channels[channel].iter().map(|t| mixed(&t.across, i, u) * mixed(&t.along, j, v)).sum()
+    }
+
     /// Value of a channel in a cell.
     pub(super) fn at(&self, channel: usize, column: usize, row: usize) -> f64 {
         self.channels[channel].iter().map(|t| f64::from(t.across[column]) * f64::from(t.along[row])).sum()
     }
+}
+
+/// Norm of what the first 0, 1, … terms leave out of a matrix. The products of a non-negative factorisation are not orthogonal, and
+/// a line is no projection, so that norms of terms do not tell.
+fn left_out(matrix: &DMatrix<f64>, terms: &[Term]) -> Vec<f64> {
+    let curves =
+        |n: usize, of: fn(&Term) -> &[f32]| DMatrix::from_fn(n, terms.len(), |i, k| f64::from(of(&terms[k])[i]));
+    let (along, across) = (curves(matrix.nrows(), |t| &t.along), curves(matrix.ncols(), |t| &t.across));
+    let projected = matrix * &across;
+    let products = along.tr_mul(&along).component_mul(&across.tr_mul(&across));
+    let mut square = matrix.norm_squared();
+    let add = |k: usize| {
+        let before: f64 = (0..k).map(|j| products[(j, k)]).sum();
+        square += products[(k, k)] + 2.0 * before - 2.0 * projected.column(k).dot(&along.column(k));
+        square
+    };
+    let squares: Vec<f64> = std::iter::once(matrix.norm_squared()).chain((0..terms.len()).map(add)).collect();
+    squares.into_iter().map(|s| s.max(0.0).sqrt()).collect()
 }
 
 fn term(product: Product) -> Term {
@@ -135,15 +177,19 @@ fn line(matrix: &DMatrix<f64>) -> Product {
     Product { sigma, left, right }
 }
 
+/// Share of the light at a half vector that belongs to the `k`-th of several directions; the shares add up to 1.
+pub(super) fn share(directions: &[f64], k: usize, h: [f64; 2]) -> f64 {
+    let near = |direction: f64| (h[1].atan2(h[0]) - direction).cos().powi(2).powi(SPLIT);
+    let all: f64 = directions.iter().map(|d| near(*d)).sum();
+    near(directions[k]) / all.max(f64::MIN_POSITIVE)
+}
+
 /// Several parts, one per main direction, that add up to the table.
-pub(super) fn split(table: &Table, pattern: &Pattern, most: usize, kind: Kind, rank: usize) -> Vec<Part> {
-    let directions: Vec<f64> = pattern.main.iter().copied().take(most).collect();
-    let near = |h: [f64; 2], k: usize| (h[1].atan2(h[0]) - directions[k]).cos().powi(2).powi(SPLIT);
-    let share = |h: [f64; 2], k: usize| {
-        let all: f64 = (0..directions.len()).map(|k| near(h, k)).sum();
-        near(h, k) / all.max(f64::MIN_POSITIVE)
-    };
+pub(super) fn split(table: &Table, directions: &[f64], kind: Kind, rank: usize) -> Vec<Part> {
     (0..directions.len())
-        .map(|k| Part::new(table, [directions[k], (directions[k] + FRAC_PI_2) % PI], kind, rank, |h| share(h, k)))
+        .map(|k| {
+            let along = [directions[k], (directions[k] + FRAC_PI_2) % PI];
+            Part::new(table, along, kind, rank, |h| share(directions, k, h))
+        })
         .collect()
 }

@@ -1,6 +1,6 @@
 //! What a factorisation says about itself.
 
-use super::{Factors, Kind};
+use super::{Factors, Kind, SEPARABLE};
 use crate::environment::Table;
 use serde::Serialize;
 
@@ -38,7 +38,7 @@ pub struct Report {
     pub pattern: &'static str,
     /// The parts, which add up to the table.
     pub parts: Vec<PartReport>,
-    /// Norm of what is left out of the whole table, over the table's.
+    /// Norm of the difference between the table and the sum of all written terms, over the table's.
     pub error: f64,
     /// Largest error of a picture, root mean square over all directions over its mean: that of a single light that is a point. Light from
     /// all around has less.
@@ -60,32 +60,18 @@ pub struct Report {
 }
 
 impl Factors {
-    /// Norm of what is left out, over the table's.
+    /// Norm of the difference between the table and the sum of all written terms, over the table's.
     pub fn error(&self) -> f64 {
-        let (left, whole) = self.norms();
-        (left / whole.max(f64::MIN_POSITIVE)).sqrt()
-    }
-
-    /// Squares of the norms of what is left out, which at worst adds up over the parts, and of the whole.
-    fn norms(&self) -> (f64, f64) {
-        let mut sums = (0.0, 0.0);
-        for c in 0..3 {
-            let left: f64 = self.parts.iter().zip(&self.rank).map(|(p, r)| p.left_out(c, *r)).sum();
-            let whole: f64 = self.parts.iter().map(|p| p.norm[c]).sum();
-            sums = (sums.0 + left * left, sums.1 + whole * whole);
-        }
-        sums
+        (self.measured.left_out / self.measured.whole.max(f64::MIN_POSITIVE)).sqrt()
     }
 
     /// Normalised root mean square error of a picture of a single point-like light, the largest that any environment has (Young's
     /// inequality: the norm of a convolution is at most one factor's norm times the other's sum).
     pub fn picture_error_point(&self) -> f64 {
-        let solid = self.parts.first().map_or(0.0, |p| p.grid.cell()[0] * p.grid.cell()[1]);
         let light: f64 = self.parts.iter().flat_map(|p| p.albedo).sum();
-        let (left, _) = self.norms();
-        // Over three channels: rms² = Σ ‖D‖² dω / (3 · 4π), mean = Σ albedo / (3 · 4π), for a light of flux 1.
+        // Over three channels: rms² = ∫ D² dω / (3 · 4π), mean = Σ albedo / (3 · 4π), for a light of flux 1.
         let sphere = 3.0 * 4.0 * std::f64::consts::PI;
-        (left * solid / sphere).sqrt() / (light / sphere).max(f64::MIN_POSITIVE)
+        (self.measured.left_out / sphere).sqrt() / (light / sphere).max(f64::MIN_POSITIVE)
     }
 
     /// The report, but for what is measured.
@@ -114,9 +100,13 @@ impl Factors {
         if table.unknown > 0.0 {
             warnings.push(format!("{:.1} % of the entries were not measured and count as dark", 100.0 * table.unknown));
         }
-        if !self.separable() {
-            let terms: usize = self.rank.iter().sum();
+        let terms: usize = self.rank.iter().sum();
+        if terms > SEPARABLE {
             warnings.push(format!("the table does not separate: {terms} terms, {:.3} left out", self.error()));
+        }
+        if let Some(wanted) = self.wanted.filter(|_| self.missed()) {
+            let [found, wanted] = [self.error(), wanted].map(|e| 100.0 * e);
+            warnings.push(format!("the error of the table is {found:.1} %, more than the {wanted} % asked for"));
         }
         Report {
             method: "low-rank",
@@ -132,7 +122,7 @@ impl Factors {
             picture_error: None,
             negative: None,
             separable: self.separable(),
-            advice: self.advice(pattern),
+            advice: self.advice(pattern, kind),
             warnings,
             assumptions: vec![
                 "surfaces face the viewer: n = ωo = r (2017 CVMP, section 3.2); at grazing angles this does not hold".into(),
@@ -142,9 +132,12 @@ impl Factors {
         }
     }
 
-    fn advice(&self, pattern: &str) -> String {
+    fn advice(&self, pattern: &str, kind: Kind) -> String {
         if self.separable() {
             return "two passes".into();
+        }
+        if kind == Kind::Line {
+            return "--kind singular, or the exact sum along azimuths: the table is no line".into();
         }
         match pattern {
             "radial" => "the exact sum along azimuths, or for a flat sample the exact correlation: a radial pattern has no directions",

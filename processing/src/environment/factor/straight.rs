@@ -80,18 +80,26 @@ impl Grid {
         ([x * s + y * c, y * s - x * c], across * cos)
     }
 
-    /// The cell of a half vector, and the cosine of the light's angle.
-    pub(super) fn place(&self, h: [f64; 2]) -> Option<([usize; 2], f64)> {
+    /// Place of a half vector in cells from the corner of the grid, and the cosine of the light's angle.
+    pub(super) fn position(&self, h: [f64; 2]) -> Option<([f64; 2], f64)> {
         let (s, c) = self.meridian.sin_cos();
         let (x, y) = (h[0] * s - h[1] * c, h[0] * c + h[1] * s);
         let z = (1.0 - x * x - y * y).max(0.0).sqrt();
         let beta = y.atan2(z) - self.lean(x);
-        let cell = |v: f64, k: usize| {
+        let place = |v: f64, k: usize| {
             let at = (v / self.reach[k] + 1.0) * 0.5 * self.size[k] as f64;
-            (0.0..self.size[k] as f64).contains(&at).then_some(at as usize)
+            (0.0..self.size[k] as f64).contains(&at).then_some(at)
         };
         (z > 0.0).then_some(())?;
-        Some(([cell(x, 0)?, cell(beta, 1)?], z))
+        Some(([place(x, 0)?, place(beta, 1)?], z))
+    }
+
+    /// Half vector of a cell, and the square of 1 + ωi·ωo there; none where the table has no light from.
+    pub(super) fn entry(&self, table: &Table, i: usize, j: usize) -> Option<([f64; 2], f64)> {
+        let (x, beta) = (self.x(i), self.beta(j));
+        let (h, z) = self.half(x, beta);
+        let inside = (beta + self.lean(x)).abs() < FRAC_PI_2 && h.iter().all(|v| v.abs() <= table.extent);
+        inside.then(|| (h, (1.0 + z).powi(2)))
     }
 
     /// Radiance that a light of radiance 1 per unit of x and β adds, times `weight` of the half vector; one column after the other.
@@ -100,11 +108,10 @@ impl Grid {
         let mut kernel: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(columns * rows));
         for i in 0..columns {
             for j in 0..rows {
-                let (x, beta) = (self.x(i), self.beta(j));
-                let (h, z) = self.half(x, beta);
-                let inside = (beta + self.lean(x)).abs() < FRAC_PI_2 && h.iter().all(|v| v.abs() <= table.extent);
-                let factor = if inside { (1.0 + z).powi(2) * weight(h) } else { 0.0 };
-                let value = if factor == 0.0 { [0.0; 3] } else { table.at(h) };
+                let (value, factor) = match self.entry(table, i, j) {
+                    Some((h, square)) => (table.at(h), square * weight(h)),
+                    None => ([0.0; 3], 0.0),
+                };
                 (0..3).for_each(|c| kernel[c].push(f64::from(value[c]) * factor));
             }
         }
