@@ -288,7 +288,8 @@ fn the_service_renders_uploaded_height_fields() {
     let job = ask(json!({})).expect(202).json();
     let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
     let failed = service.until(&path, |job| job["state"] != "queued" && job["state"] != "running");
-    assert!(failed["error"].to_string().contains("--pixel-um"), "{failed}");
+    let error = failed["error"].to_string();
+    assert!(error.contains("with pixel_um") && !error.contains("--"), "{error}");
     // Results are deleted when that is confirmed; what was uploaded goes with the last of them.
     let first = served_path(&service, &upload["id"]);
     let uploaded = place.path("data/uploads").join(upload["id"].as_str().unwrap());

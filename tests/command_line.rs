@@ -227,6 +227,90 @@ fn import_asks_instead_of_guessing_and_never_overwrites() {
     assert_eq!(listing(folder.path()).len(), 4);
 }
 
+/// Empty grey photographs of these names.
+fn grey(names: &[&str]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    names.iter().for_each(|name| image::GrayImage::new(4, 4).save(folder.path().join(name)).unwrap());
+    folder
+}
+
+fn imported_angles(json: &serde_json::Value) -> Vec<f64> {
+    json["frames"].as_array().unwrap().iter().map(|f| f["analyser_deg"].as_f64().unwrap()).collect()
+}
+
+#[test]
+fn import_reads_signs_and_decimals_and_says_which() {
+    let signed = grey(&["I_-45.png", "I_0.png", "I_45.png", "I_90.png"]);
+    let run = nacre(args(&["import", "OUT"], signed.path())).expect(0);
+    assert!(run.stdout().contains("-45°  I_-45.png"), "{}", run.stdout());
+    let decimals = grey(&["m22p5.png", "p22p5.png", "p67p5.png"]);
+    let json = nacre(args(&["--json", "import", "OUT"], decimals.path())).expect(0).json();
+    assert_eq!(imported_angles(&json), [-22.5, 22.5, 67.5]);
+    let open = grey(&["x_-0.png", "x_-45.png", "x_-90.png"]);
+    let refused = nacre(args(&["import", "OUT"], open.path())).expect(2).stderr();
+    assert!(refused.contains("x_-45.png: 45° or -45°") && refused.contains("--angles-deg"), "{refused}");
+    nacre(args(&["import", "OUT", "--angles-deg", "0,-45,-90"], open.path())).expect(0);
+}
+
+#[test]
+fn import_refuses_angles_that_file_names_contradict() {
+    let folder = grey(&["I0.png", "I45.png", "I90.png", "I135.png"]);
+    let given = |angles: &str, more: &[&str]| {
+        let fixed = [&["--json", "import", "OUT", "--force", "--angles-deg", angles][..], more].concat();
+        nacre(args(&fixed, folder.path()))
+    };
+    for shifted in ["0,45,90,135", "45,90,135,0"] {
+        let refused = given(shifted, &[]).expect(2).stderr();
+        assert!(
+            refused.contains(".png is given") && refused.contains("I0.png, I135.png, I45.png, I90.png"),
+            "{refused}"
+        );
+    }
+    // In the order of the sorted names; half a turn more is the same, and names may be rounded.
+    for right in ["0,135,45,90", "180,-45,45.4,89.7"] {
+        given(right, &[]).expect(0);
+    }
+    let json = given("10,145,55,100", &["--ignore-names"]).expect(0).json();
+    assert_eq!(imported_angles(&json), [10.0, 145.0, 55.0, 100.0]);
+    given("0,135,45,90", &["--kind", "exposures"]).expect(2);
+}
+
+/// What is wrong with an option is said of its flag, not of a key that nobody wrote.
+#[test]
+fn messages_name_flags() {
+    let photo = grey(&["000.png", "060.png", "120.png"]);
+    let colour = tempfile::tempdir().unwrap();
+    for name in ["000.png", "060.png", "120.png"] {
+        image::RgbImage::new(4, 4).save(colour.path().join(name)).unwrap();
+    }
+    let out = tempfile::tempdir().unwrap();
+    let [grey, colour] = [photo.path(), colour.path()].map(|p| p.to_str().unwrap());
+    let (one, out) = (format!("{grey}/000.png"), out.path().join("out"));
+    for (line, flag) in [
+        (format!("import {colour}"), "--channel r, g or b"),
+        (format!("import {grey} --channel g"), "--channel"),
+        (format!("import {grey} --black 9 --white 3"), "--black"),
+        (format!("import {grey} --black 300"), "--white"),
+        (format!("import {grey} --transfer gamma=50"), "--transfer"),
+        (format!("import {grey} --transfer recover"), "--transfer"),
+        (format!("import {grey} --angles-deg 0,60"), "--angles-deg"),
+        (format!("reconstruct lut {one} --wavelength 600 --scale 0.01 --out OUT"), "--transfer linear"),
+        (format!("reconstruct lut {one} --scale 0.01 --transfer linear --out OUT"), "--wavelength"),
+        (format!("reconstruct bokeh {one} --psf-sigma 2 --transfer gamma=50 --out OUT"), "--transfer"),
+        (format!("reconstruct spots {grey} --mirror 90 --out OUT"), "--mirror"),
+        (format!("reconstruct spots {grey} --periods 4,2 --out OUT"), "--periods"),
+        (format!("reconstruct flash {grey} --light-sigma-mm 0 --out OUT"), "--light-sigma-mm"),
+        (format!("reconstruct flash {grey} --tiles 0x3 --out OUT"), "--tiles"),
+        (format!("reconstruct flash {grey} --reference-px 1,1,1,1 --out OUT"), "--reference-px"),
+    ] {
+        let words: Vec<&str> = line.split(' ').collect();
+        let stderr = nacre(args(&words, &out)).expect(2).stderr();
+        assert!(stderr.contains(flag), "{line}: {stderr}");
+        let key = stderr.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').find(|word| word.contains('_'));
+        assert_eq!(key, None, "{line}: {stderr}");
+    }
+}
+
 #[test]
 fn import_reads_exposure_times_from_exif() {
     let Some(data) = test_data() else { return };

@@ -67,21 +67,21 @@ fn what_makes_no_sense_is_refused() {
         assert!(run.stderr().contains(word), "{more:?}: {}", run.stderr());
         assert!(!out.exists(), "{more:?}");
     };
-    refused(&photos, &[], "size_mm");
+    refused(&photos, &[], "--size-mm");
     for (option, value, word) in [
-        ("--tiles", "0x5", "tiles"),
+        ("--tiles", "0x5", "--tiles"),
         ("--tiles", "6", "--tiles"),
-        ("--size-mm", "nanx2", "size_mm"),
-        ("--period-um", "2:1", "period_um"),
-        ("--wavelength", "5", "wavelength_nm"),
+        ("--size-mm", "nanx2", "--size-mm"),
+        ("--period-um", "2:1", "--period-um"),
+        ("--wavelength", "5", "--wavelength"),
         ("--orientation", "left", "--orientation"),
-        ("--pixel-mm", "0", "pixel_mm"),
+        ("--pixel-mm", "0", "--pixel-mm"),
     ] {
         let usual: Vec<&str> = if option == "--tiles" || option == "--size-mm" { vec![] } else { USUAL.to_vec() };
         refused(&photos, &[&usual[..], &[option, value]].concat(), word);
     }
-    refused(&photos, &["--reference-px", "1,1,1,1"], "reference_px");
-    refused(&photos, &["--size-mm", "178x131", "--corners", "0,0,0,0,0,0,0,0", "--camera-mm", "500"], "corners_px");
+    refused(&photos, &["--reference-px", "1,1,1,1"], "--reference-px");
+    refused(&photos, &["--size-mm", "178x131", "--corners", "0,0,0,0,0,0,0,0", "--camera-mm", "500"], "--corners");
     refused(dir.path().join("missing").to_str().unwrap(), &USUAL, "missing");
     // A light below the sheet, and photographs that are not there.
     let frames = dir.path().join("photos/frames.json");
@@ -102,6 +102,7 @@ fn plans_say_what_their_tiles_are() {
         let plan = json!({ "plan": { "kind": "flash", "exposures_ms": [5], "reconstruct": reconstruct } });
         service.post("/api/v1/sessions", &plan).expect(400).text()
     };
-    assert!(asked(json!({ "method": "flash", "flash": { "tiles": [0, 4] } })).contains("tiles"));
+    let refused = asked(json!({ "method": "flash", "flash": { "tiles": [0, 4] } }));
+    assert!(refused.contains("reconstruct.flash: tiles") && !refused.contains("--"), "{refused}");
     assert!(asked(json!({ "method": "lut", "flash": { "tiles": [5, 4] } })).contains("reconstruct.flash"));
 }

@@ -70,9 +70,21 @@ fn uploaded_photographs_become_maps() {
         words.iter().for_each(|w| assert!(detail.contains(w), "no {w} in {refused}"));
         assert!(!detail.contains("/data/"), "paths of the machine are told: {refused}");
     }
+    // Signs and decimals of names are read; where the angle is ambiguous, the way out is one of requests.
+    let named = |names: &[&str]| {
+        let parts: Vec<(&str, &str, &[u8])> = names.iter().map(|n| ("file", *n, good.as_slice())).collect();
+        service.upload(&parts)
+    };
+    let signed = named(&["I_-22,5.png", "I_0.png", "I_45.png"]).expect(201).json();
+    let kept = place.path("data/uploads").join(signed["id"].as_str().unwrap()).join("frames.json");
+    let set: serde_json::Value = serde_json::from_slice(&fs::read(kept).unwrap()).unwrap();
+    assert_eq!(set["frames"][0]["analyser_deg"], -22.5);
+    let refused = named(&["I_-0.png", "I_-45.png", "I_-90.png"]).expect(400).text();
+    assert!(refused.contains("45° or -45°") && refused.contains("frames.json"), "{refused}");
+    assert!(!refused.contains("--") && !refused.contains(".upload"), "{refused}");
     let cut = &form(&parts)[..200];
     service.send("POST", "/api/v1/uploads", &["Content-Type: multipart/form-data; boundary=edge"], cut).expect(400);
-    assert_eq!(listing(&place.path("data/uploads")).len(), 1, "what is refused leaves nothing");
+    assert_eq!(listing(&place.path("data/uploads")).len(), 2, "what is refused leaves nothing");
 }
 
 #[test]

@@ -5,6 +5,7 @@ pub mod catalogue;
 pub mod commands;
 pub mod console;
 pub mod engine;
+pub mod fields;
 pub mod guardian;
 pub mod jobs;
 mod leaks;

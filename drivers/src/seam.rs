@@ -4,12 +4,13 @@
 //!
 //! | byte | request | answer |
 //! |---|---|---|
-//! | 0 | 1 output report, 2 set a feature report, 3 get one (payload: its id, then how many bytes are wanted, 16 bits), 4 bulk out, 5 bulk in (payload: how many bytes are wanted, 16 bits) | 0 done, 1 refused (a stalled transfer) |
+//! | 0 | 1 output report, 2 set a feature report, 3 get one (payload: its id, then how many bytes are wanted, 16 bits), 4 bulk out, 5 bulk in (payload: how many bytes are wanted, 16 bits) | 0 done, 1 refused (a stalled transfer), 2 nothing came in time |
 //! | 1 | a tag | the same tag; others are dropped |
 //! | 2-3 | length of the payload, 16 bits, at most 4096 | the same |
 //! | 4… | payload | payload |
 //!
-//! Numbers have their low byte first. As on USB, no transfer remembers the one before: after an error, the next one
+//! Numbers have their low byte first. The emulated device ends the wait of a transfer that it does not answer, and closes the link after
+//! half an answer, so that how long anything takes does not decide how it ends. As on USB, no transfer remembers the one before: after an error, the next one
 //! connects again.
 
 use crate::{Class, DeviceError};
@@ -24,8 +25,11 @@ pub const PREFIX: &str = "unix:";
 /// Longest payload.
 pub const MAX_PAYLOAD: usize = 4096;
 
-/// A transfer without an answer for this long has failed.
-const SILENCE: Duration = Duration::from_millis(500);
+/// A transfer has failed after this long without an answer: the other end hangs.
+const SILENCE: Duration = Duration::from_secs(60);
+
+/// An answer with this status says that nothing came in time.
+const NOTHING: u8 = 2;
 
 /// A transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,13 +46,14 @@ pub(crate) struct Seam {
     path: PathBuf,
     stream: Option<UnixStream>,
     tag: u8,
+    silence: Duration,
 }
 
 impl Seam {
     /// Connects.
     pub fn open(path: &Path) -> io::Result<Self> {
         let stream = Some(connect(path)?);
-        Ok(Self { path: path.into(), stream, tag: 0 })
+        Ok(Self { path: path.into(), stream, tag: 0, silence: SILENCE })
     }
 
     /// Carries a transfer out; returns the answer's payload.
@@ -58,7 +63,7 @@ impl Seam {
             None => connect(&self.path)?,
         };
         self.tag = self.tag.wrapping_add(1);
-        let answer = exchange(&mut stream, kind, self.tag, payload)?;
+        let answer = exchange(&mut stream, kind, self.tag, payload, self.silence)?;
         self.stream = Some(stream);
         answer.ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "a stalled transfer"))
     }
@@ -71,23 +76,35 @@ fn connect(path: &Path) -> io::Result<UnixStream> {
 }
 
 /// The answer's payload; None if the device refuses.
-fn exchange(stream: &mut UnixStream, kind: Transfer, tag: u8, payload: &[u8]) -> io::Result<Option<Vec<u8>>> {
+fn exchange(
+    stream: &mut UnixStream,
+    kind: Transfer,
+    tag: u8,
+    payload: &[u8],
+    silence: Duration,
+) -> io::Result<Option<Vec<u8>>> {
     let length = u16::try_from(payload.len()).ok().filter(|n| usize::from(*n) <= MAX_PAYLOAD);
     let [low, high] = length.ok_or(io::ErrorKind::InvalidInput)?.to_le_bytes();
     let mut frame = vec![kind as u8, tag, low, high];
     frame.extend(payload);
     stream.write_all(&frame)?;
-    let until = Instant::now() + SILENCE;
+    let until = Instant::now() + silence;
     loop {
         let mut head = [0; 4];
-        read(stream, &mut head, until)?;
+        read(stream, &mut head[..1], until)?;
+        let half =
+            |e: io::Error| if e.kind() == io::ErrorKind::UnexpectedEof { io::ErrorKind::TimedOut.into() } else { e };
+        read(stream, &mut head[1..], until).map_err(half)?;
         let length = usize::from(u16::from_le_bytes([head[2], head[3]]));
-        if length > MAX_PAYLOAD || head[0] > 1 {
+        if length > MAX_PAYLOAD || head[0] > NOTHING {
             return Err(io::Error::new(io::ErrorKind::InvalidData, "bytes that are no frame"));
         }
         let mut answer = vec![0; length];
-        read(stream, &mut answer, until)?;
+        read(stream, &mut answer, until).map_err(half)?;
         if head[1] == tag {
+            if head[0] == NOTHING {
+                return Err(io::ErrorKind::TimedOut.into());
+            }
             return Ok((head[0] == 0).then_some(answer));
         }
     }
@@ -145,7 +162,11 @@ mod tests {
     fn late_answers_are_passed_over() {
         assert_eq!(answered(&[0, 200, 1, 0, 9, 0, 1, 2, 0, 5, 6]).unwrap(), [5, 6]);
         assert_eq!(answered(&[1, 1, 0, 0]).unwrap_err().kind(), io::ErrorKind::InvalidInput);
-        assert_eq!(answered(&[0, 1, 2, 0, 5]).unwrap_err().kind(), io::ErrorKind::UnexpectedEof);
+        assert_eq!(answered(&[]).unwrap_err().kind(), io::ErrorKind::UnexpectedEof);
+        for half in [&[0, 1, 2, 0, 5][..], &[0, 1]] {
+            assert_eq!(answered(half).unwrap_err().kind(), io::ErrorKind::TimedOut);
+        }
+        assert_eq!(answered(&[2, 1, 0, 0]).unwrap_err().kind(), io::ErrorKind::TimedOut);
         assert_eq!(answered(&[7, 1, 0, 0]).unwrap_err().kind(), io::ErrorKind::InvalidData);
     }
 
@@ -154,7 +175,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("socket");
         let _listener = UnixListener::bind(&path).unwrap();
-        let mut seam = Seam::open(&path).unwrap();
+        let mut seam = Seam { silence: Duration::from_millis(10), ..Seam::open(&path).unwrap() };
         assert_eq!(seam.transfer(Transfer::Output, &[0]).unwrap_err().kind(), io::ErrorKind::TimedOut);
         let long = vec![0; MAX_PAYLOAD + 1];
         assert!(seam.transfer(Transfer::Output, &long).is_err(), "too long");

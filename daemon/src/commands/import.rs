@@ -1,6 +1,7 @@
 //! `nacre import`: a `frames.json` for photographs taken elsewhere.
 
 use crate::Failure;
+use crate::commands::angle_names;
 use crate::commands::values::{ChannelName, transfer};
 use crate::console::Console;
 use clap::ValueEnum;
@@ -9,11 +10,17 @@ use nacre_processing::frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transf
 use nacre_processing::image::{OutputFolder, exposure, photographs, write_whole};
 use std::path::{Path, PathBuf};
 
+/// Most file names in a message.
+const SHOWN: usize = 8;
+
+/// Angles in names may be rounded or cut to whole degrees.
+const ROUNDED_DEG: f64 = 1.0;
+
 /// Arguments of `nacre import`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  nacre import photos/                       angles from names: 045.png, psi_30deg.tif
+  nacre import photos/                       angles from names: 045.png, psi_22.5deg.tif, I_-45.png, m22p5.png
   nacre import photos/ --out series          copies the photographs beside the frames.json
   nacre import photos/ --angles-deg 0,45,90,135 --channel g
   nacre import raw/ --kind division-of-focal-plane --layout 90,45,135,0
@@ -26,9 +33,12 @@ pub struct Args {
     /// What was varied between the photographs.
     #[arg(long, value_enum, default_value_t = KindName::Polarization)]
     kind: KindName,
-    /// Analyser angles in degrees, in the order of the file names; otherwise they are read from the names.
+    /// Analyser angles in degrees, in the order of the sorted file names (default: read from the names).
     #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
     angles_deg: Option<Vec<f64>>,
+    /// Take the given angles even where file names hold other ones.
+    #[arg(long, requires = "angles_deg")]
+    ignore_names: bool,
     /// Angles of each 2×2 block of a polarization sensor: top left, top right, bottom left, bottom right.
     #[arg(long, value_delimiter = ',', default_value = "90,45,135,0", allow_negative_numbers = true)]
     layout: Vec<f64>,
@@ -62,7 +72,7 @@ enum KindName {
 /// Describes the photographs, checks the description as a reconstruction does, and writes it.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let files = photographs(&args.folder)?;
-    let set = describe(args, &files)?;
+    let set = describe(args, &files, angles(args, &files)?)?;
     let described = check(args.folder.join(FILE_NAME), set)?;
     let text = save(&described.set);
     let target = match &args.out {
@@ -79,18 +89,27 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         None => write_beside(&args.folder, &text, args.force)?,
     };
     let message = format!(
-        "{} photographs, {}; transfer {}{}\nwrote     {}\n{text}",
+        "{} photographs, {}; transfer {}{}\n{}wrote     {}\n{text}",
         files.len(),
         described.info,
         serde_json::to_string(&described.set.transfer).unwrap_or_default(),
         if args.transfer.is_none() { " (guessed from the file type, see --transfer)" } else { "" },
+        angles_by_file(&described.set, args.angles_deg.is_some()),
         target.display()
     );
     console.result(&message, &described.set);
     Ok(())
 }
 
-/// The `frames.json` of a folder of photographs whose names hold the analyser's angles.
+/// A line for each photograph with an analyser angle.
+fn angles_by_file(set: &FrameSet, given: bool) -> String {
+    let source = if given { "--angles-deg" } else { "file names" };
+    let line = |f: &Frame| Some(format!("  {:>8}°  {}\n", f.analyser_deg?, f.file.display()));
+    let lines: String = set.frames.iter().filter_map(line).collect();
+    if lines.is_empty() { lines } else { format!("angles    from {source}:\n{lines}") }
+}
+
+/// The `frames.json` of uploaded photographs whose names hold the analyser's angles.
 ///
 /// # Errors
 /// `Input`, naming the photograph that cannot be used.
@@ -99,6 +118,7 @@ pub fn from_names(folder: &Path, green: bool) -> Result<String, Error> {
         folder: folder.to_path_buf(),
         kind: KindName::Polarization,
         angles_deg: None,
+        ignore_names: false,
         layout: vec![],
         transfer: None,
         channel: green.then_some(ChannelName::G),
@@ -107,20 +127,60 @@ pub fn from_names(folder: &Path, green: bool) -> Result<String, Error> {
         out: None,
         force: false,
     };
-    let set = describe(&args, &photographs(folder)?)?;
+    let files = photographs(folder)?;
+    let angles = named_angles("the upload", &files, "send a frames.json that says the angles as the part frames")?;
+    let set = describe(&args, &files, Some(angles))?;
     Ok(save(&check(folder.join(FILE_NAME), set)?.set))
 }
 
-fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {
-    let angles = match (args.kind, &args.angles_deg) {
-        (KindName::Polarization, Some(given)) if given.len() != files.len() => {
-            let problem = format!("{} angles for {} photographs", given.len(), files.len());
-            return Err(Error::input("--angles-deg", problem, "give one per photograph, in the order of the names"));
-        }
-        (KindName::Polarization, Some(given)) => given.iter().copied().map(Some).collect(),
-        (KindName::Polarization, None) => angles_from_names(&args.folder, files)?.into_iter().map(Some).collect(),
-        _ => vec![None; files.len()],
+/// The angles that file names hold; `place` is where the files are, `otherwise` another way to say the angles.
+fn named_angles(place: &str, files: &[PathBuf], otherwise: &str) -> Result<Vec<f64>, Error> {
+    let remedy = || format!("name the photographs by their angle (045.png, psi_-22.5deg.tif), or {otherwise}");
+    angle_names::angles(files).map_err(|problem| Error::input(place, problem, remedy()))
+}
+
+/// The analyser's angles, given or read from the names; None for photographs without an analyser.
+fn angles(args: &Args, files: &[PathBuf]) -> Result<Option<Vec<f64>>, Error> {
+    let Some(given) = &args.angles_deg else {
+        let of_names = || named_angles(&args.folder.to_string_lossy(), files, "give --angles-deg");
+        return if args.kind == KindName::Polarization { of_names().map(Some) } else { Ok(None) };
     };
+    let refused = |problem: String, remedy: &str| Err(Error::input("--angles-deg", problem, remedy));
+    if args.kind != KindName::Polarization {
+        return refused("belongs to --kind polarization only".into(), "leave it out, or change --kind");
+    }
+    if given.len() != files.len() {
+        let problem = format!("{} angles for {} photographs", given.len(), files.len());
+        return refused(problem, "give one per photograph, in the order of the sorted names");
+    }
+    let contradicted = if args.ignore_names { None } else { contradicted(files, given) };
+    if let Some((file, given, named)) = contradicted {
+        let problem = format!("{} is given {given}°, but its name says {named}°", file.display());
+        let names: Vec<String> = files.iter().take(SHOWN).map(|f| f.display().to_string()).collect();
+        let more = if files.len() > SHOWN { ", …" } else { "" };
+        let remedy = format!(
+            "leave --angles-deg out, give the angles in the order {}{more}, or add --ignore-names if the names are wrong",
+            names.join(", ")
+        );
+        return refused(problem, &remedy);
+    }
+    Ok(Some(given.clone()))
+}
+
+/// The first photograph whose name says another angle than the given one, and both. Names are often rounded to degrees, and an analyser
+/// is the same after half a turn.
+fn contradicted<'a>(files: &'a [PathBuf], given: &[f64]) -> Option<(&'a Path, f64, f64)> {
+    let named = angle_names::angles(files).ok()?;
+    let far = |a: f64, b: f64| {
+        let apart = (a - b).rem_euclid(180.0);
+        apart.min(180.0 - apart) >= ROUNDED_DEG
+    };
+    let all = files.iter().map(PathBuf::as_path).zip(given.iter().copied().zip(named));
+    all.map(|(file, (given, named))| (file, given, named)).find(|(_, given, named)| far(*given, *named))
+}
+
+fn describe(args: &Args, files: &[PathBuf], angles: Option<Vec<f64>>) -> Result<FrameSet, Error> {
+    let angles = angles.map_or_else(|| vec![None; files.len()], |all| all.into_iter().map(Some).collect());
     let jpeg = |f: &PathBuf| f.extension().is_some_and(|e| e.to_string_lossy().to_lowercase().starts_with("jp"));
     let frames = files.iter().zip(angles).map(|(file, analyser_deg)| {
         let exif = exposure(&args.folder.join(file));
@@ -157,60 +217,6 @@ fn describe(args: &Args, files: &[PathBuf]) -> Result<FrameSet, Error> {
     })
 }
 
-/// Angles from file names: the number before `deg`, or else the one number that differs between the names. A plain
-/// counter is refused, because it would be taken for angles and give a wrong map.
-fn angles_from_names(folder: &Path, files: &[PathBuf]) -> Result<Vec<f64>, Error> {
-    let bad = |problem: String| {
-        Error::file(
-            folder,
-            problem,
-            "name the photographs by their angle (045.png, psi_30deg.tif) or give --angles-deg",
-        )
-    };
-    let numbers: Vec<Vec<(f64, bool)>> =
-        files.iter().map(|f| numbers(&f.file_stem().unwrap_or_default().to_string_lossy())).collect();
-    if numbers.iter().all(|n| n.iter().filter(|(_, deg)| *deg).count() == 1) {
-        return Ok(numbers.iter().flatten().filter(|(_, deg)| *deg).map(|(value, _)| *value).collect());
-    }
-    let columns = numbers.first().map_or(0, Vec::len);
-    if columns == 0 || numbers.iter().any(|n| n.len() != columns) {
-        return Err(bad("the file names do not all hold an angle".into()));
-    }
-    let column = |c: usize| numbers.iter().map(|n| n[c].0).collect::<Vec<f64>>();
-    let varying: Vec<Vec<f64>> = (0..columns).map(column).filter(|v| v.iter().any(|a| *a != v[0])).collect();
-    let [angles] = varying.as_slice() else {
-        return Err(bad(format!("{} numbers differ between the file names", varying.len())));
-    };
-    let counter = angles.len() > 2 && angles.windows(2).all(|w| w[1] - w[0] == 1.0);
-    if counter || angles.iter().any(|a| *a > 360.0) {
-        return Err(bad(format!(
-            "the numbers in the file names ({}, {}, …) do not look like angles",
-            angles[0], angles[1]
-        )));
-    }
-    Ok(angles.clone())
-}
-
-/// Numbers in a name, each with whether `deg` or `°` follows it.
-fn numbers(stem: &str) -> Vec<(f64, bool)> {
-    let mut found = vec![];
-    let mut rest = stem;
-    while let Some(start) = rest.find(|c: char| c.is_ascii_digit()) {
-        let tail = &rest[start..];
-        let mut end = tail.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(tail.len());
-        while tail[..end].ends_with('.') {
-            end -= 1;
-        }
-        let after = tail[end..].trim_start_matches(['_', '-', ' ']);
-        let degrees = after.to_lowercase().starts_with("deg") || after.starts_with('°');
-        if let Ok(value) = tail[..end].parse() {
-            found.push((value, degrees));
-        }
-        rest = &tail[end..];
-    }
-    found
-}
-
 /// Writes `frames.json` beside the photographs.
 fn write_beside(folder: &Path, text: &str, force: bool) -> Result<PathBuf, Error> {
     let target = folder.join(FILE_NAME);
@@ -219,34 +225,4 @@ fn write_beside(folder: &Path, text: &str, force: bool) -> Result<PathBuf, Error
     }
     write_whole(&target, text.as_bytes())?;
     Ok(target)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn angles(names: &[&str]) -> Result<Vec<f64>, Error> {
-        angles_from_names(Path::new("x"), &names.iter().map(PathBuf::from).collect::<Vec<_>>())
-    }
-
-    #[test]
-    fn angles_are_read_from_usual_names() {
-        assert_eq!(angles(&["000.png", "045.png", "090.png"]).unwrap(), [0.0, 45.0, 90.0]);
-        assert_eq!(angles(&["run2_psi_0deg.tif", "run2_psi_22.5deg.tif"]).unwrap(), [0.0, 22.5]);
-        assert_eq!(angles(&["cd2_0_f8.png", "cd2_30_f8.png", "cd2_60_f8.png"]).unwrap(), [0.0, 30.0, 60.0]);
-        assert_eq!(angles(&["a1_15°.png", "a2_30°.png"]).unwrap(), [15.0, 30.0]);
-    }
-
-    #[test]
-    fn what_is_no_angle_is_refused() {
-        for names in [
-            &["IMG_0001.jpg", "IMG_0002.jpg", "IMG_0003.jpg"][..],
-            &["IMG_4711.jpg", "IMG_4713.jpg"],
-            &["left.png", "right.png"],
-            &["1_10.png", "2_20.png"],
-            &["a.png", "10.png"],
-        ] {
-            assert!(angles(names).is_err(), "{names:?}");
-        }
-    }
 }

@@ -1,5 +1,6 @@
 //! One file per command.
 
+mod angle_names;
 pub mod attach;
 pub mod bench;
 pub mod brdf;

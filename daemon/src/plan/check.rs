@@ -3,6 +3,7 @@
 use super::estimate::{Limits, light_on_s};
 use super::steps::groups;
 use super::{AnalyserPlan, DisplayPlan, Method, Plan, PlanKind, Step};
+use crate::fields::fields;
 use nacre_processing::Error;
 use nacre_processing::bokeh::PsfChoice;
 use nacre_processing::color::NAMES;
@@ -155,7 +156,7 @@ impl Plan {
             return Err(format!("reconstruct.{name} belongs to the method {name}, not to {method}; remove it"));
         }
         if let Some(settings) = &planned.spots {
-            settings.check().map_err(|e| format!("reconstruct.spots: {e}"))?;
+            settings.check().map_err(|e| format!("reconstruct.spots: {}", fields(&e.to_string())))?;
         }
         if merges && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
             return Err(format!(
@@ -163,14 +164,14 @@ impl Plan {
             ));
         }
         if let Some(settings) = &planned.flash {
-            settings.check().map_err(|e| format!("reconstruct.flash: {e}"))?;
+            settings.check().map_err(|e| format!("reconstruct.flash: {}", fields(&e.to_string())))?;
         }
         match (&planned.bokeh, planned.method) {
             (Some(options), _) => {
                 if matches!(options.psf, PsfChoice::Image(_)) {
                     return Err("reconstruct.bokeh.psf.image is for the command line; give psf.sigma in pixels".into());
                 }
-                options.check().map_err(|e| format!("reconstruct.bokeh: {e}"))?;
+                options.check().map_err(|e| format!("reconstruct.bokeh: {}", fields(&e.to_string())))?;
             }
             (None, Method::Bokeh) => {
                 return Err("the method bokeh must know the blur; give reconstruct.bokeh.psf.sigma in pixels".into());
@@ -178,7 +179,7 @@ impl Plan {
             (None, _) => {}
         }
         if let Some(settings) = &planned.lut {
-            settings.check().map_err(|e| format!("reconstruct.lut: {e}"))?;
+            settings.check().map_err(|e| format!("reconstruct.lut: {}", fields(&e.to_string())))?;
             if !NAMES.contains(&settings.illuminant.as_str()) {
                 return Err(format!("reconstruct.lut.illuminant is none of {}", NAMES.join(", ")));
             }

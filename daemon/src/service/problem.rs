@@ -1,6 +1,7 @@
 //! Errors as `application/problem+json` (RFC 9457) with stable types.
 
 use crate::Failure;
+use crate::fields::fields;
 use crate::jobs::Refusal;
 use axum::extract::rejection::{BytesRejection, JsonRejection, PathRejection, QueryRejection};
 use axum::http::{HeaderValue, StatusCode, header};
@@ -141,7 +142,8 @@ impl From<Error> for Problem {
     fn from(error: Error) -> Self {
         match error {
             Error::Input { subject, problem, remedy } => {
-                Self::bad(format!("{}: {problem}", file_name(Path::new(&subject)))).remedy(remedy)
+                let subject = fields(&file_name(Path::new(&subject)));
+                Self::bad(format!("{subject}: {}", fields(&problem))).remedy(fields(&remedy))
             }
             Error::Cancelled => Self::new(Kind::Conflict, "stopped before it was done"),
             Error::Output { path, source, remedy } => {

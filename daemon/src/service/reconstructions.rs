@@ -2,6 +2,7 @@
 
 use super::problem::{Answer, Kind, Problem};
 use super::{App, At, Body, Params, blocking, events, methods};
+use crate::fields::fields;
 use crate::jobs::{Job, JobState, LightUpload, Spec};
 use crate::plan::Method;
 use crate::session::SESSION_FILE;
@@ -194,7 +195,7 @@ impl App {
             progress: job.progress,
             stage: job.stage,
             so_far,
-            error: job.error,
+            error: job.error.as_deref().map(fields),
             created: job.created,
             report: report.and_then(|bytes| serde_json::from_slice(&bytes).ok()),
         }
@@ -331,7 +332,7 @@ pub async fn retry(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Re
     responses((status = 200, content_type = "text/plain", body = String), (status = 404, body = Problem)))]
 pub async fn log(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<String> {
     app.job(&id).await?;
-    Ok(app.jobs.log(&id).await?.unwrap_or_default())
+    Ok(app.jobs.log(&id).await?.as_deref().map(fields).unwrap_or_default())
 }
 
 /// States of a reconstruction, as server-sent events: `state`.

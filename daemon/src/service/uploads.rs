@@ -174,7 +174,8 @@ fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
         What::Photographs | What::Polarization => ("photograph", EXTENSIONS),
     };
     let known = extension.is_some_and(|e| endings.contains(&e.as_str()));
-    let plain = name.chars().all(|c| c.is_alphanumeric() || "._- +()".contains(c)) && !name.starts_with('.');
+    let plain =
+        name.chars().all(|c| c.is_alphanumeric() || "._- +()=,°\u{2212}\u{2013}".contains(c)) && !name.starts_with('.');
     if known && plain && name.len() <= 200 {
         return Ok(name.to_owned());
     }

@@ -19,8 +19,8 @@ pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
     known_lights(&groups, &settings, &frames)?;
     wavelength(&settings, &frames)?;
     if settings.reference_px.is_none() && settings.size_mm.is_none() {
-        let remedy = "give width and height of the sheet in mm, or reference_px";
-        return Err(Error::input("size_mm", "is not known", remedy));
+        let remedy = "give width and height of the sheet in mm, or --reference-px";
+        return Err(Error::input("--size-mm", "is not known", remedy));
     }
     Ok(())
 }
@@ -55,7 +55,7 @@ fn of_bench(frames: &LoadedFrames) -> Option<Geometry> {
 pub(super) fn wavelength(settings: &Settings, frames: &LoadedFrames) -> Result<f64> {
     let of_geometry = settings.geometry.as_ref().and_then(|g| g.wavelength_nm);
     settings.wavelength_nm.or(frames.set.wavelength_nm).or(of_geometry).ok_or_else(|| {
-        Error::input("wavelength_nm", "is not known", "give that of the filter, or write it into frames.json")
+        Error::input("--wavelength", "is not known", "give that of the filter, or write it into frames.json")
     })
 }
 
@@ -75,7 +75,7 @@ pub(super) fn known_lights(
         return Err(Error::file(
             &frames.path,
             problem,
-            "add it, or give light_height_mm: the highlight tells the rest",
+            "add it, or give --light-height-mm: the highlight tells the rest",
         ));
     }
     Ok(lights)

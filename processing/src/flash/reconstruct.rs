@@ -123,7 +123,7 @@ impl Job {
         let mut widths: Vec<f64> = job.highlights.iter().flatten().map(|h| h.light_mm).collect();
         widths.sort_by(f64::total_cmp);
         job.light_mm = settings.light_sigma_mm.or(widths.get(widths.len() / 2).copied()).ok_or_else(|| {
-            let remedy = "photograph it, or say how large the light is with light_sigma_mm";
+            let remedy = "photograph it, or say how large the light is with --light-sigma-mm";
             Error::file(&frames.path, "shows no highlight, whose width is that of all lobes", remedy)
         })?;
         Ok(job)

@@ -115,30 +115,30 @@ impl Settings {
         if let Some(geometry) = &self.geometry {
             geometry.check()?;
             if self.corners_px.is_some() || self.camera_mm.is_some() {
-                let remedy = "give either a geometry, or corners_px and camera_mm";
-                return Err(Error::input("corners_px, camera_mm", "do not go with a geometry", remedy));
+                let remedy = "give either a geometry, or --corners and --camera-mm";
+                return Err(Error::input("--corners, --camera-mm", "do not go with a geometry", remedy));
             }
         }
         for value in self.corners_px.iter().flatten().flatten() {
-            within("corners_px", Some(*value), -1e5, 1e5)?;
+            within("--corners", Some(*value), -1e5, 1e5)?;
         }
         for value in self.size_mm.iter().flatten() {
-            within("size_mm", Some(*value), 0.1, 1e5)?;
+            within("--size-mm", Some(*value), 0.1, 1e5)?;
         }
-        within("camera_mm", self.camera_mm, 1.0, 1e6)?;
-        within("light_height_mm", self.light_height_mm, 1.0, 1e6)?;
-        within("wavelength_nm", self.wavelength_nm, 200.0, 2000.0)?;
-        within("light_sigma_mm", self.light_sigma_mm, 1e-3, 1e3)?;
-        within("pixel_mm", self.pixel_mm, 1e-4, 1e3)?;
+        within("--camera-mm", self.camera_mm, 1.0, 1e6)?;
+        within("--light-height-mm", self.light_height_mm, 1.0, 1e6)?;
+        within("--wavelength", self.wavelength_nm, 200.0, 2000.0)?;
+        within("--light-sigma-mm", self.light_sigma_mm, 1e-3, 1e3)?;
+        within("--pixel-mm", self.pixel_mm, 1e-4, 1e3)?;
         if let Some([x, y, w, h]) = self.reference_px {
             if self.tiles.is_some() {
                 let remedy = "give either one tile, or how many there are";
-                return Err(Error::input("tiles", "do not go with reference_px", remedy));
+                return Err(Error::input("--tiles", "do not go with --reference-px", remedy));
             }
             if !([x, y].iter().all(|v| (0.0..=1e5).contains(v)) && [w, h].iter().all(|v| (8.0..=1e5).contains(v))) {
                 let problem = format!("is {:?}", [x, y, w, h]);
                 return Err(Error::input(
-                    "reference_px",
+                    "--reference-px",
                     problem,
                     "give left, top, width and height, 8 pixels and more",
                 ));
@@ -147,11 +147,11 @@ impl Settings {
         if let Some([columns, rows]) = self.tiles
             && !(1..=MOST_TILES).contains(&columns.saturating_mul(rows))
         {
-            return Err(Error::input("tiles", format!("are {columns} × {rows}"), "give 1 to 10000 in all"));
+            return Err(Error::input("--tiles", format!("are {columns} × {rows}"), "give 1 to 10000 in all"));
         }
         match self.period_um {
             Some([low, high]) if !(low >= PERIODS_UM[0] && high <= PERIODS_UM[1] && low < high) => {
-                Err(Error::input("period_um", format!("is {low}:{high}"), "give MIN:MAX between 0.1 and 100 µm"))
+                Err(Error::input("--period-um", format!("is {low}:{high}"), "give MIN:MAX between 0.1 and 100 µm"))
             }
             _ => Ok(()),
         }

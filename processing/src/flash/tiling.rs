@@ -69,7 +69,7 @@ impl Tiling {
         let (pixels, tiles) = (self.width.saturating_mul(self.height), self.origins.len());
         if self.width.min(self.height) < 2 || pixels > MOST_PIXELS || pixels.saturating_mul(tiles) > MOST_COPIES {
             let problem = format!("make maps of {} × {} pixels of {tiles} tiles", self.width, self.height);
-            return Err(Error::input("tiles, pixel_mm", problem, "choose other tiles, or a larger pixel_mm"));
+            return Err(Error::input("--tiles, --pixel-mm", problem, "choose other tiles, or a larger --pixel-mm"));
         }
         Ok(self)
     }
@@ -97,7 +97,7 @@ impl Tiling {
         let [x, y, w, h] = reference_px;
         let beyond = || {
             let problem = format!("{reference_px:?} does not lie on the sheet");
-            Error::input("reference_px", problem, "give left, top, width and height of a tile in the photograph")
+            Error::input("--reference-px", problem, "give left, top, width and height of a tile in the photograph")
         };
         let point = |p: [f64; 2]| view.point(p).ok_or_else(beyond);
         let (corner, right, below) = (point([x, y])?, point([x + w, y])?, point([x, y + h])?);
@@ -127,7 +127,7 @@ pub(super) fn tiling(
     if let Some(reference) = settings.reference_px {
         let Some(room) = room else {
             let remedy = "take one with the flash off, or say how many tiles there are";
-            return Err(Error::input("reference_px", "needs a photograph by room light", remedy));
+            return Err(Error::input("--reference-px", "needs a photograph by room light", remedy));
         };
         let mut tiling = Tiling::one(reference, view, pitch_mm)?;
         spread(&mut tiling, view, room);
@@ -135,7 +135,7 @@ pub(super) fn tiling(
         return Ok((tiling.checked()?, Some(moved)));
     }
     let size_mm = settings.size_mm.ok_or_else(|| {
-        Error::input("size_mm", "is not known", "give width and height of the sheet in mm, or reference_px")
+        Error::input("--size-mm", "is not known", "give width and height of the sheet in mm, or --reference-px")
     })?;
     let mut tiling = Tiling::grid(size_mm, settings.tiles.unwrap_or([1, 1]), pitch_mm)?;
     let registers = !settings.unregistered && tiling.origins.len() > 1;

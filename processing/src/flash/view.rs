@@ -62,10 +62,10 @@ impl View {
         // Clockwise on the picture, where y falls.
         if (0..4).any(|k| twist(k).is_nan() || twist(k) <= 1.0) {
             let remedy = "give top left, top right, bottom right, bottom left as x,y";
-            return Err(Error::input("corners_px", format!("{corners:?} is no sheet seen from above"), remedy));
+            return Err(Error::input("--corners", format!("{corners:?} is no sheet seen from above"), remedy));
         }
         let map = homography(places, corners).ok_or_else(|| {
-            Error::input("corners_px", format!("{corners:?} is no perspective of a sheet"), "correct the corners")
+            Error::input("--corners", format!("{corners:?} is no perspective of a sheet"), "correct the corners")
         })?;
         let relative = "the camera was taken to stand over the middle of the picture, without distortion".to_owned();
         let side = |a: usize, b: usize| (corners[a][0] - corners[b][0]).hypot(corners[a][1] - corners[b][1]);
@@ -74,7 +74,7 @@ impl View {
         let mut view = Self { map, viewer, relative: Some(relative), uneven: CORNER_PX / shortest };
         let middle = image.map(|n| 0.5 * (n as f64 - 1.0));
         let [x, y] = view.point(middle).ok_or_else(|| {
-            Error::input("corners_px", "put the picture's middle beyond the sheet's horizon", "correct the corners")
+            Error::input("--corners", "put the picture's middle beyond the sheet's horizon", "correct the corners")
         })?;
         view.viewer = [x, y, camera_mm];
         Ok(view)
@@ -179,8 +179,8 @@ pub(super) fn view(settings: &Settings, corners: Option<[[f64; 2]; 4]>, image: [
     let missing = |what: &str, remedy: &str| Error::input(what, "is not known", remedy);
     let remedy = "give a geometry (nacre calibrate geometry), or corners, size and camera distance of the sheet";
     let corners = corners.ok_or_else(|| missing("geometry", remedy))?;
-    let size_mm = settings.size_mm.ok_or_else(|| missing("size_mm", remedy))?;
-    let camera_mm = settings.camera_mm.ok_or_else(|| missing("camera_mm", remedy))?;
+    let size_mm = settings.size_mm.ok_or_else(|| missing("--size-mm", remedy))?;
+    let camera_mm = settings.camera_mm.ok_or_else(|| missing("--camera-mm", remedy))?;
     View::flat(corners, size_mm, camera_mm, image)
 }
 

@@ -118,7 +118,7 @@ pub fn measure(light: &Light, geometry: &Geometry, settings: &Settings) -> Resul
     settings.check()?;
     let mut report = Report { relative: geometry.relative, ..Report::default() };
     let nm = geometry.wavelength_nm.ok_or_else(|| {
-        Error::input("geometry", "has no wavelength", "add one: nacre calibrate geometry … --wavelength NM")
+        Error::input("geometry", "has no wavelength", "add one: `nacre calibrate geometry … --wavelength NM`")
     })?;
     let lambda = nm / 1000.0;
     let (source, glare) = zero_order(light, geometry, settings, &mut report)?;
@@ -156,7 +156,7 @@ fn zero_order(light: &Light, geometry: &Geometry, settings: &Settings, report: &
         }
         (None, Some(_), Err(problem)) => return Err(center::not_found(problem)),
         (None, None, _) => {
-            let remedy = "add one (nacre calibrate geometry … --highlight …), or say --light-height-mm";
+            let remedy = "add one (`nacre calibrate geometry … --highlight …`), or say --light-height-mm";
             return Err(Error::input("geometry", "has no light", remedy));
         }
     };

@@ -38,20 +38,24 @@ impl LoadedFrames {
 pub fn load(input: &Path) -> Result<LoadedFrames> {
     let path = if input.is_dir() { input.join(FILE_NAME) } else { input.to_path_buf() };
     let set = parse(&path)?;
-    check(path, set)
+    complete(path, set, By::File)
 }
 
-/// Checks a set whose `frames.json` is, or is to be, at `path`.
+/// Checks a set whose `frames.json` is to be at `path`. Options have described it, so that messages name flags rather than keys.
 ///
 /// # Errors
 /// As [`load`].
 pub fn check(path: PathBuf, set: FrameSet) -> Result<LoadedFrames> {
+    complete(path, set, By::Options)
+}
+
+fn complete(path: PathBuf, set: FrameSet, by: By) -> Result<LoadedFrames> {
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
         _ => PathBuf::from("."),
     };
-    check_values(&path, &set)?;
-    let info = check_files(&path, &folder, &set)?;
+    check_values(&path, &set, by)?;
+    let info = check_files(&path, &folder, &set, by)?;
     let from_session = folder.join(SESSION_FILE).is_file();
     Ok(LoadedFrames { path, folder, set, info, from_session })
 }
@@ -62,8 +66,45 @@ pub fn check(path: PathBuf, set: FrameSet) -> Result<LoadedFrames> {
 /// `Input` for values that cannot be used; no file is looked at.
 pub fn planned(folder: &Path, set: FrameSet, info: Info) -> Result<LoadedFrames> {
     let path = folder.join(FILE_NAME);
-    check_values(&path, &set)?;
+    check_values(&path, &set, By::File)?;
     Ok(LoadedFrames { path, folder: folder.to_path_buf(), set, info, from_session: true })
+}
+
+/// What describes a set, and so the words in which messages speak of its parts.
+#[derive(Clone, Copy)]
+enum By {
+    /// A `frames.json`, by its keys.
+    File,
+    /// Options of a command, by their flags.
+    Options,
+}
+
+impl By {
+    /// A key of the whole set, or the flag that sets it.
+    fn name(self, key: &str) -> String {
+        let option = key.split('.').next().unwrap_or(key);
+        match self {
+            Self::File => key.to_owned(),
+            Self::Options => format!("--{}", option.replace('_', "-")),
+        }
+    }
+
+    /// A key of one frame, or its photograph.
+    fn of_frame(self, set: &FrameSet, i: usize, key: &str) -> String {
+        match (self, set.frames.get(i)) {
+            (Self::Options, Some(frame)) => {
+                format!("{}: {}", frame.file.display(), key.replace("_deg", " angle").replace("_s", ""))
+            }
+            _ => format!("frames[{i}].{key}"),
+        }
+    }
+
+    fn refuse(self, path: &Path, name: &str, problem: String, remedy: &str) -> Error {
+        match self {
+            Self::File => Error::file(path, format!("{name}: {problem}"), remedy),
+            Self::Options => Error::input(name, problem, remedy),
+        }
+    }
 }
 
 /// Text of a `frames.json`, one frame a line.
@@ -89,8 +130,9 @@ fn parse(path: &Path) -> Result<FrameSet> {
     Ok(set)
 }
 
-fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
-    let bad = |key: &str, problem: String, remedy: &str| Err(Error::file(path, format!("{key}: {problem}"), remedy));
+fn check_values(path: &Path, set: &FrameSet, by: By) -> Result<()> {
+    let bad_part = |name: &str, problem: String, remedy: &str| Err(by.refuse(path, name, problem, remedy));
+    let bad = |key: &str, problem: String, remedy: &str| bad_part(&by.name(key), problem, remedy);
     if set.frames.is_empty() {
         return bad("frames", "holds no frame".into(), "list at least one photograph");
     }
@@ -113,29 +155,26 @@ fn check_values(path: &Path, set: &FrameSet) -> Result<()> {
             "give the file values of no and of full light",
         );
     }
-    let positive = |key: &str, value: Option<f64>| match value {
-        Some(v) if !(v.is_finite() && v > 0.0) => bad(key, format!("{v} is not above 0"), "correct the number"),
+    let positive_part = |name: &str, value: Option<f64>| match value {
+        Some(v) if !(v.is_finite() && v > 0.0) => bad_part(name, format!("{v} is not above 0"), "correct the number"),
         _ => Ok(()),
     };
+    let positive = |key: &str, value: Option<f64>| positive_part(&by.name(key), value);
     for (i, frame) in set.frames.iter().enumerate() {
-        positive(&format!("frames[{i}].exposure_s"), frame.exposure_s)?;
-        positive(&format!("frames[{i}].gain"), frame.gain)?;
+        let name = |key: &str| by.of_frame(set, i, key);
+        positive_part(&name("exposure_s"), frame.exposure_s)?;
+        positive_part(&name("gain"), frame.gain)?;
         if !frame.scale().is_finite() || frame.scale() == 0.0 {
-            return bad(&format!("frames[{i}]"), "exposure_s · gain is out of range".into(), "correct the numbers");
+            return bad_part(&name("exposure_s · gain"), "is out of range".into(), "correct the numbers");
         }
+        let angle = name("analyser_deg");
         match (set.kind, frame.analyser_deg) {
-            (Kind::Polarization, None) => {
-                return bad(&format!("frames[{i}].analyser_deg"), "is missing".into(), "give the analyser's angle");
-            }
+            (Kind::Polarization, None) => return bad_part(&angle, "is missing".into(), "give the analyser's angle"),
             (Kind::DivisionOfFocalPlane, Some(_)) => {
-                return bad(
-                    &format!("frames[{i}].analyser_deg"),
-                    "does not belong to this kind".into(),
-                    "remove it or change kind",
-                );
+                return bad_part(&angle, "does not belong to this kind".into(), "remove it or change kind");
             }
-            (_, Some(a)) if a.abs() > 1e6 => {
-                return bad(&format!("frames[{i}].analyser_deg"), format!("{a} is no angle in degrees"), "correct it");
+            (_, Some(a)) if !a.is_finite() || a.abs() > 1e6 => {
+                return bad_part(&angle, format!("{a} is no angle in degrees"), "correct it");
             }
             _ => {}
         }
@@ -221,7 +260,7 @@ fn check_light(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) 
     Ok(())
 }
 
-fn check_files(path: &Path, folder: &Path, set: &FrameSet) -> Result<Info> {
+fn check_files(path: &Path, folder: &Path, set: &FrameSet, by: By) -> Result<Info> {
     let extra = [("dark", &set.dark), ("flat", &set.flat)];
     let extra = extra.into_iter().filter_map(|(key, file)| Some((key.to_owned(), file.as_ref()?)));
     let indexed = || set.frames.iter().enumerate();
@@ -244,7 +283,7 @@ fn check_files(path: &Path, folder: &Path, set: &FrameSet) -> Result<Info> {
         }
     }
     let Some((file, info)) = common else { return Err(Error::file(path, "holds no frame", "list a photograph")) };
-    check_channels(&file, set, &info)?;
+    check_channels(&file, set, &info, by)?;
     Ok(info)
 }
 
@@ -265,14 +304,19 @@ fn inside(path: &Path, folder: &Path, key: &str, name: &Path) -> Result<PathBuf>
     if real.starts_with(base) { Ok(file) } else { Err(leaves()) }
 }
 
-fn check_channels(file: &Path, set: &FrameSet, info: &Info) -> Result<()> {
+fn check_channels(file: &Path, set: &FrameSet, info: &Info, by: By) -> Result<()> {
+    let channel = by.name("channel");
+    let add = match by {
+        By::File => format!("add \"{channel}\": \"r\", \"g\" or \"b\" to {FILE_NAME}"),
+        By::Options => format!("add {channel} r, g or b"),
+    };
     match (info.channels, set.channel) {
-        (1, Some(c)) => Err(Error::file(file, format!("is grey, so it has no channel {c:?}"), "remove \"channel\"")),
-        (3, None) if set.kind != Kind::Exposures => Err(Error::file(
-            file,
-            "is a colour image and \"channel\" is not given",
-            "add \"channel\": \"r\", \"g\" or \"b\"",
-        )),
+        (1, Some(_)) => {
+            Err(Error::file(file, "is grey, so it has no channels to choose from", format!("leave out {channel}")))
+        }
+        (3, None) if set.kind != Kind::Exposures => {
+            Err(Error::file(file, "is a colour image, of which one channel must be chosen", add))
+        }
         _ if set.kind == Kind::DivisionOfFocalPlane && (info.channels != 1 || info.width % 2 + info.height % 2 > 0) => {
             Err(Error::file(
                 file,
@@ -283,14 +327,10 @@ fn check_channels(file: &Path, set: &FrameSet, info: &Info) -> Result<()> {
         _ => {
             let (black, white) = (set.black.unwrap_or(0.0), set.white.unwrap_or(info.depth.full_scale().into()));
             if black < white {
-                Ok(())
-            } else {
-                Err(Error::file(
-                    file,
-                    format!("black ({black}) is not below white ({white})"),
-                    "correct black and white",
-                ))
+                return Ok(());
             }
+            let remedy = format!("correct {} and {}", by.name("black"), by.name("white"));
+            Err(Error::file(file, format!("black ({black}) is not below white ({white})"), remedy))
         }
     }
 }

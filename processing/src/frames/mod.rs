@@ -247,10 +247,10 @@ impl Transfer {
         let remedy = "say linear, srgb or gamma=NUMBER, such as gamma=2.2";
         match self {
             Self::Recover => {
-                Err(Error::input("transfer", "one photograph does not tell how its values grow with light", remedy))
+                Err(Error::input("--transfer", "one photograph does not tell how its values grow with light", remedy))
             }
             Self::Gamma(g) if !GAMMAS.contains(&g) => {
-                Err(Error::input("transfer", format!("gamma is {g}; expected 0.1 to 10"), remedy))
+                Err(Error::input("--transfer", format!("gamma is {g}; expected 0.1 to 10"), remedy))
             }
             _ => Ok(()),
         }

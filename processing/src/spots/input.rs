@@ -84,7 +84,9 @@ fn parallel(frames: &LoadedFrames, settings: &Settings) -> Result<Geometry> {
     let missing = |what: &str| Error::file(&frames.path, format!("does not say {what}"), remedy);
     let distances = set.geometry.ok_or_else(|| missing("where camera and panel stand"))?;
     let pixel_mm = distances.pixel_um.ok_or_else(|| missing("geometry.pixel_um"))? / 1000.0;
-    let [w, h] = settings.panel_mm.or(set.panel_mm).ok_or_else(|| missing("panel_mm, the size of the panel"))?;
+    let [w, h] = settings.panel_mm.or(set.panel_mm).ok_or_else(|| {
+        Error::file(&frames.path, "does not say panel_mm, the size of the panel", "add it, or give --panel W,H in mm")
+    })?;
     let (d, half) = (distances.distance_mm, 0.5 * distances.baseline_mm);
     let middle = [frames.info.width, frames.info.height].map(|n| 0.5 * (n as f64 - 1.0));
     let below = distances.camera_px.unwrap_or([middle[0] - half / pixel_mm, middle[1]]);

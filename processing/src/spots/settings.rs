@@ -68,22 +68,22 @@ impl Settings {
             }
             _ => Ok(()),
         };
-        within("wavelength_nm", self.wavelength_nm, 200.0, 2000.0)?;
-        within("wavelength_sigma_nm", self.wavelength_sigma_nm, 0.0, 100.0)?;
-        within("aperture_mm", self.aperture_mm, 0.01, 200.0)?;
-        within("mirror_deg", Some(self.mirror_deg), 0.001, 5.0)?;
+        within("--wavelength", self.wavelength_nm, 200.0, 2000.0)?;
+        within("--wavelength-sigma", self.wavelength_sigma_nm, 0.0, 100.0)?;
+        within("--aperture", self.aperture_mm, 0.01, 200.0)?;
+        within("--mirror", Some(self.mirror_deg), 0.001, 5.0)?;
         for side in self.panel_mm.into_iter().flatten() {
-            within("panel_mm", Some(side), 1.0, 1e5)?;
+            within("--panel", Some(side), 1.0, 1e5)?;
         }
         if let Some(geometry) = &self.geometry {
             geometry.check()?;
         }
         let [short, long] = self.periods_um;
-        within("periods_um", Some(short), 0.2, 1000.0)?;
-        within("periods_um", Some(long), 0.2, 1000.0)?;
+        within("--periods", Some(short), 0.2, 1000.0)?;
+        within("--periods", Some(long), 0.2, 1000.0)?;
         if short >= long {
             return Err(Error::input(
-                "periods_um",
+                "--periods",
                 format!("runs from {short} to {long}"),
                 "give the shorter one first",
             ));

@@ -1,5 +1,6 @@
 //! Emulated USB devices behind a Unix socket: each transfer is a frame (kind, tag, length in 16 bits with the low byte first,
-//! payload), and is answered by one (0 done or 1 stalled, the same tag, length, payload).
+//! payload), and is answered by one (0 done, 1 stalled or 2 when the host would wait in vain, the same tag, length, payload). Half an answer
+//! ends with the link.
 
 use super::fault::{ByteFault, ByteFaultKind, Strikes};
 use std::io::{self, Read, Write};
@@ -19,6 +20,9 @@ const MAX_CONNECTIONS: usize = 16;
 
 /// How late a late answer comes.
 const LATE: Duration = Duration::from_millis(150);
+
+/// Status of an answer that does not come.
+const NOTHING: u8 = 2;
 
 /// A transfer to a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,6 +136,12 @@ struct Connection {
     received: Vec<u8>,
 }
 
+struct Answer {
+    bytes: Vec<u8>,
+    /// Nothing follows: the link ends.
+    last: bool,
+}
+
 impl Server {
     /// Looks once at everything that may have happened.
     fn turn(&mut self) {
@@ -161,23 +171,27 @@ impl Server {
             }
             let Some(payload) = rest.get(..length) else { break };
             let answer = self.answer(kind, tag, payload)?;
-            connection.stream.write_all(&answer).ok()?;
+            connection.stream.write_all(&answer.bytes).ok()?;
+            if answer.last {
+                return None;
+            }
             connection.received.drain(..4 + length);
         }
         Some(connection)
     }
 
-    /// The bytes that answer a transfer; None when the link is gone.
-    fn answer(&mut self, kind: u8, tag: u8, payload: &[u8]) -> Option<Vec<u8>> {
+    /// What answers a transfer; None when the link is gone.
+    fn answer(&mut self, kind: u8, tag: u8, payload: &[u8]) -> Option<Answer> {
         let fault = self.strikes.strike();
+        let whole = |bytes: Vec<u8>| Answer { bytes, last: false };
         match fault {
-            Some(ByteFaultKind::NoAnswer) => return Some(vec![]),
+            Some(ByteFaultKind::NoAnswer) => return Some(whole(vec![NOTHING, tag, 0, 0])),
             Some(ByteFaultKind::Dropped) => return None,
             Some(ByteFaultKind::Reset) => {
                 self.device.reset();
                 // What it was sent is lost with all the rest.
                 if !matches!(kind, 3 | 5) {
-                    return Some(vec![0, tag, 0, 0]);
+                    return Some(whole(vec![0, tag, 0, 0]));
                 }
             }
             Some(ByteFaultKind::Slow) => std::thread::sleep(LATE),
@@ -194,7 +208,7 @@ impl Server {
         let (status, mut bytes) = match outcome {
             Outcome::Done(bytes) => (0, bytes),
             Outcome::Stalled => (1, vec![]),
-            Outcome::Silent => return Some(vec![]),
+            Outcome::Silent => return Some(whole(vec![NOTHING, tag, 0, 0])),
         };
         if fault == Some(ByteFaultKind::Garbage) {
             bytes.iter_mut().for_each(|b| *b = !*b);
@@ -206,7 +220,7 @@ impl Server {
             Some(ByteFaultKind::Resend) => frame.extend(frame.clone()),
             _ => {}
         }
-        Some(frame)
+        Some(Answer { bytes: frame, last: fault == Some(ByteFaultKind::HalfAnswer) })
     }
 }
 
