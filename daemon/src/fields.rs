@@ -1,9 +1,10 @@
 //! Options as requests and plans name them. Messages of the processing core name flags of the command line.
 
 /// Flags whose field is not the flag with `_` for `-`.
-const FIELDS: [(&str, &str); 19] = [
+const FIELDS: [(&str, &str); 21] = [
     ("aperture", "aperture_mm"),
     ("clamp", "clamp_um"),
+    ("contrast-period", "period"),
     ("corners", "corners_px"),
     ("distance-m", "lens.distance_m"),
     ("f-number", "lens.f_number"),
@@ -17,6 +18,7 @@ const FIELDS: [(&str, &str); 19] = [
     ("panel", "panel_mm"),
     ("periods", "periods_um"),
     ("psf-sigma", "psf.sigma"),
+    ("relative-period", "period"),
     ("rotate", "rotate_deg"),
     ("sample-corners", "sample_corners_px"),
     ("wavelength", "wavelength_nm"),

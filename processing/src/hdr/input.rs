@@ -82,7 +82,7 @@ mod tests {
             let mut set = FrameSet::new(Kind::Exposures, vec![Frame::new("a.png"), Frame::new("b.png")]);
             let mut info = Info { width: 1 << 10, height: 1 << 10, channels: 3, depth: Depth::U8 };
             change(&mut set, &mut info);
-            let frames = LoadedFrames { path: FILE_NAME.into(), folder: ".".into(), set, info };
+            let frames = LoadedFrames { path: FILE_NAME.into(), folder: ".".into(), set, info, from_session: false };
             (needed(&frames) - KEPT as u64) >> 20
         };
         let one = mib(&|_, _| ());

@@ -53,7 +53,8 @@ mod tests {
         }
         change(&mut set);
         let info = Info { width: 1024, height: 1024, channels: 1, depth: Depth::U16 };
-        let frames = LoadedFrames { path: "frames.json".into(), folder: Path::new(".").into(), set, info };
+        let (path, folder) = ("frames.json".into(), Path::new(".").into());
+        let frames = LoadedFrames { path, folder, set, info, from_session: false };
         let brackets = brackets(&frames.set.frames);
         needed(&frames, &brackets, &views(&frames, &brackets).unwrap()) / MEGAPIXEL
     }

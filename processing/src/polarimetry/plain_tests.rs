@@ -129,10 +129,10 @@ fn options_of_gratings_are_refused() {
     uniform(folder.path(), &Options::default());
     let none = Options::default;
     for (options, named) in [
-        (Options { offset_deg: 3.0, ..none() }, "offset"),
-        (Options { oblique: Oblique::Auto, ..none() }, "oblique"),
-        (Options { smooth_maps: true, ..none() }, "smoothed map"),
-        (Options { smoothed_exr: true, model: Some(Model::Plain), ..none() }, "smoothed map"),
+        (Options { offset_deg: 3.0, ..none() }, "--offset-deg"),
+        (Options { oblique: Oblique::Auto, ..none() }, "--oblique"),
+        (Options { smooth_maps: true, ..none() }, "--smooth-maps"),
+        (Options { smoothed_exr: true, model: Some(Model::Plain), ..none() }, "--smoothed-exr"),
     ] {
         let refused = reconstruct(folder.path(), &folder.path().join("bad"), &options, &Silent).unwrap_err();
         assert!(refused.to_string().contains(named), "{refused}");

@@ -81,11 +81,15 @@ impl Options {
     /// `Input`, for numbers that make no sense and for a wavelength that nothing says.
     pub fn check(&self, frames: &LoadedFrames) -> Result<Option<PeriodMethod>> {
         if !self.offset_deg.is_finite() {
-            return Err(Error::input("offset", format!("{} is no angle", self.offset_deg), "give finite degrees"));
+            return Err(Error::input(
+                "--offset-deg",
+                format!("{} is no angle", self.offset_deg),
+                "give finite degrees",
+            ));
         }
         if (self.smooth_maps || self.smoothed_exr) && self.smooth == Smoothing::NONE {
             let problem = "a smoothed map was asked for, but the smoothing is none";
-            return Err(Error::input("smoothing", problem, "choose light, strong or a number of rounds"));
+            return Err(Error::input("--smooth", problem, "choose light, strong or a number of rounds"));
         }
         if self.model_for(frames) == Model::Plain {
             self.check_plain()?;
@@ -96,15 +100,17 @@ impl Options {
     /// Refuses options that plain polarimetry has no use for.
     fn check_plain(&self) -> Result<()> {
         let of_gratings = [
-            ("offset", self.offset_deg != 0.0),
-            ("oblique", self.oblique != Oblique::Off),
-            ("smoothed map", self.smooth_maps || self.smoothed_exr),
-            ("periods", self.period.is_some()),
+            ("--offset-deg", self.offset_deg != 0.0),
+            ("--oblique", self.oblique != Oblique::Off),
+            ("--smooth-maps", self.smooth_maps),
+            ("--smoothed-exr", self.smoothed_exr),
+            ("--contrast-period", matches!(self.period, Some(PeriodMethod::Contrast { .. }))),
+            ("--relative-period", matches!(self.period, Some(PeriodMethod::Brightness { .. }))),
         ];
         match of_gratings.into_iter().find(|(_, given)| *given) {
             Some((option, _)) => {
                 let problem = "belongs to models of gratings, and the model is plain";
-                Err(Error::input(option, problem, "leave it out, or choose the model auto if this is a grating"))
+                Err(Error::input(option, problem, "leave it out, or add --model auto if this is a grating"))
             }
             None => Ok(()),
         }
