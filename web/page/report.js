@@ -7,6 +7,7 @@ import { count, degrees, duration, fixed, percent, significant, words } from "./
 export function reportView(report) {
   const { pixels = {}, noise, circle, models = [], seconds = {}, smoothing, period, error, repeats, registration } = report;
   const moved = registration?.corrected && Math.max(...registration.shifts_px.map(([x, y]) => Math.hypot(x, y)));
+  const plain = report.model === "plain";
   const term = (deg) => (deg === null ? "unknown" : degrees(deg, 3));
   const share = (n) => (n === undefined ? null : `${percent(n / pixels.all, 2)} (${count(n)})`);
   const warnings = report.warnings ?? [];
@@ -30,18 +31,18 @@ export function reportView(report) {
       ["Error by noise", error && term(error.noise_deg)],
       ["By analyser angles", error && term(error.angle_deg) + (error.angle_sigma_deg === null ? "" : `; ${error.angle_source === "corrected" ? "corrected to" : "error of an angle"} ${degrees(error.angle_sigma_deg, 3)}`)],
       ["By registration", error && term(error.registration_deg) + (moved ? `; photographs were moved back by up to ${fixed(moved, 2)} px` : "")],
-      ["By the model", error && term(error.model_deg)],
+      ["By the model", plain ? null : error && term(error.model_deg)],
       ["Repeats", repeats && `${repeats.pairs} pairs; halves differ by ${degrees(repeats.difference_deg, 3)}, σ says ${degrees(repeats.expected_deg, 3)} (reduced χ² ${fixed(repeats.chi2, 2)})`],
       ["Bias of the model", circle && (circle.bias_deg === null ? "cannot be told" : degrees(circle.bias_deg))],
       ["Modulation varies", circle && `by ${percent(circle.spread)}; noise explains ${percent(circle.spread_of_noise)}`],
       ["Not in view", circle && `${fixed(circle.gap_deg, 0)}° of the half turn`],
-      ["Smoothing", smoothing && smoothing.strength !== "none" && `${smoothing.strength}, ${smoothing.rounds} rounds; ${smoothing.map ? "of the map and its σ" : "of pictures only"}`],
+      ["Smoothing", !smoothing || smoothing.strength === "none" ? null : `${smoothing.strength}, ${smoothing.rounds} rounds; ${smoothing.map ? "of the map and its σ" : "of pictures only"}`],
       ["Period, median", period?.median_um && `${fixed(period.median_um, 3)} µm, ${period.heuristic ? "heuristic" : "for the assumed surface"}`],
       ["σ of the period", period?.sigma_median_um && `${significant(period.sigma_median_um, 2)} µm, from noise alone`],
       ["Periods told apart", period?.unique_um?.length && `${period.unique_um.map(([a, b]) => `${fixed(a, 2)}–${fixed(b, 2)}`).join(", ")} µm`],
       ["Period ambiguous", period && share(period.ambiguous)],
       ["Noise", noise && words(noise.source)],
-      ["Offset", degrees(report.offset_deg)],
+      ["Offset", plain ? null : degrees(report.offset_deg)],
       ["Analyser", report.analyser_deg && `${report.analyser_deg.length} angles: ${report.analyser_deg.slice(0, 24).map((a) => fixed(a, Number.isInteger(a) ? 0 : 1)).join(", ")}${report.analyser_deg.length > 24 ? " …" : ""}`],
       ["Condition", report.condition && `${fixed(report.condition, 3)} (√2 at best)`],
       ["Size", `${report.width} × ${report.height}`],

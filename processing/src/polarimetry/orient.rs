@@ -87,10 +87,12 @@ fn phases_of(
     for i in 0..count {
         let fitted @ [a, c, s] = [0.5 * s0[i], 0.5 * s1[i], 0.5 * s2[i]];
         let [_, _, _, vc, vcs, vs] = covariance(i, fitted);
-        let modulation = c * c + s * s;
-        let across = ((s * s * vc - 2.0 * s * c * vcs + c * c * vs) / modulation).max(0.0);
+        let modulation = (c * c + s * s).sqrt();
+        // The unit vector first: products of tiny modulations with variances vanish, and σ would be 0.
+        let (u, v) = (c / modulation, s / modulation);
+        let across = (v * v * vc - 2.0 * u * v * vcs + u * u * vs).max(0.0);
         let widened = (across * misfit.factor(a, sigma[i])).sqrt();
-        let snr = modulation.sqrt() / widened;
+        let snr = modulation / widened;
         sigma[i] = (0.5 / snr).min(FRAC_PI_2);
         let carries = (snr >= MASK_SNR) & (a > 0.0);
         theta[i] = if carries { folded(0.5 * atan2(s, c) + offset) } else { f32::NAN };
@@ -233,6 +235,24 @@ mod tests {
             let sigma = f64::from(sigmas[n / 2]);
             assert!((sigma / scatter - 1.0).abs() < 0.05, "case {case}: σ {sigma} scatter {scatter}");
         }
+    }
+
+    /// Light whose modulation is nothing but rounding is masked, also where subnormal numbers are flushed to zero.
+    #[test]
+    fn modulation_of_rounding_is_masked() {
+        crate::numeric::flush_subnormals();
+        let psi = angles(4, 0.0);
+        let noise = [FrameNoise { shot: 1e-5, floor: 1e-6 }; 4];
+        let pixels: Vec<Stokes> = (0..4000)
+            .map(|i| {
+                let tiny = 10_f64.powi(-(i % 45)) * 1e-6;
+                Stokes { s0: 0.5, s1: -tiny, s2: -0.7 * tiny, s3: 0.0 }
+            })
+            .collect();
+        let (s1, s2) = (pixels.iter().map(|p| p.s1 as f32).collect(), pixels.iter().map(|p| p.s2 as f32).collect());
+        let mut maps = StokesMaps { s1, s2, ..fit_of(&pixels, &psi, |_, _, _| 0.0) };
+        let map = orient(&mut maps, &Design::new(&psi).unwrap(), &noise, 0.0);
+        assert!(map.orientation.iter().all(|t| t.is_nan()) && map.sigma.iter().all(|s| *s > 1.0));
     }
 
     /// Noise alone is masked: at most e⁻⁸ of the pixels pass (here 0.03 %, tested at 0.1 %).
