@@ -14,8 +14,11 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Rendered lights that are kept: pattern, flash, and those just left.
+/// Rendered lights that are always kept: pattern, flash, and those just left.
 const KEPT_LIGHTS: usize = 4;
+
+/// Bytes of rendered lights that are kept: metering shows some of a scan's patterns beforehand.
+const KEPT_BYTES: usize = 64 << 20;
 
 /// Changes of the light that are kept; an exposure that straddles more sees the newest of them.
 const KEPT_CHANGES: usize = 16;
@@ -208,7 +211,9 @@ impl Bench {
             },
         };
         self.lights.push_back((*source, light));
-        if self.lights.len() > KEPT_LIGHTS {
+        let bytes = |light: &StokesImage| light.planes.iter().map(|p| size_of_val(p.as_slice())).sum::<usize>();
+        let all: usize = self.lights.iter().map(|(_, light)| bytes(light)).sum();
+        if self.lights.len() > KEPT_LIGHTS && all > KEPT_BYTES {
             self.lights.pop_front();
         }
     }

@@ -18,6 +18,12 @@ const EVERY: [usize; 3] = [4, 2, 1];
 /// Samples of single entries, in pixels of the photograph.
 const SINGLE_PX: f64 = 0.5;
 
+/// Nearer to the zero order than this part of the photograph's shorter side its light is no measure of the orders'.
+const INSIDE: f64 = 0.075;
+
+/// Squared light of less than this part of the whole is no light.
+const TRACES: f64 = 1e-8;
+
 /// Part of the wanted error that the prediction may use up: it is a sample.
 const MARGIN: f64 = 0.5;
 
@@ -58,7 +64,8 @@ pub(super) struct Trial {
 impl Trial {
     pub(super) fn new(source: &Source, kernel: &Kernel, grid: &Grid) -> Self {
         let radius = (grid.extent / source.scale).max(2.0 * INNER_PX);
-        Self { across: across(source), along: along(source, kernel, radius) }
+        let rings = Rings::of(source);
+        Self { across: across(source, &rings), along: along(source, kernel, radius, &rings) }
     }
 
     fn error(&self, quarters: usize, every: usize) -> f64 {
@@ -119,6 +126,32 @@ fn squares(source: &Source, bins: usize, bin: impl Fn(f32, f32) -> Option<usize>
     all
 }
 
+/// Squared light of the photograph in rings of one pixel around the zero order's surroundings.
+struct Rings(Vec<f64>);
+
+impl Rings {
+    fn of(source: &Source) -> Self {
+        let (plane, [x, y]) = (source.plane, source.center);
+        let far = |c: f64, n: usize| c.abs().max((c - n as f64).abs());
+        let inside = (INSIDE * plane.width.min(plane.height) as f64) as f32;
+        let count = far(x, plane.width).hypot(far(y, plane.height)).ceil() as usize + 1;
+        Self(squares(source, count, |r, _| (r >= inside).then_some(r as usize)))
+    }
+
+    /// The rings between two radii in pixels, at least one.
+    fn between(&self, [inner, outer]: [f64; 2]) -> &[f64] {
+        let last = self.0.len() - 1;
+        let first = (inner as usize).min(last);
+        &self.0[first..=(outer as usize).clamp(first, last)]
+    }
+
+    /// Whether there is light between two radii, rather than traces that the interpolation leaves in a black background; also where
+    /// there is none anywhere.
+    fn lit(&self, radii: [f64; 2]) -> bool {
+        self.between(radii).iter().sum::<f64>() >= TRACES * self.0.iter().sum::<f64>()
+    }
+}
+
 /// The bins in the middle of `count` parts of equal sums; evenly placed ones where there is nothing.
 fn middles(sums: &[f64], count: usize) -> Vec<usize> {
     let all: f64 = sums.iter().sum();
@@ -137,20 +170,14 @@ fn middles(sums: &[f64], count: usize) -> Vec<usize> {
     (0..count).map(|k| reached.partition_point(|r| *r < part(k)).min(sums.len() - 1)).collect()
 }
 
-/// Of the photograph on circles around the zero order, where its light lies: between orders there may be nothing but what
-/// the interpolation makes of a black background.
-fn across(source: &Source) -> [f64; QUARTERS.len()] {
+/// Of the photograph on circles around the zero order, where its light lies: near the rim, or further in if it is black there.
+fn across(source: &Source, rings: &Rings) -> [f64; QUARTERS.len()] {
     const CIRCLES: usize = 4;
     let half = 0.5 * source.plane.width.min(source.plane.height) as f64;
-    let (inner, outer) = (0.45 * half, 0.9 * half);
-    let bins = (outer - inner).ceil().max(1.0) as usize;
-    let place = |r: f64| (r - inner) / (outer - inner) * bins as f64;
-    let light = squares(source, bins, |r, _| {
-        let r = f64::from(r);
-        (inner..outer).contains(&r).then(|| place(r) as usize)
-    });
+    let rim = [0.45 * half, 0.9 * half];
+    let radii = if rings.lit(rim) { rim } else { [0.0, 0.9 * half] };
     let circle = |bin: usize| {
-        let radius = inner + (bin as f64 + 0.5) / bins as f64 * (outer - inner);
+        let radius = radii[0].floor() + bin as f64 + 0.5;
         let count = ((TAU * radius * 4.0) as usize).clamp(64, 8192);
         let at = |k: usize| {
             let angle = 0.25 * k as f64 / radius;
@@ -159,18 +186,22 @@ fn across(source: &Source) -> [f64; QUARTERS.len()] {
         };
         (0..count).map(at).collect::<Vec<f32>>()
     };
-    let circles: Vec<Vec<f32>> = middles(&light, CIRCLES).into_iter().map(circle).collect();
+    let circles: Vec<Vec<f32>> = middles(rings.between(radii), CIRCLES).into_iter().map(circle).collect();
     QUARTERS.map(|q| together(&circles, q))
 }
 
-/// Of entries along a few rays near the rim, where the light lies that they add up.
-fn along(source: &Source, kernel: &Kernel, radius: f64) -> Vec<(usize, f64)> {
+/// Of entries along a few rays where light lies that they add up: near the rim, or further in if it is black there.
+fn along(source: &Source, kernel: &Kernel, rim: f64, rings: &Rings) -> Vec<(usize, f64)> {
     const RAYS: usize = 16;
     const ENTRIES: usize = 100;
-    let taps = kernel.steps(SINGLE_PX / radius).taps();
-    let (first, last) = (0.9 * radius, 0.9 * radius + 0.25 * ENTRIES as f64);
+    const INWARD: f64 = 0.9;
     let [low, high] = kernel.range();
-    let (near, far) = (first * (-high).exp(), last * (-low).exp());
+    let first = |radius: f64| 0.9 * radius;
+    let seen = |radius: f64| [first(radius) * (-high).exp(), (first(radius) + 0.25 * ENTRIES as f64) * (-low).exp()];
+    let mut radii = std::iter::successors(Some(rim), |r| Some(INWARD * r)).take_while(|r| *r >= 2.0 * INNER_PX);
+    let radius = radii.find(|r| rings.lit(seen(*r))).unwrap_or(rim);
+    let (first, [near, far]) = (first(radius), seen(radius));
+    let taps = kernel.steps(SINGLE_PX / radius).taps();
     let bins = (TAU * radius).ceil() as usize;
     let light = squares(source, bins, |r, angle| {
         (near..far).contains(&f64::from(r)).then(|| (f64::from(angle) / TAU * bins as f64) as usize)
@@ -319,13 +350,21 @@ pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight]
     let all = |places: &(dyn Fn(usize) -> [usize; 2] + Sync), shift: f32| {
         (0..CHECKED).into_par_iter().map(|k| of(places(k), shift)).reduce(|| [0.0; 3], add)
     };
-    let of_rim_square = |i: usize| if (i % size).abs_diff(half) >= rim { f64::from(table[i][1]).powi(2) } else { 0.0 };
-    let mean = (0..table.len()).map(of_rim_square).sum::<f64>() / (2 * (half - rim) * size) as f64;
-    let least = MISSED * CHECKED as f64 * mean;
-    let relative = |square: f64, all: f64| (all > 0.0).then(|| (square / all.max(least)).sqrt());
+    let mean = |from: usize, bands: bool| {
+        let far = |i: usize| {
+            let [x, y] = [i % size, i / size].map(|k| k.abs_diff(half));
+            if bands { x >= from } else { x.max(y) >= from }
+        };
+        let squares = (0..table.len()).filter(|i| far(*i)).map(|i| f64::from(table[i][1]).powi(2));
+        let (sum, count) = squares.fold((0.0, 0_u32), |(sum, count), square| (sum + square, count + 1));
+        CHECKED as f64 * sum / f64::from(count.max(1))
+    };
+    // Next to nothing: the checked entries missed the rim's light, or there is none but traces.
+    let (least, dark) = (MISSED * mean(rim, true), TRACES * mean((2.0 * INSIDE * half as f64) as usize, false));
+    let relative = |square: f64, all: f64| (all > dark).then(|| (square / all.max(least)).sqrt());
     let ([off, displaced, light], [off_all, _, light_all]) = (all(&of_rim, moved as f32), all(&anywhere, 0.0));
     let worse = [relative(off, light), relative(off_all, light_all)].into_iter().flatten().reduce(f64::max);
-    [worse.filter(|_| light > 0.0), relative(displaced, light)]
+    [worse.filter(|_| light > dark), relative(displaced, light)]
 }
 
 /// Y of an entry, were the zero order elsewhere by so much.

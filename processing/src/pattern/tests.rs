@@ -152,10 +152,14 @@ fn pixels_that_are_too_coarse_are_noticed() {
 /// one that the choice counts, so that no clock is needed.
 #[test]
 fn a_black_background_costs_no_more_than_a_dim_one() {
-    for (pitch, angle) in [(0.58, 0.3), (0.46, 0.785), (0.3, 0.3), (0.2, 0.2)] {
+    // The last ends far inside of the photograph.
+    for (pitch, angle, end) in
+        [(0.58, 0.3, 9.0), (0.46, 0.785, 9.0), (0.3, 0.3, 9.0), (0.2, 0.2, 9.0), (0.2, 0.2, 0.42)]
+    {
         let lattice = Lattice { pitch, sigma: 0.006, angle };
-        let black = lattice.photograph(SIZE, CENTER, 0.002).into_iter().map(|l| if l < 1e-6 { 0.0 } else { l });
-        let black: Vec<f32> = black.collect();
+        let far = |i: usize| ((i % SIZE) as f64 - CENTER[0]).hypot((i / SIZE) as f64 - CENTER[1]) * 0.002 > end;
+        let black = lattice.photograph(SIZE, CENTER, 0.002).into_iter().enumerate();
+        let black: Vec<f32> = black.map(|(i, l)| if l < 1e-6 || far(i) { 0.0 } else { l }).collect();
         let dim = black.iter().enumerate().map(|(i, l)| l + 1e-7 * (1.0 + 0.1 * ((i * 7919) % 101) as f32 / 101.0));
         let choice = |light: Vec<f32>| {
             let settings = Settings {
@@ -167,7 +171,7 @@ fn a_black_background_costs_no_more_than_a_dim_one() {
                 ..Settings::default()
             };
             let table = lookup(&[Photograph { light, width: SIZE, height: SIZE }], &settings).unwrap();
-            assert!(table.error.unwrap() < 0.01, "{pitch}: {:?}", table.error);
+            assert!(table.error.is_none_or(|e| e < 0.01), "{pitch}: {:?}", table.error);
             table.choice
         };
         let (dim, black) = (choice(dim.collect()), choice(black.clone()));
