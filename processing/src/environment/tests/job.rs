@@ -188,16 +188,26 @@ fn errors_are_those_of_the_files() {
         let job = Job { table: &lut, environment: None, out: &out, settings, overwrite: false };
         let report = factor(&job, &Silent).unwrap();
         let read = Table::read(&lut).unwrap();
-        let truth = written_error(&out, report.parts.len(), &read, between);
-        // A reader between cells adds the error of its interpolation, which is what curves that leave nothing out have.
-        let whole = folder.path().join("whole");
-        let all = Settings { rank: Some(24), parts: settings.parts, ..usual };
-        let full = factor(&Job { out: &whole, settings: all, ..job }, &Silent).unwrap();
-        let square = written_error(&whole, full.parts.len(), &read, between).powi(2) - full.error.powi(2);
-        let expected = (report.error.powi(2) + if between { square.max(0.0) } else { 0.0 }).sqrt();
-        println!("{name}: {} read as {expected}, {truth}, {:?}", report.error, report.warnings);
+        let error = |folder: &Path, between: bool| written_error(folder, settings.parts, &read, between);
+        let truth = error(&out, between);
+        let range = if settings.parts > 1 && between {
+            // Parts have no cells in common: the error is that of a reader between the cells of all, of none, or of some of them.
+            [truth, error(&out, false)]
+        } else if between {
+            // A reader between cells adds the error of its interpolation, which is what curves that leave nothing out have.
+            let whole = folder.path().join("whole");
+            let all = Settings { rank: Some(24), ..usual };
+            let full = factor(&Job { out: &whole, settings: all, ..job }, &Silent).unwrap();
+            let interpolation = error(&whole, true).powi(2) - full.error.powi(2);
+            [(truth.powi(2) - interpolation).max(0.0).sqrt(); 2]
+        } else {
+            [truth; 2]
+        };
+        println!("{name}: {}, from the files {range:?}, {:?}", report.error, report.warnings);
         assert_eq!(report.parts.len(), settings.parts, "{name}");
-        assert!((expected / truth - 1.0).abs() < 0.1, "{name}: {} {expected} {truth}", report.error);
+        let [low, high] = [range[0].min(range[1]), range[0].max(range[1])];
+        // 15 %: the readings sample the table at other places than the curves were made at.
+        assert!((0.85 * low..1.15 * high).contains(&report.error), "{name}: {} {range:?}", report.error);
         let rows = read_exr(&out.join("part-1-across.exr")).unwrap().height;
         assert_eq!(report.parts[0].rank, rows, "{name}");
         // An error that was asked for and is missed is said.
