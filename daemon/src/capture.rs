@@ -205,7 +205,7 @@ pub fn cannot_resume(folder: &Path, error: &std::io::Error) -> Failure {
 
 /// Frames of a session that has them all and the results that its plan asks for, so that there is nothing to resume.
 pub fn complete(folder: &Path) -> Option<usize> {
-    // What is wrong with another one, resuming it says.
+    // A resume names the fault of an incomplete one.
     session::check(folder).ok().filter(|c| c.is_complete()).map(|c| c.planned)
 }
 

@@ -68,7 +68,7 @@ impl Number<'_> {
         format!("{}.{}", self.whole, self.fraction).parse().unwrap_or(f64::NAN)
     }
 
-    /// What follows a unit of degrees.
+    /// Text after a unit of degrees.
     fn after_degrees(&self) -> Option<&str> {
         let unit = self.after.trim_start_matches(['_', '-', ' ']);
         unit.strip_prefix("deg").or_else(|| unit.strip_prefix(DEGREES))
@@ -181,7 +181,7 @@ impl Series<'_> {
         shifted.zip(&self.names).map(|(c, numbers)| c.filter(|c| *c < numbers.len())).collect()
     }
 
-    /// What some names could mean.
+    /// A refusal, with the readings of the first files.
     fn refuse(&self, why: &str, reading: impl Fn(usize) -> String) -> String {
         let shown = self.files.iter().take(SHOWN).enumerate().map(|(k, f)| format!("{}: {}", f.display(), reading(k)));
         let more = if self.files.len() > SHOWN { "; …" } else { "" };

@@ -32,7 +32,7 @@ struct Entry {
     data: Arc<str>,
 }
 
-/// Data with the time of what they tell.
+/// Data of an event, with its time.
 #[derive(Serialize)]
 struct Timed<'a, T> {
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -1,4 +1,4 @@
-//! Runs of sessions in the service: what they tell while they run, and what the journal tells of them afterwards.
+//! Runs of sessions in the service: their events while they run, and those that the journal holds afterwards.
 
 use super::events::EventLog;
 use super::problem::Problem;
