@@ -34,7 +34,7 @@ pub fn fields(message: &str) -> String {
     message.split('`').enumerate().map(outside).collect()
 }
 
-/// A word that is a flag, with what stands around it.
+/// The field for a word that is a flag, with the punctuation around it; None for other words.
 fn renamed(word: &str) -> Option<String> {
     let (open, rest) = word.split_once("--").filter(|(open, _)| ["", "(", "\""].contains(open))?;
     let end = rest.find(|c: char| !(c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-')).unwrap_or(rest.len());

@@ -97,7 +97,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let result = runtime.block_on(async {
         let cut = async {
             asked(1).await;
-            // Whatever happens, the light is told to go off first.
+            // Time for the command that switches the light off, before anything is cut.
             tokio::time::sleep(2 * SIGNALS).await;
             let _ = tokio::time::timeout(IN_ORDER, asked(2)).await;
         };

@@ -1,6 +1,6 @@
-//! The guardian of the flash: a child process that holds the flash device, so that not even SIGKILL of its owner leaves the
-//! light on. Owner and guardian watch each other while the light may be on. They exchange JSON lines over the guardian's
-//! standard streams.
+//! The guardian of the flash: a child process that holds the flash device and switches it off when its owner is killed.
+//! Owner and guardian watch each other while the light may be on. They exchange JSON lines over the guardian's standard
+//! streams.
 //!
 //! The guardian switches the light off when it starts, when its pipe closes, when it hears nothing from its owner for 0.4 s,
 //! after the flash's longest on-time, and on SIGTERM.

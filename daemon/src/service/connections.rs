@@ -34,11 +34,13 @@ const PROGRESS: usize = 16 << 10;
 /// A request that is overdue is answered before its connection is closed after this.
 const FAREWELL: Duration = Duration::from_secs(5);
 
-/// When all places are taken, one in so many connections is asked to make room,
+/// When all places are taken, this part (1/8) of the connections is asked to close.
 const ROOM: usize = 8;
-/// and has this long to receive a request that has arrived,
+
+/// Time in which a connection that was asked to close reads a request that has already arrived.
 const LAST_LOOK: Duration = Duration::from_millis(1);
-/// and others are asked after this.
+
+/// Wait before more connections are asked to close.
 const AGAIN: Duration = Duration::from_millis(3);
 
 /// Requests in progress may take this long once the service ends.
@@ -50,7 +52,7 @@ const SPARE: usize = 64;
 /// Open files that sessions, jobs and databases need besides those of connections.
 const RESERVED: usize = 256;
 
-/// Open files of a connection: itself, and what is uploaded or downloaded.
+/// Open files per connection: its socket, and the file of an upload or download.
 const FILES: usize = 2;
 
 /// Connections that wait to be accepted.
@@ -66,7 +68,8 @@ pub fn fit(limits: &mut LimitsSection) -> usize {
     share(limits, wanted, open_files(FILES * wanted + RESERVED))
 }
 
-/// Lowers requests and event streams until everything fits so many open files; returns how many connections fit.
+/// Lowers the limits of requests and event streams in proportion, until all connections fit the limit of open files `most`;
+/// returns how many connections fit.
 fn share(limits: &mut LimitsSection, wanted: usize, most: usize) -> usize {
     let fitting = (most - RESERVED.min(most / 2)) / FILES;
     if fitting >= wanted {

@@ -192,7 +192,7 @@ pub fn now() -> Option<f64> {
     SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok().map(|d| d.as_millis() as f64 / 1000.0)
 }
 
-/// The events that a session's journal tells, with its times; none for what has no journal.
+/// Rebuilds a session's events from its journal, with their times; empty without a journal.
 pub fn history(folder: &Path) -> EventLog {
     let log = EventLog::default();
     let read = SessionFile::read(folder).and_then(|file| Ok((file, Journal::read(&folder.join(Journal::NAME))?.0)));
@@ -227,7 +227,7 @@ fn frame(step: &Step, evidence: &Commit, index: u64) -> Value {
     })
 }
 
-/// What a person should know of an entry of the journal.
+/// Text of a journal entry for the list of events; None for entries that are not listed.
 fn note(entry: &Entry) -> Option<String> {
     Some(match entry {
         Entry::Begun => "begun".into(),

@@ -368,8 +368,8 @@ fn steer(app: &Arc<App>, id: &str, input: Input) -> Answer<Response> {
 }
 
 /// What happens in a session, as server-sent events: `state`, `stage`, `frame`, `map`, `sigma` (of a
-/// series that ends by it), `note`, `results`. `time` is when it happened, in Unix seconds; `frame` and `note` are told
-/// from the journal, also after the session has ended, with its times.
+/// series that ends by it), `note`, `results`. `time` is when it happened, in Unix seconds; `frame` and `note` come
+/// from the journal with its times, also after the session has ended.
 #[utoipa::path(get, path = "/api/v1/sessions/{id}/events", tag = "sessions", operation_id = "session_events",
     params(("id" = String, Path), ("Last-Event-ID" = Option<String>, Header, description = "Go on after this event")),
     responses((status = 200, content_type = "text/event-stream", body = String), (status = 404, body = Problem),

@@ -38,7 +38,7 @@ pub struct Trouble {
 }
 
 impl Condition {
-    /// The first file besides the frames that is not as it was written.
+    /// The first of `session.json` and `frames.json` that differs from its checksum.
     pub fn changed(&self) -> Option<&str> {
         let described = |t: &&Trouble| [SESSION_FILE, FRAMES_FILE].contains(&t.file.as_str()) && t.problem == BROKEN;
         self.trouble.iter().find(described).map(|t| t.file.as_str())

@@ -229,7 +229,7 @@ enum Seal {
     None,
 }
 
-/// What is wrong with a file whose seal is broken.
+/// Problem of a file that was changed since its checksum was recorded.
 const BROKEN: &str = "differs from its recorded checksum";
 
 fn seal(folder: &Path, journal: &Journal, file: &str) -> Seal {

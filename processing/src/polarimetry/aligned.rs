@@ -70,18 +70,17 @@ impl AngleErrors {
         let frame = brackets.get(views.get(k)?.bracket)?.first()?;
         let file = frames.set.frames.get(*frame)?.file.display();
         let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt().to_degrees();
-        let would_explain = if rms < FINDABLE_DEG {
-            format!(
-                "analyser-angle errors of {rms:.2}° ± {:.2}° (root mean square), the largest of {:+.2}° at {file}, would explain them",
-                left.to_degrees(),
-                largest.to_degrees()
-            )
-        } else {
-            format!("no analyser-angle errors below {FINDABLE_DEG}° explain them")
-        };
+        if rms >= FINDABLE_DEG {
+            return Some(format!(
+                "the residuals show a pattern that analyser-angle errors below {FINDABLE_DEG}° do not explain; the stated angles were kept. Check them, \
+                 and whether the light changed between photographs"
+            ));
+        }
+        let [left, largest] = [*left, *largest].map(f64::to_degrees);
         Some(format!(
-            "the residuals exceed the noise in a pattern: {would_explain}, and light that changed between photographs might. The stated angles \
-             were kept; state angle_sigma_deg in frames.json to have them corrected"
+            "the residuals show a pattern as of analyser-angle errors of {rms:.2}° ± {left:.2}° (root mean square), the largest of {largest:+.2}° at \
+             {file}, or of light that changed between photographs; the stated angles were kept. If the analyser can be that inexact, state \
+             angle_sigma_deg in frames.json, and the angles are corrected"
         ))
     }
 }

@@ -5,7 +5,7 @@ use crate::frames::LoadedFrames;
 use crate::{Result, budget};
 use std::collections::BTreeSet;
 
-/// Bytes per pixel of the maps: 11 floats while photographs that were moved back are fitted anew (10 while the picture is smoothed).
+/// Bytes per pixel of the maps: 11 floats while photographs that were moved back are fitted anew (10 while the map is smoothed).
 const ALIKE: u64 = 44;
 
 /// The same where exposures are merged: 22 floats.

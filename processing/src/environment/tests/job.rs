@@ -226,5 +226,6 @@ fn a_line_is_right_for_a_grating() {
     let of = |kind| Factors::of(&table, &Settings { kind, directions: Some([0.0, FRAC_PI_2]), ..Settings::default() });
     let (line, singular) = (of(Kind::Line).unwrap().error(), of(Kind::Singular).unwrap().error());
     println!("line {line}, singular {singular}");
-    assert!(line < 0.5 && singular < 0.05, "{line} {singular}");
+    // The default asks for 5 %; a line leaves out how its two rows differ (8 %).
+    assert!(line < 0.15 && singular < 0.05, "{line} {singular}");
 }
