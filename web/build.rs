@@ -10,7 +10,7 @@ use std::path::Path;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-const SOURCES: &str = "../processing/src/render/gpu";
+const SOURCES: &str = "../processing/render/src/gpu";
 
 /// Uniforms that do not change while a scene is shown, and what a browser gives in their place: compilers leave out what they switch off. With all
 /// of it, software takes more than two seconds to compile what then takes less than one.
@@ -22,13 +22,13 @@ fn main() -> Result<()> {
     let light =
         read(&["scene", "shape", "grating", "slits", "field", "surface", "environment", "heights", "corner", "light"])?;
     let display = read(&["corner", "display"])?;
-    let mut script = String::from("// Made from the shaders by the build; see processing/src/render/gpu.\n");
+    let mut script = String::from("// Made from the shaders by the build; see processing/render/src/gpu.\n");
     script += &format!("export const VERTEX = {};\n", text(&translated(&light, ShaderStage::Vertex, "corner")?.0));
     script += &format!("export const LIGHT = {};\n", stage(&light, "light")?);
     script += &format!("export const DISPLAY = {};\n", stage(&display, "display")?);
     let out = std::env::var("OUT_DIR")?;
     std::fs::write(Path::new(&out).join("shaders.js"), script)?;
-    let mut script = String::from("// The shaders, without comments; see processing/src/render/gpu.\n");
+    let mut script = String::from("// The shaders, without comments; see processing/render/src/gpu.\n");
     script += &format!("export const LIGHT = {};\n", direct(&light)?);
     script += &format!("export const DISPLAY = {};\n", direct(&display)?);
     std::fs::write(Path::new(&out).join("wgsl.js"), script)?;

@@ -1,6 +1,6 @@
-//! Pure computation of Nacre: photographs in, maps of diffracting surfaces out.
+//! Pure computation of Nacre: photographs in, maps of diffracting surfaces out. Each module is a crate of its own, re-exported here.
 //!
-//! No device, no async, no network. Conventions that hold everywhere in this crate:
+//! No device, no async, no network. Conventions that hold everywhere in these crates:
 //!
 //! - Orientation is the direction of the grating vector (across the grooves), in `[0, π)`, anticlockwise from
 //!   image right as the camera sees it, y up. Angles are radians in memory and in EXR maps, degrees in JSON and
@@ -10,33 +10,19 @@
 //!
 //! Programs call [`numeric::flush_subnormals`] once at their start, so that dark photographs take no longer than bright ones.
 
-pub mod bokeh;
-mod budget;
-pub mod calibration;
-pub mod chart;
-pub mod color;
-pub mod environment;
-pub mod error;
-pub mod flash;
-pub mod foil;
-pub mod frames;
-pub mod geometry;
-mod guard;
-pub mod hdr;
-pub mod image;
-pub mod map;
-mod memory;
-pub mod numeric;
-pub mod pattern;
-pub mod polarimetry;
-pub mod progress;
-mod random;
-pub mod rcwa;
-pub mod recommend;
-pub mod render;
-pub mod spots;
-pub mod surface;
-pub mod text;
-mod vectors;
-
-pub use error::{Error, Result};
+pub use nacre_base::{Error, Result, error, numeric, progress, text};
+pub use nacre_brdf as surface;
+pub use nacre_frames as frames;
+pub use nacre_frames::hdr;
+pub use nacre_image as image;
+pub use nacre_lut as pattern;
+pub use nacre_lut::{bokeh, foil};
+pub use nacre_maps as map;
+pub use nacre_maps::recommend;
+pub use nacre_optics::{color, geometry, polarization, rcwa};
+pub use nacre_periods::{calibration, flash, spots};
+pub use nacre_plot as plot;
+pub use nacre_polarimetry as polarimetry;
+pub use nacre_render as render;
+pub use nacre_render::environment;
+pub use nacre_studies as chart;

@@ -1,0 +1,15 @@
+#![doc = include_str!("../README.md")]
+
+pub mod error;
+pub mod guard;
+pub mod memory;
+pub mod numeric;
+pub mod progress;
+pub mod random;
+pub mod statistics;
+pub mod text;
+pub mod vectors;
+mod whole;
+
+pub use error::{Error, Result};
+pub use whole::{json, write_whole, write_whole_with};

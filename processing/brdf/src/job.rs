@@ -1,0 +1,163 @@
+//! The whole job: a height field to a map, its picture and a report in a new folder.
+
+use super::brdf::{Map, Views, map};
+use super::geometry::Window;
+use super::height::{EXTENSIONS, HeightField, Quality, Scale, read};
+use super::output::{albedo, needed_size, write_map, write_picture};
+use super::report::Report;
+use super::settings::Settings;
+use nacre_base::progress::Progress;
+use nacre_base::{Error, Result};
+use nacre_image::OutputFolder;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What a map is made of, and how.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MapOptions {
+    /// Distance of two pixels of the height field in µm, unless its file says so.
+    pub pixel_um: Option<f64>,
+    /// Height of white above black in µm, unless the file says so.
+    pub range_um: Option<f64>,
+    /// Take the plane that fits best away.
+    pub level: bool,
+    /// Pixels of a row and of a column of the map.
+    pub size: usize,
+    /// How much of all directions it shows: 1 for all.
+    pub zoom: f64,
+    /// Its middle, as the sines `sin θ (cos φ, sin φ)`.
+    pub center: [f64; 2],
+    /// Light, material, accuracy.
+    pub settings: Settings,
+}
+
+impl Default for MapOptions {
+    fn default() -> Self {
+        Self {
+            pixel_um: None,
+            range_um: None,
+            level: false,
+            size: 512,
+            zoom: 1.0,
+            center: [0.0; 2],
+            settings: Settings::default(),
+        }
+    }
+}
+
+/// What a map's report adds.
+#[derive(Serialize)]
+pub struct MapReport {
+    /// Pixels of a row and of a column.
+    pub width: usize,
+    /// Light in the map's directions, over what falls in, in X, Y, Z.
+    pub albedo: [f64; 3],
+    /// Densities that were summed up.
+    pub densities: f64,
+}
+
+impl MapOptions {
+    /// Refuses what makes no sense, and input that is not there.
+    ///
+    /// # Errors
+    /// `Input`.
+    pub fn check(&self, input: &Path) -> Result<()> {
+        self.settings.check()?;
+        self.views().check()?;
+        self.scale().check()?;
+        file(input).map(drop)
+    }
+
+    fn views(&self) -> Views {
+        Views { size: self.size, center: self.center, half: 1.0 / self.zoom }
+    }
+
+    fn scale(&self) -> Scale {
+        Scale { pixel_um: self.pixel_um, range_um: self.range_um }
+    }
+}
+
+/// Makes a map of the height field that `input` is, or is the only one in, in the new folder `out`: `brdf.exr`, `brdf.png` and
+/// `report.json`.
+///
+/// # Errors
+/// `Input` for anything about the height field and the options, before anything is written; `Output` when writing fails, after which
+/// nothing is left behind; `Cancelled`.
+pub fn render(input: &Path, out: &Path, options: &MapOptions, overwrite: bool, progress: &dyn Progress) -> Result<()> {
+    let begun = Instant::now();
+    options.check(input)?;
+    let path = file(input)?;
+    let folder = OutputFolder::begin(out, overwrite)?;
+    progress.stage("reading", 1);
+    let field = read(&path, &options.scale())?;
+    let field: HeightField = if options.level { field.levelled() } else { field };
+    let settings = &options.settings;
+    let (_, window) = settings.check()?;
+    let quality = Quality::of(&field, settings.coherence_um);
+    progress.check()?;
+    let map = map(&field, &quality, settings, options.views(), progress)?;
+    write_map(&folder.path("brdf.exr"), &map, settings)?;
+    write_picture(&folder.path("brdf.png"), &map)?;
+    let (more, warnings) = about_map(&map, &quality, window);
+    let report = Report {
+        product: "map",
+        warnings,
+        input: path.file_name().map(PathBuf::from).unwrap_or_default(),
+        quality: &quality,
+        settings,
+        choice: &map.choice,
+        error_estimate: map.error_estimate,
+        more,
+        seconds: begun.elapsed().as_secs_f64(),
+        files: ["brdf.exr", "brdf.png"].map(PathBuf::from).into(),
+    };
+    folder.write_json("report.json", &report)?;
+    folder.commit()?;
+    Ok(())
+}
+
+/// The height field: the input, `height.exr` in it, or the only file in it that can hold one.
+fn file(input: &Path) -> Result<PathBuf> {
+    if !input.is_dir() {
+        return Ok(input.to_owned());
+    }
+    let named = input.join("height.exr");
+    if named.is_file() {
+        return Ok(named);
+    }
+    let cannot = |e: std::io::Error| Error::file(input, format!("cannot be read: {e}"), "check the path");
+    let all = std::fs::read_dir(input).map_err(cannot)?.flatten().map(|entry| entry.path());
+    let known = |path: &PathBuf| {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        path.is_file() && ending.is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
+    };
+    match all.filter(known).take(2).collect::<Vec<_>>().as_slice() {
+        [only] => Ok(only.clone()),
+        found => {
+            let problem =
+                if found.is_empty() { "holds no height field" } else { "holds several files that may be one" };
+            Err(Error::file(input, problem, format!("give one {} file", EXTENSIONS.join(", "))))
+        }
+    }
+}
+
+/// What a map's report adds, and what the reader must know: what its pixels cannot show, and what scalar theory adds.
+pub fn about_map(map: &Map, quality: &Quality, window: Window) -> (MapReport, Vec<String>) {
+    let about = MapReport { width: map.size, albedo: albedo(map), densities: map.densities };
+    let needed = needed_size(window.sigma, map.views);
+    let mut warnings = quality.warnings.clone();
+    if map.size < needed {
+        warnings.push(format!(
+            "lobes are narrower than the map's pixels, which hold the light of their middles only: a size of {needed} shows all"
+        ));
+    } else if about.albedo[1] > 1.02 {
+        warnings.push(format!(
+            "scalar theory reflects {:.2} times the light here: its gain overestimates grazing directions",
+            about.albedo[1]
+        ));
+    }
+    (about, warnings)
+}

@@ -1,0 +1,181 @@
+//! Results as files: maps with their pictures, tables, reports. Each appears whole or not at all.
+
+use super::brdf::{Map, Slice, Views};
+use super::check::GratingCheck;
+use super::height::HeightField;
+use super::peaks::peaks_picture;
+use super::settings::{Normalisation, Settings};
+use nacre_base::{Error, Result};
+use nacre_image::{Attribute, encode_png8, scalar_picture, write_exr, write_whole, write_whole_with};
+use nacre_optics::color::displayed;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Colour of directions below the surface, and brightness of the picture's reference, of white before it is compressed.
+const BELOW: [u8; 3] = [58, 58, 66];
+const KEY: f32 = 0.6;
+
+/// Rows of a table, at most.
+const MOST_ROWS: usize = 20_000_000;
+
+/// Refuses to replace files that are there, folders that are not, and one file for two things.
+///
+/// # Errors
+/// `Input` for the first of them; files are replaced where `overwrite` says so.
+pub fn vacant(paths: &[PathBuf], overwrite: bool) -> Result<()> {
+    for (k, path) in paths.iter().enumerate() {
+        if paths[..k].contains(path) {
+            return Err(Error::file(path, "would be written twice", "give --out the ending that the help shows"));
+        }
+        if path.exists() && !overwrite {
+            return Err(Error::file(path, "exists", "choose another --out or add --force"));
+        }
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+        if let Some(folder) = folder.filter(|f| !f.is_dir()) {
+            return Err(Error::file(folder, "is no folder", "make it first, or choose another --out"));
+        }
+    }
+    Ok(())
+}
+
+/// Writes a map as an EXR (X, Y, Z).
+///
+/// # Errors
+/// `Output` when the system refuses.
+pub fn write_map(path: &Path, map: &Map, settings: &Settings) -> Result<()> {
+    let units = match settings.normalisation {
+        Normalisation::Brdf => "X Y Z of the BRDF in 1/sr; a BRDF of 1 at all wavelengths has Y = 1",
+        Normalisation::Relative => "X Y Z of the reflectance relative to a flat mirror's in its mirror direction",
+    };
+    let attributes = [
+        ("units", Attribute::Text(units.into())),
+        ("mapping", Attribute::Text("(x, y) = sin θ (cos φ, sin φ), y up; NaN below the surface".into())),
+        ("center_x", Attribute::Number(map.views.center[0])),
+        ("center_y", Attribute::Number(map.views.center[1])),
+        ("half_side", Attribute::Number(map.views.half)),
+        ("light_theta_deg", Attribute::Number(settings.light_deg[0])),
+        ("light_phi_deg", Attribute::Number(settings.light_deg[1])),
+        ("illuminant", Attribute::Text(settings.illuminant.clone())),
+        ("coherence_um", Attribute::Number(settings.coherence_um)),
+        ("error_estimate", Attribute::Number(map.error_estimate)),
+    ];
+    write_whole_with(path, |file| {
+        write_exr(file, map.size, map.size, &["X", "Y", "Z"], &attributes, &|c, y, row| {
+            row.iter_mut().enumerate().for_each(|(x, out)| *out = map.xyz[y * map.size + x][c]);
+        })
+    })
+}
+
+/// Writes a map as a picture (sRGB, PNG): half of what shines, counted by light, is darker than 0.6 of white, and brighter ones are
+/// compressed.
+///
+/// # Errors
+/// `Output` when the system refuses.
+pub fn write_picture(path: &Path, map: &Map) -> Result<()> {
+    let mut light: Vec<f32> = map.xyz.iter().map(|v| v[1]).filter(|y| *y > 0.0).collect();
+    light.sort_by(f32::total_cmp);
+    // The mirror direction outshines all orders: where the orders' light is, as they are spread, tells the exposure.
+    let most = light.last().copied().unwrap_or(1.0);
+    let shining: Vec<f32> = light.iter().copied().filter(|y| *y > 1e-5 * most).collect();
+    let scale = KEY / shining.get(shining.len() * 9 / 10).map_or(1.0, |y| y.max(f32::MIN_POSITIVE));
+    let mut bytes = Vec::with_capacity(3 * map.xyz.len());
+    for xyz in &map.xyz {
+        bytes.extend(if xyz[1].is_nan() {
+            BELOW
+        } else {
+            displayed(xyz.map(|v| v * scale)).map(|v| (v * 255.0).round() as u8)
+        });
+    }
+    let encoded = encode_png8(map.size, map.size, 3, &bytes).map_err(|e| Error::output(path, e))?;
+    write_whole(path, &encoded)
+}
+
+/// Part of the directions whose light is narrower than a pixel: a lobe of the coherence window has the standard deviation λσ, 380 nm the
+/// narrowest.
+pub fn needed_size(sigma: f64, views: Views) -> usize {
+    // Two pixels per standard deviation would be ample; one tells lobes apart and loses none.
+    (views.half / (0.38 * sigma)).ceil() as usize
+}
+
+/// Light of a map in its directions, `∫ f cos θ dω` in X, Y, Z: of all directions, the albedo in the illuminant's colours.
+pub fn albedo(map: &Map) -> [f64; 3] {
+    let area = (2.0 * map.views.half / map.size as f64).powi(2);
+    let mut sum = [0.0; 3];
+    for (k, xyz) in map.xyz.iter().enumerate() {
+        if map.views.direction(k % map.size, k / map.size).is_some() {
+            sum.iter_mut().zip(xyz).for_each(|(s, v)| *s += f64::from(*v) * area);
+        }
+    }
+    sum
+}
+
+/// A slice as a table: `wavelength_nm,theta_r_deg,reflectance`.
+///
+/// # Errors
+/// `Input` for more rows than anyone can use; `Output` when the system refuses.
+pub fn write_slice(path: &Path, slice: &Slice) -> Result<()> {
+    check_rows(slice.values.len())?;
+    let mut csv = String::from("wavelength_nm,theta_r_deg,reflectance\n");
+    for (nm, row) in slice.wavelengths_nm.iter().zip(slice.values.chunks(slice.theta_deg.len())) {
+        for (theta, value) in slice.theta_deg.iter().zip(row) {
+            let _ = writeln!(csv, "{nm},{theta},{value:e}");
+        }
+    }
+    write_whole(path, csv.as_bytes())
+}
+
+/// Refuses tables that are too long.
+///
+/// # Errors
+/// `Input` for more than 20 million rows.
+pub fn check_rows(rows: usize) -> Result<()> {
+    if rows > MOST_ROWS {
+        let problem = format!("has {rows} rows");
+        return Err(Error::input(
+            "table",
+            problem,
+            format!("ask for at most {MOST_ROWS}: larger steps, or less range"),
+        ));
+    }
+    Ok(())
+}
+
+/// The peaks of a check as a table: `wavelength_nm,theta_r_deg,period_nm,relative`.
+///
+/// # Errors
+/// `Output` when the system refuses.
+pub fn write_check(path: &Path, check: &GratingCheck) -> Result<()> {
+    let mut csv = String::from("wavelength_nm,theta_r_deg,period_nm,relative\n");
+    for p in &check.peaks {
+        let _ = writeln!(csv, "{},{:.6},{:.4},{:e}", p.wavelength_nm, p.theta_r_deg, p.period_nm, p.relative);
+    }
+    write_whole(path, csv.as_bytes())
+}
+
+/// A picture of the peaks of a check (SVG) beside the grating equation.
+///
+/// # Errors
+/// `Output` when the system refuses.
+pub fn write_check_picture(path: &Path, check: &GratingCheck) -> Result<()> {
+    write_whole(path, peaks_picture(check).as_bytes())
+}
+
+/// Writes a height field as an EXR map (`height` in µm, attribute `pixel_um`) and, if a path is given, as a picture.
+///
+/// # Errors
+/// `Output` when the system refuses.
+pub fn write_height(path: &Path, picture: Option<&Path>, field: &HeightField) -> Result<()> {
+    let attributes = [("units", Attribute::Text("µm".into())), ("pixel_um", Attribute::Number(field.pixel_um))];
+    let (w, h) = (field.width, field.height);
+    write_whole_with(path, |file| {
+        write_exr(file, w, h, &["height"], &attributes, &|_, y, row| {
+            row.iter_mut().zip(&field.um[y * w..]).for_each(|(to, from)| *to = *from as f32);
+        })
+    })?;
+    let Some(picture) = picture else { return Ok(()) };
+    let [low, high] = field.ends_um();
+    let value = |x: usize, y: usize| Some(field.um[y * w + x] as f32);
+    let canvas = scalar_picture(w, h, &value, low as f32, high as f32, "height (µm)", "Height field");
+    let encoded = encode_png8(canvas.width, canvas.height, 3, &canvas.rgb).map_err(|e| Error::output(picture, e))?;
+    write_whole(picture, &encoded)
+}

@@ -1,0 +1,112 @@
+//! Sums over wavelengths: how finely, and with which weights.
+
+use super::geometry::Window;
+use nacre_base::{Error, Result};
+use nacre_optics::color::{Illuminant, Observer};
+
+/// Shortest and longest wavelength in nm, as the thesis has them.
+pub const RANGE_NM: [f64; 2] = [380.0, 780.0];
+
+/// Fewest wavelengths, by how much more the next finer sum has, and the most.
+const FEWEST: usize = 17;
+const FINER: f64 = 1.2;
+const MOST: usize = 20_000;
+
+/// Wave numbers, evenly spaced, and what light at each adds to X, Y and Z.
+pub(super) struct Samples {
+    /// `1/λ` in 1/µm.
+    pub numbers: Vec<f64>,
+    /// Weights; those of Y add up to 1.
+    pub weights: Vec<[f64; 3]>,
+}
+
+/// Sums of different fineness for one light and one observer.
+pub(super) struct Wavelengths {
+    ladder: Vec<Samples>,
+    /// The coarsest that is right for the light itself.
+    least: usize,
+    /// What that one is off by.
+    pub color_error: f64,
+}
+
+impl Samples {
+    fn new(count: usize, light: &Illuminant, observer: Observer) -> Self {
+        let [long, short] = [RANGE_NM[1], RANGE_NM[0]].map(|nm| 1e3 / nm);
+        let step = (short - long) / (count - 1) as f64;
+        let numbers: Vec<f64> = (0..count).map(|k| long + step * k as f64).collect();
+        let mut weights: Vec<[f64; 3]> = numbers
+            .iter()
+            .enumerate()
+            .map(|(k, number)| {
+                let nm = 1e3 / number;
+                // dλ = λ² dν; half of it at the ends.
+                let end = if k == 0 || k + 1 == count { 0.5 } else { 1.0 };
+                let width = end * light.spectrum.at(nm) / (number * number);
+                observer.at(nm).map(|c| c * width)
+            })
+            .collect();
+        let white: f64 = weights.iter().map(|w| w[1]).sum();
+        weights.iter_mut().for_each(|w| w.iter_mut().for_each(|v| *v /= white.max(f64::MIN_POSITIVE)));
+        Self { numbers, weights }
+    }
+
+    fn step(&self) -> f64 {
+        self.numbers[1] - self.numbers[0]
+    }
+
+    /// X, Y and Z of a spectrum that rises evenly, and of a flat one.
+    fn moments(&self) -> [f64; 6] {
+        let mut all = [0.0; 6];
+        for (number, w) in self.numbers.iter().zip(&self.weights) {
+            for c in 0..3 {
+                all[c] += w[c];
+                all[c + 3] += w[c] * (number - 1.3) / 1.3;
+            }
+        }
+        all
+    }
+}
+
+impl Wavelengths {
+    /// For sums that are to be off by less than `error`.
+    ///
+    /// # Errors
+    /// `Input` for a light without any visible power.
+    pub(super) fn new(light: &Illuminant, observer: Observer, finest_step: f64, error: f64) -> Result<Self> {
+        let truth = Samples::new(4001, light, observer).moments();
+        if truth[1].is_nan() || truth[1] < 0.5 {
+            let problem = format!("{} has no light between 380 and 780 nm", light.name);
+            return Err(Error::input("illuminant", problem, "give another light"));
+        }
+        let off =
+            |samples: &Samples| samples.moments().iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let (mut ladder, mut least, mut count): (Vec<Samples>, Option<(usize, f64)>, _) = (vec![], None, FEWEST);
+        loop {
+            let samples = Samples::new(count, light, observer);
+            let (step, color_error) = (samples.step(), off(&samples));
+            ladder.push(samples);
+            let place = ladder.len() - 1;
+            if color_error > error {
+                // A coarser sum that was right was so by chance.
+                least = None;
+            } else if least.is_none() {
+                least = Some((place, color_error));
+            }
+            if (least.is_some() && step <= finest_step) || count >= MOST {
+                break;
+            }
+            count = ((count as f64 * FINER) as usize).min(MOST);
+        }
+        let place = ladder.len() - 1;
+        let (least, color_error) = least.unwrap_or((place, off(&ladder[place])));
+        Ok(Self { ladder, least, color_error })
+    }
+
+    /// The coarsest sum that is fine enough for directions whose tangent has this length.
+    pub(super) fn of(&self, tangent: f64, window: Window, error: f64) -> &Samples {
+        let wanted = window.step(tangent, error);
+        let fine = |samples: &&Samples| samples.step() <= wanted;
+        let last = self.ladder.len() - 1;
+        self.ladder[self.least..].iter().find(fine).unwrap_or(&self.ladder[last])
+    }
+}

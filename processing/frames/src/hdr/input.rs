@@ -1,0 +1,97 @@
+//! What is merged: a `frames.json`, or a folder of photographs whose times are in their tags.
+
+use super::reconstruct::{BATCH, KEPT};
+use crate::{FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, load};
+use nacre_base::{Error, Result};
+use nacre_image::budget;
+use nacre_image::{Depth, exposure, photographs};
+use std::path::Path;
+
+/// Whether there is something to merge, without a look at any pixel.
+///
+/// # Errors
+/// As [`reconstruct`](super::reconstruct) for what is no bracket.
+pub fn check_input(input: &Path) -> Result<()> {
+    bracket(input).map(drop)
+}
+
+/// Reads and checks what is to be merged.
+///
+/// # Errors
+/// `Input` for anything that is not one view in several exposures.
+pub(super) fn bracket(input: &Path) -> Result<LoadedFrames> {
+    let bare = input.is_dir() && !input.join(FILE_NAME).exists();
+    let frames = if bare { tagged(input)? } else { load(input)? };
+    let set = &frames.set;
+    let refuse = |problem: &str, remedy: &str| Err(Error::file(&frames.path, problem, remedy));
+    if set.kind == Kind::DivisionOfFocalPlane {
+        return refuse("holds frames of a polarization sensor", "give a set of kind exposures");
+    }
+    let first = &set.frames[0];
+    let view = |f: &Frame| (f.analyser_deg, f.spot, f.fringes, f.flash, f.light_mm);
+    if set.frames.iter().any(|f| view(f) != view(first)) {
+        let problem = "holds several views: analyser, spot or flash differ between its frames";
+        return refuse(problem, "merge one view at a time, or reconstruct polarization, which merges exposures itself");
+    }
+    budget::check(&frames.file(&first.file), frames.info, needed(&frames))?;
+    Ok(frames)
+}
+
+/// Most bytes that merging takes at a time: sums, a photograph that is moved back, a batch of decoded photographs and those that are
+/// kept, with their dark photographs.
+fn needed(frames: &LoadedFrames) -> u64 {
+    let LoadedFrames { set, info, .. } = frames;
+    let channels = if set.channel.is_some() { 1 } else { info.channels };
+    let floats = 4 * (info.width * info.height * channels) as u64;
+    let dark = set.dark.is_some() || set.frames.iter().any(|f| f.dark.is_some());
+    // Sums and what is moved are two floats each; a dark photograph is kept, and scaled for each photograph of a batch.
+    let planes = 4 + if dark { 1 + BATCH as u64 } else { 0 } + u64::from(set.flat.is_some());
+    planes * floats + BATCH as u64 * budget::decoded(*info) + KEPT as u64
+}
+
+/// A folder without a `frames.json`, whose photographs say their exposure times.
+fn tagged(folder: &Path) -> Result<LoadedFrames> {
+    let mut frames = vec![];
+    for file in photographs(folder)? {
+        let path = folder.join(&file);
+        let tags = exposure(&path);
+        let Some(seconds) = tags.and_then(|t| t.seconds) else {
+            let remedy =
+                "give photographs as the camera wrote them, or a frames.json with exposure_s (`nacre schema frames`)";
+            return Err(Error::file(&path, "does not say its exposure time (Exif)", remedy));
+        };
+        frames.push(Frame {
+            exposure_s: Some(seconds),
+            gain: tags.and_then(|t| t.iso).map(|iso| iso / 100.0),
+            ..Frame::new(file)
+        });
+    }
+    let frames = check(folder.join(FILE_NAME), FrameSet::new(Kind::Exposures, frames))?;
+    let transfer = if frames.info.depth == Depth::U8 { Transfer::Recover } else { Transfer::Linear };
+    Ok(LoadedFrames { set: FrameSet { transfer, ..frames.set }, ..frames })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nacre_image::Info;
+
+    #[test]
+    fn need_grows_with_samples_and_dark_photographs_but_not_with_exposures() {
+        let mib = |change: &dyn Fn(&mut FrameSet, &mut Info)| {
+            let mut set = FrameSet::new(Kind::Exposures, vec![Frame::new("a.png"), Frame::new("b.png")]);
+            let mut info = Info { width: 1 << 10, height: 1 << 10, channels: 3, depth: Depth::U8 };
+            change(&mut set, &mut info);
+            let frames = LoadedFrames { path: FILE_NAME.into(), folder: ".".into(), set, info, from_session: false };
+            (needed(&frames) - KEPT as u64) >> 20
+        };
+        let one = mib(&|_, _| ());
+        assert_eq!(one, 3 * 16 + 4 * 2 * 3);
+        assert_eq!(mib(&|set, _| set.frames.extend(set.frames.clone())), one);
+        assert_eq!(mib(&|_, info| info.width *= 2), 2 * one);
+        assert_eq!(mib(&|_, info| info.depth = Depth::F32), 3 * 16 + 4 * 2 * 12);
+        assert_eq!(mib(&|set, _| set.channel = Some(crate::Channel::G)), 16 + 4 * 2 * 3);
+        assert_eq!(mib(&|set, _| set.frames[0].dark = Some("d.png".into())), one + 3 * 4 * 5);
+        assert_eq!(mib(&|set, _| set.flat = Some("f.png".into())), one + 3 * 4);
+    }
+}

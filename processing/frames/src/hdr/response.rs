@@ -1,0 +1,57 @@
+//! How a camera's values grow with light, as a curve per channel.
+
+use nacre_base::text::read_text;
+use nacre_base::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Knots of a curve: the codes of an 8-bit file.
+pub(super) const KNOTS: usize = 256;
+
+/// Largest file that is read.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// Light of file values: 256 knots from black to white for each channel, piecewise linear between them. Light is 0 at
+/// black and at most 1 at white; only its ratios have a meaning.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Response {
+    /// One curve, or red, green and blue.
+    pub curves: Vec<Vec<f32>>,
+}
+
+impl Response {
+    /// Reads a `response.json` as [`reconstruct`](super::reconstruct) writes it.
+    ///
+    /// # Errors
+    /// `Input` for a file that cannot be read, is no such file, or whose curves do not rise.
+    pub fn read(path: &Path) -> Result<Self> {
+        let remedy = "give the response.json of an earlier `nacre reconstruct hdr --response recover`";
+        let bad = |problem: String| Error::file(path, problem, remedy);
+        let text = read_text(path, MAX_BYTES, remedy)?;
+        let response: Self = serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?;
+        response.problem().map_or(Ok(response), |problem| Err(bad(problem)))
+    }
+
+    /// Why this is no response, if it is none.
+    fn problem(&self) -> Option<String> {
+        if !matches!(self.curves.len(), 1 | 3) {
+            return Some(format!("has {} curves; one or three are expected", self.curves.len()));
+        }
+        self.curves.iter().enumerate().find_map(|(c, curve)| {
+            let rises = curve.windows(2).all(|w| w[0] < w[1]);
+            let ends = curve.first() == Some(&0.0) && curve.last().is_some_and(|v| *v <= 1.0);
+            (curve.len() != KNOTS || !rises || !ends)
+                .then(|| format!("curve {c} does not rise from 0 to at most 1 over {KNOTS} knots"))
+        })
+    }
+
+    /// Light at `position`, 0 (black) to 1 (white); continued linearly below and above.
+    pub(super) fn light(&self, channel: usize, position: f64) -> f64 {
+        let curve = &self.curves[channel.min(self.curves.len() - 1)];
+        let at = position * (KNOTS - 1) as f64;
+        let knot = (at.floor().max(0.0) as usize).min(KNOTS - 2);
+        let (low, high) = (f64::from(curve[knot]), f64::from(curve[knot + 1]));
+        low + (high - low) * (at - knot as f64)
+    }
+}

@@ -1,0 +1,58 @@
+//! One photograph for reconstructions that need one: a file, the merged exposures in a folder, or exposures that are merged first.
+
+use super::{Options, Report, check_input, reconstruct};
+use crate::FILE_NAME;
+use nacre_base::progress::Progress;
+use nacre_base::{Error, Result};
+use nacre_image::{photograph_in, size};
+use std::path::{Path, PathBuf};
+
+/// One photograph.
+pub struct Source {
+    /// Its file.
+    pub path: PathBuf,
+    /// How exposures were merged into it, where they were. Their light is per second of exposure and unit of gain.
+    pub merged: Option<Report>,
+    /// Where merged exposures are until they have been read.
+    _folder: Option<tempfile::TempDir>,
+}
+
+impl Source {
+    /// Finds the photograph `input` is or holds; merges exposures.
+    ///
+    /// # Errors
+    /// As [`reconstruct`] for exposures.
+    pub fn find(input: &Path, progress: &dyn Progress) -> Result<Self> {
+        if !is_bracket(input) {
+            let path = file(input).unwrap_or_else(|| input.to_owned());
+            return Ok(Self { path, merged: None, _folder: None });
+        }
+        let folder = tempfile::tempdir()
+            .map_err(|e| Error::input("temporary folder", e.to_string(), "make room for it, or set TMPDIR"))?;
+        let out = folder.path().join("hdr");
+        let merged = Some(reconstruct(input, &out, &Options::default(), progress)?);
+        Ok(Self { path: out.join("hdr.exr"), merged, _folder: Some(folder) })
+    }
+
+    /// Refuses what is no photograph or too large, by its header.
+    ///
+    /// # Errors
+    /// `Input`.
+    pub fn check(input: &Path) -> Result<()> {
+        if is_bracket(input) {
+            return check_input(input);
+        }
+        size(&file(input).unwrap_or_else(|| input.to_owned())).map(drop)
+    }
+}
+
+/// Whether the input is a set of exposures.
+pub fn is_bracket(input: &Path) -> bool {
+    let json = input.extension().is_some_and(|e| e == "json");
+    json || input.is_dir() && (input.join(FILE_NAME).is_file() || file(input).is_none())
+}
+
+/// The photograph: the input, the merged exposures in it, or the only photograph in it.
+fn file(input: &Path) -> Option<PathBuf> {
+    if input.is_dir() { photograph_in(input, "hdr.exr") } else { Some(input.to_owned()) }
+}

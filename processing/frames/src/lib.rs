@@ -1,0 +1,327 @@
+//! `frames.json`: what a set of photographs is. The only input format of reconstructions; the capture engine writes
+//! it into every session folder, `nacre import` builds it for photographs taken elsewhere.
+
+pub mod hdr;
+mod linear;
+mod load;
+mod noise;
+
+pub use linear::{LinearFrame, Linearizer};
+pub use load::{LoadedFrames, check, load, planned, save};
+pub use noise::{ASSUMED, BELOW_WHITE_SIGMA, FrameNoise, NoiseModel, NoiseSource};
+
+use nacre_base::{Error, Result};
+use nacre_image::{Depth, Samples};
+use nacre_optics::polarization::Material;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Name of the file that describes a folder of photographs.
+pub const FILE_NAME: &str = "frames.json";
+
+/// Name of the file beside it in the folder of a capture session.
+pub const SESSION_FILE: &str = "session.json";
+
+/// A set of photographs and how their numbers become light.
+/// Linear value = transfer⁻¹((v - black)/(white - black)) / (exposure · gain).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FrameSet {
+    /// What was varied between the photographs.
+    pub kind: Kind,
+    /// The photographs, in the order they were taken.
+    pub frames: Vec<Frame>,
+    /// How the files encode light.
+    pub transfer: Transfer,
+    /// File value of no light (default 0).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub black: Option<f64>,
+    /// File value of a saturated pixel (default: the largest value of the file's depth, 1 for floating point). Pixels
+    /// that reach it are not used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub white: Option<f64>,
+    /// Which channel of a colour file to use. Required for colour files but of kind exposures, refused for grey ones.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub channel: Option<Channel>,
+    /// Analyser angles in degrees of each 2×2 block, `[[top left, top right], [bottom left, bottom right]]`. Required for
+    /// division_of_focal_plane, refused otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layout: Option<[[f64; 2]; 2]>,
+    /// The sensor's noise; estimated from the photographs when it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<NoiseModel>,
+    /// How far the analyser's angles are from where they are said to be, standard deviation in degrees; estimated from the photographs
+    /// when it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angle_sigma_deg: Option<f64>,
+    /// Photograph with the light off at the same exposure, subtracted from every frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dark: Option<PathBuf>,
+    /// Photograph of an evenly reflecting surface; intensities are divided by it relative to its mean.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flat: Option<PathBuf>,
+    /// Middle of the filter's band in nm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wavelength_nm: Option<f64>,
+    /// Full width at half maximum of the filter's band in nm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub band_nm: Option<f64>,
+    /// Where sample, light and camera stood.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<Geometry>,
+    /// Width and height of the panel in mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub panel_mm: Option<[f64; 2]>,
+    /// What the sample is made of (default: a film of index 1.5 on aluminium).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub material: Option<Material>,
+}
+
+/// What varies between the photographs of a set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// The angle of an analyser in front of the camera.
+    Polarization,
+    /// The angle of four analysers on each 2×2 block of the sensor.
+    DivisionOfFocalPlane,
+    /// The exposure time.
+    Exposures,
+    /// Nothing, or the analyser's angle, under the flash.
+    Flash,
+    /// Where the panel lights up.
+    Spots,
+    /// Whatever the frames say.
+    Free,
+}
+
+/// One photograph.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Frame {
+    /// Image file, relative to the folder of `frames.json` and inside it.
+    pub file: PathBuf,
+    /// Analyser angle, anticlockwise from image right as the camera sees it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub analyser_deg: Option<f64>,
+    /// Exposure time (default 1).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure_s: Option<f64>,
+    /// Gain relative to the camera's base (default 1).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
+    /// What the panel showed; nothing is a black panel, where the set's kind does not say otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spot: Option<Spot>,
+    /// Stripes that the panel showed in place of a disc.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fringes: Option<Fringes>,
+    /// Whether the flash was on (default: in sets of kind flash).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flash: Option<bool>,
+    /// Where the flash was, in mm from the middle of the sample: right, up and out of it, as the camera sees it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_mm: Option<[f64; 3]>,
+    /// Photograph with the light off at this frame's exposure, where the set has several exposures; subtracted from this
+    /// frame in place of the set's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dark: Option<PathBuf>,
+}
+
+/// A white disc on the panel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Spot {
+    /// Its middle, from the panel's middle to the right and up, in mm.
+    pub center_mm: [f64; 2],
+    /// Its diameter in mm.
+    pub diameter_mm: f64,
+}
+
+/// Stripes over the whole panel: luminance (1 + cos 2π(f · x + phase)) / 2; even light without a frequency.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fringes {
+    /// Spatial frequency to the right and up in cycles per mm.
+    pub cycles_per_mm: [f64; 2],
+    /// Phase at the panel's middle in cycles.
+    pub phase: f64,
+}
+
+/// How file values relate to light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Transfer {
+    /// Proportional to light.
+    Linear,
+    /// The sRGB curve of IEC 61966-2-1.
+    Srgb,
+    /// Value = light^(1/gamma).
+    Gamma(f64),
+    /// Not known: recovered from the photographs themselves, for kind exposures.
+    Recover,
+}
+
+/// Exponents that cameras may have.
+const GAMMAS: std::ops::RangeInclusive<f64> = 0.1..=10.0;
+
+/// A channel of a colour file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Channel {
+    /// Red.
+    R,
+    /// Green.
+    G,
+    /// Blue.
+    B,
+}
+
+/// Distances on the bench.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Geometry {
+    /// Sample to camera and to the plane of the light, in mm.
+    pub distance_mm: f64,
+    /// Camera to the middle of the light, in mm.
+    pub baseline_mm: f64,
+    /// Size of a pixel on the sample, in µm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixel_um: Option<f64>,
+    /// Pixel of the photographs that the camera stands over, from the left and from the top (default: half the baseline to
+    /// the left of the middle).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_px: Option<[f64; 2]>,
+}
+
+impl FrameSet {
+    /// Linear photographs of which nothing more is known.
+    pub fn new(kind: Kind, frames: Vec<Frame>) -> Self {
+        Self {
+            kind,
+            frames,
+            transfer: Transfer::Linear,
+            black: None,
+            white: None,
+            channel: None,
+            layout: None,
+            noise: None,
+            angle_sigma_deg: None,
+            dark: None,
+            flat: None,
+            wavelength_nm: None,
+            band_nm: None,
+            geometry: None,
+            panel_mm: None,
+            material: None,
+        }
+    }
+}
+
+impl Frame {
+    /// A photograph of which nothing more is known.
+    pub fn new(file: impl Into<PathBuf>) -> Self {
+        Self {
+            file: file.into(),
+            analyser_deg: None,
+            exposure_s: None,
+            gain: None,
+            spot: None,
+            fringes: None,
+            flash: None,
+            light_mm: None,
+            dark: None,
+        }
+    }
+
+    /// `1 / (exposure · gain)`.
+    pub fn scale(&self) -> f64 {
+        1.0 / (self.exposure_s.unwrap_or(1.0) * self.gain.unwrap_or(1.0))
+    }
+}
+
+impl Transfer {
+    /// Refuses exponents that no camera has, and what one photograph does not tell.
+    ///
+    /// # Errors
+    /// `Input`.
+    pub fn check_known(self) -> Result<()> {
+        let remedy = "say linear, srgb or gamma=NUMBER, such as gamma=2.2";
+        match self {
+            Self::Recover => {
+                Err(Error::input("--transfer", "one photograph does not tell how its values grow with light", remedy))
+            }
+            Self::Gamma(g) if !GAMMAS.contains(&g) => {
+                Err(Error::input("--transfer", format!("gamma is {g}; expected 0.1 to 10"), remedy))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Light (0 to 1) of an encoded value (0 to 1); values outside are continued linearly or as a power of 0.
+    pub fn decode(self, v: f32) -> f32 {
+        match self {
+            Self::Linear | Self::Recover => v,
+            Self::Srgb if v <= 0.040_45 => v / 12.92,
+            Self::Srgb => ((v + 0.055) / 1.055).powf(2.4),
+            Self::Gamma(g) => v.max(0.0).powf(g as f32),
+        }
+    }
+
+    /// Encoded value (0 to 1) of light (0 to 1): the inverse of [`decode`](Self::decode).
+    pub fn encode(self, light: f64) -> f64 {
+        match self {
+            Self::Linear | Self::Recover => light,
+            Self::Srgb if light <= 0.003_130_8 => 12.92 * light,
+            Self::Srgb => 1.055 * light.powf(1.0 / 2.4) - 0.055,
+            Self::Gamma(g) => light.max(0.0).powf(1.0 / g),
+        }
+    }
+
+    /// Light of a sample of a file, of which white is 1; NaN where an integer is at its end, which is saturated.
+    pub fn light(self, samples: &Samples, sample: usize) -> f32 {
+        let (code, white) = match samples {
+            Samples::U8(v) => (f32::from(v[sample]), Depth::U8.full_scale()),
+            Samples::U16(v) => (f32::from(v[sample]), Depth::U16.full_scale()),
+            Samples::F32(v) => return self.decode(v[sample]),
+        };
+        if code >= white { f32::NAN } else { self.decode(code / white) }
+    }
+
+    /// Change of light per change of the encoded value, at encoded value `v`.
+    pub fn slope(self, v: f64) -> f64 {
+        match self {
+            Self::Linear | Self::Recover => 1.0,
+            Self::Srgb if v <= 0.040_45 => 1.0 / 12.92,
+            Self::Srgb => 2.4 / 1.055 * ((v + 0.055) / 1.055).powf(1.4),
+            Self::Gamma(g) => g * v.max(1e-6).powf(g - 1.0),
+        }
+    }
+}
+
+impl Channel {
+    /// Position in an RGB pixel.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_matches_the_standard() {
+        // IEC 61966-2-1: code 188 of 255 is 50.3 % light.
+        assert!((Transfer::Srgb.decode(188.0 / 255.0) - 0.502_9).abs() < 1e-3);
+        assert!((Transfer::Gamma(2.0).decode(0.5) - 0.25).abs() < 1e-7);
+        for t in [Transfer::Linear, Transfer::Srgb, Transfer::Gamma(2.2)] {
+            for light in [0.001, 0.2, 0.9] {
+                assert!((f64::from(t.decode(t.encode(light) as f32)) - light).abs() < 1e-6);
+            }
+            let difference = (t.decode(0.501) - t.decode(0.499)) / 0.002;
+            assert!((f64::from(difference) - t.slope(0.5)).abs() < 1e-3);
+        }
+    }
+}

@@ -1,0 +1,336 @@
+//! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
+
+use super::{FILE_NAME, FrameSet, Fringes, GAMMAS, Geometry, Kind, SESSION_FILE, Spot, Transfer};
+use nacre_base::text::read_text;
+use nacre_base::{Error, Result};
+use nacre_image::{Info, info};
+use std::path::{Component, Path, PathBuf};
+
+/// Largest `frames.json` that is read; 10,000 frames need about 1 MiB.
+const MAX_BYTES: u64 = 16 << 20;
+
+/// A checked set: every file exists inside the folder and all have one size, depth and number of channels.
+#[derive(Clone, Debug)]
+pub struct LoadedFrames {
+    /// The `frames.json` itself, for messages.
+    pub path: PathBuf,
+    /// Folder that the file names are relative to.
+    pub folder: PathBuf,
+    /// The checked contents.
+    pub set: FrameSet,
+    /// What all photographs have in common.
+    pub info: Info,
+    /// A capture session took the photographs: a grating lit by the panel, behind an analyser that the engine turned.
+    pub from_session: bool,
+}
+
+impl LoadedFrames {
+    /// Path of one of the set's files.
+    pub fn file(&self, name: &Path) -> PathBuf {
+        self.folder.join(name)
+    }
+}
+
+/// Reads and checks a session folder, a folder that holds a `frames.json`, or a `frames.json`.
+///
+/// # Errors
+/// `Input`, naming the file or key, for anything that cannot be used; no pixel is decoded yet.
+pub fn load(input: &Path) -> Result<LoadedFrames> {
+    let path = if input.is_dir() { input.join(FILE_NAME) } else { input.to_path_buf() };
+    let set = parse(&path)?;
+    complete(path, set, By::File)
+}
+
+/// Checks a set whose `frames.json` is to be at `path`. Options have described it, so that messages name flags rather than keys.
+///
+/// # Errors
+/// As [`load`].
+pub fn check(path: PathBuf, set: FrameSet) -> Result<LoadedFrames> {
+    complete(path, set, By::Options)
+}
+
+fn complete(path: PathBuf, set: FrameSet, by: By) -> Result<LoadedFrames> {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
+        _ => PathBuf::from("."),
+    };
+    check_values(&path, &set, by)?;
+    let info = check_files(&path, &folder, &set, by)?;
+    let from_session = folder.join(SESSION_FILE).is_file();
+    Ok(LoadedFrames { path, folder, set, info, from_session })
+}
+
+/// A set whose photographs a capture session is still taking into `folder`; `info` is what they will have in common.
+///
+/// # Errors
+/// `Input` for values that cannot be used; no file is looked at.
+pub fn planned(folder: &Path, set: FrameSet, info: Info) -> Result<LoadedFrames> {
+    let path = folder.join(FILE_NAME);
+    check_values(&path, &set, By::File)?;
+    Ok(LoadedFrames { path, folder: folder.to_path_buf(), set, info, from_session: true })
+}
+
+/// What describes a set, and so the words in which messages speak of its parts.
+#[derive(Clone, Copy)]
+enum By {
+    /// A `frames.json`, by its keys.
+    File,
+    /// Options of a command, by their flags.
+    Options,
+}
+
+impl By {
+    /// A key of the whole set, or the flag that sets it.
+    fn name(self, key: &str) -> String {
+        let option = key.split('.').next().unwrap_or(key);
+        match self {
+            Self::File => key.to_owned(),
+            Self::Options => format!("--{}", option.replace('_', "-")),
+        }
+    }
+
+    /// A key of one frame, or its photograph.
+    fn of_frame(self, set: &FrameSet, i: usize, key: &str) -> String {
+        match (self, set.frames.get(i)) {
+            (Self::Options, Some(frame)) => {
+                format!("{}: {}", frame.file.display(), key.replace("_deg", " angle").replace("_s", ""))
+            }
+            _ => format!("frames[{i}].{key}"),
+        }
+    }
+
+    fn refuse(self, path: &Path, name: &str, problem: String, remedy: &str) -> Error {
+        match self {
+            Self::File => Error::file(path, format!("{name}: {problem}"), remedy),
+            Self::Options => Error::input(name, problem, remedy),
+        }
+    }
+}
+
+/// Text of a `frames.json`, one frame a line.
+pub fn save(set: &FrameSet) -> String {
+    // Serialising plain data with string keys cannot fail.
+    let mut value = serde_json::to_value(set).unwrap_or_default();
+    let frames = value.as_object_mut().and_then(|o| o.remove("frames")).unwrap_or_default();
+    let lines: Vec<String> = frames.as_array().into_iter().flatten().map(|f| format!("    {f}")).collect();
+    let head: Vec<String> =
+        value.as_object().into_iter().flatten().map(|(k, v)| format!("  \"{k}\": {v},\n")).collect();
+    format!("{{\n{}  \"frames\": [\n{}\n  ]\n}}\n", head.concat(), lines.join(",\n"))
+}
+
+fn parse(path: &Path) -> Result<FrameSet> {
+    let remedy = format!("give a session folder, a {FILE_NAME} or a folder holding one (`nacre import` makes one)");
+    let text = read_text(path, MAX_BYTES, &remedy)?;
+    let mut json = serde_json::Deserializer::from_str(&text);
+    let set = serde_path_to_error::deserialize(&mut json).map_err(|e| {
+        let place = if e.path().iter().next().is_some() { format!("{}: ", e.path()) } else { String::new() };
+        Error::file(path, format!("{place}{}", e.inner()), "correct it; `nacre schema frames` prints what is allowed")
+    })?;
+    json.end().map_err(|e| Error::file(path, e, "remove what follows the closing brace"))?;
+    Ok(set)
+}
+
+fn check_values(path: &Path, set: &FrameSet, by: By) -> Result<()> {
+    let bad_part = |name: &str, problem: String, remedy: &str| Err(by.refuse(path, name, problem, remedy));
+    let bad = |key: &str, problem: String, remedy: &str| bad_part(&by.name(key), problem, remedy);
+    if set.frames.is_empty() {
+        return bad("frames", "holds no frame".into(), "list at least one photograph");
+    }
+    if let Transfer::Gamma(g) = set.transfer
+        && !GAMMAS.contains(&g)
+    {
+        return bad("transfer.gamma", format!("{g} is outside 0.1 to 10"), "give the exponent, 2.2 for instance");
+    }
+    if set.transfer == Transfer::Recover && set.kind != Kind::Exposures {
+        let remedy =
+            "say how the files encode light, or recover it with `nacre reconstruct hdr` from exposures of one view";
+        return bad("transfer", "recover is for kind exposures".into(), remedy);
+    }
+    if let (Some(black), Some(white)) = (set.black, set.white)
+        && black >= white
+    {
+        return bad(
+            "black",
+            format!("{black} is not below white ({white})"),
+            "give the file values of no and of full light",
+        );
+    }
+    let positive_part = |name: &str, value: Option<f64>| match value {
+        Some(v) if !(v.is_finite() && v > 0.0) => bad_part(name, format!("{v} is not above 0"), "correct the number"),
+        _ => Ok(()),
+    };
+    let positive = |key: &str, value: Option<f64>| positive_part(&by.name(key), value);
+    for (i, frame) in set.frames.iter().enumerate() {
+        let name = |key: &str| by.of_frame(set, i, key);
+        positive_part(&name("exposure_s"), frame.exposure_s)?;
+        positive_part(&name("gain"), frame.gain)?;
+        if !frame.scale().is_finite() || frame.scale() == 0.0 {
+            return bad_part(&name("exposure_s · gain"), "is out of range".into(), "correct the numbers");
+        }
+        let angle = name("analyser_deg");
+        match (set.kind, frame.analyser_deg) {
+            (Kind::Polarization, None) => return bad_part(&angle, "is missing".into(), "give the analyser's angle"),
+            (Kind::DivisionOfFocalPlane, Some(_)) => {
+                return bad_part(&angle, "does not belong to this kind".into(), "remove it or change kind");
+            }
+            (_, Some(a)) if !a.is_finite() || a.abs() > 1e6 => {
+                return bad_part(&angle, format!("{a} is no angle in degrees"), "correct it");
+            }
+            _ => {}
+        }
+    }
+    check_light(&bad, set)?;
+    positive("wavelength_nm", set.wavelength_nm)?;
+    positive("band_nm", set.band_nm)?;
+    positive("noise.full_scale_e", set.noise.map(|n| n.full_scale_e))?;
+    if let Some(n) = set.noise
+        && n.read_noise_e < 0.0
+    {
+        return bad("noise.read_noise_e", format!("{} is negative", n.read_noise_e), "correct the number");
+    }
+    if let Some(sigma) = set.angle_sigma_deg.filter(|v| !(0.0..=45.0).contains(v)) {
+        return bad("angle_sigma_deg", format!("{sigma} is no accuracy"), "give degrees from 0 to 45, or leave it out");
+    }
+    if let Some(Geometry { distance_mm, baseline_mm, pixel_um, camera_px }) = set.geometry {
+        positive("geometry.distance_mm", Some(distance_mm))?;
+        positive("geometry.pixel_um", pixel_um)?;
+        let near = |v: f64| v.abs() <= 1e6;
+        if !near(baseline_mm) || !camera_px.is_none_or(|at| at.into_iter().all(near)) {
+            return bad("geometry", format!("{baseline_mm} mm, {camera_px:?} is no place"), "correct the numbers");
+        }
+    }
+    if let Some([w, h]) = set.panel_mm.filter(|s| !s.iter().all(|mm| (1.0..=1e5).contains(mm))) {
+        return bad("panel_mm", format!("{w} × {h} mm is no panel"), "give its width and height in mm");
+    }
+    if let Some(problem) = set.material.and_then(|m| m.problem()) {
+        return bad("material", problem.into(), "correct the numbers");
+    }
+    match (set.kind, set.layout) {
+        (Kind::DivisionOfFocalPlane, None) => {
+            bad("layout", "is missing".into(), "give the angles of the 2×2 block, [[90,45],[135,0]] for many sensors")
+        }
+        (kind, Some(_)) if kind != Kind::DivisionOfFocalPlane => {
+            bad("layout", "belongs to kind division_of_focal_plane only".into(), "remove it or change kind")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What belongs to some kinds of set only, and numbers of spots.
+fn check_light(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) -> Result<()> {
+    let by_frame = matches!(set.kind, Kind::Exposures | Kind::Flash | Kind::Spots | Kind::Free);
+    for (i, frame) in set.frames.iter().enumerate() {
+        let key = |name: &str| format!("frames[{i}].{name}");
+        let present = [
+            ("spot", frame.spot.is_some()),
+            ("fringes", frame.fringes.is_some()),
+            ("flash", frame.flash.is_some()),
+            ("light_mm", frame.light_mm.is_some()),
+        ];
+        if let Some((name, _)) = present.iter().find(|p| p.1 && !by_frame) {
+            return bad(&key(name), "does not belong to this kind".into(), "remove it or change kind");
+        }
+        if let Some(Fringes { cycles_per_mm, phase }) = frame.fringes
+            && !(cycles_per_mm.iter().all(|f| f.abs() <= 100.0) && phase.abs() <= 1e6)
+        {
+            return bad(&key("fringes"), format!("{cycles_per_mm:?} at phase {phase} are no fringes"), "correct it");
+        }
+        if let Some(at) = frame.light_mm.filter(|at| !(at[2] > 0.0 && at.iter().all(|v| v.abs() <= 1e6))) {
+            let remedy = "give mm right and up of the sample's middle, and above it";
+            return bad(&key("light_mm"), format!("{at:?} is no place above the sample"), remedy);
+        }
+        match frame.spot {
+            Some(_) if frame.fringes.is_some() => {
+                return bad(
+                    &key("spot"),
+                    "is given beside fringes".into(),
+                    "a panel shows one of them; remove the other",
+                );
+            }
+            None if frame.fringes.is_some() => {}
+            None if set.kind == Kind::Spots => return bad(&key("spot"), "is missing".into(), "say where the spot was"),
+            Some(Spot { center_mm, diameter_mm })
+                if !(center_mm.iter().all(|c| c.abs() <= 1e5) && diameter_mm > 0.0 && diameter_mm <= 1e5) =>
+            {
+                return bad(&key("spot"), format!("{center_mm:?}, {diameter_mm} is no disc in mm"), "correct it");
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+fn check_files(path: &Path, folder: &Path, set: &FrameSet, by: By) -> Result<Info> {
+    let extra = [("dark", &set.dark), ("flat", &set.flat)];
+    let extra = extra.into_iter().filter_map(|(key, file)| Some((key.to_owned(), file.as_ref()?)));
+    let indexed = || set.frames.iter().enumerate();
+    let frames = indexed().map(|(i, f)| (format!("frames[{i}].file"), &f.file));
+    let darks = indexed().filter_map(|(i, f)| Some((format!("frames[{i}].dark"), f.dark.as_ref()?)));
+    let mut common: Option<(PathBuf, Info)> = None;
+    for (key, name) in frames.chain(darks).chain(extra) {
+        let file = inside(path, folder, &key, name)?;
+        let found = info(&file)?;
+        match &common {
+            None => common = Some((file, found)),
+            Some((first, wanted)) if *wanted != found => {
+                return Err(Error::file(
+                    &file,
+                    format!("is {found}, but {} is {wanted}", first.display()),
+                    "all photographs of a set must have one size, depth and number of channels",
+                ));
+            }
+            Some(_) => {}
+        }
+    }
+    let Some((file, info)) = common else { return Err(Error::file(path, "holds no frame", "list a photograph")) };
+    check_channels(&file, set, &info, by)?;
+    Ok(info)
+}
+
+/// Only plain names inside the folder: no absolute path, no `..`, no link that leads out of it.
+fn inside(path: &Path, folder: &Path, key: &str, name: &Path) -> Result<PathBuf> {
+    let plain = name.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+    let file = folder.join(name);
+    let leaves = || {
+        let problem = format!("{key}: {} leaves the folder of {FILE_NAME}", name.display());
+        Error::file(path, problem, "put the photographs beside or below it")
+    };
+    if !plain || name.as_os_str().is_empty() {
+        return Err(leaves());
+    }
+    let missing =
+        |e| Error::file(&file, format!("cannot be read: {e}"), format!("{key} in {} names it", path.display()));
+    let (real, base) = (file.canonicalize().map_err(missing)?, folder.canonicalize().map_err(missing)?);
+    if real.starts_with(base) { Ok(file) } else { Err(leaves()) }
+}
+
+fn check_channels(file: &Path, set: &FrameSet, info: &Info, by: By) -> Result<()> {
+    let channel = by.name("channel");
+    let add = match by {
+        By::File => format!("add \"{channel}\": \"r\", \"g\" or \"b\" to {FILE_NAME}"),
+        By::Options => format!("add {channel} r, g or b"),
+    };
+    match (info.channels, set.channel) {
+        (1, Some(_)) => {
+            Err(Error::file(file, "is grey, so it has no channels to choose from", format!("leave out {channel}")))
+        }
+        (3, None) if set.kind != Kind::Exposures => {
+            Err(Error::file(file, "is a colour image, of which one channel must be chosen", add))
+        }
+        _ if set.kind == Kind::DivisionOfFocalPlane && (info.channels != 1 || info.width % 2 + info.height % 2 > 0) => {
+            Err(Error::file(
+                file,
+                format!("is {info}; a raw polarization-sensor frame is grey with even width and height"),
+                "give the camera's raw, not demosaicked frame",
+            ))
+        }
+        _ => {
+            let (black, white) = (set.black.unwrap_or(0.0), set.white.unwrap_or(info.depth.full_scale().into()));
+            if black < white {
+                return Ok(());
+            }
+            let remedy = format!("correct {} and {}", by.name("black"), by.name("white"));
+            Err(Error::file(file, format!("black ({black}) is not below white ({white})"), remedy))
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! How a photograph was exposed, as its Exif tags say.
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+use exif::{In, Reader, Tag, Value};
+use nacre_base::guard::guarded;
+
+/// Most bytes of a file that are searched for tags.
+const SEARCHED: u64 = 256 << 20;
+
+/// Exposure settings; `None` where the tag is absent or senseless.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exposure {
+    /// Exposure time in s.
+    pub seconds: Option<f64>,
+    /// Sensitivity (ISO).
+    pub iso: Option<f64>,
+}
+
+/// The exposure settings of a photograph, or `None` when the file cannot be read or has no Exif tags.
+pub fn exposure(path: &Path) -> Option<Exposure> {
+    let file = File::open(path).ok().filter(|f| f.metadata().is_ok_and(|m| m.is_file()))?;
+    let decode = || {
+        let tags = Reader::new().read_from_container(&mut BufReader::new(file.take(SEARCHED))).ok()?;
+        let number = |tag| tags.get_field(tag, In::PRIMARY).and_then(|field| positive(&field.value));
+        Some(Exposure { seconds: number(Tag::ExposureTime), iso: number(Tag::PhotographicSensitivity) })
+    };
+    // Tags that no decoder reads are as good as none.
+    guarded(decode).ok().flatten()
+}
+
+/// A finite number above zero. The crate's own conversions to integers and `f32` lose 1/3 s and the like.
+fn positive(value: &Value) -> Option<f64> {
+    let number = match value {
+        Value::Rational(v) => v.first().map(|r| f64::from(r.num) / f64::from(r.denom)),
+        _ => value.get_uint(0).map(f64::from),
+    };
+    number.filter(|x| x.is_finite() && *x > 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+
+    #[test]
+    fn times_of_a_real_bracket() {
+        let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+        let data = std::env::var_os("NACRE_TEST_DATA").map_or(default, PathBuf::from).join("hdr");
+        if !data.is_dir() {
+            println!("skipped: no test data");
+            return;
+        }
+        let mut times: Vec<f64> = (0..7)
+            .map(|i| exposure(&data.join(format!("stack_room_exp_{i}.jpg"))).and_then(|e| e.seconds).unwrap())
+            .collect();
+        times.sort_by(f64::total_cmp);
+        println!("{times:?}");
+        assert_eq!(times.last(), Some(&2.0));
+        assert_eq!(times.first(), Some(&(1.0 / 4000.0)));
+        assert!(times.contains(&(1.0 / 8.0)));
+    }
+
+    #[test]
+    fn anything_else_is_none() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(exposure(dir.path()), None);
+        assert_eq!(exposure(&dir.path().join("missing")), None);
+        let path = dir.path().join("garbage.jpg");
+        std::fs::write(&path, b"\xff\xd8\xff\xe1\xff\xffExif\0\0MM\0*\xff\xff\xff\xff").unwrap();
+        assert_eq!(exposure(&path), None);
+        assert_eq!(positive(&Value::Rational(vec![exif::Rational { num: 1, denom: 0 }])), None);
+        assert_eq!(positive(&Value::Rational(vec![])), None);
+    }
+}

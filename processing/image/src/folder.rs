@@ -1,0 +1,326 @@
+//! An output folder that appears whole or not at all.
+
+use std::fs::{self, File, Permissions};
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use tempfile::{Builder, TempDir};
+
+use nacre_base::{Error, Result};
+
+/// Results are collected in a hidden folder beside (or, on another file system, inside) the final one and put in
+/// place by [`OutputFolder::commit`]. Dropped without commit, nothing stays behind.
+#[derive(Debug)]
+pub struct OutputFolder {
+    out: PathBuf,
+    overwrite: bool,
+    /// `None` once committed.
+    temporary: Option<TempDir>,
+    /// Move file by file rather than the folder in one: the folder is in use or is a mount point.
+    piecewise: bool,
+    /// Parents made for `out`, the outermost first.
+    made: Vec<PathBuf>,
+}
+
+impl OutputFolder {
+    /// Prepares to fill the folder `out`, of which nothing is to be seen before [`OutputFolder::commit`]. With
+    /// `overwrite`, files of the same names in an existing folder are replaced and others left alone.
+    ///
+    /// # Errors
+    /// `Error::Input` when `out` exists and is not an empty folder (without `overwrite`) or is a file;
+    /// `Error::Output` when the system refuses.
+    pub fn begin(out: &Path, overwrite: bool) -> Result<Self> {
+        let refused = |error| Error::output(out, error);
+        let exists = out.try_exists().map_err(refused)?;
+        if exists && !out.is_dir() {
+            return Err(Error::file(out, "exists and is not a folder", "choose another --out"));
+        }
+        if exists && !overwrite && !is_empty(out).map_err(refused)? {
+            return Err(not_empty(out));
+        }
+        let mut folder =
+            Self { out: out.to_path_buf(), overwrite, temporary: None, piecewise: false, made: Vec::new() };
+        if exists { folder.beside_existing() } else { folder.beside_missing() }.map_err(refused)?;
+        Ok(folder)
+    }
+
+    fn beside_missing(&mut self) -> io::Result<()> {
+        self.out = std::path::absolute(&self.out)?;
+        let name = self.out.file_name().ok_or(ErrorKind::InvalidInput)?.to_os_string();
+        let parent = self.out.parent().ok_or(ErrorKind::InvalidInput)?.to_path_buf();
+        let missing: Vec<PathBuf> = parent.ancestors().take_while(|p| !p.exists()).map(Path::to_path_buf).collect();
+        for folder in missing.into_iter().rev() {
+            fs::create_dir(&folder)?;
+            self.made.push(folder);
+        }
+        self.temporary = Some(temporary(&parent, &name)?);
+        Ok(())
+    }
+
+    fn beside_existing(&mut self) -> io::Result<()> {
+        self.out = self.out.canonicalize()?;
+        let name = self.out.file_name().unwrap_or_default().to_os_string();
+        let own_device = fs::metadata(&self.out)?.dev();
+        let parent = self.out.parent().filter(|p| fs::metadata(p).is_ok_and(|m| m.dev() == own_device));
+        let beside = parent.and_then(|parent| temporary(parent, &name).ok());
+        let in_use = std::env::current_dir().and_then(|d| d.canonicalize()).is_ok_and(|d| d == self.out);
+        self.piecewise = in_use || beside.is_none() || !is_empty(&self.out)?;
+        self.temporary = Some(match beside {
+            Some(folder) => folder,
+            None => temporary(&self.out, &name)?,
+        });
+        Ok(())
+    }
+
+    /// Where to write the file `name`, a relative path, before commit. Subfolders must have been made with
+    /// [`OutputFolder::create_dir`].
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.temporary.as_ref().map_or(self.out.as_path(), TempDir::path).join(name)
+    }
+
+    /// Makes the subfolder `name` and its parents; it may exist already.
+    ///
+    /// # Errors
+    /// `Error::Output` when the system refuses.
+    pub fn create_dir(&self, name: &str) -> Result<()> {
+        fs::create_dir_all(self.path(name)).map_err(|error| self.failed(name, error))
+    }
+
+    /// Writes the file `name` whole.
+    ///
+    /// # Errors
+    /// `Error::Output` when the system refuses.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        fs::write(self.path(name), bytes).map_err(|error| self.failed(name, error))
+    }
+
+    /// Writes plain data as the JSON file `name`.
+    ///
+    /// # Errors
+    /// `Error::Output` when the system refuses.
+    pub fn write_json(&self, name: &str, data: &impl Serialize) -> Result<()> {
+        self.write(name, super::json(data).as_bytes())
+    }
+
+    /// Waits until the file `name`, which is complete, is on the disk. [`OutputFolder::commit`] does so for all files; this spares
+    /// it the wait.
+    ///
+    /// # Errors
+    /// `Error::Output` when the system refuses.
+    pub fn sync(&self, name: &str) -> Result<()> {
+        sync_one(&self.path(name)).map_err(|error| self.failed(name, error))
+    }
+
+    /// Names the file as it would have been called in the end.
+    fn failed(&self, name: &str, error: io::Error) -> Error {
+        Error::output(&self.out.join(name), error)
+    }
+
+    /// Syncs everything to the disk and puts it in place: in one step when `out` does not exist or is empty, else
+    /// file by file (no file is ever seen half-written).
+    ///
+    /// # Errors
+    /// `Error::Output` when the system refuses; `Error::Input` when someone else has filled `out` meanwhile.
+    pub fn commit(mut self) -> Result<()> {
+        let Some(temporary) = self.temporary.take() else { return Ok(()) };
+        let placed = sync(temporary.path()).and_then(|()| self.place(temporary.path()));
+        match placed {
+            Ok(()) => {
+                if !self.piecewise {
+                    // The folder is no longer where the guard would remove it.
+                    _ = temporary.keep();
+                }
+                self.made.clear();
+                Ok(())
+            }
+            Err(error) if matches!(error.kind(), ErrorKind::DirectoryNotEmpty | ErrorKind::AlreadyExists) => {
+                Err(not_empty(&self.out))
+            }
+            Err(error) => Err(Error::output(&self.out, error)),
+        }
+    }
+
+    fn place(&self, from: &Path) -> io::Result<()> {
+        if self.piecewise {
+            let others = fs::read_dir(&self.out)?.filter_map(|e| e.ok()).any(|entry| entry.path() != from);
+            if others && !self.overwrite {
+                return Err(ErrorKind::DirectoryNotEmpty.into());
+            }
+            return merge(from, &self.out);
+        }
+        fs::rename(from, &self.out)?;
+        // Every folder that is new in its parent, from the inside out.
+        let parents = self.made.iter().rev().map(PathBuf::as_path).filter_map(Path::parent);
+        self.out.parent().into_iter().chain(parents).try_for_each(sync_one)
+    }
+}
+
+impl Drop for OutputFolder {
+    fn drop(&mut self) {
+        drop(self.temporary.take());
+        for folder in self.made.iter().rev() {
+            // Fails when someone else has put something there, and then it is to stay.
+            _ = fs::remove_dir(folder);
+        }
+    }
+}
+
+fn not_empty(out: &Path) -> Error {
+    Error::file(out, "exists and is not empty", "choose another --out or add --force")
+}
+
+fn is_empty(folder: &Path) -> io::Result<bool> {
+    Ok(fs::read_dir(folder)?.next().is_none())
+}
+
+/// A new folder `.NAME.*.partial` with the permissions of an ordinary new folder.
+fn temporary(parent: &Path, name: &std::ffi::OsStr) -> io::Result<TempDir> {
+    let mut prefix = std::ffi::OsString::from(".");
+    prefix.push(name);
+    prefix.push(".");
+    Builder::new().prefix(&prefix).suffix(".partial").permissions(Permissions::from_mode(0o777)).tempdir_in(parent)
+}
+
+/// Syncs every file and folder below `folder`, and `folder` itself.
+fn sync(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() { sync(&entry.path())? } else { sync_one(&entry.path())? }
+    }
+    sync_one(folder)
+}
+
+fn sync_one(path: &Path) -> io::Result<()> {
+    File::open(path)?.sync_all()
+}
+
+/// Moves every file below `from` to its place below `to`.
+fn merge(from: &Path, to: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        let target = to.join(entry.file_name());
+        if entry.file_type()?.is_dir() {
+            fs::create_dir(&target).or_else(|e| if target.is_dir() { Ok(()) } else { Err(e) })?;
+            merge(&entry.path(), &target)?;
+        } else {
+            fs::rename(entry.path(), target)?;
+        }
+    }
+    sync_one(to)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn listing(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> =
+            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn uncommitted_leaves_nothing() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("a/b/result");
+        let folder = OutputFolder::begin(&out, false).unwrap();
+        folder.create_dir("maps").unwrap();
+        folder.write("maps/x.txt", b"1").unwrap();
+        assert!(!out.exists());
+        assert_eq!(listing(&home.path().join("a/b")).len(), 1);
+        drop(folder);
+        assert_eq!(listing(home.path()), Vec::<String>::new());
+    }
+
+    #[test]
+    fn commit_makes_parents_and_ordinary_permissions() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("a/result");
+        let folder = OutputFolder::begin(&out, false).unwrap();
+        folder.create_dir("maps").unwrap();
+        folder.write("maps/x.txt", b"1").unwrap();
+        fs::write(folder.path("y.txt"), b"2").unwrap();
+        folder.commit().unwrap();
+        assert_eq!(listing(&home.path().join("a")), ["result"]);
+        assert_eq!(listing(&out), ["maps", "y.txt"]);
+        assert_eq!(fs::read(out.join("maps/x.txt")).unwrap(), b"1");
+        let ordinary = home.path().join("ordinary");
+        fs::create_dir(&ordinary).unwrap();
+        assert_eq!(fs::metadata(&out).unwrap().mode(), fs::metadata(&ordinary).unwrap().mode());
+    }
+
+    #[test]
+    fn empty_folder_is_filled_and_full_one_refused() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("result");
+        fs::create_dir(&out).unwrap();
+        let folder = OutputFolder::begin(&out, false).unwrap();
+        folder.write("x", b"1").unwrap();
+        folder.commit().unwrap();
+        assert_eq!(listing(&out), ["x"]);
+
+        let error = OutputFolder::begin(&out, false).unwrap_err().to_string();
+        assert!(error.contains("result: exists and is not empty; choose another --out or add --force"), "{error}");
+        let error = OutputFolder::begin(&out.join("x"), true).unwrap_err().to_string();
+        assert!(error.contains("not a folder"), "{error}");
+        assert_eq!(listing(home.path()), ["result"]);
+    }
+
+    #[test]
+    fn overwrite_replaces_namesakes_only() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("result");
+        fs::create_dir_all(out.join("maps")).unwrap();
+        for name in ["x", "keep", "maps/x", "maps/keep"] {
+            fs::write(out.join(name), b"old").unwrap();
+        }
+        let folder = OutputFolder::begin(&out, true).unwrap();
+        folder.create_dir("maps").unwrap();
+        folder.write("x", b"new").unwrap();
+        folder.write("maps/x", b"new").unwrap();
+        assert_eq!(fs::read(out.join("x")).unwrap(), b"old");
+        folder.commit().unwrap();
+        for (name, content) in [("x", "new"), ("keep", "old"), ("maps/x", "new"), ("maps/keep", "old")] {
+            assert_eq!(fs::read_to_string(out.join(name)).unwrap(), content);
+        }
+        assert_eq!(listing(home.path()), ["result"]);
+    }
+
+    #[test]
+    fn filled_by_another_meanwhile() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("result");
+        let folder = OutputFolder::begin(&out, false).unwrap();
+        folder.write("x", b"mine").unwrap();
+        fs::create_dir(&out).unwrap();
+        fs::write(out.join("x"), b"theirs").unwrap();
+        let error = folder.commit().unwrap_err().to_string();
+        assert!(error.contains("not empty"), "{error}");
+        assert_eq!(fs::read(out.join("x")).unwrap(), b"theirs");
+        assert_eq!(listing(home.path()), ["result"]);
+    }
+
+    #[test]
+    fn folder_inside_when_the_parent_is_another_file_system() {
+        let Ok(mount) = tempfile::tempdir_in("/dev/shm") else {
+            println!("skipped: no /dev/shm");
+            return;
+        };
+        // Not a mount point itself; the inner way is taken by hand.
+        let out = mount.path().canonicalize().unwrap();
+        let inner = temporary(&out, "x".as_ref()).unwrap();
+        let folder = OutputFolder {
+            out: out.clone(),
+            overwrite: false,
+            temporary: Some(inner),
+            piecewise: true,
+            made: Vec::new(),
+        };
+        folder.write("x", b"1").unwrap();
+        folder.commit().unwrap();
+        assert_eq!(listing(&out), ["x"]);
+    }
+}

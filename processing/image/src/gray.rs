@@ -1,0 +1,81 @@
+//! Photographs as brightness alone.
+
+use crate::{Raster, Samples, read};
+use nacre_base::Result;
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Brightness as the file has it (not linear light), any unit, `width · height` values, row 0 on top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gray {
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Values; never NaN.
+    pub values: Vec<f32>,
+}
+
+impl Gray {
+    /// Reads a photograph; colours become their mean.
+    ///
+    /// # Errors
+    /// `Input` for a file that is none.
+    pub fn read(path: &Path) -> Result<Self> {
+        Ok(Self::of(&read(path)?))
+    }
+
+    /// Mean of a picture's channels.
+    pub fn of(raster: &Raster) -> Self {
+        let n = raster.channels;
+        let mean = |value: &(dyn Fn(usize) -> f32 + Sync)| -> Vec<f32> {
+            let one = |i: usize| (0..n).map(|c| value(i * n + c)).sum::<f32>() / n as f32;
+            (0..raster.width * raster.height).into_par_iter().map(one).collect()
+        };
+        let values = match &raster.samples {
+            Samples::U8(v) => mean(&|i| f32::from(v[i])),
+            Samples::U16(v) => mean(&|i| f32::from(v[i])),
+            Samples::F32(v) => mean(&|i| if v[i].is_finite() { v[i] } else { 0.0 }),
+        };
+        Self { width: raster.width, height: raster.height, values }
+    }
+
+    /// Value of a pixel; outside, of the nearest one.
+    pub fn near(&self, x: i64, y: i64) -> f32 {
+        let (x, y) = (x.clamp(0, self.width as i64 - 1), y.clamp(0, self.height as i64 - 1));
+        self.values[y as usize * self.width + x as usize]
+    }
+
+    /// Value between pixels, bilinear.
+    pub fn at(&self, [x, y]: [f64; 2]) -> f32 {
+        let (left, top) = (x.floor(), y.floor());
+        let (fx, fy) = ((x - left) as f32, (y - top) as f32);
+        let (left, top) = (left as i64, top as i64);
+        let row = |y: i64| self.near(left, y) * (1.0 - fx) + self.near(left + 1, y) * fx;
+        row(top) * (1.0 - fy) + row(top + 1) * fy
+    }
+
+    /// Half as wide and high: means of 2 × 2 pixels.
+    pub fn halved(&self) -> Self {
+        let (width, height) = (self.width / 2, self.height / 2);
+        let value = |i: usize| {
+            let (x, y) = (2 * (i % width), 2 * (i / width));
+            let row = |y: usize| self.values[y * self.width + x] + self.values[y * self.width + x + 1];
+            0.25 * (row(y) + row(y + 1))
+        };
+        Self { width, height, values: (0..width * height).into_par_iter().map(value).collect() }
+    }
+
+    /// Blurred by 1-2-1 along rows and columns: a Gaussian of 0.7 px.
+    pub fn softened(&self) -> Self {
+        let pass = |source: &Self, [dx, dy]: [i64; 2]| {
+            let value = |i: usize| {
+                let (x, y) = ((i % self.width) as i64, (i / self.width) as i64);
+                0.5 * source.near(x, y) + 0.25 * (source.near(x - dx, y - dy) + source.near(x + dx, y + dy))
+            };
+            let values = (0..source.values.len()).into_par_iter().map(value).collect();
+            Self { width: source.width, height: source.height, values }
+        };
+        pass(&pass(self, [1, 0]), [0, 1])
+    }
+}

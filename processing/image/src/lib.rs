@@ -1,0 +1,45 @@
+//! Images in and out: photographs of any usual format, EXR maps, pictures for people, and the output folder that
+//! appears whole or not at all.
+
+mod averaging;
+mod bmp;
+pub mod budget;
+mod canvas;
+mod convolution;
+mod correlation;
+mod exif;
+mod folder;
+mod gray;
+mod interpolation;
+mod jpeg;
+mod listing;
+pub mod lobe;
+mod openexr;
+mod picture;
+mod png;
+mod radiance;
+mod read;
+pub mod registration;
+#[cfg(test)]
+mod tests;
+mod tif;
+mod write;
+
+pub use averaging::Averaging;
+pub use canvas::{Canvas, Rgb, text_width};
+pub use convolution::Convolution;
+pub use correlation::{Correlation, Field};
+pub use exif::{Exposure, exposure};
+pub use folder::OutputFolder;
+pub use gray::Gray;
+pub use interpolation::catmull_rom;
+pub use listing::{photograph_in, photographs};
+pub use nacre_base::{json, write_whole, write_whole_with};
+pub use openexr::{ExrMap, read_exr};
+pub use picture::{
+    MASKED, hsv, orientation_color, orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis, wheel,
+};
+pub use read::{Depth, EXTENSIONS, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, info, read, read_into, size};
+pub use write::{
+    Attribute, Precision, encode_png8, encode_png16_gray, write_exr, write_exr_as, write_png8, write_png16_gray,
+};

@@ -1,0 +1,173 @@
+//! Shifts to about half a pixel, up to 32 pixels, by correlation of the edges' directions.
+//!
+//! Turning the analyser changes each region's brightness in its own way, so that an edge may fade or reverse, but its
+//! direction stays. With the gradient g as a complex number, g²/|g| is the same for both signs of the contrast, is zero on
+//! average, and its correlation over frames has one sharp peak, where that of the brightness may have none.
+
+use super::windows::Windows;
+use nacre_base::vectors::vectorised;
+use num_complex::Complex;
+use rayon::prelude::*;
+use rustfft::{Fft, FftPlanner};
+use std::sync::Arc;
+
+/// Largest shift that is looked for, in pixels; a quarter of the window where that is less.
+const REACH: usize = 32;
+
+/// Two Hann windows overlap best near no shift, where random correlations are larger than on average by this factor:
+/// `∫h⁴ / (∫h²)²` of both sides, as a standard deviation.
+const UNDER_HANN: f64 = 35.0 / 18.0;
+
+type Image = Vec<Complex<f32>>;
+
+/// Highest point of a correlation.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Peak {
+    /// Shift against the first frame in pixels, x right, y down.
+    pub(super) shift: [f64; 2],
+    /// Height in standard deviations of what frames with nothing in common have; the highest of 65² points is then at 4.
+    pub(super) height: f64,
+}
+
+/// Windows that are enough where peaks are high: those of a diagonal.
+const ENOUGH: usize = 4;
+
+/// One peak per frame; the first is at (0, 0). Not all windows are looked at where a few tell peaks of `height` (in standard
+/// deviations) at least.
+pub(super) fn peaks(windows: &Windows, height: f64) -> Vec<Peak> {
+    if windows.count() > ENOUGH {
+        let found = peaks_of(windows, &(0..windows.count()).step_by(ENOUGH + 1).collect::<Vec<_>>());
+        if found.iter().all(|peak| peak.height >= height) {
+            return found;
+        }
+    }
+    peaks_of(windows, &(0..windows.count()).collect::<Vec<_>>())
+}
+
+fn peaks_of(windows: &Windows, few: &[usize]) -> Vec<Peak> {
+    let fourier = Fourier::new(windows.side);
+    let spectra = |frame: usize| -> Vec<Image> {
+        let edges = |w: &usize| fourier.forward(edges(windows.get(frame, *w), windows.side));
+        few.par_iter().map(edges).collect()
+    };
+    let first = spectra(0);
+    (0..windows.frames())
+        .into_par_iter()
+        .map(|frame| {
+            let mut cross: Image = vec![Complex::default(); windows.side * windows.side];
+            for (a, b) in first.iter().zip(spectra(frame)) {
+                vectorised(
+                    #[inline(always)]
+                    || {
+                        for (c, (a, b)) in cross.iter_mut().zip(a.iter().zip(&b)) {
+                            *c += b * a.conj();
+                        }
+                    },
+                );
+            }
+            // Half-way to pure phase: the peak is as sharp as the edges are, and noise is not made as strong as they.
+            vectorised(
+                #[inline(always)]
+                || {
+                    for c in &mut cross {
+                        // In double precision, in which squares of bright spectra are still numbers.
+                        let [re, im] = [f64::from(c.re), f64::from(c.im)];
+                        let share = 1.0 / ((re * re + im * im).sqrt().sqrt() as f32).max(f32::MIN_POSITIVE);
+                        (c.re, c.im) = (c.re * share, c.im * share);
+                    }
+                },
+            );
+            // Of frames that have nothing in common, phases are random.
+            let power = cross.iter().map(|c| 0.5 * f64::from(c.norm_sqr())).sum::<f64>();
+            let deviation = UNDER_HANN * power.sqrt();
+            peak(&fourier.backward(cross), windows.side, deviation)
+        })
+        .collect()
+}
+
+/// Directions of the edges under a Hann window.
+fn edges(window: &[f32], side: usize) -> Image {
+    let hann: Vec<f32> =
+        (0..side).map(|i| (std::f32::consts::PI * (i as f32 + 0.5) / side as f32).sin().powi(2)).collect();
+    let mut out = vec![Complex::default(); side * side];
+    vectorised(
+        #[inline(always)]
+        || {
+            for y in 1..side - 1 {
+                let row = |y: usize, left: usize| &window[y * side + left..][..side - 2];
+                let ([left, right], [above, below]) = ([row(y, 0), row(y, 2)], [row(y - 1, 1), row(y + 1, 1)]);
+                let out = &mut out[y * side + 1..][..side - 2];
+                for x in 0..side - 2 {
+                    let g = Complex::new(right[x] - left[x], below[x] - above[x]);
+                    let strength = g.norm_sqr().sqrt();
+                    let weight = if strength > 0.0 { hann[x + 1] * hann[y] / strength } else { 0.0 };
+                    let squared = g * g * weight;
+                    // Nothing where a pixel cannot be used.
+                    out[x] = if strength > 0.0 { squared } else { Complex::default() };
+                }
+            }
+        },
+    );
+    out
+}
+
+fn peak(correlation: &[Complex<f32>], side: usize, deviation: f64) -> Peak {
+    let reach = REACH.min(side / 4) as isize;
+    let at = |x: isize, y: isize| {
+        let wrap = |i: isize| i.rem_euclid(side as isize) as usize;
+        f64::from(correlation[wrap(y) * side + wrap(x)].re)
+    };
+    let places = || (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (x, y)));
+    let (x, y) = places().max_by(|a, b| at(a.0, a.1).total_cmp(&at(b.0, b.1))).unwrap_or_default();
+    // Vertex of the parabola through the peak and its neighbours.
+    let vertex = |before: f64, after: f64| {
+        let bend = before - 2.0 * at(x, y) + after;
+        if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
+    };
+    let fraction = [vertex(at(x - 1, y), at(x + 1, y)), vertex(at(x, y - 1), at(x, y + 1))];
+    let shift = [x as f64 + fraction[0], y as f64 + fraction[1]];
+    Peak { shift, height: if deviation > 0.0 { at(x, y) / deviation } else { 0.0 } }
+}
+
+/// Transforms of square images; spectra are transposed.
+struct Fourier {
+    side: usize,
+    forward: Arc<dyn Fft<f32>>,
+    backward: Arc<dyn Fft<f32>>,
+}
+
+impl Fourier {
+    fn new(side: usize) -> Self {
+        let mut planner = FftPlanner::new();
+        Self { side, forward: planner.plan_fft_forward(side), backward: planner.plan_fft_inverse(side) }
+    }
+
+    fn forward(&self, image: Image) -> Image {
+        self.both_sides(image, &*self.forward)
+    }
+
+    fn backward(&self, spectrum: Image) -> Image {
+        self.both_sides(spectrum, &*self.backward)
+    }
+
+    fn both_sides(&self, mut image: Image, fft: &dyn Fft<f32>) -> Image {
+        fft.process(&mut image);
+        transpose(&mut image, self.side);
+        fft.process(&mut image);
+        image
+    }
+}
+
+/// Turns rows into columns, block by block so that neither falls out of the cache.
+fn transpose(image: &mut Image, side: usize) {
+    const BLOCK: usize = 16;
+    for top in (0..side).step_by(BLOCK) {
+        for left in (0..=top).step_by(BLOCK) {
+            for y in top..(top + BLOCK).min(side) {
+                for x in left..(left + BLOCK).min(y) {
+                    image.swap(y * side + x, x * side + y);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! Writes maps (OpenEXR, `f32`) and pictures (PNG).
+//!
+//! The EXR container is written here rather than by the `exr` crate: rows go to the file as they are computed,
+//! no plane is copied, and the same map always gives the same bytes (that crate keeps attributes in a hash map).
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
+
+use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use ::image::{ExtendedColorType, ImageEncoder};
+use half::f16;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::read::MAX_SIDE;
+use nacre_base::write_whole;
+use nacre_base::{Error, Result};
+
+/// Value of a custom attribute in an EXR header.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Attribute {
+    /// Stored as `double`.
+    Number(f64),
+    /// Stored as `string`, UTF-8.
+    Text(String),
+}
+
+/// How an EXR holds its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// 16 bits: relative errors of 2⁻¹¹ down to 6·10⁻⁵, and none below 6·10⁻⁸; at most 65504.
+    Half,
+    /// 32 bits.
+    Float,
+}
+
+impl Precision {
+    fn bytes(self) -> usize {
+        if self == Self::Half { 2 } else { 4 }
+    }
+}
+
+/// Rows are computed in parallel in batches of about this size.
+const BATCH_BYTES: usize = 4 << 20;
+/// Longest name of a channel or attribute in bytes; above 31 the header says so.
+const LONGEST_NAME: usize = 255;
+
+/// Writes `f32` planes as an uncompressed scan-line EXR, which holds NaN and infinities as they are.
+///
+/// `fill(channel, row, values)` writes one row (`width` values) of the channel of that index in `channels`; rows
+/// are asked for in any order, from several threads. Channels may be given in any order.
+///
+/// # Errors
+/// `Error::Output` when the system refuses, and for an impossible size or name (empty, doubled, too long).
+pub fn write_exr(
+    path: &Path,
+    width: usize,
+    height: usize,
+    channels: &[&str],
+    attributes: &[(&str, Attribute)],
+    fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
+) -> Result<()> {
+    write_exr_as(path, Precision::Float, [width, height], channels, attributes, fill)
+}
+
+/// [`write_exr`] in a precision.
+///
+/// # Errors
+/// As there.
+pub fn write_exr_as(
+    path: &Path,
+    precision: Precision,
+    [width, height]: [usize; 2],
+    channels: &[&str],
+    attributes: &[(&str, Attribute)],
+    fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
+) -> Result<()> {
+    let write = || {
+        let mut order: Vec<usize> = (0..channels.len()).collect();
+        order.sort_by_key(|&i| channels[i]);
+        let sorted: Vec<&str> = order.iter().map(|&i| channels[i]).collect();
+        let header = exr_header(precision, [width, height], &sorted, attributes)?;
+        let mut file = File::create(path)?;
+        file.write_all(&header)?;
+        let chunk = 8 + width * order.len() * precision.bytes();
+        file.write_all(&offset_table(header.len(), height, chunk))?;
+        let batch = (BATCH_BYTES / chunk).clamp(1, height);
+        let mut bytes = vec![0_u8; batch * chunk];
+        for first in (0..height).step_by(batch) {
+            let rows = batch.min(height - first);
+            let part = &mut bytes[..rows * chunk];
+            part.par_chunks_exact_mut(chunk).enumerate().for_each_init(
+                || vec![0.0; width],
+                |values, (row, chunk)| fill_chunk(chunk, first + row, (&order, precision), values, fill),
+            );
+            file.write_all(part)?;
+        }
+        Ok(())
+    };
+    write().map_err(|error| Error::output(path, error))
+}
+
+/// One row as EXR stores it: row number, byte count, then the channels by name.
+fn fill_chunk(
+    chunk: &mut [u8],
+    row: usize,
+    (order, precision): (&[usize], Precision),
+    values: &mut [f32],
+    fill: &(dyn Fn(usize, usize, &mut [f32]) + Sync),
+) {
+    let (head, data) = chunk.split_at_mut(8);
+    head[..4].copy_from_slice(&(row as u32).to_le_bytes());
+    head[4..].copy_from_slice(&(data.len() as u32).to_le_bytes());
+    for (&channel, target) in order.iter().zip(data.chunks_exact_mut(values.len() * precision.bytes())) {
+        fill(channel, row, values);
+        if precision == Precision::Half {
+            for (bytes, value) in target.as_chunks_mut::<2>().0.iter_mut().zip(&*values) {
+                *bytes = f16::from_f32(*value).to_le_bytes();
+            }
+        } else {
+            for (bytes, value) in target.as_chunks_mut::<4>().0.iter_mut().zip(&*values) {
+                *bytes = value.to_le_bytes();
+            }
+        }
+    }
+}
+
+/// Byte position of every row's chunk, 8 bytes each.
+fn offset_table(header: usize, rows: usize, chunk: usize) -> Vec<u8> {
+    (0..rows).flat_map(|row| ((header + rows * 8 + row * chunk) as u64).to_le_bytes()).collect()
+}
+
+/// Magic number, version and attributes, as in "OpenEXR File Layout" (openexr.com).
+fn exr_header(
+    precision: Precision,
+    [width, height]: [usize; 2],
+    channels: &[&str],
+    custom: &[(&str, Attribute)],
+) -> io::Result<Vec<u8>> {
+    let refuse = |what: &str| Err(io::Error::new(io::ErrorKind::InvalidInput, what.to_string()));
+    let names = || channels.iter().copied().chain(custom.iter().map(|(name, _)| *name));
+    if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
+        return refuse("an image side must have 1 to 65535 pixels");
+    }
+    if channels.is_empty() || channels.windows(2).any(|pair| pair[0] == pair[1]) {
+        return refuse("channels must have names of their own");
+    }
+    if names().any(|name| name.is_empty() || name.len() > LONGEST_NAME || name.contains('\0')) {
+        return refuse("a channel or attribute name is empty or too long");
+    }
+    let long_names = if names().any(|name| name.len() > 31) { 0x400_u32 } else { 0 };
+    let mut out = vec![0x76, 0x2f, 0x31, 0x01];
+    out.extend((2 | long_names).to_le_bytes());
+
+    let mut list = Vec::new();
+    for name in channels {
+        list.extend(name.bytes().chain([0]));
+        // Type, not perceptually linear, reserved, sampling 1 x 1.
+        let kind = if precision == Precision::Half { 1_u32 } else { 2 };
+        for word in [kind, 0, 1, 1] {
+            list.extend(word.to_le_bytes());
+        }
+    }
+    list.push(0);
+    let window: Vec<u8> =
+        [0, 0, width as u32 - 1, height as u32 - 1].iter().flat_map(|side| side.to_le_bytes()).collect();
+    put(&mut out, "channels", "chlist", &list);
+    put(&mut out, "compression", "compression", &[0]);
+    put(&mut out, "dataWindow", "box2i", &window);
+    put(&mut out, "displayWindow", "box2i", &window);
+    put(&mut out, "lineOrder", "lineOrder", &[0]);
+    put(&mut out, "pixelAspectRatio", "float", &1.0_f32.to_le_bytes());
+    put(&mut out, "screenWindowCenter", "v2f", &[0; 8]);
+    put(&mut out, "screenWindowWidth", "float", &1.0_f32.to_le_bytes());
+    for (name, value) in custom {
+        match value {
+            Attribute::Number(number) => put(&mut out, name, "double", &number.to_le_bytes()),
+            Attribute::Text(text) => put(&mut out, name, "string", text.as_bytes()),
+        }
+    }
+    out.push(0);
+    Ok(out)
+}
+
+fn put(out: &mut Vec<u8>, name: &str, kind: &str, value: &[u8]) {
+    out.extend(name.bytes().chain([0]).chain(kind.bytes()).chain([0]));
+    out.extend((value.len() as u32).to_le_bytes());
+    out.extend(value);
+}
+
+/// Writes an 8-bit PNG of 1 (grey) or 3 (RGB) interleaved channels, `width · height · channels` samples.
+///
+/// # Errors
+/// `Error::Output` when the system refuses, or the samples do not fit the size.
+pub fn write_png8(path: &Path, width: usize, height: usize, channels: usize, samples: &[u8]) -> Result<()> {
+    let color = if channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
+    write_png(path, [width, height], samples, color)
+}
+
+/// Writes a 16-bit grey PNG of `width · height` samples, which appears whole or not at all.
+///
+/// # Errors
+/// `Error::Output` when the system refuses, or the samples do not fit the size.
+pub fn write_png16_gray(path: &Path, width: usize, height: usize, samples: &[u16]) -> Result<()> {
+    let encoded = encode_png16_gray(width, height, samples).map_err(|error| Error::output(path, error))?;
+    write_whole(path, &encoded)
+}
+
+/// A 16-bit grey PNG of `width · height` samples, in memory; the same samples always give the same bytes.
+///
+/// # Errors
+/// `InvalidInput` when the samples do not fit the size.
+pub fn encode_png16_gray(width: usize, height: usize, samples: &[u16]) -> io::Result<Vec<u8>> {
+    let bytes: Vec<u8> = samples.iter().flat_map(|sample| sample.to_ne_bytes()).collect();
+    encode_png([width, height], &bytes, ExtendedColorType::L16)
+}
+
+/// An 8-bit PNG of 1 (grey) or 3 (RGB) interleaved channels, in memory.
+///
+/// # Errors
+/// `InvalidInput` when the samples do not fit the size.
+pub fn encode_png8(width: usize, height: usize, channels: usize, samples: &[u8]) -> io::Result<Vec<u8>> {
+    let color = if channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
+    encode_png([width, height], samples, color)
+}
+
+/// Encodes in memory first, so that a failing write keeps the system's own error (the encoder turns it into text).
+fn write_png(path: &Path, size: [usize; 2], bytes: &[u8], color: ExtendedColorType) -> Result<()> {
+    let encoded = encode_png(size, bytes, color).map_err(|error| Error::output(path, error))?;
+    std::fs::write(path, encoded).map_err(|error| Error::output(path, error))
+}
+
+fn encode_png(size: [usize; 2], bytes: &[u8], color: ExtendedColorType) -> io::Result<Vec<u8>> {
+    let pixels = size[0].checked_mul(size[1]).filter(|_| size[0].min(size[1]) > 0 && size[0].max(size[1]) <= MAX_SIDE);
+    if pixels.map(|n| n * usize::from(color.bits_per_pixel()) / 8) != Some(bytes.len()) {
+        let words = format!("{} bytes for a picture of {} x {} pixels", bytes.len(), size[0], size[1]);
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, words));
+    }
+    let mut encoded = Vec::new();
+    PngEncoder::new_with_quality(&mut encoded, CompressionType::Fast, FilterType::Up)
+        .write_image(bytes, size[0] as u32, size[1] as u32, color)
+        .map_err(io::Error::other)?;
+    Ok(encoded)
+}

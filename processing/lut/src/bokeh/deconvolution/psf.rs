@@ -1,0 +1,137 @@
+//! Point spread functions.
+
+use nacre_base::{Error, Result};
+use nacre_image::Raster;
+
+/// Largest standard deviation of a Gaussian, in pixels.
+pub const MAX_SIGMA: f64 = 200.0;
+
+/// Longest side of a point spread function that is given as an image, in pixels.
+pub const MAX_PSF_SIDE: usize = 1023;
+
+/// A Gaussian reaches so many standard deviations to each side; 6e-5 of it lies beyond.
+const REACH: f64 = 4.0;
+
+/// What the lens makes of a point; its sum is 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Psf(pub(super) Shape);
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Shape {
+    /// The same along rows and columns, and symmetric: its middle and one side.
+    Separable(Vec<f32>),
+    /// Any: odd width and height, values row by row.
+    Any { width: usize, height: usize, values: Vec<f32> },
+}
+
+impl Psf {
+    /// A Gaussian of this standard deviation in pixels, cut off at four of them.
+    ///
+    /// # Errors
+    /// `Input` unless it is above 0 and at most [`MAX_SIGMA`].
+    pub fn gaussian(sigma: f64) -> Result<Self> {
+        Self::gaussian_within(sigma, (REACH * sigma).ceil().max(1.0) as usize)
+    }
+
+    /// A Gaussian that is cut off at `radius` pixels from its middle.
+    ///
+    /// # Errors
+    /// As [`Self::gaussian`]; for a radius above 1000.
+    pub fn gaussian_within(sigma: f64, radius: usize) -> Result<Self> {
+        if !(sigma > 0.0 && sigma <= MAX_SIGMA) {
+            let problem = format!("is {sigma} pixels; expected above 0, at most {MAX_SIGMA}");
+            return Err(Error::input(
+                "PSF sigma",
+                problem,
+                "measure the width of an edge or a speck of dust in the photograph",
+            ));
+        }
+        if radius > 1000 {
+            return Err(Error::input(
+                "PSF radius",
+                format!("is {radius} pixels; expected at most 1000"),
+                "give a smaller one",
+            ));
+        }
+        let half: Vec<f64> = (0..=radius).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+        let sum = half[0] + 2.0 * half[1..].iter().sum::<f64>();
+        Ok(Self(Shape::Separable(half.into_iter().map(|v| (v / sum) as f32).collect())))
+    }
+
+    /// From an image (its first channel) of odd width and height, whose middle pixel is where the point is.
+    ///
+    /// # Errors
+    /// `Input` for other sizes, for values that are negative or not finite, and where all are 0.
+    pub fn image(raster: &Raster) -> Result<Self> {
+        use nacre_image::Samples as S;
+        let (width, height, n) = (raster.width, raster.height, raster.channels);
+        let bad = |problem: String, remedy: &str| Err(Error::input("PSF image", problem, remedy));
+        if width % 2 == 0 || height % 2 == 0 {
+            let problem = format!("is {width} x {height} pixels, which has no middle pixel");
+            return bad(problem, "crop it to odd width and height with the point in the middle");
+        }
+        if width.max(height) > MAX_PSF_SIDE {
+            return bad(format!("is {width} x {height} pixels, at most {MAX_PSF_SIDE} are taken"), "crop it");
+        }
+        let values: Vec<f64> = match &raster.samples {
+            S::U8(v) => v.iter().step_by(n).map(|v| f64::from(*v)).collect(),
+            S::U16(v) => v.iter().step_by(n).map(|v| f64::from(*v)).collect(),
+            S::F32(v) => v.iter().step_by(n).map(|v| f64::from(*v)).collect(),
+        };
+        if values.iter().any(|v| !(0.0..f64::from(f32::MAX)).contains(v)) {
+            return bad(
+                "has values that are negative or not finite".into(),
+                "subtract its background and clip it at 0",
+            );
+        }
+        let sum: f64 = values.iter().sum();
+        if sum <= 0.0 {
+            return bad("is black".into(), "give a photograph of a point");
+        }
+        let values = values.into_iter().map(|v| (v / sum) as f32).collect();
+        Ok(Self(Shape::Any { width, height, values }))
+    }
+
+    /// Pixels that it reaches to the side and upwards from its middle.
+    pub fn reach(&self) -> [usize; 2] {
+        match &self.0 {
+            Shape::Separable(half) => [half.len() - 1; 2],
+            Shape::Any { width, height, .. } => [width / 2, height / 2],
+        }
+    }
+
+    /// Squared magnitude of its transfer at `n · n` frequencies that stand for all, each as often as the others.
+    pub(super) fn power(&self, n: usize) -> Vec<f64> {
+        // Middles of the cells of the half plane fx > 0; the other half is the same.
+        let at = |k: usize, of: f64| std::f64::consts::PI * ((k as f64 + 0.5) / n as f64 * of - (of - 1.0));
+        match &self.0 {
+            Shape::Separable(half) => {
+                let one = |k: usize| {
+                    let side =
+                        half.iter().enumerate().skip(1).map(|(j, v)| f64::from(*v) * (j as f64 * at(k, 1.0)).cos());
+                    (f64::from(half[0]) + 2.0 * side.sum::<f64>()).powi(2)
+                };
+                let line: Vec<f64> = (0..n).map(one).collect();
+                line.iter().flat_map(|a| line.iter().map(move |b| a * b)).collect()
+            }
+            Shape::Any { width, height, values } => {
+                let middle = [(width / 2) as f64, (height / 2) as f64];
+                // What is faint changes nothing.
+                let least = 1e-6 * values.iter().copied().fold(0.0, f32::max);
+                let cell = |i: usize| {
+                    let (fx, fy) = (at(i % n, 1.0), at(i / n, 2.0));
+                    let (mut re, mut im) = (0.0, 0.0);
+                    for (j, v) in values.iter().enumerate().filter(|(_, v)| **v > least) {
+                        let (x, y) = ((j % width) as f64 - middle[0], (j / width) as f64 - middle[1]);
+                        let (sin, cos) = (fx * x + fy * y).sin_cos();
+                        re += f64::from(*v) * cos;
+                        im += f64::from(*v) * sin;
+                    }
+                    re * re + im * im
+                };
+                use rayon::prelude::*;
+                (0..n * n).into_par_iter().map(cell).collect()
+            }
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! Light as height: dark is deep (2017 paper, section 5), by a straight line that a known grating tells (its Eq. 27).
+
+use super::period::Lines;
+use nacre_base::text::read_text;
+use nacre_base::{Error, Result};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Shares of the pixels that are lower than height 0 and than height 1 where nothing is calibrated.
+const ENDS: [f64; 2] = [0.001, 0.999];
+
+/// Largest calibration that is read.
+const MAX_BYTES: u64 = 1 << 16;
+
+/// Phases, and shares of the period that are high, that are tried for a known grating.
+const PHASES: usize = 360;
+const DUTIES: usize = 25;
+
+/// A straight line from light to height: `height = gain_um · (light / mean light - offset)`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// Height in µm per mean light of the photograph, above 0: dark is deep.
+    pub gain_um: f64,
+    /// Light, relative to the photograph's mean, of height 0.
+    pub offset: f64,
+    /// Root mean square in µm of what the known grating's profile is off by.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rmse_um: Option<f64>,
+    /// The known grating it comes from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grating: Option<KnownGrating>,
+}
+
+/// Shape of a known grating.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Shape {
+    /// A sinusoid.
+    Sinusoid,
+    /// Up at once and down evenly, or the other way round.
+    Blazed,
+    /// High over a share of the period that is found, low over the rest.
+    Rectangular,
+}
+
+/// A grating whose profile is known.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct KnownGrating {
+    /// Its shape.
+    pub shape: Shape,
+    /// From its lowest to its highest point, in µm.
+    pub depth_um: f64,
+}
+
+impl Calibration {
+    /// Reads a calibration (JSON, or TOML where the name ends in `.toml`).
+    ///
+    /// # Errors
+    /// `Input` for a file that cannot be read or makes no sense.
+    pub fn read(path: &Path) -> Result<Self> {
+        let remedy = "give the calibration.json of an earlier run with --known-shape and --known-depth-um";
+        let bad = |problem: String| Error::file(path, problem, remedy);
+        let text = read_text(path, MAX_BYTES, remedy)?;
+        let this: Self = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+            toml::from_str(&text).map_err(|e| bad(e.message().to_owned()))?
+        } else {
+            serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?
+        };
+        if !(this.gain_um > 0.0 && this.gain_um < 1e6 && this.offset.is_finite()) {
+            let (gain, offset) = (this.gain_um, this.offset);
+            return Err(bad(format!(
+                "has gain_um {gain} and offset {offset}; expected a gain above 0, since dark is deep"
+            )));
+        }
+        Ok(this)
+    }
+
+    /// The straight line that takes a slice, relative to the photograph's mean light, closest to a known profile (2017 paper, Eq. 27), over
+    /// all phases and, where the shape leaves them open, directions and shares.
+    ///
+    /// # Errors
+    /// `Input` for a depth that makes no sense, and where light does not follow the profile.
+    pub(super) fn of_known(values: &[f64], lines: &Lines, grating: KnownGrating) -> Result<Self> {
+        let bad = |problem: &str, remedy: &str| Error::input("known grating", problem, remedy);
+        if !(grating.depth_um > 0.0 && grating.depth_um <= 1000.0) {
+            return Err(bad(
+                &format!("has a depth of {} µm; expected above 0, at most 1000", grating.depth_um),
+                "correct it",
+            ));
+        }
+        let best = grating.profiles().into_iter().filter_map(|profile| closest(values, lines.period_px[0], &profile));
+        let best = best.min_by(|a, b| a[2].total_cmp(&b[2]));
+        let [gain_um, offset, rmse] =
+            best.ok_or_else(|| bad("does not show in the slice", "check the slice and the shape"))?;
+        Ok(Self { gain_um, offset, rmse_um: Some(rmse), grating: Some(grating) })
+    }
+
+    /// Height in µm of light relative to the mean.
+    pub(super) fn height(&self, relative: f64) -> f64 {
+        self.gain_um * (relative - self.offset)
+    }
+}
+
+impl KnownGrating {
+    /// Heights in µm over one period, for every direction and share.
+    fn profiles(&self) -> Vec<Vec<f64>> {
+        let depth = self.depth_um;
+        let over = |of: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            (0..PHASES).map(|k| depth * of((k as f64 + 0.5) / PHASES as f64)).collect()
+        };
+        match self.shape {
+            Shape::Sinusoid => vec![over(&|t| 0.5 + 0.5 * (std::f64::consts::TAU * t).cos())],
+            Shape::Blazed => vec![over(&|t| t), over(&|t| 1.0 - t)],
+            Shape::Rectangular => {
+                let share = |k: usize| 0.2 + 0.6 * k as f64 / (DUTIES - 1) as f64;
+                (0..DUTIES).map(|k| over(&|t| f64::from(u8::from(t < share(k))))).collect()
+            }
+        }
+    }
+}
+
+/// Gain, offset and root mean square error of the phase that fits best with a gain above 0.
+fn closest(values: &[f64], period: f64, profile: &[f64]) -> Option<[f64; 3]> {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let square: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    let at = |phase: usize| {
+        let height = |i: usize| {
+            let place = (i as f64 / period).fract() * PHASES as f64;
+            profile[(place as usize + phase) % PHASES]
+        };
+        let heights: Vec<f64> = (0..values.len()).map(height).collect();
+        let high = heights.iter().sum::<f64>() / n;
+        let across: f64 = heights.iter().zip(values).map(|(h, v)| (h - high) * (v - mean)).sum();
+        let all: f64 = heights.iter().map(|h| (h - high).powi(2)).sum();
+        let gain = across / square;
+        (gain > 0.0).then(|| [gain, mean - high / gain, ((all - gain * across).max(0.0) / n).sqrt()])
+    };
+    (0..PHASES).filter_map(at).min_by(|a, b| a[2].total_cmp(&b[2]))
+}
+
+/// Light of relative heights 0 and 1.
+pub(super) fn ends(light: &[f32]) -> [f64; 2] {
+    let step = (light.len() >> 20).max(1);
+    let mut known: Vec<f32> = light.iter().step_by(step).copied().filter(|v| v.is_finite()).collect();
+    known.sort_by(f32::total_cmp);
+    ENDS.map(|share| {
+        known.get((share * known.len().saturating_sub(1) as f64).round() as usize).map_or(f64::NAN, |v| f64::from(*v))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::period::lines;
+    use super::*;
+
+    #[test]
+    fn a_known_grating_tells_gain_and_offset() {
+        for shape in [Shape::Sinusoid, Shape::Blazed, Shape::Rectangular] {
+            let grating = KnownGrating { shape, depth_um: 0.4 };
+            let profile = grating.profiles().pop().unwrap();
+            // height = 0.5 · (light - 0.7)
+            let light = |i: usize| {
+                let place = (i as f64 / 23.7 + 0.31).fract() * PHASES as f64;
+                profile[place as usize % PHASES] / 0.5 + 0.7
+            };
+            let values: Vec<f64> = (0..500).map(light).collect();
+            let found = Calibration::of_known(&values, &lines(&values).unwrap(), grating).unwrap();
+            assert!((found.gain_um / 0.5 - 1.0).abs() < 0.02 && (found.offset - 0.7).abs() < 0.02, "{found:?}");
+            // One sample of 500 may lie on the other side of a steep edge.
+            let most = if shape == Shape::Sinusoid { 0.01 } else { (1.01_f64 / 500.0).sqrt() };
+            assert!(found.rmse_um.unwrap() < most * 0.4, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn calibrations_are_read_and_checked() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            std::fs::write(dir.path().join(name), text).unwrap();
+            Calibration::read(&dir.path().join(name))
+        };
+        assert_eq!(file("a.json", "{\"gain_um\":0.5,\"offset\":0.2}").unwrap().height(1.2), 0.5);
+        assert_eq!(file("a.toml", "gain_um = 0.5\noffset = 0.2").unwrap().gain_um, 0.5);
+        for text in ["", "{}", "{\"gain_um\":-1,\"offset\":0}", "{\"gain_um\":1,\"offset\":0,\"more\":1}"] {
+            assert!(file("b.json", text).is_err());
+        }
+        assert!(Calibration::read(dir.path()).is_err());
+    }
+}

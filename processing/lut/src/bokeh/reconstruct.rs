@@ -1,0 +1,342 @@
+//! The whole job: a bokeh photograph to a height map, a slice, slits and a report in a new folder.
+
+use super::deconvolution::{Deconvolved, Image, Iterations, Method, Noise, Psf, deconvolve};
+use super::grain;
+use super::height::{Calibration, KnownGrating};
+use super::lens::{Cutoff, Lens};
+use super::outcome::Outcome;
+use super::output;
+use super::period::{Lines, lines};
+use super::photograph::{Crop, Light, Photograph, photograph};
+use super::report::{NoiseReport, Report, Scale, Seconds};
+use super::slice::{Line, slice};
+use super::slits::slits;
+use super::turn::Map;
+use nacre_base::progress::Progress;
+use nacre_base::{Error, Result};
+use nacre_frames::NoiseModel;
+use nacre_frames::Transfer;
+use nacre_frames::hdr::Source;
+use nacre_image::{OutputFolder, read};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Pixels across that a slice is the mean of, unless asked for.
+pub const SLICE_WIDTH: usize = 15;
+
+/// Wavelength of blue light, unless said, in nm.
+const BLUE_NM: f64 = 450.0;
+
+/// The point spread function.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PsfChoice {
+    /// A Gaussian of this standard deviation in pixels.
+    Sigma(f64),
+    /// An image of a point.
+    Image(PathBuf),
+}
+
+/// What is known of a pixel's size on the sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum KnownScale {
+    /// Nothing.
+    #[default]
+    Unknown,
+    /// The size itself, in µm.
+    Pixel(f64),
+    /// Lines of the grating are known.
+    Lines {
+        /// Lines per mm.
+        per_mm: f64,
+        /// How many the slice crosses; counted where it is not said.
+        #[serde(default)]
+        count: Option<f64>,
+    },
+}
+
+/// What the user may choose. Only the point spread function must be said.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Options {
+    /// What the lens makes of a point.
+    pub psf: PsfChoice,
+    /// Which light of a colour photograph is taken.
+    #[serde(default)]
+    pub light: Light,
+    /// How values grow with light; sRGB for JPEG and linear for everything else where it is not said.
+    #[serde(default)]
+    pub transfer: Option<Transfer>,
+    /// Part of the photograph; all of it otherwise.
+    #[serde(default)]
+    pub crop: Option<Crop>,
+    /// By how much the result is turned, anticlockwise, in degrees.
+    #[serde(default)]
+    pub rotate_deg: f64,
+    /// How many iterations.
+    #[serde(default)]
+    pub iterations: Iterations,
+    /// Noise of the camera; estimated from the photograph otherwise.
+    #[serde(default)]
+    pub noise: Option<NoiseModel>,
+    /// Fewer iterations by extrapolation.
+    #[serde(default = "yes")]
+    pub accelerate: bool,
+    /// From light to height.
+    #[serde(default)]
+    pub calibration: Option<Calibration>,
+    /// The grating in the photograph, where the calibration is to be made from it.
+    #[serde(default)]
+    pub known: Option<KnownGrating>,
+    /// Size of a pixel.
+    #[serde(default)]
+    pub scale: KnownScale,
+    /// The lens, which says what it lets through.
+    #[serde(default)]
+    pub lens: Option<Lens>,
+    /// Wavelength of the light in nm.
+    #[serde(default = "blue_nm")]
+    pub wavelength_nm: f64,
+    /// Across the lines; across the middle of the result where it is not said.
+    #[serde(default)]
+    pub slice: Option<Line>,
+    /// Pixels across that it is the mean of.
+    #[serde(default = "slice_width")]
+    pub slice_width: usize,
+    /// Replace results that are already there.
+    #[serde(skip)]
+    pub overwrite: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn blue_nm() -> f64 {
+    BLUE_NM
+}
+
+fn slice_width() -> usize {
+    SLICE_WIDTH
+}
+
+impl Options {
+    /// Everything else as the program does it by itself.
+    pub fn new(psf: PsfChoice) -> Self {
+        Self {
+            psf,
+            light: Light::default(),
+            transfer: None,
+            crop: None,
+            rotate_deg: 0.0,
+            iterations: Iterations::default(),
+            noise: None,
+            accelerate: true,
+            calibration: None,
+            known: None,
+            scale: KnownScale::Unknown,
+            lens: None,
+            wavelength_nm: BLUE_NM,
+            slice: None,
+            slice_width: SLICE_WIDTH,
+            overwrite: false,
+        }
+    }
+
+    /// Refuses what makes no sense before anything is read; what the lens lets through.
+    ///
+    /// # Errors
+    /// `Input`, which names the option.
+    pub fn check(&self) -> Result<Option<Cutoff>> {
+        let bad = |name: &str, value: f64, wanted: &str| {
+            Err(Error::input(name, format!("is {value}; expected {wanted}"), "correct it"))
+        };
+        if !(-3600.0..=3600.0).contains(&self.rotate_deg) {
+            return bad("--rotate", self.rotate_deg, "-3600 to 3600 degrees");
+        }
+        if !(1..=10_000).contains(&self.slice_width) {
+            return bad("--slice-width", self.slice_width as f64, "1 to 10000 pixels");
+        }
+        if let Some(noise) = self.noise
+            && !(noise.full_scale_e > 0.0 && noise.full_scale_e < 1e12 && (0.0..1e9).contains(&noise.read_noise_e))
+        {
+            return bad(
+                "--noise",
+                noise.full_scale_e,
+                "electrons at white above 0, and read noise of at least 0 electrons",
+            );
+        }
+        if let PsfChoice::Sigma(sigma) = self.psf {
+            Psf::gaussian(sigma)?;
+        }
+        self.transfer.map_or(Ok(()), Transfer::check_known)?;
+        let cutoff = self.lens.map(|lens| lens.cutoff(self.wavelength_nm)).transpose()?;
+        match self.scale {
+            KnownScale::Pixel(um) if !(um > 0.0 && um < 1e6) => return bad("--pixel-um", um, "above 0"),
+            KnownScale::Lines { per_mm, count } => {
+                if !(per_mm > 0.0 && per_mm < 1e5) {
+                    return bad("--lines-per-mm", per_mm, "above 0");
+                }
+                if let Some(n) = count.filter(|n| !(*n >= 1.0 && *n < 1e6)) {
+                    return bad("--lines", n, "at least 1");
+                }
+                cutoff.map_or(Ok(()), |c| c.check(1000.0 / per_mm, "--lines-per-mm"))?;
+            }
+            _ => {}
+        }
+        Ok(cutoff)
+    }
+
+    fn transfer_of(&self, path: &Path) -> Transfer {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let jpeg = extension.is_some_and(|e| e == "jpg" || e == "jpeg");
+        self.transfer.unwrap_or(if jpeg { Transfer::Srgb } else { Transfer::Linear })
+    }
+
+    fn psf(&self) -> Result<(Psf, String)> {
+        match &self.psf {
+            PsfChoice::Sigma(sigma) => Ok((Psf::gaussian(*sigma)?, format!("Gaussian, σ {sigma} px"))),
+            PsfChoice::Image(path) => Ok((Psf::image(&read(path)?)?, path.display().to_string())),
+        }
+    }
+
+    /// The noise and whether it was given.
+    fn noise(&self, photograph: &Photograph) -> Option<(Noise, bool)> {
+        match self.noise {
+            Some(model) => {
+                let floor = (model.read_noise_e / model.full_scale_e).powi(2) + photograph.step.powi(2) / 12.0;
+                Some((Noise { shot: 1.0 / model.full_scale_e, floor }, true))
+            }
+            None => grain::noise(&photograph.light, photograph.width, photograph.height, photograph.step)
+                .map(|noise| (noise, false)),
+        }
+    }
+}
+
+/// Deconvolves the photograph `input` is or holds (exposures are merged first) and writes what it shows into the new folder `out`.
+///
+/// The photograph is deconvolved as it was taken and turned afterwards, since turning first would mix the noise of neighbours.
+/// Memory: nine floats per pixel.
+///
+/// # Errors
+/// `Input` for anything about the photograph and the options, before anything is written, and where the lens cannot have shown the
+/// period that is found; `Output` when writing fails, after which nothing is left behind; `Cancelled`.
+pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
+    let begun = Instant::now();
+    let cutoff = options.check()?;
+    let (psf, psf_name) = options.psf()?;
+    let folder = OutputFolder::begin(out, options.overwrite)?;
+    progress.stage("reading", 1);
+    let source = Source::find(input, progress)?;
+    if source.merged.is_some() && options.noise.is_some() {
+        let remedy = "leave it out: it is estimated from the photograph";
+        return Err(Error::input("--noise", "is that of one photograph, not of merged exposures", remedy));
+    }
+    let photograph = photograph(&source.path, options.light, options.transfer_of(&source.path), options.crop)?;
+    let read_s = begun.elapsed().as_secs_f64();
+    let noise = options.noise(&photograph);
+    if noise.is_none() && matches!(options.iterations, Iterations::Auto(_)) {
+        let problem = "is too small, or too little of it is known, to tell its noise";
+        return Err(Error::file(input, problem, "give --noise, or a number of --iterations"));
+    }
+    let image = Image { width: photograph.width, height: photograph.height, light: &photograph.light };
+    let method = Method { accelerate: options.accelerate, ..Method::default() };
+    let sharp = deconvolve(&image, &psf, noise.map(|n| n.0), &method, options.iterations, progress)?;
+    let deconvolve_s = begun.elapsed().as_secs_f64() - read_s;
+    progress.stage("measuring", 1);
+    let outcome = measured(&photograph, sharp, cutoff, options)?;
+    let noise = noise.map(|(noise, given)| NoiseReport::new(noise, given));
+    let mut report = outcome.report(input, options, psf_name, noise);
+    report.merged = source.merged;
+    let told = report.merged.iter().flat_map(|m| m.warnings.clone());
+    report.warnings = told.chain(std::mem::take(&mut report.warnings)).collect();
+    output::write(&folder, &outcome)?;
+    progress.check()?;
+    report.seconds = Seconds { read: read_s, deconvolve: deconvolve_s, total: begun.elapsed().as_secs_f64() };
+    folder.write_json("report.json", &report)?;
+    folder.commit()?;
+    progress.step();
+    Ok(report)
+}
+
+/// What the deconvolved photograph shows.
+fn measured(photograph: &Photograph, sharp: Deconvolved, cutoff: Option<Cutoff>, options: &Options) -> Result<Outcome> {
+    let unknown = photograph.light.iter().filter(|v| !v.is_finite()).count();
+    let n = sharp.light.len();
+    let mean = sharp.light.iter().map(|v| f64::from(*v)).sum::<f64>() / n as f64;
+    let map = Map { width: photograph.width, height: photograph.height, values: sharp.light.clone() };
+    let mut map = map.turned(options.rotate_deg);
+    // Between pixels the interpolation may swing below the least there is.
+    map.values.iter_mut().for_each(|v| *v = if v.is_nan() { *v } else { v.max(0.0) });
+    let slice = match options.slice {
+        Some(line) => Some(slice(&map, line, options.slice_width)?),
+        // What nobody asked for may be too small for one.
+        None => slice(&map, Line::middle(&map), options.slice_width).ok(),
+    };
+    let values = slice.as_ref().map(|s| s.bridged());
+    let lines = values.as_ref().and_then(|v| lines(v));
+    // Slits in the photograph itself, as soft as it shows them: deconvolution makes bright ones narrower.
+    let soft = Map { width: photograph.width, height: photograph.height, values: photograph.light.clone() }
+        .turned(options.rotate_deg);
+    let soft = slice.as_ref().and_then(|s| super::slice::slice(&soft, s.line, options.slice_width).ok());
+    let slits = soft.zip(lines).and_then(|(soft, lines)| slits(&soft.bridged(), &lines));
+    // Across the lines, which the slice may not be.
+    let across = slice.as_ref().map_or(1.0, |s| s.tilt_deg.to_radians().cos());
+    let scale = scale(options, lines, slice.as_ref().map(|s| s.light.len()), across)?;
+    if let (Some(cutoff), Some(um), Some(lines)) = (cutoff, scale.pixel_um, lines) {
+        cutoff.check(um * across * lines.period_px[0], "period along the slice")?;
+    }
+    let calibration = match (options.known, &values, lines) {
+        (Some(known), Some(values), Some(lines)) => {
+            let relative: Vec<f64> = values.iter().map(|v| v / mean).collect();
+            Some(Calibration::of_known(&relative, &lines, known)?)
+        }
+        (Some(_), ..) => {
+            let remedy = "give a --slice across its lines";
+            return Err(Error::input("known grating", "does not show: no lines are found along the slice", remedy));
+        }
+        (None, ..) => options.calibration.clone(),
+    };
+    Ok(Outcome { map, sharp, mean, unknown, slice, lines, slits, across, scale, cutoff, calibration })
+}
+
+/// Size of a pixel, as far as it is known.
+fn scale(options: &Options, lines: Option<Lines>, samples: Option<usize>, across: f64) -> Result<Scale> {
+    let (per_mm, count) = match options.scale {
+        KnownScale::Unknown => return Ok(Scale { pixel_um: None, sigma_um: None, source: "unknown" }),
+        KnownScale::Pixel(um) => return Ok(Scale { pixel_um: Some(um), sigma_um: None, source: "given" }),
+        KnownScale::Lines { per_mm, count } => (per_mm, count),
+    };
+    let counted = lines.map(|l| l.period_px);
+    let told = count.zip(samples).map(|(n, samples)| [samples as f64 / n, 0.0]);
+    let Some([period, sigma]) = told.or(counted) else {
+        let problem = "no lines are found along the slice that could be counted";
+        return Err(Error::input("--lines-per-mm", problem, "give a --slice across the lines, --lines, or --pixel-um"));
+    };
+    let pixel = 1000.0 / per_mm / (period * across);
+    let sigma_um = told.is_none().then_some(pixel * sigma / period);
+    Ok(Scale { pixel_um: Some(pixel), sigma_um, source: "counted lines" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_can_be_written_in_plans() {
+        let text = "psf = { sigma = 2.5 }\nscale = { lines = { per_mm = 50 } }\niterations = { count = 30 }\ncrop = [1, 2, 3, 4]";
+        let options: Options = toml::from_str(text).unwrap();
+        let lines = KnownScale::Lines { per_mm: 50.0, count: None };
+        let wanted = Options {
+            scale: lines,
+            iterations: Iterations::Count(30),
+            crop: Some(Crop([1, 2, 3, 4])),
+            ..Options::new(PsfChoice::Sigma(2.5))
+        };
+        assert_eq!(options, wanted);
+        assert!(toml::from_str::<Options>("rotate_deg = 90").is_err(), "the blur must be said");
+    }
+}

@@ -1,0 +1,374 @@
+//! The cheapest way to a table that is as exact as asked for.
+//!
+//! What interpolation between rays costs is tried out on the photograph itself, and what interpolation along rays costs on a few
+//! entries; the time is counted.
+
+use super::kernel::{Kernel, Weight};
+use super::rays::{Fineness, Layout};
+use super::table::{Grid, INNER_PX, Method, Source, angle};
+use nacre_image::catmull_rom;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// Distances of rays and samples that are considered, in quarters of a pixel, and every which sample becomes a row of the table.
+const QUARTERS: [usize; 6] = [8, 6, 4, 3, 2, 1];
+const EVERY: [usize; 3] = [4, 2, 1];
+
+/// Samples of single entries, in pixels of the photograph.
+const SINGLE_PX: f64 = 0.5;
+
+/// Nearer to the zero order than this part of the photograph's shorter side its light is no measure of the orders'.
+const INSIDE: f64 = 0.075;
+
+/// Squared light of less than this part of the whole is no light.
+const TRACES: f64 = 1e-8;
+
+/// Part of the wanted error that the prediction may use up: it is a sample.
+const MARGIN: f64 = 0.5;
+
+/// Most memory of an octave's entries, in bytes; they are there twice while they are put in order.
+const MEMORY: usize = 1 << 30;
+
+/// Nanoseconds of CPU time: a sample of the photograph, a weight of a sample for 16 rays, an entry from an octave. As the example
+/// `lookup_table` has them on one machine; they need only be right against each other.
+const SAMPLE_NS: f64 = 15.0;
+const WEIGHT_NS: f64 = 4.7;
+const ENTRY_NS: f64 = 45.0;
+
+/// What was chosen, and why.
+#[derive(Clone, Debug, Serialize)]
+pub struct Choice {
+    /// `rays`, `single` or `fixed`.
+    pub method: &'static str,
+    /// Distance of rays and of samples in pixels of the photograph, at the rim; none for `fixed`.
+    pub spacing_px: Option<f64>,
+    /// Distance of wavelengths in nm; for `fixed` only.
+    pub step_nm: Option<f64>,
+    /// Root mean square error at the rim, relative to the table's root mean square there, that this setting was expected to have.
+    pub predicted_error: Option<f64>,
+    /// CPU time that was expected, in s.
+    pub predicted_s: f64,
+    /// In words.
+    pub why: String,
+}
+
+/// Errors of interpolation that were tried out.
+pub(super) struct Trial {
+    /// Between rays, for each of [`QUARTERS`].
+    across: [f64; QUARTERS.len()],
+    /// Along a ray, at multiples of a quarter of a pixel.
+    along: Vec<(usize, f64)>,
+}
+
+impl Trial {
+    pub(super) fn new(source: &Source, kernel: &Kernel, grid: &Grid) -> Self {
+        let radius = (grid.extent / source.scale).max(2.0 * INNER_PX);
+        let rings = Rings::of(source);
+        Self { across: across(source, &rings), along: along(source, kernel, radius, &rings) }
+    }
+
+    fn error(&self, quarters: usize, every: usize) -> f64 {
+        let across = QUARTERS.iter().zip(self.across).find(|(q, _)| **q == quarters).map_or(1.0, |(_, e)| e);
+        let along = self.along.iter().find(|(q, _)| *q == quarters * every).map_or(1.0, |(_, e)| *e);
+        across.hypot(along)
+    }
+}
+
+/// Squares of the error of interpolating samples so far apart, and of their own.
+fn interpolation(fine: &[f32], every: usize) -> [f64; 2] {
+    let (mut square, mut all) = (0.0, 0.0);
+    for k in every..fine.len().saturating_sub(2 * every) {
+        let (left, share) = (k / every * every, (k % every) as f32 / every as f32);
+        let four = catmull_rom(share);
+        let found: f32 = (0..4).map(|j| four[j] * fine[left + j * every - every]).sum();
+        square += f64::from(found - fine[k]).powi(2);
+        all += f64::from(fine[k]).powi(2);
+    }
+    [square, all]
+}
+
+/// Root mean square of the error of interpolation, over the samples' own. Of all lines together: where there is little light there is
+/// mostly noise, which nobody can interpolate, and which no one will miss.
+fn together(lines: &[Vec<f32>], every: usize) -> f64 {
+    let add = |[a, b]: [f64; 2], line: &Vec<f32>| {
+        let [square, all] = interpolation(line, every);
+        [a + square, b + all]
+    };
+    let [square, all] = lines.iter().fold([0.0; 2], add);
+    if all > 0.0 { (square / all).sqrt() } else { 0.0 }
+}
+
+/// Squared light of the photograph in each of `bins`; `bin` takes the distance from the zero order in pixels, and the angle of the half
+/// vector there.
+fn squares(source: &Source, bins: usize, bin: impl Fn(f32, f32) -> Option<usize> + Sync) -> Vec<f64> {
+    const ROWS: usize = 64;
+    let (plane, [x0, y0]) = (source.plane, source.center.map(|c| c as f32));
+    let strip = |strip: usize| {
+        let mut sums = vec![0.0; bins];
+        for y in strip * ROWS..((strip + 1) * ROWS).min(plane.height) {
+            for x in 0..plane.width {
+                let light = f64::from(plane.coefficient(x, y));
+                let (u, v) = (x0 - x as f32, y as f32 - y0);
+                if light != 0.0
+                    && let Some(k) = bin((u * u + v * v).sqrt(), angle(u, v))
+                {
+                    sums[k.min(bins - 1)] += light * light;
+                }
+            }
+        }
+        sums
+    };
+    // In order, so that sums are the same every time.
+    let strips: Vec<Vec<f64>> = (0..plane.height.div_ceil(ROWS)).into_par_iter().map(strip).collect();
+    let mut all = vec![0.0; bins];
+    strips.iter().for_each(|strip| all.iter_mut().zip(strip).for_each(|(sum, s)| *sum += s));
+    all
+}
+
+/// Squared light of the photograph in rings of one pixel around the zero order's surroundings.
+struct Rings(Vec<f64>);
+
+impl Rings {
+    fn of(source: &Source) -> Self {
+        let (plane, [x, y]) = (source.plane, source.center);
+        let far = |c: f64, n: usize| c.abs().max((c - n as f64).abs());
+        let inside = (INSIDE * plane.width.min(plane.height) as f64) as f32;
+        let count = far(x, plane.width).hypot(far(y, plane.height)).ceil() as usize + 1;
+        Self(squares(source, count, |r, _| (r >= inside).then_some(r as usize)))
+    }
+
+    /// The rings between two radii in pixels, at least one.
+    fn between(&self, [inner, outer]: [f64; 2]) -> &[f64] {
+        let last = self.0.len() - 1;
+        let first = (inner as usize).min(last);
+        &self.0[first..=(outer as usize).clamp(first, last)]
+    }
+
+    /// Whether there is light between two radii, rather than traces that the interpolation leaves in a black background; also where
+    /// there is none anywhere.
+    fn lit(&self, radii: [f64; 2]) -> bool {
+        self.between(radii).iter().sum::<f64>() >= TRACES * self.0.iter().sum::<f64>()
+    }
+}
+
+/// The bins in the middle of `count` parts of equal sums; evenly placed ones where there is nothing.
+fn middles(sums: &[f64], count: usize) -> Vec<usize> {
+    let all: f64 = sums.iter().sum();
+    let part = |k: usize| (k as f64 + 0.5) / count as f64;
+    if all == 0.0 {
+        return (0..count).map(|k| (part(k) * sums.len() as f64) as usize).collect();
+    }
+    let mut sum = 0.0;
+    let reached: Vec<f64> = sums
+        .iter()
+        .map(|s| {
+            sum += s / all;
+            sum
+        })
+        .collect();
+    (0..count).map(|k| reached.partition_point(|r| *r < part(k)).min(sums.len() - 1)).collect()
+}
+
+/// Of the photograph on circles around the zero order, where its light lies: near the rim, or further in if it is black there.
+fn across(source: &Source, rings: &Rings) -> [f64; QUARTERS.len()] {
+    const CIRCLES: usize = 4;
+    let half = 0.5 * source.plane.width.min(source.plane.height) as f64;
+    let rim = [0.45 * half, 0.9 * half];
+    let radii = if rings.lit(rim) { rim } else { [0.0, 0.9 * half] };
+    let circle = |bin: usize| {
+        let radius = radii[0].floor() + bin as f64 + 0.5;
+        let count = ((TAU * radius * 4.0) as usize).clamp(64, 8192);
+        let at = |k: usize| {
+            let angle = 0.25 * k as f64 / radius;
+            let place = [source.center[0] + radius * angle.cos(), source.center[1] - radius * angle.sin()];
+            source.plane.at(place[0] as f32, place[1] as f32)[0]
+        };
+        (0..count).map(at).collect::<Vec<f32>>()
+    };
+    let circles: Vec<Vec<f32>> = middles(rings.between(radii), CIRCLES).into_iter().map(circle).collect();
+    QUARTERS.map(|q| together(&circles, q))
+}
+
+/// Of entries along a few rays where light lies that they add up: near the rim, or further in if it is black there.
+fn along(source: &Source, kernel: &Kernel, rim: f64, rings: &Rings) -> Vec<(usize, f64)> {
+    const RAYS: usize = 16;
+    const ENTRIES: usize = 100;
+    const INWARD: f64 = 0.9;
+    let [low, high] = kernel.range();
+    let first = |radius: f64| 0.9 * radius;
+    let seen = |radius: f64| [first(radius) * (-high).exp(), (first(radius) + 0.25 * ENTRIES as f64) * (-low).exp()];
+    let mut radii = std::iter::successors(Some(rim), |r| Some(INWARD * r)).take_while(|r| *r >= 2.0 * INNER_PX);
+    let radius = radii.find(|r| rings.lit(seen(*r))).unwrap_or(rim);
+    let (first, [near, far]) = (first(radius), seen(radius));
+    let taps = kernel.steps(SINGLE_PX / radius).taps();
+    let bins = (TAU * radius).ceil() as usize;
+    let light = squares(source, bins, |r, angle| {
+        (near..far).contains(&f64::from(r)).then(|| (f64::from(angle) / TAU * bins as f64) as usize)
+    });
+    let ray = |bin: usize| -> Vec<f32> {
+        let angle = TAU * (bin as f64 + 0.5) / bins as f64;
+        let at = |i: usize| {
+            let r = first + 0.25 * i as f64;
+            source.sum(&taps, (r * angle.cos()) as f32, (r * angle.sin()) as f32)[1]
+        };
+        (0..ENTRIES).map(at).collect()
+    };
+    let rays: Vec<Vec<f32>> = middles(&light, RAYS).into_iter().map(ray).collect();
+    let mut spacings: Vec<usize> = QUARTERS.iter().flat_map(|q| EVERY.map(|e| q * e)).collect();
+    spacings.sort_unstable();
+    spacings.dedup();
+    spacings.into_iter().map(|q| (q, together(&rays, q))).collect()
+}
+
+/// CPU time of a method in s, and whether memory is enough for it.
+fn cost(source: &Source, kernel: &Kernel, grid: &Grid, method: Method) -> (f64, bool) {
+    let corner = grid.extent / source.scale * 2.0_f64.sqrt();
+    let entries = (grid.size * grid.size) as f64;
+    let [low, high] = kernel.range();
+    let (mut ns, mut fits) = (0.0, true);
+    match method {
+        Method::Fixed { step_nm } => {
+            let span = kernel.wavelength_nm * (high.exp() - low.exp());
+            ns += entries * span / step_nm * SAMPLE_NS;
+        }
+        Method::Single { spacing_px } => {
+            // Entries are spread evenly: three quarters of them lie in the outermost octave.
+            let mut outer = corner;
+            while outer > INNER_PX {
+                ns += 0.75 * entries * (outer / corner).powi(2) * (high - low) * outer / spacing_px * SAMPLE_NS;
+                outer *= 0.5;
+            }
+        }
+        Method::Rays(mut fineness) => {
+            let mut outer = corner;
+            while outer > INNER_PX {
+                let layout = Layout::new(outer, kernel, fineness);
+                fineness = fineness.inward();
+                fits &= layout.bytes() <= MEMORY;
+                ns += (layout.rays * layout.samples) as f64 * SAMPLE_NS;
+                ns += (layout.rays / 16 * layout.rows * layout.taps) as f64 * WEIGHT_NS;
+                outer *= 0.5;
+            }
+            ns += entries * ENTRY_NS;
+        }
+    }
+    (ns * 1e-9, fits)
+}
+
+/// The cheapest method whose error is expected to stay below the wanted one.
+pub(super) fn choose(source: &Source, kernel: &Kernel, grid: &Grid, wanted: f64) -> (Method, Choice) {
+    let trial = Trial::new(source, kernel, grid);
+    let rays = QUARTERS.iter().flat_map(|q| EVERY.map(|every| (*q, every))).map(|(quarters, every)| {
+        let method = Method::Rays(Fineness { spacing_px: 0.25 * quarters as f64, every });
+        (method, trial.error(quarters, every))
+    });
+    // Single entries need no interpolation; theirs is what half a pixel leaves over between samples.
+    let single = (Method::Single { spacing_px: SINGLE_PX }, trial.error(1, 1));
+    let mut all: Vec<(Method, f64, f64)> = rays
+        .chain([single])
+        .filter_map(|(method, error)| {
+            let (seconds, fits) = cost(source, kernel, grid, method);
+            fits.then_some((method, error, seconds))
+        })
+        .collect();
+    all.sort_by(|a, b| a.2.total_cmp(&b.2));
+    let meets = all.iter().find(|(_, error, _)| *error <= MARGIN * wanted);
+    let finest = || all.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    // Single entries always fit into memory, so there is one.
+    let (method, error, seconds) = meets.or_else(finest).copied().unwrap_or((single.0, single.1, 0.0));
+    let limit = 100.0 * MARGIN * wanted;
+    let why = if meets.is_some() {
+        format!("the cheapest that, tried out on the photograph, is off by less than {limit:.3} %")
+    } else {
+        format!("the finest there is; the photograph is too sharp, or too noisy, for {limit:.3} %")
+    };
+    (method, describe(method, Some(error), seconds, why))
+}
+
+/// A method that was asked for.
+pub(super) fn given(source: &Source, kernel: &Kernel, grid: &Grid, method: Method) -> Choice {
+    describe(method, None, cost(source, kernel, grid, method).0, "asked for".into())
+}
+
+fn describe(method: Method, predicted_error: Option<f64>, predicted_s: f64, why: String) -> Choice {
+    let (method, spacing_px, step_nm) = match method {
+        Method::Rays(fineness) => ("rays", Some(fineness.spacing_px), None),
+        Method::Single { spacing_px } => ("single", Some(spacing_px), None),
+        Method::Fixed { step_nm } => ("fixed", None, Some(step_nm)),
+    };
+    Choice { method, spacing_px, step_nm, predicted_error, predicted_s, why }
+}
+
+/// Entries of the rim, and of all, that a table is checked on.
+const CHECKED: usize = 256;
+
+/// Distance of samples of the check, in pixels.
+const CHECK_PX: f64 = 0.25;
+
+/// Mean squared light of the checked entries over that of the rim, below which they have missed its light.
+const MISSED: f64 = 1e-4;
+
+/// Root mean square of what some entries are off from a finer sum, over their own: of the rim or of all, whichever is worse; and the same
+/// of the rim for a zero order that lies elsewhere. None where there is no light.
+pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight], moved: f64) -> [Option<f64>; 2] {
+    let (size, half) = (grid.size, grid.size / 2);
+    let rim = (0.6 * half as f64) as usize;
+    // Places by the golden ratio's multiples fill rim and table evenly.
+    let part = |k: usize, ratio: f64, n: usize| ((k as f64 * ratio).fract() * n as f64) as usize;
+    let of_rim = |k: usize| {
+        let across = rim + part(k, 0.754_877_666_2, half - rim);
+        let across = if k.is_multiple_of(2) { half + across } else { half - 1 - across.min(half - 1) };
+        [across.min(size - 1), part(k, 0.618_033_988_75, size)]
+    };
+    let anywhere = |k: usize| [part(k, 0.754_877_666_2, size), part(k, 0.569_840_290_998, size)];
+    let finer: Vec<_> = kernels
+        .iter()
+        .map(|(kernel, source)| {
+            let radius = grid.extent / source.scale * 2.0_f64.sqrt();
+            (kernel.steps(CHECK_PX / radius.max(INNER_PX)).taps(), *source)
+        })
+        .collect();
+    let of = |[x, y]: [usize; 2], shift: f32| {
+        let sum = |du: f32, dv: f32| {
+            let of_source = |(taps, s): &(Vec<_>, &Source)| {
+                let place = [grid.at(x), grid.at(y)].map(|h| (h / s.scale) as f32);
+                shifted(s, taps, place, [du, dv])
+            };
+            finer.iter().map(of_source).sum::<f64>()
+        };
+        let truth = sum(0.0, 0.0);
+        let found = f64::from(table[(size - 1 - y) * size + x][1]);
+        let displaced = if shift == 0.0 {
+            0.0
+        } else {
+            0.5 * ((sum(shift, 0.0) - truth).powi(2) + (sum(0.0, shift) - truth).powi(2))
+        };
+        [(found - truth).powi(2), displaced, truth * truth]
+    };
+    let add = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|c| a[c] + b[c]);
+    let all = |places: &(dyn Fn(usize) -> [usize; 2] + Sync), shift: f32| {
+        (0..CHECKED).into_par_iter().map(|k| of(places(k), shift)).reduce(|| [0.0; 3], add)
+    };
+    let mean = |from: usize, bands: bool| {
+        let far = |i: usize| {
+            let [x, y] = [i % size, i / size].map(|k| k.abs_diff(half));
+            if bands { x >= from } else { x.max(y) >= from }
+        };
+        let squares = (0..table.len()).filter(|i| far(*i)).map(|i| f64::from(table[i][1]).powi(2));
+        let (sum, count) = squares.fold((0.0, 0_u32), |(sum, count), square| (sum + square, count + 1));
+        CHECKED as f64 * sum / f64::from(count.max(1))
+    };
+    // Next to nothing: the checked entries missed the rim's light, or there is none but traces.
+    let (least, dark) = (MISSED * mean(rim, true), TRACES * mean((2.0 * INSIDE * half as f64) as usize, false));
+    let relative = |square: f64, all: f64| (all > dark).then(|| (square / all.max(least)).sqrt());
+    let ([off, displaced, light], [off_all, _, light_all]) = (all(&of_rim, moved as f32), all(&anywhere, 0.0));
+    let worse = [relative(off, light), relative(off_all, light_all)].into_iter().flatten().reduce(f64::max);
+    [worse.filter(|_| light > dark), relative(displaced, light)]
+}
+
+/// Y of an entry, were the zero order elsewhere by so much.
+fn shifted(source: &Source, taps: &[(f32, Weight)], [u, v]: [f32; 2], [du, dv]: [f32; 2]) -> f64 {
+    let center = [source.center[0] + f64::from(du), source.center[1] + f64::from(dv)];
+    f64::from(Source { plane: source.plane, center, scale: source.scale }.sum(taps, u, v)[1])
+}

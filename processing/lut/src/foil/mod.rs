@@ -1,0 +1,75 @@
+//! Foil of random dots: how their gratings' orientations and periods are distributed, from one photograph, and new maps drawn from that
+//! (2018 paper, section 4.5).
+//!
+//! A pixel of the photograph sees many dots. Those whose grating vector is `k = (cos θ, sin θ)/a` light up in their first order where the
+//! half vector is `h = ±λ k`, so that radiance over half vectors is the density of dots over k, once irradiance and the orders' share of
+//! the light are taken out: with `p(θ, a)` the distribution, `q(k) = p(θ, a) a³`.
+
+mod compare;
+mod distribution;
+mod input;
+mod measure;
+mod output;
+mod report;
+mod synthesize;
+#[cfg(test)]
+mod tests;
+
+pub use compare::{Marginals, total_variation};
+pub use distribution::Distribution;
+pub use measure::{Light, Settings, measure};
+pub use output::picture;
+pub use report::Report;
+pub use synthesize::{Dots, Shape, Synthesis, synthesize};
+
+use nacre_base::progress::Progress;
+use nacre_base::{Error, Result};
+use nacre_frames::hdr::Source;
+use nacre_image::OutputFolder;
+use nacre_optics::geometry::{self, Geometry};
+use std::path::Path;
+
+/// Refuses what [`reconstruct`] would refuse, without reading a pixel.
+///
+/// # Errors
+/// As [`reconstruct`].
+pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
+    settings.check()?;
+    geometry_of(input, settings)?;
+    Source::check(input)
+}
+
+/// The geometry that was given, or lies beside the photograph.
+fn geometry_of(input: &Path, settings: &Settings) -> Result<Geometry> {
+    let folder = if input.is_dir() { input } else { input.parent().unwrap_or(input) };
+    if let Some(given) = &settings.geometry {
+        return Ok(given.clone());
+    }
+    geometry::beside(folder)?.ok_or_else(|| {
+        Error::file(folder, "has no geometry.json", "give one (`nacre calibrate geometry` makes it), or put it there")
+    })
+}
+
+/// Measures the distribution in a photograph (a file, results of merged exposures, or exposures, which are merged first) and writes it into
+/// the new folder `out`.
+///
+/// # Errors
+/// `Input` for anything about photograph, geometry or settings, before anything is written; `Output`; `Cancelled`.
+pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
+    let begun = std::time::Instant::now();
+    settings.check()?;
+    let geometry = &geometry_of(input, settings)?;
+    let folder = OutputFolder::begin(out, settings.overwrite)?;
+    let light = input::read(input, geometry, progress)?;
+    progress.check()?;
+    progress.stage("sorting light by orientation and period", 0);
+    let (distribution, mut report) = measure(&light, geometry, settings)?;
+    progress.check()?;
+    distribution.write(&folder.path("histogram.exr"))?;
+    let picture = picture(&distribution, geometry.relative);
+    picture.save_png(&folder.path("histogram.png"))?;
+    report.seconds = begun.elapsed().as_secs_f64();
+    folder.write_json("report.json", &report)?;
+    folder.commit()?;
+    Ok(report)
+}

@@ -1,0 +1,231 @@
+//! New maps of dots whose orientations and periods are drawn from a distribution.
+
+use super::compare::total_variation;
+use super::distribution::Distribution;
+use nacre_base::random::Stream;
+use nacre_base::{Error, Result};
+use nacre_maps::{Kind, Map, Maps};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+/// Most pixels of a map.
+const MOST_PIXELS: usize = 64 << 20;
+
+/// Most dots.
+const MOST_DOTS: usize = 16 << 20;
+
+/// Dots that are placed at random cover the area so many times over.
+const OVER: f64 = 4.0;
+
+/// A shape of dots.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// Squares of this side in pixels, side by side.
+    Square(usize),
+    /// Discs of this diameter in pixels, anywhere, later ones over earlier ones.
+    Disc(f64),
+    /// Any shape: width, and which pixels belong to it, row by row; anywhere.
+    Mask(usize, Vec<bool>),
+}
+
+/// What is wanted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dots {
+    /// Width and height of the map in pixels.
+    pub size: [usize; 2],
+    /// Size of a pixel in µm.
+    pub pixel_um: f64,
+    /// Shape of a dot.
+    pub shape: Shape,
+    /// The same seed gives the same map.
+    pub seed: u64,
+}
+
+/// Maps, and how well they show the distribution.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Synthesis {
+    /// Orientations and periods; σ is 0, since they are chosen, not measured.
+    pub maps: Maps,
+    /// What was made.
+    pub report: Made,
+}
+
+/// What was made.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Made {
+    /// Dots that were drawn.
+    pub dots: usize,
+    /// Total variation between the distribution and the map, by area: orientations, and periods.
+    pub total_variation: [f64; 2],
+    /// What that was expected to be, for so many dots.
+    pub expected: [f64; 2],
+    /// Part of the map that no dot covers.
+    pub bare: f64,
+    /// What to beware of.
+    pub warnings: Vec<String>,
+}
+
+/// Draws maps.
+///
+/// Dots are drawn in equal steps of the cumulated distribution and then shuffled, so that marginals come out nearer to it than
+/// independent draws would.
+///
+/// # Errors
+/// `Input` for sizes and shapes that make no sense.
+pub fn synthesize(from: &Distribution, dots: &Dots) -> Result<Synthesis> {
+    check(dots)?;
+    let [width, height] = dots.size;
+    let mut random = Stream::of(dots.seed ^ 0x5bf0_3635);
+    let (owner, count) = placed(dots, &mut random);
+    let drawn = draw(from, count, &mut random);
+    let mut planes = [vec![f32::NAN; width * height], vec![f32::NAN; width * height]];
+    let mut found = vec![0.0; from.share.len()];
+    let mut covered = 0.0;
+    for (i, owner) in owner.iter().enumerate() {
+        let Some([theta, um]) = owner.checked_sub(1).map(|k| drawn[k as usize]) else { continue };
+        (planes[0][i], planes[1][i]) = (theta as f32, um as f32);
+        covered += 1.0;
+        if let Some(bin) = from.bin(theta, um) {
+            found[bin] += 1.0;
+        }
+    }
+    found.iter_mut().for_each(|f| *f /= f64::max(covered, 1.0));
+    let realized = Distribution { share: found, ..from.clone() };
+    let tv = [
+        total_variation(&from.of_orientations(), &realized.of_orientations()),
+        total_variation(&from.of_periods(), &realized.of_periods()),
+    ];
+    let bare = 1.0 - covered / (width * height) as f64;
+    let mut warnings = vec![];
+    // Dots that are partly covered count by what is left of them.
+    let expected = [from.of_orientations(), from.of_periods()].map(|m| noise(&m, count as f64));
+    if tv.iter().any(|t| *t > 0.05) {
+        warnings.push(format!(
+            "{count} dots are too few: shares are {:.0} % off; make the map larger or dots smaller",
+            100.0 * tv[0].max(tv[1])
+        ));
+    }
+    if from.relative {
+        warnings.push("periods are relative: the photograph's geometry was not calibrated".into());
+    }
+    let maps = maps(dots, planes, from.relative);
+    Ok(Synthesis { maps, report: Made { dots: count, total_variation: tv, expected, bare, warnings } })
+}
+
+/// Total variation that so many independent draws have on average.
+fn noise(shares: &[f64], dots: f64) -> f64 {
+    0.5 * shares.iter().map(|s| (2.0 * s * (1.0 - s) / (PI * dots)).max(0.0).sqrt()).sum::<f64>()
+}
+
+fn check(dots: &Dots) -> Result<()> {
+    let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
+    let [w, h] = dots.size;
+    if w == 0 || h == 0 || w.saturating_mul(h) > MOST_PIXELS || w.max(h) > 65_535 {
+        return bad("size", format!("is {w} × {h}"), "give at most 64 Mpixel, and 65535 along a side");
+    }
+    if !(1e-3..=1e5).contains(&dots.pixel_um) {
+        return bad("pixel-um", format!("is {}", dots.pixel_um), "give 0.001 to 100000 µm");
+    }
+    match &dots.shape {
+        Shape::Square(side) if !(1..=4096).contains(side) => {
+            bad("square", format!("is {side} px"), "give 1 to 4096 px")
+        }
+        Shape::Disc(d) if !(1.0..=4096.0).contains(d) => bad("disc", format!("is {d} px"), "give 1 to 4096 px"),
+        Shape::Mask(wide, pixels)
+            if *wide == 0 || pixels.len() % wide != 0 || !pixels.contains(&true) || pixels.len() > 1 << 24 =>
+        {
+            bad(
+                "mask",
+                "has no pixel that is lit".into(),
+                "give a picture of a dot, white on black, of at most 16 Mpixel",
+            )
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Which dot each pixel belongs to, from 1 on (0: none), and how many there are.
+fn placed(dots: &Dots, random: &mut Stream) -> (Vec<u32>, usize) {
+    let [width, height] = dots.size;
+    if let Shape::Square(side) = dots.shape {
+        let across = width.div_ceil(side);
+        let owner = (0..width * height).map(|i| (i / width / side * across + i % width / side + 1) as u32).collect();
+        return (owner, across * height.div_ceil(side));
+    }
+    let (wide, pixels) = match &dots.shape {
+        Shape::Mask(wide, pixels) => (*wide, pixels.clone()),
+        Shape::Disc(diameter) => {
+            let n = diameter.ceil() as usize;
+            let off = |k: usize| k as f64 - 0.5 * (n as f64 - 1.0);
+            (n, (0..n * n).map(|i| off(i % n).hypot(off(i / n)) <= 0.5 * diameter).collect())
+        }
+        Shape::Square(_) => (1, vec![true]),
+    };
+    let area = pixels.iter().filter(|p| **p).count();
+    let count = ((OVER * (width * height) as f64 / area as f64).ceil() as usize).clamp(1, MOST_DOTS);
+    let mut owner = vec![0; width * height];
+    for dot in 1..=count {
+        // The map wraps around, so that copies fit side by side.
+        let (left, top) = (random.below(width), random.below(height));
+        for (k, _) in pixels.iter().enumerate().filter(|(_, lit)| **lit) {
+            let (x, y) = ((left + k % wide) % width, (top + k / wide) % height);
+            owner[y * width + x] = dot as u32;
+        }
+    }
+    // Number those that are to be seen, so that only they are drawn.
+    let mut number = vec![0_u32; count + 1];
+    let mut seen = 0;
+    for o in owner.iter_mut().filter(|o| **o > 0) {
+        let new = &mut number[*o as usize];
+        if *new == 0 {
+            seen += 1;
+            *new = seen;
+        }
+        *o = *new;
+    }
+    (owner, seen as usize)
+}
+
+/// Orientations (rad) and periods (µm), in random order.
+fn draw(from: &Distribution, count: usize, random: &mut Stream) -> Vec<[f64; 2]> {
+    let mut drawn = Vec::with_capacity(count);
+    let (mut bin, mut sum) = (0, from.share[0]);
+    let start = random.next();
+    for k in 0..count {
+        let at = (k as f64 + start) / count as f64;
+        while at >= sum && bin + 1 < from.share.len() {
+            bin += 1;
+            sum += from.share[bin];
+        }
+        // Rounding at the end must not draw from an empty bin.
+        let bin = if from.share[bin] > 0.0 { bin } else { from.share.iter().rposition(|s| *s > 0.0).unwrap_or(bin) };
+        let theta = PI * ((bin % from.orientations) as f64 + random.next()) / from.orientations as f64;
+        // Even over the half vectors of the bin.
+        let (a, b) = (from.edge(bin / from.orientations), from.edge(bin / from.orientations + 1));
+        let lines = (a * a + random.next() * (b * b - a * a)).sqrt();
+        drawn.push([theta, 1.0 / lines]);
+    }
+    for k in (1..count).rev() {
+        drawn.swap(k, random.below(k + 1));
+    }
+    drawn
+}
+
+fn maps(dots: &Dots, [theta, um]: [Vec<f32>; 2], relative: bool) -> Maps {
+    let map = |value: Vec<f32>, units: &str| {
+        let mask: Vec<f32> = value.iter().map(|v| f32::from(u8::from(v.is_finite()))).collect();
+        let sigma = mask.iter().map(|m| if *m > 0.0 { 0.0 } else { f32::NAN }).collect();
+        let mut attributes = BTreeMap::from([
+            ("units".to_owned(), units.to_owned()),
+            ("pixel_um".to_owned(), dots.pixel_um.to_string()),
+            ("made".to_owned(), "drawn from a measured distribution".to_owned()),
+        ]);
+        if relative {
+            attributes.insert("periods".into(), "relative".into());
+        }
+        Map { value, sigma, mask, more: BTreeMap::new(), attributes }
+    };
+    let all = [(Kind::Orientation, map(theta, "rad")), (Kind::Period, map(um, "µm"))];
+    Maps { width: dots.size[0], height: dots.size[1], maps: all.into() }
+}

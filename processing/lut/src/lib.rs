@@ -1,0 +1,29 @@
+//! From one photograph of a diffraction pattern in narrow-band light to a table for any light (2017 paper, section 4.3).
+
+pub mod bokeh;
+mod choose;
+pub mod foil;
+mod geometry;
+mod input;
+mod kernel;
+mod light;
+mod lookup;
+mod output;
+mod plane;
+mod rays;
+mod reconstruct;
+mod report;
+mod settings;
+mod sharpness;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub use choose::Choice;
+pub use geometry::{Arrangement, Placement};
+pub use input::check_input;
+pub use light::{Light, LightReport};
+pub use lookup::{Photograph, Table, lookup};
+pub use reconstruct::reconstruct;
+pub use report::{Coverage, Report};
+pub use settings::{LightPhotograph, MethodChoice, SIZES, Settings, Wavelength};

@@ -1,0 +1,119 @@
+//! Period as a function of orientation.
+
+use nacre_base::text::read_text;
+use nacre_base::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+use std::path::Path;
+
+/// Largest table that is read, in bytes, and most rows of it.
+const MAX_BYTES: u64 = 1 << 20;
+const MAX_ROWS: usize = 20_000;
+
+/// A curve.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Curve {
+    /// `min + (max - min) (θ/π)²` (2018 paper, section 6.4, Fig. 22a): both in µm.
+    Quadratic([f64; 2]),
+    /// `min + (max - min) sin²(θ/2)`: from the first at 0° to the second at 180°, as Fig. 22b has it.
+    SineSquared([f64; 2]),
+    /// Orientation in degrees, rising, and period in µm: linear in between, nothing outside.
+    Table(Vec<[f64; 2]>),
+}
+
+impl Curve {
+    /// `quadratic=MIN,MAX`, `sine-squared=MIN,MAX` or a CSV file of `orientation_deg,period_um`.
+    ///
+    /// # Errors
+    /// `Input` for anything else.
+    pub fn of(text: &str) -> Result<Self> {
+        let ends = |numbers: &str| -> Option<[f64; 2]> {
+            let (a, b) = numbers.split_once(',')?;
+            let all = [a, b].map(|t| t.trim().parse::<f64>().ok());
+            Some([all[0]?, all[1]?])
+        };
+        let wrong = || {
+            let remedy = "give quadratic=MIN,MAX or sine-squared=MIN,MAX in µm, or a CSV file";
+            Error::input("period curve", format!("is {text:?}"), remedy)
+        };
+        match text.split_once('=') {
+            Some(("quadratic", numbers)) => ends(numbers).map(Self::Quadratic).ok_or_else(wrong)?.checked(),
+            Some(("sine-squared", numbers)) => ends(numbers).map(Self::SineSquared).ok_or_else(wrong)?.checked(),
+            Some(_) if !Path::new(text).exists() => Err(wrong()),
+            _ => Self::read(Path::new(text)),
+        }
+    }
+
+    /// Reads rows of `orientation_deg,period_um`; one line of names may come first.
+    ///
+    /// # Errors
+    /// `Input` for what is none.
+    pub fn read(path: &Path) -> Result<Self> {
+        let remedy = "give rows \"orientation_deg,period_um\", orientations rising from 0 to 180";
+        let bad = |problem: String| Error::file(path, problem, remedy);
+        let text = read_text(path, MAX_BYTES, remedy)?;
+        let mut rows: Vec<[f64; 2]> = vec![];
+        for (k, line) in text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
+            let numbers: Vec<Option<f64>> = line.split(',').map(|v| v.trim().parse().ok()).collect();
+            match numbers.as_slice() {
+                [Some(deg), Some(um)] => rows.push([*deg, *um]),
+                [None, ..] if k == 0 => {}
+                _ => return Err(bad(format!("line {} is {line:.60}", k + 1))),
+            }
+            if rows.len() > MAX_ROWS {
+                return Err(bad(format!("has more than {MAX_ROWS} rows")));
+            }
+        }
+        Self::Table(rows).checked().map_err(|e| bad(e.to_string()))
+    }
+
+    /// Itself, if it makes sense.
+    ///
+    /// # Errors
+    /// `Input` for periods beyond 0.01 to 10000 µm, and orientations that do not rise from 0° to 180°.
+    pub(super) fn checked(self) -> Result<Self> {
+        let bad = |problem: String| {
+            let remedy = "give periods of 0.01 to 10000 µm, at orientations that rise from 0° to 180°";
+            Err(Error::input("period curve", problem, remedy))
+        };
+        let possible = |um: &f64| (0.01..=1e4).contains(um);
+        match &self {
+            Self::Quadratic(ends) | Self::SineSquared(ends) if !ends.iter().all(possible) => {
+                bad(format!("has {ends:?}"))
+            }
+            Self::Table(rows) if rows.len() < 2 || rows.len() > MAX_ROWS => bad(format!("has {} rows", rows.len())),
+            Self::Table(rows) => {
+                let wrong = rows.iter().find(|[deg, um]| !((0.0..=180.0).contains(deg) && possible(um)));
+                let falls = rows.windows(2).find(|w| w[0][0] >= w[1][0]).map(|w| &w[1]);
+                match wrong.or(falls) {
+                    Some([deg, um]) => bad(format!("has {um} µm at {deg}°")),
+                    None => Ok(self),
+                }
+            }
+            _ => Ok(self),
+        }
+    }
+
+    /// Period in µm for an orientation in rad, and its derivative in µm per rad; none outside of a table.
+    pub fn at(&self, theta: f64) -> Option<[f64; 2]> {
+        match self {
+            Self::Quadratic([a, b]) => {
+                let t = theta / PI;
+                Some([a + (b - a) * t * t, (b - a) * 2.0 * t / PI])
+            }
+            Self::SineSquared([a, b]) => {
+                let s = (0.5 * theta).sin();
+                Some([a + (b - a) * s * s, (b - a) * 0.5 * theta.sin()])
+            }
+            Self::Table(rows) => {
+                let deg = theta.to_degrees();
+                let next = rows.partition_point(|r| r[0] <= deg);
+                let next = if next == rows.len() && rows[next - 1][0] == deg { next - 1 } else { next };
+                let (&[x0, y0], &[x1, y1]) = (rows.get(next.checked_sub(1)?)?, rows.get(next)?);
+                let slope = (y1 - y0) / (x1 - x0);
+                Some([y0 + slope * (deg - x0), slope * 180.0 / PI])
+            }
+        }
+    }
+}

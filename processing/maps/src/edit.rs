@@ -1,0 +1,166 @@
+//! What can be done to maps, in one fixed order.
+
+use super::asset::{Kind, Map, Maps};
+use super::curve::Curve;
+use super::layout::{Layout, wrapped};
+use nacre_base::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// Edits, done in the order in which they stand here.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Edits {
+    /// Turn image and orientations anticlockwise, in degrees.
+    pub rotate_deg: Option<f64>,
+    /// So many times as many pixels along each side.
+    pub resample: Option<f64>,
+    /// Copies along a row and a column.
+    pub tile: Option<[usize; 2]>,
+    /// Width and height in pixels, cropped or filled by more copies.
+    pub size: Option<[usize; 2]>,
+    /// How copies lie.
+    pub layout: Layout,
+    /// Turn orientations alone, anticlockwise, in degrees.
+    pub orientation_offset_deg: Option<f64>,
+    /// Periods that follow from orientations; they replace those that are there.
+    pub period: Option<Curve>,
+    /// Factor of periods.
+    pub scale: Option<f64>,
+    /// Added to periods, in µm.
+    pub offset_um: Option<f64>,
+    /// Least and most period, in µm.
+    pub clamp_um: Option<[f64; 2]>,
+}
+
+/// Edits maps.
+///
+/// # Errors
+/// `Input` for edits that make no sense, or for which a map is missing.
+pub fn edit(maps: &Maps, edits: &Edits) -> Result<Maps> {
+    edits.check(maps)?;
+    let mut new = maps.clone();
+    if let Some(deg) = edits.rotate_deg {
+        new = new.rotated(deg)?;
+    }
+    if let Some(factor) = edits.resample {
+        new = new.resampled(factor)?;
+    }
+    if let Some(copies) = edits.tile {
+        let size = [new.width.saturating_mul(copies[0]), new.height.saturating_mul(copies[1])];
+        new = new.laid_out(size, edits.layout)?;
+    }
+    if let Some(size) = edits.size {
+        new = new.laid_out(size, edits.layout)?;
+    }
+    if let (Some(deg), Some(map)) = (edits.orientation_offset_deg, new.maps.get_mut(&Kind::Orientation)) {
+        let turn = deg.to_radians();
+        map.value.iter_mut().filter(|v| v.is_finite()).for_each(|v| *v = wrapped(f64::from(*v) + turn));
+    }
+    if let (Some(curve), Some(orientation)) = (&edits.period, new.maps.get(&Kind::Orientation)) {
+        let period = of_curve(orientation, curve);
+        new.maps.insert(Kind::Period, period);
+    }
+    if let Some(map) = new.maps.get_mut(&Kind::Period) {
+        rescale(map, edits);
+    }
+    Ok(new)
+}
+
+impl Edits {
+    /// Refuses what makes no sense, or lacks a map.
+    ///
+    /// # Errors
+    /// `Input`, which names the edit.
+    pub fn check(&self, maps: &Maps) -> Result<()> {
+        if let Some(curve) = &self.period {
+            curve.clone().checked()?;
+        }
+        let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
+        if *self == (Edits { layout: self.layout, ..Edits::default() }) {
+            return bad("edit", "changes nothing".into(), "say what to do; see --help");
+        }
+        let orientation = maps.maps.contains_key(&Kind::Orientation);
+        if !orientation && (self.period.is_some() || self.orientation_offset_deg.is_some()) {
+            return bad("orientation", "is not among the maps".into(), "give a folder with orientation.exr");
+        }
+        let scaled = self.scale.is_some() || self.offset_um.is_some() || self.clamp_um.is_some();
+        if scaled && self.period.is_none() && !maps.maps.contains_key(&Kind::Period) {
+            return bad(
+                "period",
+                "is not among the maps".into(),
+                "give a folder with period.exr, or a curve (--period)",
+            );
+        }
+        if let Some(copies) = self.tile.filter(|c| !c.iter().all(|n| (1..=10_000).contains(n))) {
+            return bad("tile", format!("is {copies:?}"), "give 1 to 10000 copies along each side");
+        }
+        match self.orientation_offset_deg {
+            Some(deg) if deg.is_nan() || deg.abs() > 1e6 => {
+                return bad("orientation offset", format!("is {deg}"), "give degrees");
+            }
+            _ => {}
+        }
+        match self.scale {
+            Some(f) if !(1e-6..=1e6).contains(&f) => {
+                return bad("scale", format!("is {f}"), "give 0.000001 to 1000000");
+            }
+            _ => {}
+        }
+        match self.offset_um {
+            Some(um) if um.is_nan() || um.abs() > 1e4 => {
+                return bad("offset", format!("is {um}"), "give at most 10000 µm");
+            }
+            _ => {}
+        }
+        match self.clamp_um {
+            Some([a, b]) if !(a > 0.0 && a <= b && b <= 1e4) => {
+                bad("clamp", format!("is {a} to {b}"), "give the least and the most, above 0 and at most 10000 µm")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Periods from orientations: σ follows from the curve's slope; masked where there is no orientation, or no curve.
+fn of_curve(orientation: &Map, curve: &Curve) -> Map {
+    let count = orientation.value.len();
+    let mut map = Map {
+        value: vec![f32::NAN; count],
+        sigma: vec![f32::NAN; count],
+        mask: vec![0.0; count],
+        more: Default::default(),
+        attributes: orientation.attributes.clone(),
+    };
+    map.attributes.insert("units".into(), "µm".into());
+    map.attributes.insert("made".into(), "designed: a function of the orientation, not measured".into());
+    for i in (0..count).filter(|i| orientation.mask[*i] > 0.0) {
+        if let Some([um, slope]) = curve.at(f64::from(orientation.value[i])) {
+            map.value[i] = um as f32;
+            map.sigma[i] = (slope.abs() * f64::from(orientation.sigma[i])) as f32;
+            map.mask[i] = 1.0;
+        }
+    }
+    map
+}
+
+/// Scales, shifts and clamps; what falls to 0 or below is masked.
+fn rescale(map: &mut Map, edits: &Edits) {
+    if edits.scale.is_none() && edits.offset_um.is_none() && edits.clamp_um.is_none() {
+        return;
+    }
+    let (scale, offset) = (edits.scale.unwrap_or(1.0), edits.offset_um.unwrap_or(0.0));
+    let [low, high] = edits.clamp_um.unwrap_or([f64::MIN_POSITIVE, f64::MAX]);
+    for i in 0..map.value.len() {
+        if map.mask[i] == 0.0 {
+            continue;
+        }
+        let um = f64::from(map.value[i]) * scale + offset;
+        map.sigma[i] = (f64::from(map.sigma[i]) * scale) as f32;
+        if um <= 0.0 && edits.clamp_um.is_none() {
+            map.hide(i);
+        } else {
+            map.value[i] = um.clamp(low, high) as f32;
+        }
+    }
+    map.attributes.insert("made".into(), "edited: not as measured".into());
+}

@@ -1,0 +1,26 @@
+//! Maps of orientation and period as assets: edited, exchanged as pictures, compared.
+//!
+//! A folder holds `orientation.exr` (channels `orientation` in [0, π) rad, `sigma`, `mask`), `period.exr` (`period` in µm, `sigma`,
+//! `mask`), or both, of one size. Other channels and all attributes are carried along. What is masked is NaN, and stays masked whatever
+//! is done.
+
+mod asset;
+mod compare;
+mod curve;
+mod edit;
+mod job;
+mod layout;
+mod pack;
+mod picture;
+pub mod recommend;
+#[cfg(test)]
+mod tests;
+
+pub use asset::{Kind, Map, Maps};
+pub use compare::{Agreement, Compared, Comparison, compare};
+pub use curve::Curve;
+pub use edit::{Edits, edit};
+pub use job::{About, Report, edit_folder};
+pub use layout::Layout;
+pub use pack::{Encoding, PACK, export, import};
+pub use picture::{before_and_after, side_by_side};

@@ -1,0 +1,225 @@
+//! A camera from photographs of a chessboard.
+
+use super::corners::{Board, View, find};
+use super::fit::{Fit, Seen, fit};
+use super::homography::homography;
+use super::sample::CameraCovariance;
+use super::start;
+use nacre_base::progress::Progress;
+use nacre_base::{Error, Result};
+use nacre_image::Gray;
+use nacre_image::{info, photographs};
+use nacre_optics::geometry::{Camera, Pose};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+/// Photographs of a board in different poses, at least.
+pub const FEWEST: usize = 3;
+
+/// Photographs that are read, at most.
+const MOST: usize = 1000;
+
+/// A photograph that is off by so many times the median one is pointed out.
+const ODD: f64 = 2.5;
+
+/// A camera is not told where its focal lengths are not known to this part.
+const VAGUE: f64 = 0.05;
+
+/// A camera, the photographs that it was found from, and how good it is.
+#[derive(Clone, Debug)]
+pub struct Calibrated {
+    /// The camera.
+    pub camera: Camera,
+    /// Width and height of the photographs.
+    pub image_px: [usize; 2],
+    /// Those that were used.
+    pub used: Vec<Photograph>,
+    /// Those that were not, and why.
+    pub unused: Vec<(PathBuf, String)>,
+    /// Root mean square distance from corner to model, in px.
+    pub rms_px: f64,
+    /// Covariance of fx, fy, cx, cy, k1, k2, p1, p2, k3.
+    pub covariance: CameraCovariance,
+    /// Standard deviations of fx, fy, cx, cy, k1, k2, p1, p2, k3.
+    pub sigma: [f64; 9],
+    /// What to beware of.
+    pub warnings: Vec<String>,
+}
+
+/// A photograph of the board.
+#[derive(Clone, Debug)]
+pub struct Photograph {
+    /// Its file.
+    pub path: PathBuf,
+    /// Corners, in pixels, row by row.
+    pub corners: Vec<[f64; 2]>,
+    /// From board to camera coordinates.
+    pub pose: Pose,
+    /// Standard deviations of the pose: turn about the camera's axes in rad, shift in mm.
+    pub pose_sigma: [f64; 6],
+    /// Root mean square distance from corner to model, in px.
+    pub rms_px: f64,
+}
+
+/// Finds the camera.
+///
+/// The board may be anywhere; it should fill the picture once in all photographs together, tilted by 20° to 45°. Method: Zhang 2000,
+/// with the lens of [`Camera`]. Standard deviations are those of the fit, or from how the photographs disagree, whichever is larger.
+///
+/// # Errors
+/// `Input` for a folder without photographs, fewer than three that can be used (with why, by name), and photographs that do not tell the
+/// camera; `Cancelled`.
+pub fn calibrate(folder: &Path, board: &Board, progress: &dyn Progress) -> Result<Calibrated> {
+    board.check()?;
+    let files: Vec<PathBuf> = photographs(folder)?.into_iter().map(|name| folder.join(name)).collect();
+    if files.len() > MOST {
+        let problem = format!("holds {} photographs", files.len());
+        return Err(Error::file(folder, problem, format!("give at most {MOST}; 10 to 30 are enough")));
+    }
+    let Some(first) = files.first() else {
+        return Err(Error::file(folder, "holds no photograph", "give a folder with photographs of a chessboard"));
+    };
+    let size = info(first).map(|i| [i.width, i.height])?;
+    progress.stage("looking for the board", files.len() as u64);
+    // Two at a time at most, since each takes a few bytes per pixel several times over.
+    let looked: Vec<(PathBuf, Looked)> = files
+        .par_iter()
+        .map(|path| {
+            progress.check()?;
+            let found = look(path, board, size, first);
+            progress.step();
+            Ok((path.clone(), found))
+        })
+        .collect::<Result<_>>()?;
+    let mut good = vec![];
+    let mut unused = vec![];
+    for (path, found) in looked {
+        match found {
+            Ok(corners) => good.push((path, corners)),
+            Err(why) => unused.push((path, why)),
+        }
+    }
+    of_corners(good, unused, board, size, progress).map_err(|e| match e {
+        Error::Input { subject, problem, remedy } if subject == "photographs" => Error::file(folder, problem, remedy),
+        other => other,
+    })
+}
+
+/// Corners, or why there are none.
+type Looked = std::result::Result<Vec<[f64; 2]>, String>;
+
+fn look(path: &Path, board: &Board, size: [usize; 2], first: &Path) -> Looked {
+    let why = |e: Error| match e {
+        Error::Input { problem, .. } => problem,
+        other => other.to_string(),
+    };
+    let found = info(path).map_err(why)?;
+    if [found.width, found.height] != size {
+        return Err(format!("is {found}, unlike {}", first.display()));
+    }
+    find(&Gray::read(path).map_err(why)?, board, View::Direct)
+}
+
+/// Finds the camera from corners that are known.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn of_corners(
+    good: Vec<(PathBuf, Vec<[f64; 2]>)>,
+    unused: Vec<(PathBuf, String)>,
+    board: &Board,
+    size: [usize; 2],
+    progress: &dyn Progress,
+) -> Result<Calibrated> {
+    if good.len() < FEWEST {
+        let why = |(path, why): &(PathBuf, String)| format!("{} {why}", name(path));
+        let reasons: Vec<String> = unused.iter().take(6).map(why).collect();
+        let more = if unused.len() > 6 { format!(", and {} more", unused.len() - 6) } else { String::new() };
+        let problem = format!(
+            "{} of {} show a board of {} × {} inner corners ({}{more})",
+            good.len(),
+            good.len() + unused.len(),
+            board.columns,
+            board.rows,
+            reasons.join("; ")
+        );
+        let remedy = format!("give at least {FEWEST} (better 10 to 30), and check --board");
+        return Err(Error::input("photographs", problem, remedy));
+    }
+    progress.stage("fitting the camera", 0);
+    let places = board.places();
+    let vague = || Error::input("photographs", "do not tell the camera", "tilt the board in several directions");
+    let homographies: Vec<_> =
+        good.iter().map(|(_, c)| homography(&places, c)).collect::<Option<_>>().ok_or_else(vague)?;
+    let camera = start::camera(&homographies, size).ok_or_else(vague)?;
+    let seen: Vec<Seen> = good
+        .iter()
+        .map(|(_, c)| Some(Seen { pixels: c.clone(), pose: start::board_pose(&camera, &places, c)? }))
+        .collect::<Option<_>>()
+        .ok_or_else(vague)?;
+    let found = fit(camera, &seen, &places, progress)?;
+    let sigma: [f64; 9] = std::array::from_fn(|k| found.covariance[(k, k)].sqrt());
+    let [fx, fy] = found.camera.focal_px;
+    if !(sigma[0] < VAGUE * fx && sigma[1] < VAGUE * fy) {
+        let problem = format!("tell focal lengths of {fx:.0} ± {:.0} and {fy:.0} ± {:.0} px only", sigma[0], sigma[1]);
+        let remedy = "give more of them, with the board tilted by 20° to 45° in several directions";
+        return Err(Error::input("photographs", problem, remedy));
+    }
+    let warnings = warnings(&found, &good, size);
+    let used = good
+        .into_iter()
+        .zip(found.poses.iter().zip(found.pose_sigma.iter().zip(&found.each_px)))
+        .map(|((path, corners), (pose, (sigma, rms)))| Photograph {
+            path,
+            corners,
+            pose: *pose,
+            pose_sigma: *sigma,
+            rms_px: *rms,
+        })
+        .collect();
+    let rms_px = found.rms_px;
+    Ok(Calibrated {
+        camera: found.camera,
+        covariance: found.covariance,
+        image_px: size,
+        used,
+        unused,
+        rms_px,
+        sigma,
+        warnings,
+    })
+}
+
+/// File name alone.
+pub(super) fn name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+fn warnings(found: &Fit, good: &[(PathBuf, Vec<[f64; 2]>)], size: [usize; 2]) -> Vec<String> {
+    let mut all = vec![];
+    let mut sorted = found.each_px.clone();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted[sorted.len() / 2];
+    for ((path, _), rms) in good.iter().zip(&found.each_px) {
+        if *rms > ODD * median {
+            all.push(format!("{} fits worse than the others: {rms:.2} px RMS, they {median:.2}", name(path)));
+        }
+    }
+    let center = found.camera.center_px;
+    let off = |p: [f64; 2]| (p[0] - center[0]).hypot(p[1] - center[1]);
+    let [right, bottom] = size.map(|n| n as f64 - 1.0);
+    let rim = [[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]];
+    let farthest = rim.into_iter().map(off).fold(0.0, f64::max);
+    let reached = good.iter().flat_map(|(_, c)| c.iter().map(|p| off(*p))).fold(0.0, f64::max);
+    if reached < 0.75 * farthest {
+        let part = 100.0 * reached / farthest;
+        all.push(format!("corners reach {part:.0} % of the way to the picture's corners: beyond, the lens is a guess"));
+    }
+    if rim.into_iter().any(|p| found.camera.ray(p).is_none()) {
+        all.push("the lens model folds back before the picture's corners: nothing can be measured there".into());
+    }
+    if good.len() < 8 {
+        all.push(format!("only {} photographs: 10 to 30 make the camera surer", good.len()));
+    }
+    all
+}

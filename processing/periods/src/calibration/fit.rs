@@ -1,0 +1,306 @@
+//! The camera and the poses that explain all corners best (Levenberg and Marquardt), and how well they are known.
+
+use nacre_base::progress::Progress;
+use nacre_base::{Error, Result};
+use nacre_optics::geometry::{Camera, Pose};
+use nalgebra::{Cholesky, Matrix2x3, Matrix3, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector6};
+use rayon::prelude::*;
+
+/// Numbers of a camera: two focal lengths, centre, five of the lens.
+pub(super) const CAMERA: usize = 9;
+
+type Normal = SMatrix<f64, CAMERA, CAMERA>;
+type Gradient = SVector<f64, CAMERA>;
+type Mixed = SMatrix<f64, CAMERA, 6>;
+
+/// Steps at most; ten are usual.
+const STEPS: usize = 200;
+
+/// One photograph of the board.
+#[derive(Clone, Debug)]
+pub(super) struct Seen {
+    /// Corners, in pixels.
+    pub pixels: Vec<[f64; 2]>,
+    /// From board to camera coordinates.
+    pub pose: Pose,
+}
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    pub camera: Camera,
+    pub poses: Vec<Pose>,
+    /// Root mean square distance from corner to model, in pixels: of all, and of each photograph.
+    pub rms_px: f64,
+    pub each_px: Vec<f64>,
+    /// Covariance of the camera's numbers: fx, fy, cx, cy, k1, k2, p1, p2, k3.
+    pub covariance: Normal,
+    /// Standard deviations of each pose: turn about the camera's axes in rad, shift in mm.
+    pub pose_sigma: Vec<[f64; 6]>,
+}
+
+/// Residual of a corner (seen - model), and its derivatives by camera and pose.
+struct Row {
+    off: Vector2<f64>,
+    camera: SMatrix<f64, 2, CAMERA>,
+    pose: SMatrix<f64, 2, 6>,
+}
+
+/// Sums of one photograph.
+#[derive(Clone)]
+struct Sums {
+    squares: f64,
+    camera: Normal,
+    mixed: Mixed,
+    pose: Matrix6<f64>,
+    camera_right: Gradient,
+    pose_right: Vector6<f64>,
+}
+
+/// Fits.
+///
+/// # Errors
+/// `Input` when the photographs do not tell the camera; `Cancelled`.
+pub(super) fn fit(camera: Camera, seen: &[Seen], places: &[[f64; 2]], progress: &dyn Progress) -> Result<Fit> {
+    let mut camera = camera;
+    let mut poses: Vec<Pose> = seen.iter().map(|s| s.pose).collect();
+    let mut sums = all(&camera, &poses, seen, places);
+    let mut cost = total(&sums);
+    let mut damping = 1e-3;
+    for _ in 0..STEPS {
+        progress.check()?;
+        let Some((next, moved, predicted)) = step(&camera, &poses, &sums, damping) else {
+            damping *= 10.0;
+            if damping > 1e12 {
+                break;
+            }
+            continue;
+        };
+        let tried = all(&next, &moved, seen, places);
+        let new = total(&tried);
+        if new < cost {
+            let gain = (cost - new) / cost.max(f64::MIN_POSITIVE);
+            (camera, poses, sums, cost) = (next, moved, tried, new);
+            damping = (damping * 0.1).max(1e-12);
+            if gain < 1e-12 {
+                break;
+            }
+        } else if predicted < 1e-14 * cost || damping > 1e12 {
+            break;
+        } else {
+            damping *= 10.0;
+        }
+    }
+    finished(camera, poses, &sums, places.len())
+}
+
+fn all(camera: &Camera, poses: &[Pose], seen: &[Seen], places: &[[f64; 2]]) -> Vec<Option<Sums>> {
+    poses.par_iter().zip(seen).map(|(pose, seen)| Sums::of(camera, pose, &seen.pixels, places)).collect()
+}
+
+/// Sum of squares; infinite where a corner cannot be seen at all.
+fn total(sums: &[Option<Sums>]) -> f64 {
+    sums.iter().map(|s| s.as_ref().map_or(f64::INFINITY, |s| s.squares)).sum()
+}
+
+impl Sums {
+    fn of(camera: &Camera, pose: &Pose, pixels: &[[f64; 2]], places: &[[f64; 2]]) -> Option<Self> {
+        let mut sums = Self {
+            squares: 0.0,
+            camera: Normal::zeros(),
+            mixed: Mixed::zeros(),
+            pose: Matrix6::zeros(),
+            camera_right: Gradient::zeros(),
+            pose_right: Vector6::zeros(),
+        };
+        for (pixel, place) in pixels.iter().zip(places) {
+            let row = row(camera, pose, *place, *pixel)?;
+            sums.squares += row.off.norm_squared();
+            sums.camera += row.camera.transpose() * row.camera;
+            sums.mixed += row.camera.transpose() * row.pose;
+            sums.pose += row.pose.transpose() * row.pose;
+            sums.camera_right += row.camera.transpose() * row.off;
+            sums.pose_right += row.pose.transpose() * row.off;
+        }
+        Some(sums)
+    }
+}
+
+fn row(camera: &Camera, pose: &Pose, [x, y]: [f64; 2], pixel: [f64; 2]) -> Option<Row> {
+    let turned = Vector3::from(pose.turn([x, y, 0.0]));
+    let p = turned + Vector3::from(pose.translation_mm);
+    if p.z <= 1e-6 {
+        return None;
+    }
+    let at = [p.x / p.z, p.y / p.z];
+    let (bent, [[xx, xy], [yx, yy]]) = camera.bend(at);
+    let [fx, fy] = camera.focal_px;
+    let off =
+        Vector2::new(pixel[0] - camera.center_px[0] - fx * bent[0], pixel[1] - camera.center_px[1] - fy * bent[1]);
+    let s = at[0] * at[0] + at[1] * at[1];
+    let [u, v] = at;
+    let camera_part = SMatrix::<f64, 2, CAMERA>::from_columns(&[
+        Vector2::new(bent[0], 0.0),
+        Vector2::new(0.0, bent[1]),
+        Vector2::new(1.0, 0.0),
+        Vector2::new(0.0, 1.0),
+        Vector2::new(fx * u * s, fy * v * s),
+        Vector2::new(fx * u * s * s, fy * v * s * s),
+        Vector2::new(fx * 2.0 * u * v, fy * (s + 2.0 * v * v)),
+        Vector2::new(fx * (s + 2.0 * u * u), fy * 2.0 * u * v),
+        Vector2::new(fx * u * s * s * s, fy * v * s * s * s),
+    ]);
+    // By the place in camera coordinates.
+    let inverse = 1.0 / p.z;
+    let flat = Matrix2x3::new(inverse, 0.0, -u * inverse, 0.0, inverse, -v * inverse);
+    let lens = nalgebra::Matrix2::new(fx * xx, fx * xy, fy * yx, fy * yy);
+    let by_place = lens * flat;
+    // A turn by a small vector w moves it by w × turned.
+    let cross = Matrix3::new(0.0, turned.z, -turned.y, -turned.z, 0.0, turned.x, turned.y, -turned.x, 0.0);
+    let mut pose_part = SMatrix::<f64, 2, 6>::zeros();
+    pose_part.fixed_view_mut::<2, 3>(0, 0).copy_from(&(by_place * cross));
+    pose_part.fixed_view_mut::<2, 3>(0, 3).copy_from(&by_place);
+    Some(Row { off, camera: camera_part, pose: pose_part })
+}
+
+/// Turns and shifts a pose a little.
+pub(super) fn nudged(pose: &Pose, by: &Vector6<f64>) -> Pose {
+    let turn = Pose::from_rotation_vector([by[0], by[1], by[2]], [0.0; 3]);
+    let t = pose.translation_mm;
+    let turned = Pose { translation_mm: [0.0; 3], ..*pose }.then(&turn);
+    Pose { translation_mm: [t[0] + by[3], t[1] + by[4], t[2] + by[5]], ..turned }
+}
+
+fn nudged_camera(camera: &Camera, by: &Gradient) -> Camera {
+    let mut camera = *camera;
+    for k in 0..2 {
+        camera.focal_px[k] += by[k];
+        camera.center_px[k] += by[2 + k];
+    }
+    (0..5).for_each(|k| camera.distortion[k] += by[4 + k]);
+    camera
+}
+
+/// A damped step, its camera and poses, and how much it should gain. Poses are eliminated first: only their own block is theirs.
+fn step(camera: &Camera, poses: &[Pose], sums: &[Option<Sums>], damping: f64) -> Option<(Camera, Vec<Pose>, f64)> {
+    let sums: Vec<&Sums> = sums.iter().map(Option::as_ref).collect::<Option<_>>()?;
+    let mut reduced = sums.iter().map(|s| s.camera).sum::<Normal>();
+    let mut right = sums.iter().map(|s| s.camera_right).sum::<Gradient>();
+    (0..CAMERA).for_each(|k| reduced[(k, k)] *= 1.0 + damping);
+    let inverses: Vec<Matrix6<f64>> = sums
+        .iter()
+        .map(|s| {
+            let mut pose = s.pose;
+            (0..6).for_each(|k| pose[(k, k)] *= 1.0 + damping);
+            Some(Cholesky::new(pose)?.inverse())
+        })
+        .collect::<Option<_>>()?;
+    for (s, inverse) in sums.iter().zip(&inverses) {
+        reduced -= s.mixed * inverse * s.mixed.transpose();
+        right -= s.mixed * inverse * s.pose_right;
+    }
+    let by = Cholesky::new(reduced)?.solve(&right);
+    let mut gain = by.dot(&sums.iter().map(|s| s.camera_right).sum::<Gradient>());
+    let moved = poses
+        .iter()
+        .zip(sums.iter().zip(&inverses))
+        .map(|(pose, (s, inverse))| {
+            let step = inverse * (s.pose_right - s.mixed.transpose() * by);
+            gain += step.dot(&s.pose_right);
+            nudged(pose, &step)
+        })
+        .collect();
+    let next = nudged_camera(camera, &by);
+    (next.focal_px.iter().all(|f| *f > 0.0 && f.is_finite())).then_some((next, moved, gain))
+}
+
+/// Covariances, at the best fit.
+fn finished(camera: Camera, poses: Vec<Pose>, sums: &[Option<Sums>], corners: usize) -> Result<Fit> {
+    let vague = || {
+        Error::input(
+            "photographs",
+            "do not tell the camera's focal length, centre and lens",
+            "give more of them, with the board tilted by 20° to 45° in several directions and near all edges of the picture",
+        )
+    };
+    let sums: Vec<&Sums> = sums.iter().map(Option::as_ref).collect::<Option<_>>().ok_or_else(vague)?;
+    let cost: f64 = sums.iter().map(|s| s.squares).sum();
+    let count = 2 * corners * sums.len();
+    let freedom = count.saturating_sub(CAMERA + 6 * sums.len()).max(1) as f64;
+    let inverses: Vec<Matrix6<f64>> =
+        sums.iter().map(|s| Some(Cholesky::new(s.pose)?.inverse())).collect::<Option<_>>().ok_or_else(vague)?;
+    let mut reduced = Normal::zeros();
+    // Scores of the photographs: how each alone would move the camera.
+    let mut scatter = Normal::zeros();
+    for (s, inverse) in sums.iter().zip(&inverses) {
+        reduced += s.camera - s.mixed * inverse * s.mixed.transpose();
+        let score = s.camera_right - s.mixed * inverse * s.pose_right;
+        scatter += score * score.transpose();
+    }
+    let inverse = Cholesky::new(reduced).ok_or_else(vague)?.inverse();
+    let variance = cost / freedom;
+    let n = sums.len() as f64;
+    let clustered = inverse * scatter * inverse * (n / (n - 1.0).max(1.0));
+    // What corners of one photograph have in common (a board that is not flat) counts once per photograph: whichever is larger.
+    let mut covariance = inverse * variance;
+    let grow = Gradient::from_fn(|k, _| (clustered[(k, k)] / covariance[(k, k)]).max(1.0).sqrt());
+    covariance = Normal::from_fn(|r, c| covariance[(r, c)] * grow[r] * grow[c]);
+    let pose_sigma = sums
+        .iter()
+        .zip(&inverses)
+        .map(|(s, own)| {
+            let through = own * s.mixed.transpose();
+            let all = own * variance + through * covariance * through.transpose();
+            std::array::from_fn(|k| all[(k, k)].max(0.0).sqrt())
+        })
+        .collect();
+    Ok(Fit {
+        camera,
+        poses,
+        rms_px: (cost / (corners * sums.len()) as f64).sqrt(),
+        each_px: sums.iter().map(|s| (s.squares / corners as f64).sqrt()).collect(),
+        covariance,
+        pose_sigma,
+    })
+}
+
+/// The pose of one board for a known camera, its covariance (turn about the camera's axes in rad, shift in mm), and its root mean square
+/// distance in pixels. `noise_px`: what a corner is off by at least; `covariance`: of the camera's numbers.
+pub(super) fn pose_only(
+    camera: &Camera,
+    start: Pose,
+    pixels: &[[f64; 2]],
+    places: &[[f64; 2]],
+    noise_px: f64,
+    covariance: &Normal,
+) -> Option<(Pose, Matrix6<f64>, f64)> {
+    let mut pose = start;
+    let mut sums = Sums::of(camera, &pose, pixels, places)?;
+    let mut damping = 1e-3;
+    for _ in 0..STEPS {
+        let mut normal = sums.pose;
+        (0..6).for_each(|k| normal[(k, k)] *= 1.0 + damping);
+        let by = Cholesky::new(normal)?.solve(&sums.pose_right);
+        let next = nudged(&pose, &by);
+        match Sums::of(camera, &next, pixels, places).filter(|s| s.squares < sums.squares) {
+            Some(better) => {
+                let gain = (sums.squares - better.squares) / sums.squares;
+                (pose, sums) = (next, better);
+                damping = (damping * 0.1).max(1e-12);
+                if gain < 1e-12 {
+                    break;
+                }
+            }
+            None if damping > 1e10 => break,
+            None => damping *= 10.0,
+        }
+    }
+    let n = pixels.len() as f64;
+    let freedom = 2.0 * n - 6.0;
+    let scatter = if freedom > 0.0 { sums.squares / freedom } else { 0.0 };
+    let variance = scatter.max(noise_px * noise_px);
+    let own = Cholesky::new(sums.pose)?.inverse();
+    let through = own * sums.mixed.transpose();
+    let all = own * variance + through * covariance * through.transpose();
+    Some((pose, all, (sums.squares / n).sqrt()))
+}

@@ -1,0 +1,188 @@
+//! What a job is told of the light: its mirror images in photographs, and its spectrum.
+
+use super::band::{Band, band_of};
+use super::highlight::find_highlight;
+use super::light::{Highlight, Known};
+use nacre_base::{Error, Result};
+use nacre_image::info;
+use nacre_optics::color::{Illuminant, NAMES, Spectrum};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// How far off a place may be that is picked on a page, in px.
+const PICKED_PX: f64 = 0.5;
+
+/// Half a nanometre is what a filter's data sheet is good for.
+const DATA_SHEET_NM: f64 = 0.5;
+
+/// Most mirrors.
+const MOST: usize = 100;
+
+/// The light's mirror image: the photograph in which it is found, or its place there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mirror {
+    /// A photograph in which it is the only bright thing.
+    #[serde(default)]
+    pub file: Option<String>,
+    /// Its place in pixels, from the left and the top.
+    #[serde(default)]
+    pub pixel: Option<[f64; 2]>,
+    /// Height of the mirror above the sample, in mm.
+    #[serde(default)]
+    pub height_mm: f64,
+    /// Turn of the mirror about x and about y of the sample, in degrees.
+    #[serde(default)]
+    pub tilt_deg: [f64; 2],
+}
+
+/// What is known of the light.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct LightOptions {
+    /// Its mirror images.
+    pub highlights: Vec<Mirror>,
+    /// Its height above the sample and how far that may be off, in mm, where a ruler says it.
+    pub light_height_mm: Option<[f64; 2]>,
+    /// Its wavelength in nm, if that is known, and how far it may be off (0.5 nm).
+    pub wavelength_nm: Option<f64>,
+    /// See above.
+    pub wavelength_sigma_nm: Option<f64>,
+    /// Or the lamp's spectrum, a built-in one (see [`NAMES`]),
+    pub lamp: Option<String>,
+    /// transmission of the filter over nm,
+    pub filter: Option<Vec<[f64; 2]>>,
+    /// and response of the camera's channel over nm.
+    pub response: Option<Vec<[f64; 2]>>,
+}
+
+/// Where a mirror image was seen.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Seen {
+    /// The photograph, if it was found in one.
+    pub file: Option<String>,
+    /// In pixels from the left and the top.
+    pub pixel: [f64; 2],
+    /// How far off it may be, in px.
+    pub sigma_px: f64,
+    /// Height of the mirror, in mm.
+    pub height_mm: f64,
+}
+
+fn bad<T>(subject: &str, problem: impl std::fmt::Display, remedy: &str) -> Result<T> {
+    Err(Error::input(subject, problem, remedy))
+}
+
+impl Mirror {
+    fn check(&self) -> Result<()> {
+        match (&self.file, self.pixel) {
+            (Some(file), None) if !file.contains(['/', '\\']) && !file.starts_with('.') => Ok(()),
+            (Some(file), None) => {
+                bad("highlights", format!("{file:?} is no photograph of the upload"), "give its name")
+            }
+            (None, Some(_)) => Ok(()),
+            _ => bad("highlights", "have neither or both of file and pixel", "give one of them for each mirror"),
+        }
+    }
+
+    /// Where it is seen, in photographs of a folder that are as large as the camera's.
+    fn seen(&self, folder: &Path, camera_px: Option<[u32; 2]>) -> Result<Seen> {
+        let (pixel, sigma_px) = match (&self.file, self.pixel) {
+            (Some(file), _) => {
+                let path = folder.join(file);
+                let found = info(&path)?;
+                let size = [found.width as u32, found.height as u32];
+                if let Some(known) = camera_px.filter(|known| *known != size) {
+                    let [[w, h], [a, b]] = [size, known];
+                    let problem = format!("is {w} x {h} pixels, and the camera was calibrated at {a} x {b}");
+                    return Err(Error::file(
+                        &path,
+                        problem,
+                        "take both with the same camera, neither cropped nor scaled",
+                    ));
+                }
+                let found = find_highlight(&path)?;
+                (found.pixel, found.sigma_px)
+            }
+            (None, pixel) => (pixel.unwrap_or_default(), PICKED_PX),
+        };
+        Ok(Seen { file: self.file.clone(), pixel, sigma_px, height_mm: self.height_mm })
+    }
+}
+
+impl LightOptions {
+    /// Whether anything is to be measured.
+    pub(super) fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Refuses what makes no sense, without looking at photographs.
+    pub(super) fn check(&self) -> Result<()> {
+        if self.highlights.len() > MOST {
+            return bad("highlights", format!("are {}", self.highlights.len()), "give at most 100 mirrors");
+        }
+        self.highlights.iter().try_for_each(Mirror::check)?;
+        match (self.highlights.len(), self.light_height_mm) {
+            (0, Some(_)) => {
+                return bad("light_height_mm", "goes with no highlight", "give a photograph of the light in a mirror");
+            }
+            (1, None) => {
+                let remedy = "give another in a mirror at another height, or light_height_mm";
+                return bad("highlights", "are fewer than two", remedy);
+            }
+            _ => {}
+        }
+        if let Some(nm) = self.wavelength_nm.filter(|nm| !(200.0..=2000.0).contains(nm)) {
+            return bad("wavelength_nm", format!("is {nm}"), "give 200 to 2000 nm");
+        }
+        if let Some(nm) = self.wavelength_sigma_nm.filter(|nm| !(0.0..=200.0).contains(nm)) {
+            return bad("wavelength_sigma_nm", format!("is {nm}"), "give 0 to 200 nm");
+        }
+        let spectra = self.lamp.is_some() || self.filter.is_some() || self.response.is_some();
+        if self.wavelength_nm.is_some() && spectra {
+            return bad("wavelength_nm", "is given together with spectra", "leave one of them out");
+        }
+        self.band().map(drop)
+    }
+
+    /// The band of lamp, filter and camera, if any is given.
+    pub(super) fn band(&self) -> Result<Option<Band>> {
+        let lamp = match &self.lamp {
+            // A file of this machine is nobody's business.
+            Some(name) => match Illuminant::named(name) {
+                Some(light) => Some(light.spectrum),
+                None => return bad("lamp", format!("is {name:.40}"), &format!("give one of {}", NAMES.join(", "))),
+            },
+            None => None,
+        };
+        let mut others = vec![];
+        for (name, points) in [("filter", &self.filter), ("response", &self.response)] {
+            let Some(points) = points else { continue };
+            let remedy = "give pairs of wavelength in nm and value, in rising order";
+            others.push(Spectrum::new(points.clone()).map_err(|why| Error::input(name, why, remedy))?);
+        }
+        band_of(lamp, others)
+    }
+
+    /// Wavelength and standard deviation in nm, as they are said.
+    pub(super) fn said_nm(&self) -> Option<[f64; 2]> {
+        self.wavelength_nm.map(|nm| [nm, self.wavelength_sigma_nm.unwrap_or(DATA_SHEET_NM)])
+    }
+
+    /// Where the mirror images are, and what is known besides.
+    pub(super) fn look(
+        &self,
+        folder: &Path,
+        camera_px: Option<[u32; 2]>,
+    ) -> Result<(Vec<Seen>, Vec<Highlight>, Known)> {
+        let seen: Vec<Seen> = self.highlights.iter().map(|m| m.seen(folder, camera_px)).collect::<Result<_>>()?;
+        let places = seen.iter().zip(&self.highlights);
+        let highlights =
+            places.map(|(s, m)| Highlight { pixel: s.pixel, height_mm: m.height_mm, tilt_deg: m.tilt_deg }).collect();
+        let sigma_px = seen.iter().fold(PICKED_PX, |most, s| most.max(s.sigma_px));
+        if !sigma_px.is_finite() {
+            return bad("highlights", "are not sharp enough to be placed", "give their places in pixels");
+        }
+        Ok((seen, highlights, Known { sigma_px, height_mm: self.light_height_mm }))
+    }
+}

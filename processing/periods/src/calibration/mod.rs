@@ -1,0 +1,41 @@
+//! Where camera, sample, panel and light are: from photographs of chessboards, highlights, and what was measured by hand.
+
+mod band;
+mod boards;
+mod candidates;
+mod corners;
+mod fit;
+mod grid;
+mod highlight;
+mod homography;
+mod job;
+mod light;
+mod mirrors;
+mod overlay;
+mod panel;
+mod picture;
+mod relative;
+mod report;
+mod sample;
+mod service;
+mod start;
+mod subpixel;
+#[cfg(test)]
+mod tests;
+
+pub use band::{Band, band, band_of};
+pub use boards::{Calibrated, Photograph, calibrate, of_corners};
+pub use corners::{Board, View, find};
+pub use highlight::{Found, find_highlight};
+pub use homography::{homography, mapped};
+pub use job::{CameraFrom, Outcome, PanelFrom, Request, SampleFrom, calibrate_geometry};
+pub use light::{Highlight, Known, PlacedLight, from_highlights};
+pub use mirrors::{LightOptions, Mirror, Seen};
+pub use nacre_image::Gray;
+pub use overlay::overlay;
+pub use panel::{Pixels, PlacedPanel, Shown, by_hand, from_photograph};
+pub use picture::board_picture;
+pub use relative::{Ruler, relative};
+pub use report::{PhotographReport, Report};
+pub use sample::{CameraCovariance, Placed, camera_covariance, from_board, from_corners};
+pub use service::{Calibration, Options, calibrate_folder, write_overlays};

@@ -1,0 +1,82 @@
+//! What is known before a pixel is looked at.
+
+use super::photographs::{Groups, groups};
+use super::settings::Settings;
+use nacre_base::{Error, Result};
+use nacre_frames::{LoadedFrames, load};
+use nacre_optics::geometry::{self, Camera, Geometry, Pose};
+use std::path::Path;
+
+/// Whether there is something to make maps of, without a look at any pixel.
+///
+/// # Errors
+/// As [`reconstruct`](super::reconstruct) for settings and sets that make no sense.
+pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
+    settings.check()?;
+    let frames = load(input)?;
+    let settings = completed(settings, &frames)?;
+    let groups = groups(&frames)?;
+    known_lights(&groups, &settings, &frames)?;
+    wavelength(&settings, &frames)?;
+    if settings.reference_px.is_none() && settings.size_mm.is_none() {
+        let remedy = "give width and height of the sheet in mm, or --reference-px";
+        return Err(Error::input("--size-mm", "is not known", remedy));
+    }
+    Ok(())
+}
+
+/// Settings with the geometry that lies beside the photographs, or that of the bench they were taken on, unless they have another one.
+///
+/// # Errors
+/// `Input` for a geometry that cannot be read.
+pub(super) fn completed(settings: &Settings, frames: &LoadedFrames) -> Result<Settings> {
+    if settings.geometry.is_some() || settings.camera_mm.is_some() || settings.corners_px.is_some() {
+        return Ok(settings.clone());
+    }
+    let geometry = geometry::beside(&frames.folder)?.or_else(|| of_bench(frames));
+    Ok(Settings { geometry, ..settings.clone() })
+}
+
+/// A camera that looks straight down on the middle of the picture or beside it, with the light at its height, as `frames.json` says it.
+fn of_bench(frames: &LoadedFrames) -> Option<Geometry> {
+    let bench = frames.set.geometry?;
+    let pixel_mm = bench.pixel_um? / 1000.0;
+    let middle = [frames.info.width, frames.info.height].map(|n| 0.5 * (n as f64 - 1.0));
+    let center_px = bench.camera_px.unwrap_or([middle[0] - 0.5 * bench.baseline_mm / pixel_mm, middle[1]]);
+    let [x, y] = [(center_px[0] - middle[0]) * pixel_mm, (middle[1] - center_px[1]) * pixel_mm];
+    let camera = Camera { focal_px: [bench.distance_mm / pixel_mm; 2], center_px, distortion: [0.0; 5] };
+    let rotation = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+    let sample = Pose { rotation, translation_mm: [-x, y, bench.distance_mm] };
+    let light_mm = Some([x + bench.baseline_mm, y, bench.distance_mm]);
+    Some(Geometry { light_mm, ..Geometry::new(camera, sample) })
+}
+
+/// Of the settings, the set, or the geometry.
+pub(super) fn wavelength(settings: &Settings, frames: &LoadedFrames) -> Result<f64> {
+    let of_geometry = settings.geometry.as_ref().and_then(|g| g.wavelength_nm);
+    settings.wavelength_nm.or(frames.set.wavelength_nm).or(of_geometry).ok_or_else(|| {
+        Error::input("--wavelength", "is not known", "give that of the filter, or write it into frames.json")
+    })
+}
+
+/// Places of lights where they are said; refuses those that cannot be found.
+pub(super) fn known_lights(
+    groups: &Groups,
+    settings: &Settings,
+    frames: &LoadedFrames,
+) -> Result<Vec<Option<[f64; 3]>>> {
+    let one = settings.geometry.as_ref().and_then(|g| g.light_mm).filter(|_| groups.lights.len() == 1);
+    let lights: Vec<Option<[f64; 3]>> = groups.lights.iter().map(|g| g.light_mm.or(one)).collect();
+    if settings.light_height_mm.is_some() {
+        return Ok(vec![None; lights.len()]);
+    }
+    if lights.contains(&None) {
+        let problem = "does not say where the flash was (light_mm of its frames)";
+        return Err(Error::file(
+            &frames.path,
+            problem,
+            "add it, or give --light-height-mm: the highlight tells the rest",
+        ));
+    }
+    Ok(lights)
+}

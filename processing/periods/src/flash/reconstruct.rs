@@ -1,0 +1,314 @@
+//! The whole job: photographs to maps, pictures and a report in a new folder.
+
+use super::agree::{agreed, believed};
+use super::corners;
+use super::decide::decide;
+use super::fit::{Found, Observed, SPECULAR, Why, copies, fit};
+use super::highlight::{self, Highlight};
+use super::input::{completed, known_lights, wavelength};
+use super::lobe::Lobe;
+use super::output::Output;
+use super::paper::brightest;
+use super::photographs::{Photograph, groups, merged};
+use super::report::{PeriodReport, Report, Seconds};
+use super::settings::{Orientation, PeriodChoice, Settings};
+use super::solve::{Prior, solve};
+use super::spool::Spool;
+use super::tiling::{Moved, Tiling, tiling};
+use super::view::{View, view};
+use nacre_base::progress::Progress;
+use nacre_base::{Error, Result};
+use nacre_frames::{Linearizer, LoadedFrames, load};
+use nacre_image::OutputFolder;
+use nacre_optics::geometry;
+use rayon::prelude::*;
+use std::path::Path;
+use std::time::Instant;
+
+/// A highlight that lies this part of a lobe's width from where it should moves the light.
+const MISPLACED: f64 = 0.12;
+
+/// Full width at half maximum of a Gaussian over its standard deviation.
+const FWHM: f64 = 2.354_82;
+
+/// Widths of lobes that are tried, over that of the highlight.
+const WIDTHS: [f64; 7] = [0.8, 0.87, 0.93, 1.0, 1.07, 1.15, 1.25];
+
+/// Pixels that they are tried on.
+const TRIED: usize = 300;
+
+/// Makes maps of `input` (a session, or a `frames.json` of kind flash) in the new folder `out`.
+///
+/// Memory: one photograph (8 bytes per pixel and what decoding takes), two rows of the tile with all copies, and 50 bytes per pixel of the
+/// tile; copies of the tile under every light are on disk meanwhile.
+///
+/// # Errors
+/// `Input` for anything about the photographs or the settings, before anything is written; `Output` when writing fails, after
+/// which nothing is left behind; `Cancelled`.
+pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
+    let begun = Instant::now();
+    settings.check()?;
+    let folder = OutputFolder::begin(out, settings.overwrite)?;
+    let frames = load(input)?;
+    let settings = completed(settings, &frames)?;
+    let job = Job::read(&frames, &settings, progress)?;
+    let read = begun.elapsed().as_secs_f64();
+    let (found, period, lobe, prior) = job.fitted(&settings, progress)?;
+    let fitted = begun.elapsed().as_secs_f64();
+    progress.stage("writing", 1);
+    let mut report = job.report(&found, period, &lobe, &prior, &settings);
+    Output { found: &found, report: &report }.write(&folder)?;
+    let total = begun.elapsed().as_secs_f64();
+    report.seconds = Seconds { read, fit: fitted - read, write: total - fitted, total };
+    folder.write_json("report.json", &report)?;
+    progress.check()?;
+    folder.commit()?;
+    progress.step();
+    Ok(report)
+}
+
+/// Photographs as copies of the tile.
+pub(super) struct Job {
+    pub view: View,
+    pub tiling: Tiling,
+    pub moved: Option<Moved>,
+    pub lights: Vec<[f64; 3]>,
+    pub highlights: Vec<Option<Highlight>>,
+    /// Lights that were moved to where their highlights say.
+    pub corrected: usize,
+    spool: Spool,
+    pub wavelength_nm: f64,
+    band: f64,
+    light_mm: f64,
+    pub noise_known: bool,
+    pub corners_found: bool,
+    pub geometry_sigma: geometry::Uncertainty,
+}
+
+impl Job {
+    fn read(frames: &LoadedFrames, settings: &Settings, progress: &dyn Progress) -> Result<Self> {
+        let groups = groups(frames)?;
+        let stated = known_lights(&groups, settings, frames)?;
+        let wavelength_nm = wavelength(settings, frames)?;
+        progress.stage("reading photographs", groups.lights.len() as u64 + 1);
+        let linearizer = Linearizer::new(frames)?;
+        let image = [frames.info.width, frames.info.height];
+        let room = groups.room.as_ref().map(|group| merged(frames, group, &linearizer)).transpose()?;
+        let finds = settings.geometry.is_none() && settings.corners_px.is_none();
+        let corners = if finds { room.as_ref().map(corners::find).transpose()? } else { settings.corners_px };
+        let view = view(settings, corners, image)?;
+        let (tiling, moved) = tiling(settings, &view, room.as_ref(), image)?;
+        drop(room);
+        progress.step();
+        let mut job = Self {
+            spool: Spool::new(&tiling),
+            view,
+            tiling,
+            moved,
+            lights: vec![],
+            highlights: vec![],
+            corrected: 0,
+            wavelength_nm,
+            band: frames.set.band_nm.map_or(0.0, |band| band / FWHM / wavelength_nm),
+            light_mm: 0.0,
+            noise_known: frames.set.noise.is_some(),
+            corners_found: finds,
+            geometry_sigma: settings.geometry.as_ref().map(|g| g.sigma).unwrap_or_default(),
+        };
+        for (group, stated) in groups.lights.iter().zip(stated) {
+            progress.check()?;
+            let photograph = merged(frames, group, &linearizer)?;
+            job.take_in(&photograph, stated, settings)?;
+            progress.step();
+        }
+        let mut widths: Vec<f64> = job.highlights.iter().flatten().map(|h| h.light_mm).collect();
+        widths.sort_by(f64::total_cmp);
+        job.light_mm = settings.light_sigma_mm.or(widths.get(widths.len() / 2).copied()).ok_or_else(|| {
+            let remedy = "photograph it, or say how large the light is with --light-sigma-mm";
+            Error::file(&frames.path, "shows no highlight, whose width is that of all lobes", remedy)
+        })?;
+        Ok(job)
+    }
+
+    /// Finds a photograph's highlight and light, and keeps its copies of the tile.
+    fn take_in(&mut self, photograph: &Photograph, stated: Option<[f64; 3]>, settings: &Settings) -> Result<()> {
+        let found = highlight::find(photograph, &self.view, self.tiling.extent(), stated, settings.light_height_mm);
+        let light = match (stated, &found) {
+            (Some(light), Some(h)) => {
+                let lobe = Lobe { light_mm: h.light_mm, band: 0.0 };
+                let width = lobe.at(&self.view.half(h.place, light)).width();
+                let misplaced = h.half[0].hypot(h.half[1]) > MISPLACED * width;
+                self.corrected += usize::from(misplaced && !settings.trust_lights);
+                let moves = misplaced && !settings.trust_lights;
+                if moves { self.view.light_at(h.place, light[2]) } else { light }
+            }
+            (Some(light), None) => light,
+            (None, Some(h)) => self.view.light_at(h.place, settings.light_height_mm.unwrap_or(h.light_mm)),
+            (None, None) => {
+                let problem = "shows no highlight, so nothing tells where the flash was";
+                return Err(Error::input("photographs", problem, "write light_mm into frames.json"));
+            }
+        };
+        self.lights.push(light);
+        self.highlights.push(found);
+        self.spool.add(photograph, &self.tiling, &self.view)
+    }
+
+    /// Copies of the places of a row, one after the other.
+    fn row<T>(&self, y: usize, of: &mut dyn FnMut(usize, &[Observed]) -> T) -> Result<Vec<T>> {
+        let rows = self.spool.row(y)?;
+        let tiles = self.tiling.origins.len();
+        let mut observed = Vec::with_capacity(rows.len() * tiles);
+        let mut all = Vec::with_capacity(self.tiling.width);
+        for x in 0..self.tiling.width {
+            observed.clear();
+            for (row, light) in rows.iter().zip(&self.lights) {
+                for tile in 0..tiles {
+                    let seen = self.view.half(self.tiling.place(tile, x, y), *light);
+                    observed.push(Observed { seen, light: row[x * tiles + tile] });
+                }
+            }
+            all.push(of(x, &observed));
+        }
+        Ok(all)
+    }
+
+    /// Gratings of all pixels.
+    fn fitted(&self, settings: &Settings, progress: &dyn Progress) -> Result<(Vec<Found>, PeriodReport, Lobe, Prior)> {
+        let highlight = Lobe { light_mm: self.light_mm, band: self.band };
+        let prior = self.prior(settings, &highlight);
+        if settings.orientation == Orientation::Image {
+            progress.stage("looking for the brightest", self.tiling.height as u64);
+            let found = self.rows(progress, &|_, observed| self.by_brightness(observed, &highlight))?;
+            let report = PeriodReport {
+                choice: PeriodChoice::Pixel,
+                why: "as the paper has it".into(),
+                ..PeriodReport::default()
+            };
+            return Ok((found, report, highlight, prior));
+        }
+        let lobe = if settings.light_sigma_mm.is_some() { highlight } else { self.refined(&highlight, &prior)? };
+        progress.stage("fitting gratings", self.tiling.height as u64);
+        let of = |prior: Prior| {
+            move |_: usize, observed: &[Observed]| match copies(observed, &lobe) {
+                Ok(copies) => fit(&copies, &prior),
+                Err(why) => Found::Masked(why),
+            }
+        };
+        let found = self.rows(progress, &of(prior))?;
+        let decision = decide(&found, self.tiling.width, settings.period, self.view.uneven);
+        let prior = Prior { shared: decision.shared, ..prior };
+        if decision.shared.is_none() {
+            return Ok((believed(agreed(&found, self.tiling.width)), decision.report, lobe, prior));
+        }
+        progress.stage("fitting gratings of one period", self.tiling.height as u64);
+        let found = self.rows(progress, &of(prior))?;
+        Ok((believed(agreed(&found, self.tiling.width)), decision.report, lobe, prior))
+    }
+
+    fn rows(&self, progress: &dyn Progress, of: &(dyn Fn(usize, &[Observed]) -> Found + Sync)) -> Result<Vec<Found>> {
+        let row = |y: usize| {
+            progress.check()?;
+            let found = self.row(y, &mut |x, observed| of(x, observed))?;
+            progress.step();
+            Ok(found)
+        };
+        let rows: Result<Vec<Vec<Found>>> = (0..self.tiling.height).into_par_iter().map(row).collect();
+        Ok(rows?.concat())
+    }
+
+    fn by_brightness(&self, observed: &[Observed], lobe: &Lobe) -> Found {
+        // Where the highlight lies: half-way in sines, for each light.
+        let tiles = self.tiling.origins.len();
+        let towards: Vec<[f64; 2]> = (0..observed.len())
+            .map(|i| {
+                let light = self.lights[i / tiles];
+                let share = self.view.viewer[2] / (self.view.viewer[2] + light[2]);
+                let viewer = self.view.viewer;
+                let highlight = [0, 1].map(|k| viewer[k] + share * (light[k] - viewer[k]));
+                let place = observed[i].seen.place;
+                [highlight[0] - place[0], highlight[1] - place[1]]
+            })
+            .collect();
+        brightest(observed, &towards, lobe).map_or(Found::Masked(Why::Dark), Found::Grating)
+    }
+
+    /// Range of lengths that gratings may have: as asked for, or all that lie outside of the order zero and within what is seen.
+    fn prior(&self, settings: &Settings, lobe: &Lobe) -> Prior {
+        let um = self.wavelength_nm / 1000.0;
+        if let Some([low, high]) = settings.period_um {
+            return Prior { range: [um / high, um / low], shared: None };
+        }
+        let (mut largest, mut width) = (0.0_f64, 0.0_f64);
+        for light in &self.lights {
+            for tile in 0..self.tiling.origins.len() {
+                let seen =
+                    self.view.half(self.tiling.place(tile, self.tiling.width / 2, self.tiling.height / 2), *light);
+                largest = largest.max(seen.half[0].hypot(seen.half[1]));
+                width = width.max(lobe.at(&seen).width());
+            }
+        }
+        let least = (SPECULAR + 1.0) * width;
+        Prior { range: [least, largest.max(1.5 * least)], shared: None }
+    }
+
+    /// The lobe whose width leaves least over at some bright places.
+    fn refined(&self, highlight: &Lobe, prior: &Prior) -> Result<Lobe> {
+        let rows: Vec<usize> = (0..12).map(|k| (2 * k + 1) * self.tiling.height / 24).collect();
+        let step = (12 * self.tiling.width / TRIED).max(1);
+        let of_row = |y: &usize| {
+            let mut sums = vec![];
+            self.row(*y, &mut |x, observed| {
+                if x % step == 0 {
+                    sums.push(WIDTHS.map(|width| {
+                        let lobe = Lobe { light_mm: width * highlight.light_mm, ..*highlight };
+                        // The same copies for all, so that what is left over can be compared.
+                        left_over(observed, highlight, &lobe, prior)
+                    }));
+                }
+            })?;
+            Ok(sums)
+        };
+        let sums: Result<Vec<Vec<[Option<f64>; WIDTHS.len()]>>> = rows.par_iter().map(of_row).collect();
+        let all: Vec<[f64; WIDTHS.len()]> = sums?
+            .concat()
+            .into_iter()
+            .filter(|s| s.iter().all(Option::is_some))
+            .map(|s| s.map(|v| v.unwrap_or(0.0)))
+            .collect();
+        if all.is_empty() {
+            return Ok(*highlight);
+        }
+        // What a few odd places leave over does not count for more than that of others.
+        let total = WIDTHS.iter().enumerate().map(|(k, _)| {
+            all.iter().map(|s| (s[k] - s.iter().copied().fold(f64::MAX, f64::min)).min(50.0)).sum::<f64>()
+        });
+        let total: Vec<f64> = total.collect();
+        let best = (0..WIDTHS.len()).min_by(|a, b| total[*a].total_cmp(&total[*b])).unwrap_or(WIDTHS.len() / 2);
+        let mut width = WIDTHS[best];
+        if best > 0 && best + 1 < WIDTHS.len() {
+            let [a, b, c] = [total[best - 1], total[best], total[best + 1]];
+            let (left, right) = ((WIDTHS[best] / WIDTHS[best - 1]).ln(), (WIDTHS[best + 1] / WIDTHS[best]).ln());
+            let bend = (a - b) / left + (c - b) / right;
+            let off = 0.5 * ((a - b) / left * right - (c - b) / right * left) / bend.max(1e-9);
+            width *= off.clamp(-left, right).exp();
+        }
+        Ok(Lobe { light_mm: width * highlight.light_mm, ..*highlight })
+    }
+}
+
+/// What the best fit with a lobe leaves over; none where there is no light.
+fn left_over(observed: &[Observed], same: &Lobe, lobe: &Lobe, prior: &Prior) -> Option<f64> {
+    // Copies with the widest lobe's order zero left out, the same for all lobes.
+    let widest = Lobe { light_mm: same.light_mm * WIDTHS[WIDTHS.len() - 1], ..*same };
+    let usable = |o: &&Observed| {
+        let shape = widest.at(&o.seen);
+        shape.square(widest.middle(&o.seen)) > SPECULAR * SPECULAR
+    };
+    let outside: Vec<Observed> = observed.iter().filter(usable).copied().collect();
+    let all = copies(&outside, lobe).ok()?;
+    let bright = all.iter().max_by(|a, b| a.light.total_cmp(&b.light))?.half;
+    let length = bright[0].hypot(bright[1]);
+    let start = if length > prior.range[1] { bright.map(|v| 0.5 * v) } else { bright };
+    solve(&all, start, prior).map(|s| s.cost)
+}

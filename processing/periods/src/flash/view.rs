@@ -1,0 +1,228 @@
+//! Where pixels lie on the sheet, and under which half vector they are seen.
+
+use super::settings::Settings;
+use nacre_base::{Error, Result};
+use nacre_optics::geometry::Geometry;
+use nalgebra::{SMatrix, SVector};
+
+/// From places on the sheet (mm, right and up of its middle) to pixels, and what is seen there.
+pub(super) struct View {
+    map: Map,
+    /// The camera.
+    pub viewer: [f64; 3],
+    /// Why periods are known only up to a common factor; none for a calibrated camera.
+    pub relative: Option<String>,
+    /// What places that are not where they are thought to be may do to periods, over themselves: unevenly, so that parts of the sheet seem to differ.
+    pub uneven: f64,
+}
+
+/// How far corners may be off that were picked or found, in pixels.
+const CORNER_PX: f64 = 1.0;
+
+enum Map {
+    Calibrated(Box<Geometry>),
+    /// `(x w, y w, w)` of `(X, Y, 1)`, row by row, w = 1 at the origin.
+    Flat([f64; 9]),
+}
+
+/// Light on a place and towards the camera.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Half {
+    /// The place, in mm.
+    pub place: [f64; 2],
+    /// Tangent part of ωi + ωo (physics: 2018 paper, Eq. 3 and section 4.4).
+    pub half: [f64; 2],
+    /// Cosine of the incident light over the square of its distance, in 1/mm².
+    pub gain: f64,
+    /// How the half vector changes with the light's place in its plane, xx, xy and yy in 1/mm.
+    pub slope: [f64; 3],
+    /// By how much the mean half vector over a light of some size is off that of its middle, per mm² of the light's variance.
+    pub bend: [f64; 2],
+}
+
+impl View {
+    /// A calibrated one.
+    pub fn calibrated(geometry: &Geometry) -> Self {
+        let relative = geometry.relative.then(|| "the geometry is one of relative lengths".to_owned());
+        Self { viewer: geometry.viewer(), map: Map::Calibrated(Box::new(geometry.clone())), relative, uneven: 0.0 }
+    }
+
+    /// The paper's approximate one (section 4.4): four corners of a sheet of known size, a camera without distortion over the middle of a
+    /// photograph of `image` pixels.
+    ///
+    /// # Errors
+    /// `Input` when the corners are none.
+    pub fn flat(corners: [[f64; 2]; 4], size_mm: [f64; 2], camera_mm: f64, image: [usize; 2]) -> Result<Self> {
+        let [w, h] = size_mm.map(|s| 0.5 * s);
+        let places = [[-w, h], [w, h], [w, -h], [-w, -h]];
+        let twist = |k: usize| {
+            let [a, b, c] = [corners[k], corners[(k + 1) % 4], corners[(k + 2) % 4]];
+            (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+        };
+        // Clockwise on the picture, where y falls.
+        if (0..4).any(|k| twist(k).is_nan() || twist(k) <= 1.0) {
+            let remedy = "give top left, top right, bottom right, bottom left as x,y";
+            return Err(Error::input("--corners", format!("{corners:?} is no sheet seen from above"), remedy));
+        }
+        let map = homography(places, corners).ok_or_else(|| {
+            Error::input("--corners", format!("{corners:?} is no perspective of a sheet"), "correct the corners")
+        })?;
+        let relative = "the camera was taken to stand over the middle of the picture, without distortion".to_owned();
+        let side = |a: usize, b: usize| (corners[a][0] - corners[b][0]).hypot(corners[a][1] - corners[b][1]);
+        let shortest = (0..4).map(|k| side(k, (k + 1) % 4)).fold(f64::INFINITY, f64::min);
+        let (map, viewer) = (Map::Flat(map), [0.0, 0.0, camera_mm]);
+        let mut view = Self { map, viewer, relative: Some(relative), uneven: CORNER_PX / shortest };
+        let middle = image.map(|n| 0.5 * (n as f64 - 1.0));
+        let [x, y] = view.point(middle).ok_or_else(|| {
+            Error::input("--corners", "put the picture's middle beyond the sheet's horizon", "correct the corners")
+        })?;
+        view.viewer = [x, y, camera_mm];
+        Ok(view)
+    }
+
+    /// Pixel that shows a place; none when the camera cannot see it.
+    pub fn pixel(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        match &self.map {
+            Map::Calibrated(geometry) => geometry.pixel([x, y, 0.0]),
+            Map::Flat(m) => project(m, [x, y]),
+        }
+    }
+
+    /// Place that a pixel shows.
+    pub fn point(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
+        match &self.map {
+            Map::Calibrated(geometry) => geometry.point(pixel).map(|[x, y, _]| [x, y]),
+            Map::Flat(m) => {
+                let inverse = SMatrix::<f64, 3, 3>::from_row_slice(m).try_inverse()?;
+                let flat: Vec<f64> = inverse.transpose().iter().copied().collect();
+                project(&flat.try_into().ok()?, pixel)
+            }
+        }
+    }
+
+    /// What a place is seen under, with the light at another.
+    pub fn half(&self, place: [f64; 2], light: [f64; 3]) -> Half {
+        half(self.viewer, place, light)
+    }
+
+    /// Place of a light at a height whose mirror image in the sheet is seen at a place.
+    pub fn light_at(&self, highlight: [f64; 2], height_mm: f64) -> [f64; 3] {
+        let back = height_mm / self.viewer[2];
+        let [x, y] = [0, 1].map(|k| highlight[k] + back * (highlight[k] - self.viewer[k]));
+        [x, y, height_mm]
+    }
+
+    /// Size of a pixel on the sheet, in mm, at a place.
+    pub fn pixel_mm(&self, at: [f64; 2]) -> Option<f64> {
+        let step = 1.0;
+        let [a, b, c] = [self.pixel(at)?, self.pixel([at[0] + step, at[1]])?, self.pixel([at[0], at[1] + step])?];
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        (area != 0.0).then(|| step / area.abs().sqrt())
+    }
+}
+
+/// What a place is seen under from another, with the light at a third.
+pub(super) fn half(viewer: [f64; 3], [x, y]: [f64; 2], light: [f64; 3]) -> Half {
+    let towards = |far: [f64; 3]| {
+        let d = [far[0] - x, far[1] - y, far[2]];
+        let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        (d.map(|v| v / length), length)
+    };
+    let ((o, _), (i, distance)) = (towards(viewer), towards(light));
+    // Half of the half vector's second derivatives, and nearer points of the light being brighter: cos θi/d² changes by -3/d times
+    // the tangent part per mm.
+    let bend = -(0.5 + 4.5 * i[2] * i[2]) / (distance * distance);
+    Half {
+        place: [x, y],
+        half: [o[0] + i[0], o[1] + i[1]],
+        gain: i[2] / (distance * distance),
+        slope: [(1.0 - i[0] * i[0]) / distance, -i[0] * i[1] / distance, (1.0 - i[1] * i[1]) / distance],
+        bend: [bend * i[0], bend * i[1]],
+    }
+}
+
+fn project(m: &[f64; 9], [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+    let row = |k: usize| m[3 * k] * x + m[3 * k + 1] * y + m[3 * k + 2];
+    let w = row(2);
+    (w > 1e-9).then(|| [row(0) / w, row(1) / w])
+}
+
+/// The perspective that takes four places to four others.
+fn homography(from: [[f64; 2]; 4], to: [[f64; 2]; 4]) -> Option<[f64; 9]> {
+    let mut a = SMatrix::<f64, 8, 8>::zeros();
+    let mut b = SVector::<f64, 8>::zeros();
+    for k in 0..4 {
+        let ([x, y], [u, v]) = (from[k], to[k]);
+        let rows = [[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y], [0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y]];
+        for (j, row) in rows.iter().enumerate() {
+            (0..8).for_each(|c| a[(2 * k + j, c)] = row[c]);
+            b[2 * k + j] = to[k][j];
+        }
+    }
+    let m = a.lu().solve(&b)?;
+    let map = std::array::from_fn(|k| if k < 8 { m[k] } else { 1.0 });
+    from.iter().all(|p| project(&map, *p).is_some()).then_some(map)
+}
+
+/// The view that the settings and a geometry beside the photographs say; corners must be known by then.
+///
+/// # Errors
+/// `Input` for what is missing.
+pub(super) fn view(settings: &Settings, corners: Option<[[f64; 2]; 4]>, image: [usize; 2]) -> Result<View> {
+    if let Some(geometry) = &settings.geometry {
+        if let Some(of) = geometry.image_px.map(|s| s.map(|n| n as usize)).filter(|s| *s != image) {
+            let problem = format!("is of photographs of {of:?} pixels, but these have {image:?}");
+            return Err(Error::input("geometry", problem, "give that of this camera at this resolution"));
+        }
+        return Ok(View::calibrated(geometry));
+    }
+    let missing = |what: &str, remedy: &str| Error::input(what, "is not known", remedy);
+    let remedy = "give a geometry (nacre calibrate geometry), or corners, size and camera distance of the sheet";
+    let corners = corners.ok_or_else(|| missing("geometry", remedy))?;
+    let size_mm = settings.size_mm.ok_or_else(|| missing("--size-mm", remedy))?;
+    let camera_mm = settings.camera_mm.ok_or_else(|| missing("--camera-mm", remedy))?;
+    View::flat(corners, size_mm, camera_mm, image)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn four_corners_are_met_and_the_way_back_is_the_same() {
+        let corners = [[100.0, 80.0], [900.0, 60.0], [960.0, 700.0], [60.0, 640.0]];
+        let view = View::flat(corners, [297.0, 210.0], 500.0, [1000, 760]).unwrap();
+        for (corner, place) in corners.iter().zip([[-148.5, 105.0], [148.5, 105.0], [148.5, -105.0], [-148.5, -105.0]])
+        {
+            let found = view.pixel(place).unwrap();
+            assert!((found[0] - corner[0]).abs() + (found[1] - corner[1]).abs() < 1e-6, "{found:?}");
+            let back = view.point(*corner).unwrap();
+            assert!((back[0] - place[0]).abs() + (back[1] - place[1]).abs() < 1e-6, "{back:?}");
+        }
+        let turned = [corners[1], corners[0], corners[3], corners[2]];
+        assert!(View::flat(turned, [297.0, 210.0], 500.0, [1000, 760]).is_err());
+        assert!(View::flat([[0.0, 0.0]; 4], [297.0, 210.0], 500.0, [1000, 760]).is_err());
+    }
+
+    #[test]
+    fn the_slope_is_that_of_the_half_vector() {
+        let corners = [[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0]];
+        let view = View::flat(corners, [100.0, 100.0], 400.0, [101, 101]).unwrap();
+        let (at, light) = ([20.0, -30.0], [-40.0, 25.0, 210.0]);
+        let near = view.half(at, light);
+        let step = 1e-4;
+        for (axis, slopes) in [[0, 1], [1, 2]].iter().enumerate() {
+            let mut moved = light;
+            moved[axis] += step;
+            let found = view.half(at, moved).half;
+            for k in 0..2 {
+                let slope = (found[k] - near.half[k]) / step;
+                assert!((slope - near.slope[slopes[k]]).abs() < 1e-7, "{axis} {k}");
+            }
+        }
+        // A light is where its highlight says.
+        let place = view.light_at([12.0, -7.0], 210.0);
+        let at_highlight = view.half([12.0, -7.0], place).half;
+        assert!(at_highlight[0].abs() + at_highlight[1].abs() < 1e-12);
+    }
+}

@@ -1,0 +1,5 @@
+#![doc = include_str!("../README.md")]
+
+pub mod calibration;
+pub mod flash;
+pub mod spots;

@@ -1,0 +1,120 @@
+//! A scan that is under way, from a sample of its pixels: how many of them are still undecided, so that no more fringes are shown than it
+//! takes.
+
+use super::answer::{Demands, Verdict};
+use super::input::Bench;
+use super::optics::Optics;
+use super::reconstruct::demands;
+use super::scan::{aperture, scan};
+use super::settings::Settings;
+use super::signals::{Sampled, Signals, carriers, sampled_size};
+use super::solve::MAX_CARRIERS;
+use nacre_base::Result;
+use nacre_base::progress::Silent;
+use nacre_frames::{Frame, Linearizer, LoadedFrames};
+
+/// Pixels that are looked at, about: one in a thousand counts.
+const PIXELS: usize = 1000;
+
+/// Photographs of fringes as they arrive. Memory: a thousand pixels of each.
+pub struct Survey {
+    frames: LoadedFrames,
+    bench: Bench,
+    settings: Settings,
+    linearizer: Linearizer,
+    every: usize,
+    samples: Vec<Sampled>,
+    aperture_mm: Option<f64>,
+}
+
+/// What is known so far of the pixels with first orders on the panel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Decided {
+    /// Pixels of the sample that one or several gratings explain.
+    pub carrying: usize,
+    /// Of these, such as several gratings explain, or whose period is less sure than wanted.
+    pub undecided: usize,
+}
+
+impl Decided {
+    /// Undecided ones over all; none where no pixel carries a grating.
+    pub fn share(&self) -> Option<f64> {
+        (self.carrying > 0).then(|| self.undecided as f64 / self.carrying as f64)
+    }
+}
+
+impl Survey {
+    /// With frames that are to come; those of `frames` are not read.
+    ///
+    /// # Errors
+    /// `Input` for a geometry or settings that tell no period.
+    pub fn begin(mut frames: LoadedFrames, settings: &Settings) -> Result<Self> {
+        settings.check()?;
+        frames.set.frames.clear();
+        let bench = Bench::new(&frames, settings)?;
+        let linearizer = Linearizer::new(&frames)?;
+        let pixels = frames.info.width * frames.info.height;
+        let every = ((pixels as f64 / PIXELS as f64).sqrt().floor() as usize).max(1);
+        Ok(Self {
+            frames,
+            bench,
+            settings: settings.clone(),
+            linearizer,
+            every,
+            samples: vec![],
+            aperture_mm: settings.aperture_mm,
+        })
+    }
+
+    /// Frames taken in so far.
+    pub fn added(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// Takes in the next frame.
+    ///
+    /// # Errors
+    /// `Input` when it cannot be read.
+    pub fn push(&mut self, frame: Frame) -> Result<()> {
+        self.linearizer.learn(&self.frames, std::slice::from_ref(&frame))?;
+        let decoded = self.linearizer.frame(&self.frames, &frame)?;
+        let size = [self.frames.info.width, self.frames.info.height];
+        self.samples.push(Sampled::of(&decoded, size, self.every));
+        self.frames.set.frames.push(frame);
+        Ok(())
+    }
+
+    /// What the first `frames` frames tell, where a period's σ is to be at most `period_sigma` of it. The aperture is found the first time,
+    /// so that whoever asks in the same order gets the same answers.
+    ///
+    /// # Errors
+    /// `Input` when these frames are no scan.
+    pub fn decided(&mut self, frames: usize, period_sigma: f64) -> Result<Decided> {
+        let mut first = self.frames.clone();
+        first.set.frames.truncate(frames);
+        let shown = carriers(&first, MAX_CARRIERS)?;
+        let size = sampled_size([first.info.width, first.info.height], self.every);
+        let signals = Signals::of_samples(&first, &self.linearizer, &shown, &self.samples, size);
+        let [offset, every] = [self.every / 2, self.every].map(|n| n as f64);
+        let geometry = &self.bench.geometry;
+        let points = |x: usize, y: usize| geometry.point([offset + every * x as f64, offset + every * y as f64]);
+        let demands: Demands = demands(&self.settings, &shown, &signals);
+        let aperture_mm = match self.aperture_mm {
+            Some(known) => known,
+            None => *self.aperture_mm.insert(aperture(&signals, &self.bench.optics, &points, demands)),
+        };
+        let optics = Optics { aperture_mm, ..self.bench.optics.clone() };
+        let found = scan(&signals, &optics, &points, demands, &Silent)?;
+        let mut decided = Decided { carrying: 0, undecided: 0 };
+        for (verdict, grating) in found.verdicts.iter().zip(&found.gratings) {
+            let is_sure = grating.is_some_and(|g| g.period_sigma_um <= period_sigma * g.period_um);
+            match verdict {
+                Verdict::Resolved => decided.undecided += usize::from(!is_sure),
+                Verdict::Ambiguous => decided.undecided += 1,
+                _ => continue,
+            }
+            decided.carrying += 1;
+        }
+        Ok(decided)
+    }
+}

@@ -1,0 +1,226 @@
+//! Looks at a reconstruction: the maps so far while frames still arrive, and one pixel with all that was measured.
+
+use super::merge::Merge;
+use super::running::{noise_of_bracket, read};
+use super::views::{View, brackets, views};
+use super::{Design, Running, orient};
+use nacre_base::text::read_text;
+use nacre_base::{Error, Result};
+use nacre_frames::{Kind, LinearFrame, Linearizer, LoadedFrames};
+use nacre_image::registration::Resampler;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Most bytes of a report that are read: a few numbers and a name for each photograph.
+const MAX_REPORT: u64 = 1 << 24;
+
+/// What to do where a report is not of the photographs.
+const AGAIN: &str = "reconstruct again";
+
+/// The maps so far, on a coarser grid.
+pub struct Glance {
+    /// Photographs in it.
+    pub frames: usize,
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Orientation in rad, NaN where masked.
+    pub orientation: Vec<f32>,
+    /// Its standard deviation in rad.
+    pub sigma: Vec<f32>,
+    /// Degree of linear polarization.
+    pub dolp: Vec<f32>,
+}
+
+impl Running {
+    /// The maps so far, every n-th pixel so that rows have at most `width`; the reconstruction goes on unchanged. None
+    /// as long as the angles cannot tell an orientation.
+    pub fn glance(&self, width: usize) -> Option<Glance> {
+        let step = self.sums.width().div_ceil(width.max(1)).max(1);
+        let views = &self.views[..self.sums.views()];
+        let design = Design::new(&views.iter().map(|v| v.angle).collect::<Vec<_>>()).ok()?;
+        let mut maps = self.sums.thinned(step).solve(&design);
+        let (noise, _) = self.noise(&mut maps, &design);
+        let map = orient(&mut maps, &design, &noise, 0.0);
+        let dolp = (0..maps.s0.len()).map(|i| maps.s1[i].hypot(maps.s2[i]) / maps.s0[i]).collect();
+        let (width, height) = (map.width, map.height);
+        Some(Glance { frames: self.added(), width, height, orientation: map.orientation, sigma: map.sigma, dolp })
+    }
+}
+
+/// What a reconstruction put right in its photographs, one entry for each analyser position; empty where nothing was.
+#[derive(Clone, Debug, Default)]
+pub struct PutRight {
+    /// By how much the analyser stood beside each of its positions.
+    angle_errors_deg: Vec<f64>,
+    /// By how much photographs were moved back.
+    shifts_px: Vec<[f64; 2]>,
+}
+
+impl PutRight {
+    /// Reads it from `report.json` in a folder of results.
+    ///
+    /// # Errors
+    /// `Input` when there is no such file, or it is damaged or larger than 16 MiB.
+    pub fn read(results: &Path) -> Result<Self> {
+        #[derive(Deserialize)]
+        struct Said {
+            analyser_errors_deg: Option<Vec<f64>>,
+            registration: Option<Moved>,
+        }
+        #[derive(Deserialize)]
+        struct Moved {
+            corrected: bool,
+            shifts_px: Vec<[f64; 2]>,
+        }
+        let path = results.join("report.json");
+        let text = read_text(&path, MAX_REPORT, AGAIN)?;
+        let said: Said = serde_json::from_str(&text).map_err(|e| Error::file(&path, e.to_string(), AGAIN))?;
+        Ok(Self {
+            angle_errors_deg: said.analyser_errors_deg.unwrap_or_default(),
+            shifts_px: said.registration.filter(|m| m.corrected).map(|m| m.shifts_px).unwrap_or_default(),
+        })
+    }
+
+    /// Whether it is of so many analyser positions, and of photographs of this size.
+    fn fits(&self, views: usize, [width, height]: [usize; 2]) -> bool {
+        let counts = [self.angle_errors_deg.len(), self.shifts_px.len()].iter().all(|n| [0, views].contains(n));
+        counts && self.shifts_px.iter().all(|[x, y]| x.abs() < width as f64 && y.abs() < height as f64)
+    }
+}
+
+/// One pixel of a set of photographs: what was measured, and the sinusoid through it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Probe {
+    /// Column.
+    pub x: usize,
+    /// Row.
+    pub y: usize,
+    /// Light at each analyser angle, in the order of the photographs; of several exposures those that are not saturated.
+    pub points: Vec<Point>,
+    /// Fitted intensity is (S0 + S1 cos 2ψ + S2 sin 2ψ) / 2.
+    pub s0: f64,
+    /// S1.
+    pub s1: f64,
+    /// S2.
+    pub s2: f64,
+    /// Root mean square of what the fit leaves.
+    pub residual_rms: f64,
+    /// At some angle every value is saturated, so that the maps leave the pixel out.
+    pub saturated: bool,
+}
+
+/// A measured value.
+#[derive(Clone, Debug, Serialize)]
+pub struct Point {
+    /// Analyser angle in degrees, put right where the reconstruction did so.
+    pub analyser_deg: f64,
+    /// Light, moved back where the reconstruction did so.
+    pub value: f64,
+    /// Photograph.
+    pub file: String,
+}
+
+/// Reads one pixel of the maps from all photographs, as the reconstruction put them right.
+///
+/// # Errors
+/// `Input` when the set is no polarization set, the pixel lies outside, or other photographs were put right.
+pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Result<Probe> {
+    let brackets = brackets(&frames.set.frames);
+    let mut views = views(frames, &brackets)?;
+    let block = views.first().map_or(1, |v| v.block);
+    let size = [frames.info.width / block, frames.info.height / block];
+    if x >= size[0] || y >= size[1] {
+        let problem = format!("pixel {x}, {y} lies outside of {} × {}", size[0], size[1]);
+        return Err(Error::file(&frames.path, problem, "choose one inside"));
+    }
+    if !right.fits(views.len(), size) {
+        let problem = format!("holds {} analyser positions, other ones than its results are of", views.len());
+        return Err(Error::file(&frames.path, problem, AGAIN));
+    }
+    views.iter_mut().zip(&right.angle_errors_deg).for_each(|(view, error)| view.angle += error.to_radians());
+    let linearizer = Linearizer::new(frames)?;
+    let weighted = brackets.iter().any(|b| b.len() > 1);
+    // Value and weight per view.
+    let (mut points, mut merged, mut saturated) = (vec![], vec![], false);
+    for (i, bracket) in brackets.iter().enumerate() {
+        let photographs = read(frames, &linearizer, bracket)?;
+        let noise = noise_of_bracket(frames, &linearizer, bracket);
+        for (v, view) in views.iter().enumerate().filter(|(_, view)| view.bracket == i) {
+            let back = right.shifts_px.get(v).map(|shift| Resampler::new(*shift, size[0], size[1]));
+            let values: Vec<(f32, u8)> =
+                photographs.iter().map(|p| value(p, view, back.as_ref(), [x, y], size[0])).collect();
+            for (k, (value, _)) in bracket.iter().zip(&values).filter(|(_, (_, bad))| *bad == 0 || !weighted) {
+                let file = frames.set.frames[*k].file.to_string_lossy().into_owned();
+                points.push(Point { analyser_deg: view.angle.to_degrees(), value: f64::from(*value), file });
+            }
+            let (mut light, mut variance, mut bad) = ([values[0].0], [1.0], [values[0].1]);
+            if weighted {
+                bad = [0];
+                let merge = Merge::new(noise.clone()).scaled(back.map_or(1.0, |b| b.noise_factor()));
+                merge.row(|k, light, bad| (light[0], bad[0]) = values[k], &mut light, &mut variance, &mut bad);
+            }
+            saturated |= bad[0] != 0;
+            merged.push((f64::from(light[0]), 1.0 / f64::from(variance[0])));
+        }
+    }
+    let design = Design::new(&views.iter().map(|v| v.angle).collect::<Vec<_>>())?;
+    let rows = || design.rows.iter().zip(&merged);
+    let normal: nalgebra::Matrix3<f64> = rows().map(|(x, (_, w))| x * x.transpose() * *w).sum();
+    let moments: nalgebra::Vector3<f64> = rows().map(|(x, (value, w))| x * (value * w)).sum();
+    let beta = normal.try_inverse().unwrap_or(design.inverse) * moments;
+    let squares: f64 = rows().map(|(x, (value, _))| (value - x.dot(&beta)).powi(2)).sum();
+    let residual_rms = (squares / merged.len().max(1) as f64).sqrt();
+    Ok(Probe { x, y, points, s0: 2.0 * beta[0], s1: 2.0 * beta[1], s2: 2.0 * beta[2], residual_rms, saturated })
+}
+
+/// Light of a photograph at a pixel of its view, whose rows have `width` pixels, moved back, and whether it is bad.
+fn value(
+    photograph: &LinearFrame,
+    view: &View,
+    back: Option<&Resampler>,
+    [x, y]: [usize; 2],
+    width: usize,
+) -> (f32, u8) {
+    let (mut light, mut bad) = (vec![0.0; width], vec![0; width]);
+    match back {
+        Some(back) => back.row(y, |y, light, bad| photograph.row(y, light, bad), &mut light, &mut bad),
+        None => {
+            let [left, top] = view.position;
+            photograph.strided(y * view.block + top, left, view.block, &mut light, &mut bad);
+        }
+    }
+    (light[x], bad[x])
+}
+
+/// Whether a set can be probed and reconstructed.
+pub fn is_polarimetric(kind: Kind) -> bool {
+    matches!(kind, Kind::Polarization | Kind::DivisionOfFocalPlane)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Fit;
+
+    /// The thinned fit has the values of the pixels that it keeps.
+    #[test]
+    fn a_thinned_fit_keeps_every_nth_pixel() {
+        let (width, height) = (7, 5);
+        let mut fit = Fit::new(width, height);
+        let angles = [0.0_f64, 1.0, 2.0, 2.5];
+        let value = |i: usize, psi: f64| 3.0 + ((i as f64).sin() * (2.0 * psi).cos() + 0.3 * (2.0 * psi).sin()) as f32;
+        for psi in angles {
+            fit.add(psi, |y, row, _| {
+                row.iter_mut().enumerate().for_each(|(x, v)| *v = value(y * width + x, psi));
+            });
+        }
+        let design = Design::new(&angles).unwrap();
+        let (thin, whole) = (fit.thinned(3).solve(&design), fit.solve(&design));
+        assert_eq!((thin.width, thin.height), (3, 2));
+        for (x, y) in [(0, 0), (1, 1), (2, 1)] {
+            assert_eq!(thin.s1[y * 3 + x], whole.s1[3 * y * width + 3 * x]);
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! How much memory a set of photographs needs.
+
+use super::views::{View, brackets, views};
+use nacre_base::Result;
+use nacre_frames::LoadedFrames;
+use nacre_image::budget;
+use std::collections::BTreeSet;
+
+/// Bytes per pixel of the maps: 11 floats while photographs that were moved back are fitted anew (10 while the map is smoothed).
+const ALIKE: u64 = 44;
+
+/// The same where exposures are merged: 22 floats.
+const MERGED: u64 = 88;
+
+/// Photographs, or brackets of them, that are decoded at a time.
+const AT_A_TIME: u64 = 2;
+
+/// Refuses a set whose reconstruction would not fit into memory, by the headers of its photographs.
+///
+/// # Errors
+/// `Input`, naming the first photograph, and for sets of another kind.
+pub fn check_memory(frames: &LoadedFrames) -> Result<()> {
+    let brackets = brackets(&frames.set.frames);
+    let needed = needed(frames, &brackets, &views(frames, &brackets)?);
+    frames.set.frames.first().map_or(Ok(()), |first| budget::check(&frames.file(&first.file), frames.info, needed))
+}
+
+/// Most bytes that a reconstruction takes at a time. Their number does not grow with that of the photographs.
+fn needed(frames: &LoadedFrames, brackets: &[Vec<usize>], views: &[View]) -> u64 {
+    let LoadedFrames { set, info, .. } = frames;
+    let pixels = (info.width * info.height) as u64;
+    let block = views.first().map_or(1, |view| view.block) as u64;
+    let exposures = brackets.iter().map(Vec::len).max().unwrap_or(1) as u64;
+    let darks: BTreeSet<_> = set.frames.iter().filter_map(|f| f.dark.as_ref()).chain(&set.dark).collect();
+    let planes = darks.len() as u64 + u64::from(set.flat.is_some());
+    let map = if exposures > 1 { MERGED } else { ALIKE };
+    pixels / (block * block) * map + AT_A_TIME * exposures * budget::decoded(*info) + 4 * pixels * planes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nacre_frames::{Frame, FrameSet, Kind};
+    use nacre_image::{Depth, Info};
+    use std::path::Path;
+
+    const MEGAPIXEL: u64 = 1 << 20;
+
+    fn bytes_per_pixel(kind: Kind, change: impl Fn(&mut FrameSet)) -> u64 {
+        let frame = |angle: f64| Frame { analyser_deg: Some(angle), ..Frame::new("a.png") };
+        let mut set = FrameSet::new(kind, [0.0, 45.0, 90.0, 135.0].map(frame).to_vec());
+        if kind == Kind::DivisionOfFocalPlane {
+            (set.frames, set.layout) = (vec![Frame::new("a.png")], Some([[90.0, 45.0], [135.0, 0.0]]));
+        }
+        change(&mut set);
+        let info = Info { width: 1024, height: 1024, channels: 1, depth: Depth::U16 };
+        let (path, folder) = ("frames.json".into(), Path::new(".").into());
+        let frames = LoadedFrames { path, folder, set, info, from_session: false };
+        let brackets = brackets(&frames.set.frames);
+        needed(&frames, &brackets, &views(&frames, &brackets).unwrap()) / MEGAPIXEL
+    }
+
+    #[test]
+    fn need_grows_with_pixels_exposures_and_dark_photographs_alone() {
+        let one = bytes_per_pixel(Kind::Polarization, |_| ());
+        assert_eq!(one, 44 + 2 * 4);
+        let twice = |set: &mut FrameSet| set.frames.extend(set.frames.clone());
+        assert_eq!(bytes_per_pixel(Kind::Polarization, twice), one);
+        let bracketed = |set: &mut FrameSet| {
+            let longer = |f: &Frame| Frame { exposure_s: Some(8.0), ..f.clone() };
+            set.frames.extend(set.frames.iter().map(longer).collect::<Vec<_>>());
+        };
+        assert_eq!(bytes_per_pixel(Kind::Polarization, bracketed), 88 + 4 * 4);
+        assert_eq!(bytes_per_pixel(Kind::DivisionOfFocalPlane, |_| ()), 11 + 2 * 4);
+        let corrected = |set: &mut FrameSet| {
+            (set.dark, set.flat) = (Some("dark.png".into()), Some("flat.png".into()));
+            set.frames.iter_mut().for_each(|f| f.dark = Some("own.png".into()));
+        };
+        assert_eq!(bytes_per_pixel(Kind::Polarization, corrected), one + 3 * 4);
+    }
+}

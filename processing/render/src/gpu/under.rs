@@ -1,0 +1,179 @@
+//! What a sample shows of an environment. Every place of a flat one has the same frame, so that what tables and bases show depends on the direction
+//! of view alone: tables by the exact correlation ([`planar`]), the base by the processor's own samples. On other shapes light is drawn by chance.
+
+use super::super::diffraction::Diffraction;
+use super::super::light::Sky;
+use super::super::lobes::Above;
+use super::super::material::{Base, Material, Place, add};
+use super::super::shape::Form;
+use super::super::spectrum::RANGE;
+use super::super::table::Table;
+use super::super::texture::Over;
+use super::super::vector::V3;
+use super::repeating::Cells;
+use super::textures::Texture;
+use crate::environment::{self, Frame, planar};
+use nacre_base::random::Stream;
+use nacre_optics::color::linear_srgb;
+use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
+
+/// Sines of view along a side for a table, at most; the correlation's memory grows with their square.
+const VIEWS: usize = 512;
+
+/// Samples of the base over all directions of view.
+const SAMPLES: usize = 1 << 20;
+
+/// Wave numbers at which the colours of the sky are known.
+const NUMBERS: usize = 256;
+
+/// Farthest sine of view that is looked at.
+const RIM: f64 = 0.999;
+
+/// The textures where there is no environment.
+pub(super) fn none() -> Vec<Texture> {
+    ["sky", "sky_colors", "under_top", "under_base"].map(|name| Texture::none(name, 4)).to_vec()
+}
+
+/// The textures of an environment over a sample seen from a place, and of what a height field's frequencies are drawn by; or why shaders do not do it.
+pub(super) fn all(
+    sky: &Sky,
+    material: &Material,
+    (form, from): (&Form, V3),
+    frequencies: Option<Cells>,
+) -> Result<Vec<Texture>, String> {
+    let [_, _, mut top, mut base] = none().try_into().map_err(|_| "report this")?;
+    if let Form::Flat { center, frame, .. } = form {
+        let side = if (from - center).dot(&frame[2]) < 0.0 { -1.0 } else { 1.0 };
+        let frame = [frame[0], frame[1], frame[2] * side];
+        if let Some(Diffraction::Table(of)) = &material.diffraction {
+            top = table(of, sky, &frame)?;
+        }
+        if let Some(of) = &material.base {
+            base = self::base(of, material, sky, &frame);
+        }
+    } else if let Some(Diffraction::Table(of)) = &material.diffraction {
+        top = cells(of);
+    }
+    let top = frequencies.map_or(top, |cells| cells.texture);
+    Ok(vec![picture(sky), colors(sky), top, base])
+}
+
+/// The sky with the density of its draws; below it, by pixel, its own share of them and which other pixel has the rest (Walker 1977).
+fn picture(sky: &Sky) -> Texture {
+    let (width, height) = (sky.map.width, sky.map.height);
+    let middle = |k: usize| {
+        let (polar, azimuth) =
+            (PI * ((k / width) as f64 + 0.5) / height as f64, TAU * (0.5 - ((k % width) as f64 + 0.5) / width as f64));
+        [polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()]
+    };
+    let density: Vec<f64> = (0..width * height).into_par_iter().map(|k| sky.map.density(middle(k))).collect();
+    // Of all draws, times the number of pixels.
+    let edge = |y: usize| (PI * y as f64 / height as f64).cos();
+    let angle = |k: usize| (edge(k / width) - edge(k / width + 1)) * TAU / width as f64;
+    let shares = density.iter().enumerate().map(|(k, d)| d * angle(k) * (width * height) as f64).collect();
+    let light = sky.map.rgb.iter().zip(&density);
+    let light =
+        light.flat_map(|(rgb, d)| rgb.map(|v| (f64::from(v) * sky.strength) as f32).into_iter().chain([*d as f32]));
+    let draws = draws(shares)
+        .into_iter()
+        .flat_map(|(share, other)| [share as f32, (other % width) as f32, (other / width) as f32, 0.0]);
+    Texture::new("sky", width, 4, light.chain(draws).collect())
+}
+
+/// Of shares whose mean is 1, by number: how much of it stays, and which one the rest goes to (Walker 1977; Vose 1991).
+pub(super) fn draws(mut shares: Vec<f64>) -> Vec<(f64, usize)> {
+    let mut found: Vec<(f64, usize)> = (0..shares.len()).map(|k| (1.0, k)).collect();
+    let (mut poor, mut rich): (Vec<usize>, Vec<usize>) = (0..shares.len()).partition(|k| shares[*k] < 1.0);
+    while let (Some(k), Some(from)) = (poor.pop(), rich.last().copied()) {
+        found[k] = (shares[k], from);
+        shares[from] -= 1.0 - shares[k];
+        if shares[from] < 1.0 {
+            rich.pop();
+            poor.push(from);
+        }
+    }
+    found
+}
+
+/// X, Y, Z per wave number of red, green and blue, a row for each.
+fn colors(sky: &Sky) -> Texture {
+    let number = |k: usize| RANGE[0] + (RANGE[1] - RANGE[0]) * k as f64 / (NUMBERS - 1) as f64;
+    let row = |c: usize| (0..NUMBERS).map(move |k| sky.upsampling.at(number(k))[c]);
+    let texel = |[x, y, z]: [f64; 3]| [x as f32, y as f32, z as f32, 0.0];
+    Texture::new("sky_colors", NUMBERS, 4, (0..3).flat_map(row).flat_map(texel).collect())
+}
+
+/// A texture over the sines of view at the middles of `size · size` cells; beyond the rim that of the rim.
+fn over_views(name: &'static str, size: usize, value: impl Fn(usize, [f64; 3]) -> [f64; 3] + Sync) -> Texture {
+    let at = |k: usize| (2 * k + 1) as f64 / size as f64 - 1.0;
+    let texel = |i: usize| {
+        let [x, y] = [at(i % size), at(i / size)];
+        let shrink = (RIM / x.hypot(y)).min(1.0);
+        let [x, y] = [x * shrink, y * shrink];
+        let [r, g, b] = value(i, [x, y, (1.0 - x * x - y * y).sqrt()]);
+        [r as f32, g as f32, b as f32, 0.0]
+    };
+    let texels: Vec<[f32; 4]> = (0..size * size).into_par_iter().map(texel).collect();
+    Texture::new(name, size, 4, texels.into_flattened())
+}
+
+/// What cells of a table are drawn by: their own share of draws, which other one has the rest, and the density over half vectors.
+fn cells(of: &Table) -> Texture {
+    let (side, shares) = of.shares();
+    let per_area = (side as f64 / (2.0 * of.extent)).powi(2);
+    let density: Vec<f64> = shares.iter().map(|share| share * per_area).collect();
+    let even = (side * side) as f64;
+    let draws = draws(shares.iter().map(|share| share * even).collect());
+    let texel = |((share, other), density): ((f64, usize), f64)| {
+        [share as f32, (other % side) as f32, (other / side) as f32, density as f32]
+    };
+    Texture::new("under_top", side, 4, draws.into_iter().zip(density).flat_map(texel).collect())
+}
+
+fn table(of: &Table, sky: &Sky, frame: &[V3; 3]) -> Result<Texture, String> {
+    // Twice as fine as the table and the sky.
+    let size = ((2.0 * of.size as f64 / of.extent) as usize).max(2 * sky.map.height).clamp(64, VIEWS);
+    let [tangent, bitangent, normal] = frame.map(|v| sky.frame.map(|axis| axis.dot(&v)));
+    let even = environment::Table::from_fn(of.size, of.extent, |h| of.raw(h));
+    let found = even.and_then(|even| planar(&even, &sky.map, &Frame { tangent, bitangent, normal }, size));
+    let found = found.map_err(|error| error.to_string())?;
+    // The first row of the reflection is the uppermost, and it is dark outside of the disc: what is beyond the last whole cell is as that.
+    let inner = 1.0 - 2.0 / size as f64;
+    Ok(over_views("under_top", size, |_, [x, y, _]| {
+        let shrink = (inner / x.hypot(y)).min(1.0);
+        let [x, y] = [x * shrink, y * shrink];
+        let cell = |v: f64| ((0.5 * (v + 1.0) * size as f64) as usize).min(size - 1);
+        let (column, row) = (cell(x), cell(y));
+        let [u, v] = [column, row].map(|k| (2 * k + 1) as f64 / size as f64 - 1.0);
+        let view = [u, v, (1.0 - u * u - v * v).max(0.0).sqrt()];
+        let (rgb, whole) = (found.rgb[(size - 1 - row) * size + column], of.whole(view));
+        [0, 1, 2].map(|c| f64::from(rgb[c]) * view[2] * of.scale * sky.strength / whole[c])
+    }))
+}
+
+/// A material's base itself, and, in as many rows more, what is seen of it through what diffracts.
+fn base(of: &Base, material: &Material, sky: &Sky, frame: &[V3; 3]) -> Texture {
+    // Six cells for as much as the roughness turns what is seen.
+    let alpha = if let Over::Same([alpha]) = &of.roughness { *alpha } else { 1.0 };
+    let size = ((6.0 / alpha) as usize).clamp(24, 192);
+    let count = SAMPLES / (size * size);
+    let above = Above { sky, frame, open: &|_| true, summed: None };
+    let seen = |share: &(dyn Fn([f64; 2]) -> f64 + Sync)| {
+        over_views("under_base", size, |i, view| {
+            let place = Place { uv: [0.5; 2], view };
+            let mut sum = [0.0; 3];
+            for k in 0..count {
+                let part = of.under(&place, &above, &mut Stream::new(i, k), |light| share([view[2], light]));
+                add(&mut sum, part, 1.0 / count as f64);
+            }
+            linear_srgb(sum.map(|v| v as f32)).map(f64::from)
+        })
+    };
+    let mut base = seen(&|_| 1.0);
+    if material.through([1.0; 2]).is_some() {
+        base.values.extend(seen(&|cosines| material.through(cosines).unwrap_or(0.0)).values);
+        base.height *= 2;
+    }
+    base
+}

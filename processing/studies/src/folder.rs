@@ -1,0 +1,250 @@
+//! A folder of charts: one subfolder per study with its raw measurements, tables and pictures, and a page that shows all.
+
+use super::page::{Entry, html};
+use super::runner::{Plan, measure};
+use super::summary::{Summary, summarize};
+use super::{Study, overview, picture, png_from_svg, tables};
+use nacre_base::progress::Progress;
+use nacre_base::{Error, Result};
+use nacre_image::write_whole;
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::path::Path;
+
+/// A picture that no study draws: computed, or measured as a whole.
+pub struct Picture {
+    /// Name of its files and on the command line.
+    pub name: &'static str,
+    /// Pictures that are asked for together.
+    pub group: &'static str,
+    /// Title.
+    pub title: &'static str,
+    /// What is to be seen.
+    pub text: &'static str,
+    /// Draws it.
+    pub draw: fn() -> Result<Drawn>,
+}
+
+/// A picture that was drawn.
+pub struct Drawn {
+    /// The picture, as an SVG.
+    pub svg: String,
+    /// On what it was measured; empty for what was computed.
+    pub measured: String,
+    /// What was measured, as JSON.
+    pub numbers: Option<String>,
+}
+
+impl From<String> for Drawn {
+    /// Computed, as an SVG.
+    fn from(svg: String) -> Self {
+        Self { svg, measured: String::new(), numbers: None }
+    }
+}
+
+/// What to chart, and where.
+pub struct Request<'a> {
+    /// The folder; charts of other studies in it stay.
+    pub out: &'a Path,
+    /// Measures anew what is already there.
+    pub force: bool,
+    /// Seed, runs, effort, program version.
+    pub plan: Plan,
+    /// Studies to measure.
+    pub studies: &'a [Study],
+    /// Pictures to draw.
+    pub pictures: &'a [Picture],
+}
+
+/// What a folder of charts holds: the file `charts.json`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Charted {
+    /// In the order of the page.
+    pub charts: Vec<Chart>,
+}
+
+/// One chart of a folder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Chart {
+    /// Name.
+    pub name: String,
+    /// Its group.
+    pub group: String,
+    /// Title.
+    pub title: String,
+    /// What is asked or shown.
+    pub text: String,
+    /// Whether it is a quick look.
+    pub quick: bool,
+    /// Machine, program, seed and runs; empty for what is computed and not measured.
+    pub measured: String,
+    /// Its files, relative to the folder.
+    pub files: Vec<String>,
+}
+
+/// Pixels per unit of the SVG.
+const ZOOM: f32 = 1.5;
+
+/// Measures and draws what was asked for. An interrupted call can be repeated and goes on where it stopped; files appear
+/// whole or not at all.
+///
+/// # Errors
+/// `Error::Input` when the folder holds something else, or measurements under another seed or program without `force`;
+/// `Error::Output` when the system refuses; whatever a study fails with; `Error::Cancelled`.
+pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
+    let out = request.out;
+    prepare(out)?;
+    let mut charted = catalogue(out)?;
+    let mut summaries = vec![];
+    for study in request.studies {
+        let folder = out.join(study.name);
+        make_dir(&folder)?;
+        let raw = folder.join("raw.jsonl");
+        if request.force && raw.exists() {
+            fs::remove_file(&raw).map_err(|e| Error::output(&raw, e))?;
+        }
+        let records = measure(study, &request.plan, &raw, progress)?;
+        let summary = summarize(study, &request.plan, &records);
+        charted.put(write_study(out, &summary)?);
+        summaries.push(summary);
+    }
+    for group in groups(&summaries) {
+        charted.put(write_overview(out, group, &summaries)?);
+    }
+    for p in request.pictures {
+        progress.check()?;
+        make_dir(&out.join(p.name))?;
+        let drawn = (p.draw)()?;
+        let mut files = write_pictures(out, p.name, &drawn.svg)?;
+        if let Some(numbers) = &drawn.numbers {
+            files.push(format!("{0}/{0}.json", p.name));
+            write_whole(&out.join(&files[2]), numbers.as_bytes())?;
+        }
+        let text = p.text.to_owned();
+        charted.put(Chart {
+            name: p.name.into(),
+            group: p.group.into(),
+            title: p.title.into(),
+            text,
+            quick: false,
+            measured: drawn.measured,
+            files,
+        });
+    }
+    let json = serde_json::to_vec_pretty(&charted).map_err(std::io::Error::from);
+    write_whole(&out.join("charts.json"), &json.map_err(|e| Error::output(out, e))?)?;
+    let entries: Vec<Entry> = charted.charts.iter().map(Entry::from).collect();
+    write_whole(&out.join("index.html"), html(&entries).as_bytes())?;
+    Ok(charted)
+}
+
+/// What a folder of charts holds; nothing when it has no `charts.json`.
+///
+/// # Errors
+/// When the file cannot be read or is something else.
+pub fn catalogue(folder: &Path) -> Result<Charted> {
+    let path = folder.join("charts.json");
+    match fs::read(&path) {
+        Ok(bytes) => serde_json::from_slice(&bytes)
+            .map_err(|e| Error::file(&path, format!("is no list of charts ({e})"), "choose another --out")),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Charted::default()),
+        Err(e) => Err(Error::file(&path, e, "check its permissions")),
+    }
+}
+
+/// Makes the folder, or sees to it that an existing one is ours: it says so by a mark from the first moment on.
+fn prepare(out: &Path) -> Result<()> {
+    const MARK: &str = ".nacre-charts";
+    let refused = |e| Error::output(out, e);
+    fs::create_dir_all(out).map_err(refused)?;
+    let empty = fs::read_dir(out).map_err(refused)?.next().is_none();
+    if !empty && !out.join(MARK).exists() {
+        return Err(Error::file(out, "exists and holds something else than charts", "choose another --out"));
+    }
+    write_whole(&out.join(MARK), b"Charts, and the measurements behind them, made by `nacre chart`.\n")
+}
+
+fn make_dir(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|e| Error::output(folder, e))
+}
+
+fn write_study(out: &Path, summary: &Summary) -> Result<Chart> {
+    let name = &summary.name;
+    write_whole(&out.join(format!("{name}/{name}.csv")), tables::csv(summary).as_bytes())?;
+    let json = serde_json::to_vec_pretty(summary).map_err(std::io::Error::from);
+    write_whole(&out.join(format!("{name}/{name}.json")), &json.map_err(|e| Error::output(out, e))?)?;
+    let mut files = write_pictures(out, name, &picture::draw(summary))?;
+    files.extend(["csv", "json"].map(|kind| format!("{name}/{name}.{kind}")));
+    files.push(format!("{name}/raw.jsonl"));
+    Ok(Chart {
+        name: name.clone(),
+        group: summary.group.clone(),
+        title: summary.title.clone(),
+        text: summary.question.clone(),
+        quick: summary.plan.effort == super::Effort::Quick,
+        measured: measured(summary),
+        files,
+    })
+}
+
+fn measured(summary: &Summary) -> String {
+    let (machine, plan) = (&summary.machine, &summary.plan);
+    format!(
+        "Measured on {} ({} threads, {}) with version {}, seed {}, {} runs per setting{}.",
+        machine.cpu,
+        machine.cores,
+        machine.system,
+        plan.version,
+        plan.seed,
+        plan.runs,
+        plan.effort.pick("", "; a quick look on small scenes, not for conclusions")
+    )
+}
+
+/// Groups with enough studies for a picture of small panels.
+fn groups(summaries: &[Summary]) -> Vec<&str> {
+    let mut found: Vec<&str> = vec![];
+    for s in summaries {
+        let members = summaries.iter().filter(|o| o.group == s.group && s.group.ends_with("stress")).count();
+        if members > 1 && !found.contains(&s.group.as_str()) {
+            found.push(&s.group);
+        }
+    }
+    found
+}
+
+fn write_overview(out: &Path, group: &str, summaries: &[Summary]) -> Result<Chart> {
+    let members: Vec<&Summary> = summaries.iter().filter(|s| s.group == group).collect();
+    let name = format!("{group}-overview");
+    make_dir(&out.join(&name))?;
+    let title = "Where it breaks: error against everything that makes the task hard";
+    let files = write_pictures(out, &name, &overview::draw(title, &members))?;
+    let text = "One panel per difficulty; the charts below show each at full size.".to_owned();
+    let quick = members.iter().any(|s| s.plan.effort == super::Effort::Quick);
+    let measured = members.first().map_or(String::new(), |s| measured(s));
+    Ok(Chart { name, group: group.into(), title: title.into(), text, quick, measured, files })
+}
+
+fn write_pictures(out: &Path, name: &str, svg: &str) -> Result<Vec<String>> {
+    let (svg_name, png_name) = (format!("{name}/{name}.svg"), format!("{name}/{name}.png"));
+    write_whole(&out.join(&svg_name), svg.as_bytes())?;
+    write_whole(&out.join(&png_name), &png_from_svg(svg, ZOOM)?)?;
+    Ok(vec![svg_name, png_name])
+}
+
+impl Charted {
+    /// Adds a chart, or replaces the one of that name in its place.
+    fn put(&mut self, chart: Chart) {
+        match self.charts.iter_mut().find(|c| c.name == chart.name) {
+            Some(old) => *old = chart,
+            None => self.charts.push(chart),
+        }
+    }
+}
+
+impl From<&Chart> for Entry {
+    fn from(chart: &Chart) -> Self {
+        let (name, title, text) = (chart.name.clone(), chart.title.clone(), chart.text.clone());
+        Self { name, title, text, measured: chart.measured.clone(), files: chart.files.clone() }
+    }
+}
