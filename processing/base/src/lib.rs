@@ -8,6 +8,7 @@ pub mod progress;
 pub mod random;
 pub mod statistics;
 pub mod text;
+pub mod vector_atan;
 pub mod vectors;
 mod whole;
 

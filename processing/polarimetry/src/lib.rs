@@ -18,92 +18,43 @@
 //! # Ok::<(), nacre_base::Error>(())
 //! ```
 
-mod aligned;
-mod angle_error;
-mod arcs;
-#[cfg(test)]
-mod bracket_tests;
-mod check;
-mod choose;
-#[cfg(test)]
-mod choose_tests;
-mod cloud;
-mod compare;
-mod correction;
-mod count;
-mod curve;
-mod curve_fit;
-mod design;
-mod disk;
-mod edges;
-mod errors;
-#[cfg(test)]
-mod errors_tests;
-mod evidence;
+mod angles;
+mod film;
 mod fit;
-mod foot;
-mod likeliest;
-mod locate;
 mod look;
 mod memory;
-mod merge;
-mod mixture;
-mod model_report;
-mod models;
-mod noise;
-mod normal;
-mod oblique;
-mod orient;
-mod output;
-mod period;
-mod period_map;
-mod places;
-#[cfg(test)]
-mod plain_tests;
+mod orientation;
 mod precision;
-#[cfg(test)]
-mod precision_tests;
 mod reconstruct;
-mod reduced;
-mod repeats;
-#[cfg(test)]
-mod repeats_tests;
 mod report;
 mod running;
-mod sample;
-mod search;
-mod smooth;
-mod spots;
-mod starts;
-mod sums;
 pub mod synthetic;
-mod views;
-mod weighted;
-mod weights;
+#[cfg(test)]
+mod tests;
 
-pub use angle_error::{angle_sigma, misses};
-pub use check::{CircleCheck, check_circle};
-pub use compare::{Comparison, compare};
-pub use correction::{Oblique, ObliqueReport};
-pub use design::Design;
-pub use errors::{AngleSource, ErrorReport};
+pub use angles::angle_error::{angle_sigma, misses};
+pub use film::check::{CircleCheck, check_circle};
+pub use film::correction::{Oblique, ObliqueReport};
+pub use film::models::Model;
+pub use fit::design::Design;
+pub use fit::noise::estimate_noise;
+pub use fit::repeats::RepeatsReport;
+pub use fit::views::MAX_BRACKET;
 pub use fit::{Fit, StokesMaps, fit_stack};
 pub use look::{Glance, Point, Probe, PutRight, is_polarimetric, probe};
 pub use memory::check_memory;
-pub use model_report::{FilmReport, ModelReport};
-pub use models::Model;
 pub use nacre_frames::{FrameNoise, NoiseModel, NoiseSource};
 pub use nacre_image::registration::{Align, Alignment};
 pub use nacre_optics::polarization::{Jones, JonesVector, Material, Stokes, angle_difference};
-pub use noise::estimate_noise;
-pub use orient::{MASK_SNR, OrientationMaps, orient};
-pub use period::{PeriodMaps, PeriodScale, polarization_of, relative_period};
-pub use period_map::{Metal, PeriodMethod, PeriodReport};
+pub use orientation::orient::{MASK_SNR, OrientationMaps, orient};
+pub use orientation::period::{PeriodMaps, PeriodScale, polarization_of, relative_period};
+pub use orientation::period_map::{Metal, PeriodMethod, PeriodReport};
+pub use orientation::smooth::{Smoothing, smooth, smoothed_orientation};
 pub use precision::Precision;
 pub use reconstruct::{Asked, CLOUD, orient_with};
 pub use reconstruct::{Options, reconstruct};
-pub use repeats::RepeatsReport;
-pub use report::{Report, SmoothingReport};
+pub use report::compare::{Comparison, compare};
+pub use report::errors::{AngleSource, ErrorReport};
+pub use report::json::{Report, SmoothingReport};
+pub use report::model_report::{FilmReport, ModelReport};
 pub use running::Running;
-pub use smooth::{Smoothing, smooth, smoothed_orientation};
-pub use views::MAX_BRACKET;

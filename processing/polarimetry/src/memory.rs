@@ -1,6 +1,6 @@
 //! How much memory a set of photographs needs.
 
-use super::views::{View, brackets, views};
+use crate::fit::views::{View, brackets, views};
 use nacre_base::Result;
 use nacre_frames::LoadedFrames;
 use nacre_image::budget;

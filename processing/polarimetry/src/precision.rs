@@ -1,9 +1,10 @@
 //! How well the orientations are known while a series goes on, and which analyser angle would help most.
 
-use super::merge::{Merge, clear_of_white};
-use super::noise::Covariance;
-use super::running::noise_of_bracket;
-use super::{Design, FrameNoise, MASK_SNR, NoiseSource, Running, StokesMaps, orient};
+use crate::fit::merge::{Merge, clear_of_white};
+use crate::fit::noise::Covariance;
+use crate::orient;
+use crate::running::noise_of_bracket;
+use crate::{Design, FrameNoise, MASK_SNR, NoiseSource, Running, StokesMaps};
 use nacre_base::Result;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;

@@ -1,22 +1,22 @@
 //! The whole job: a set of photographs to maps, pictures and a report in a new folder.
 
-use super::aligned::smoothed_noise;
-use super::angle_error::distorted;
-use super::choose::Choice;
-use super::cloud::cloud;
-use super::correction::{Corrected, Stand, choose_corrected};
-use super::edges::{widen_at_edges, widen_where_apart};
-use super::errors::Angles;
-use super::locate::{Lens, locate};
-use super::merge::Merge;
-use super::orient::phases;
-use super::repeats::{calibrate, pairs};
-use super::report::{Pixels, Report};
-use super::running::noise_of_bracket;
-use super::sample::Sample;
-use super::views::View;
-use super::weighted::{scale_variances, variance_factor};
-use super::{
+use crate::angles::aligned::smoothed_noise;
+use crate::angles::angle_error::distorted;
+use crate::film::choose::Choice;
+use crate::film::cloud::cloud;
+use crate::film::correction::{Corrected, Stand, choose_corrected};
+use crate::film::locate::{Lens, locate};
+use crate::fit::merge::Merge;
+use crate::fit::repeats::{calibrate, pairs};
+use crate::fit::sample::Sample;
+use crate::fit::views::View;
+use crate::fit::weighted::{scale_variances, variance_factor};
+use crate::orientation::edges::{widen_at_edges, widen_where_apart};
+use crate::orientation::orient::phases;
+use crate::report::errors::Angles;
+use crate::report::json::{Pixels, Report};
+use crate::running::noise_of_bracket;
+use crate::{
     Align, CircleCheck, Design, FrameNoise, MASK_SNR, Material, Model, NoiseSource, Oblique, ObliqueReport,
     OrientationMaps, PeriodMethod, Running, Smoothing, StokesMaps, check_circle, estimate_noise,
 };
@@ -118,7 +118,7 @@ impl Options {
 }
 
 /// Orientations under the chosen model.
-pub(super) struct Solved {
+pub(crate) struct Solved {
     pub map: OrientationMaps,
     /// Pixels of metal without a grating.
     pub without_grating: usize,
@@ -178,7 +178,7 @@ impl Asked {
     }
 
     /// What the user wants of these photographs.
-    pub(super) fn by(
+    pub(crate) fn by(
         (options, model): (&Options, Model),
         frames: &LoadedFrames,
         views: &[View],
@@ -207,13 +207,13 @@ pub fn orient_with(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise],
 }
 
 /// From intensities to orientations. Consumes the residual map: σ takes its place in memory.
-pub(super) fn solve_model(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> Solved {
+pub(crate) fn solve_model(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> Solved {
     let residual = std::mem::take(&mut maps.residual);
     solve_with(maps, residual, design, noise, asked)
 }
 
 /// The same while others read the maps.
-pub(super) fn solve_with(
+pub(crate) fn solve_with(
     maps: &StokesMaps,
     residual: Vec<f32>,
     design: &Design,
@@ -240,7 +240,7 @@ pub(super) fn solve_with(
 }
 
 /// Refuses sets in which no pixel can be used at all.
-pub(super) fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: &Linearizer) -> Result<()> {
+pub(crate) fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: &Linearizer) -> Result<()> {
     let usable = maps.s0.iter().filter(|v| v.is_finite()).count();
     if usable == 0 {
         return Err(Error::file(
@@ -262,7 +262,7 @@ pub(super) fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: 
 }
 
 /// Photographs that were taken in.
-pub(super) struct Photographed<'a> {
+pub(crate) struct Photographed<'a> {
     pub frames: &'a LoadedFrames,
     pub linearizer: &'a Linearizer,
     pub brackets: &'a [Vec<usize>],
@@ -274,7 +274,7 @@ pub(super) struct Photographed<'a> {
 
 /// Noise of every view: as given, or from repeats, or from the residuals, or assumed. Maps of merged exposures know their
 /// variances, which are corrected by the residuals where no noise is given.
-pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
+pub(crate) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
     let Photographed { frames, linearizer, brackets, views, sample, shifts } = taken;
     let of_camera = || {
         let view = |v: &View| Merge::together(&noise_of_bracket(frames, linearizer, &brackets[v.bracket]));
@@ -312,7 +312,7 @@ pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Des
 }
 
 /// The report, but for what took how long.
-pub(super) fn reported(
+pub(crate) fn reported(
     frames: &LoadedFrames,
     options: (&Options, Model),
     design: &Design,
@@ -325,7 +325,7 @@ pub(super) fn reported(
 }
 
 /// Evens out illumination and vignetting: a common factor per pixel that no orientation depends on.
-pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<()> {
+pub(crate) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<()> {
     let Some(flat) = &frames.set.flat else { return Ok(()) };
     let light = linearizer.plane(&frames.file(flat))?;
     let (block, width) = (frames.info.width / maps.width, frames.info.width);

@@ -1,18 +1,19 @@
 //! A reconstruction on its way: photographs are folded into sums as they come.
 
-use super::aligned::{AngleErrors, alignment, correct_analyser_angles, correlated, fit_moved_back};
-use super::disk::Disk;
-use super::errors::{Angles, systematic};
-use super::merge::{Merge, clear_of_white};
-use super::output::Writer;
-use super::reconstruct::{Asked, Photographed, check_light, divide_by_flat, noise_of, reported, solve_with};
-use super::repeats::{compare_halves, pairs};
-use super::sample::Sample;
-use super::views::{View, brackets, views};
-use super::weighted::WeightedFit;
-use super::{
+use crate::angles::aligned::{AngleErrors, alignment, correct_analyser_angles, correlated, fit_moved_back};
+use crate::fit::merge::{Merge, clear_of_white};
+use crate::fit::repeats::{compare_halves, pairs};
+use crate::fit::sample::Sample;
+use crate::fit::views::{View, brackets, views};
+use crate::fit::weighted::WeightedFit;
+use crate::reconstruct::{Asked, Photographed, check_light, divide_by_flat, noise_of, reported, solve_with};
+use crate::report::disk::Disk;
+use crate::report::errors::{Angles, systematic};
+use crate::report::output::Writer;
+use crate::smooth;
+use crate::{
     Align, Alignment, Design, Fit, FrameNoise, NoiseSource, ObliqueReport, Options, RepeatsReport, Report, StokesMaps,
-    check_memory, smooth,
+    check_memory,
 };
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
@@ -27,16 +28,16 @@ use std::time::Instant;
 const REGISTERED: usize = 24;
 
 /// A reconstruction that takes its photographs one by one, in order, as they arrive: the result is the same to the
-/// byte as that of [`reconstruct`](super::reconstruct).
+/// byte as that of [`reconstruct`](crate::reconstruct).
 pub struct Running {
-    pub(super) frames: LoadedFrames,
-    pub(super) linearizer: Linearizer,
+    pub(crate) frames: LoadedFrames,
+    pub(crate) linearizer: Linearizer,
     /// Numbers of the photographs that are merged into one view each.
-    pub(super) brackets: Vec<Vec<usize>>,
-    pub(super) views: Vec<View>,
-    pub(super) sums: Sums,
+    pub(crate) brackets: Vec<Vec<usize>>,
+    pub(crate) views: Vec<View>,
+    pub(crate) sums: Sums,
     /// A few pixels of every view.
-    pub(super) sample: Sample,
+    pub(crate) sample: Sample,
     /// Watches how the photographs lie against each other; a sensor that takes all angles at once needs none.
     registrar: Option<Registrar>,
     /// Brackets taken in.
@@ -45,7 +46,7 @@ pub struct Running {
 }
 
 /// What is kept of the photographs.
-pub(super) enum Sums {
+pub(crate) enum Sums {
     /// All pixels of a view are alike.
     Alike(Fit),
     /// Exposures were merged, so that variances differ from pixel to pixel.
@@ -53,16 +54,16 @@ pub(super) enum Sums {
 }
 
 impl Sums {
-    pub(super) fn new(weighted: bool, width: usize, height: usize) -> Self {
+    pub(crate) fn new(weighted: bool, width: usize, height: usize) -> Self {
         if weighted { Self::Weighted(WeightedFit::new(width, height)) } else { Self::Alike(Fit::new(width, height)) }
     }
 
     /// The same kind without its views.
-    pub(super) fn emptied(&self, width: usize, height: usize) -> Self {
+    pub(crate) fn emptied(&self, width: usize, height: usize) -> Self {
         Self::new(matches!(self, Self::Weighted(_)), width, height)
     }
 
-    pub(super) fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         match self {
             Self::Alike(fit) => fit.width(),
             Self::Weighted(fit) => fit.width(),
@@ -70,21 +71,21 @@ impl Sums {
     }
 
     /// Views added.
-    pub(super) fn views(&self) -> usize {
+    pub(crate) fn views(&self) -> usize {
         match self {
             Self::Alike(fit) => fit.frames(),
             Self::Weighted(fit) => fit.frames(),
         }
     }
 
-    pub(super) fn thinned(&self, step: usize) -> Self {
+    pub(crate) fn thinned(&self, step: usize) -> Self {
         match self {
             Self::Alike(fit) => Self::Alike(fit.thinned(step)),
             Self::Weighted(fit) => Self::Weighted(fit.thinned(step)),
         }
     }
 
-    pub(super) fn solve(self, design: &Design) -> StokesMaps {
+    pub(crate) fn solve(self, design: &Design) -> StokesMaps {
         match self {
             Self::Alike(fit) => fit.solve(design),
             Self::Weighted(fit) => fit.solve(),
@@ -112,7 +113,7 @@ impl Sums {
     }
 
     /// Folds in one view. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
-    pub(super) fn add(&mut self, angle: f64, merge: &Merge, row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
+    pub(crate) fn add(&mut self, angle: f64, merge: &Merge, row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync) {
         match self {
             Self::Alike(fit) => fit.add(angle, |y, light, bad| row(0, y, light, bad)),
             Self::Weighted(fit) => fit.add(angle, |y, light, variances, bad| {
@@ -199,7 +200,7 @@ impl Running {
 
     /// Takes in the rest, two brackets at a time: both are decoded at once, then folded in together, so that the sums go through
     /// the memory half as often. The order is fixed, so the result does not depend on timing.
-    pub(super) fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
+    pub(crate) fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
         let (begun, all) = (Instant::now(), self.brackets.len());
         progress.stage("reading and fitting", all as u64);
         let Self { frames, linearizer, brackets, views, sums, sample, registrar, added, .. } = self;
@@ -311,7 +312,7 @@ impl Running {
     }
 
     /// Reads and fits all photographs anew, at the angles that its views have now.
-    pub(super) fn fit_anew(&mut self, progress: &dyn Progress) -> Result<()> {
+    pub(crate) fn fit_anew(&mut self, progress: &dyn Progress) -> Result<()> {
         let [width, height] = [self.frames.info.width, self.frames.info.height];
         // The old sums, which are most of the memory, go before there are new ones.
         self.sums = self.sums.emptied(1, 1);
@@ -321,7 +322,7 @@ impl Running {
     }
 
     /// Noise of the maps so far.
-    pub(super) fn noise(&self, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
+    pub(crate) fn noise(&self, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
         let views = &self.views[..self.sums.views()];
         let Self { frames, linearizer, brackets, sample, .. } = self;
         noise_of(&Photographed { frames, linearizer, brackets, views, sample, shifts: None }, maps, design)
@@ -342,7 +343,7 @@ impl<'a> Taken<'a> {
 }
 
 /// Decodes the photographs of a bracket. All but the shortest exposure keep a distance to white, if there are several.
-pub(super) fn read<'a>(
+pub(crate) fn read<'a>(
     frames: &LoadedFrames,
     linearizer: &'a Linearizer,
     bracket: &[usize],
@@ -359,7 +360,7 @@ pub(super) fn read<'a>(
 }
 
 /// Noise of the photographs of a bracket: the camera's, or that of a modest one.
-pub(super) fn noise_of_bracket(frames: &LoadedFrames, linearizer: &Linearizer, bracket: &[usize]) -> Vec<FrameNoise> {
+pub(crate) fn noise_of_bracket(frames: &LoadedFrames, linearizer: &Linearizer, bracket: &[usize]) -> Vec<FrameNoise> {
     let camera = frames.set.noise.unwrap_or(ASSUMED);
     // The steepest part of the transfer curve, so that quantisation is never taken too small.
     let step = linearizer.step() * frames.set.transfer.slope(1.0);
@@ -398,7 +399,7 @@ fn fold(
 }
 
 /// Takes a view into the sample. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
-pub(super) fn sampled(
+pub(crate) fn sampled(
     sample: &mut Sample,
     photographs: usize,
     merge: &Merge,

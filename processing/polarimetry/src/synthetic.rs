@@ -1,7 +1,7 @@
 //! Photographs of gratings behind a film, made point by point with the paper's model: what tests, benchmarks and charts
 //! reconstruct. The virtual bench renders much more; here every effect is a number that can be swept.
 
-use super::{Design, Fit, FrameNoise, Jones, JonesVector, NoiseModel, Stokes, StokesMaps};
+use crate::{Design, Fit, FrameNoise, Jones, JonesVector, NoiseModel, Stokes, StokesMaps};
 use nacre_base::Result;
 use nacre_base::random::mix;
 use num_complex::Complex;
@@ -225,7 +225,8 @@ pub fn normal(seed: u64, i: u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{compare, orient};
+    use crate::compare;
+    use crate::orient;
 
     /// Without a film the sinusoid is right to noise; the noise is the camera's.
     #[test]

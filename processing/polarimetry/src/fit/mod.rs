@@ -5,14 +5,21 @@
 //! and with all N frames in memory 4 N + 20 (frames in, five maps out), since the sums of a pixel never leave the caches.
 //! Measured: docs/charts.md, "Speed".
 
+pub(crate) mod design;
 mod kernel;
+pub(crate) mod merge;
+pub(crate) mod noise;
+pub(crate) mod repeats;
+pub(crate) mod sample;
 mod stack;
 #[cfg(test)]
 mod tests;
+pub(crate) mod views;
+pub(crate) mod weighted;
 
 pub use stack::fit_stack;
 
-use super::Design;
+use crate::Design;
 use kernel::{Run, Solution, Sums};
 use rayon::prelude::*;
 

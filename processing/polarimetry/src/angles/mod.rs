@@ -1,0 +1,4 @@
+//! Errors of the analyser's angles and shifts between photographs: their estimate and correction.
+
+pub(crate) mod aligned;
+pub(crate) mod angle_error;

@@ -1,0 +1,402 @@
+//! Takes out of the points (S1/S0, S2/S0) what oblique incidence does to them, so that one curve holds for all pixels.
+
+use crate::film::choose::{Choice, choose, difference_of};
+use crate::film::cloud::CloudPoint;
+use crate::film::curve::{Curve, Film};
+use crate::film::locate::{Table, distance2};
+use crate::film::models::Model;
+pub use crate::film::oblique::{Incidence, Material, curve_at};
+use crate::film::search::{Begin, refitted};
+use crate::reconstruct::Asked;
+use nacre_frames::Geometry;
+use num_complex::Complex;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// Whether oblique incidence is taken out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Oblique {
+    /// Where the geometry is known and the points are likelier then.
+    Auto,
+    /// Never.
+    #[default]
+    Off,
+}
+
+impl std::str::FromStr for Oblique {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "off" => Ok(Self::Off),
+            _ => Err(format!("{text:?} is neither auto nor off")),
+        }
+    }
+}
+
+/// What was done about oblique incidence.
+#[derive(Clone, Debug, Serialize)]
+pub struct ObliqueReport {
+    /// Largest angle of incidence in the photographs, in degrees.
+    pub largest_deg: f64,
+    /// It was asked to take its effect out.
+    pub asked: bool,
+    /// Its effect was taken out.
+    pub corrected: bool,
+    /// What it still makes a typical orientation wrong by, in degrees: part of the model's error.
+    pub left_deg: f64,
+    /// Material that was assumed.
+    pub material: Material,
+    /// Scatter of the points about the curve over their noise, without and with the correction; none where none was tried.
+    pub scatter: Option<[f64; 2]>,
+    /// How much likelier the points that models are compared on are with the correction, in -2 ln likelihood.
+    pub gain: Option<f64>,
+}
+
+impl ObliqueReport {
+    fn new(stand: &Stand, material: Material, asked: Oblique) -> Self {
+        Self {
+            largest_deg: stand.largest_sin2.sqrt().asin().to_degrees(),
+            asked: asked == Oblique::Auto,
+            corrected: false,
+            left_deg: 0.0,
+            material,
+            scatter: None,
+            gain: None,
+        }
+    }
+
+    /// What belongs in front of a user.
+    pub fn warning(&self) -> Option<String> {
+        let most = FIRST_ORDER.sqrt().asin().to_degrees();
+        let remedy = if self.largest_deg > most {
+            format!("more than {most:.0}° off the normal it cannot be taken out")
+        } else if self.asked {
+            return None;
+        } else {
+            "--oblique auto takes it out where the points tell".into()
+        };
+        (self.left_deg > WORTH_A_WORD_DEG).then(|| {
+            format!(
+                "light falls in at up to {:.0}°, which makes orientations wrong by some {:.2}°, as σ says: {remedy}",
+                self.largest_deg, self.left_deg
+            )
+        })
+    }
+}
+
+/// Orientations that are off by less than this in degrees need no word.
+const WORTH_A_WORD_DEG: f64 = 0.1;
+
+/// A correction of less than this, in standard deviations of a pixel, is not worth a thought.
+const MATTERS: f64 = 0.1;
+
+/// sin² of the largest angle of incidence (25°) up to which the effect is taken out: farther from the normal what is of higher
+/// order is as large as what is to be found, and a film that is not there takes it up (`nacre chart stress-oblique`).
+const FIRST_ORDER: f64 = 0.18;
+
+/// Points that are looked at to find out.
+const LOOKED_AT: usize = 6000;
+
+/// Where the camera stands over the photographs.
+#[derive(Clone, Copy, Debug)]
+pub struct Stand {
+    width: usize,
+    /// Pixel below the camera.
+    foot: [f32; 2],
+    /// Distance of the camera in pixels, squared.
+    distance2: f32,
+    largest_sin2: f64,
+}
+
+impl Stand {
+    /// From the distances on the bench, for photographs of this size in which a pixel of the maps is `block` pixels wide; None
+    /// when the size of a pixel is not known.
+    pub fn new(geometry: &Geometry, [width, height]: [usize; 2], block: usize) -> Option<Self> {
+        let pixel_mm = geometry.pixel_um? / 1000.0;
+        let middle = [0.5 * width as f64, 0.5 * height as f64];
+        // The sample lies half-way between the camera and the light, which stands to the right of the camera.
+        let below = geometry.camera_px.unwrap_or([middle[0] - 0.5 * geometry.baseline_mm / pixel_mm, middle[1]]);
+        let distance2 = (geometry.distance_mm / pixel_mm).powi(2);
+        let corners = [[0.0, 0.0], [width as f64, 0.0], [0.0, height as f64], [width as f64, height as f64]];
+        let square = |c: [f64; 2]| (c[0] - below[0]).powi(2) + (c[1] - below[1]).powi(2);
+        let farthest = corners.into_iter().map(square).fold(0.0, f64::max);
+        let block_px = block as f64;
+        Some(Self {
+            width: width / block,
+            foot: below.map(|v| (v / block_px - 0.5) as f32),
+            distance2: (distance2 / (block_px * block_px)) as f32,
+            largest_sin2: farthest / (farthest + distance2),
+        })
+    }
+
+    /// sin² of the angle of incidence at a pixel, and the same times cosine and sine of twice the azimuth of its plane.
+    #[inline]
+    fn at(&self, pixel: usize) -> [f32; 3] {
+        let (x, y) = ((pixel % self.width) as f32 - self.foot[0], self.foot[1] - (pixel / self.width) as f32);
+        let scale = 1.0 / (x * x + y * y + self.distance2);
+        [(x * x + y * y) * scale, (x * x - y * y) * scale, 2.0 * x * y * scale]
+    }
+}
+
+/// What a unit of [`Stand::at`] moves a point by: constant, with cos 2φ and with sin 2φ.
+type Moves = [[f32; 2]; 3];
+
+/// The effect of oblique incidence on a film: to first order in sin² of the angle.
+pub(crate) struct Correction {
+    stand: Stand,
+    /// Leads from a point to its place on the curve at normal incidence.
+    table: Table,
+    /// Of places along the curve.
+    moves: Vec<Moves>,
+    /// Where metal without a grating is at normal incidence, and how it is moved.
+    mirror: ([f32; 2], Moves),
+}
+
+/// Places along the curve.
+const PLACES: usize = 256;
+
+/// Points that are nearer to the mirror than this, in squared standard deviations, are moved as it is.
+const MIRROR: f32 = 16.0;
+
+impl Correction {
+    fn new(stand: Stand, material: &Material, film: &Film) -> Self {
+        // Differences at a typical angle, so that what is of higher order is right on average.
+        let sin2 = (0.5 * stand.largest_sin2).max(1e-6);
+        let at = |sin2: f64, phi: f64| curve_at(film, &Incidence::new(material, sin2, phi));
+        let (straight, curves) = (at(0.0, 0.0), AZIMUTHS.map(|phi| at(sin2, phi)));
+        let of_place = |k: usize| {
+            let theta = PI * k as f64 / PLACES as f64;
+            moves(straight.at(theta), curves.each_ref().map(|c| c.at(theta)), sin2)
+        };
+        let place = |curve: &Curve| curve.mirror.unwrap_or_default();
+        let mirror = moves(place(&straight), curves.each_ref().map(place), sin2);
+        Self {
+            moves: (0..PLACES).map(of_place).collect(),
+            mirror: (place(&straight).map(|v| v as f32), mirror),
+            table: Table::new(straight),
+            stand,
+        }
+    }
+
+    /// The point as it was at normal incidence.
+    #[inline]
+    pub fn straightened(&self, pixel: usize, at: [f32; 2], variance: [f32; 3]) -> [f32; 2] {
+        let place = self.stand.at(pixel);
+        let back = |moves: &Moves| -> [f32; 2] {
+            std::array::from_fn(|i| at[i] - (0..3).map(|k| place[k] * moves[k][i]).sum::<f32>())
+        };
+        let (mirror, moves) = &self.mirror;
+        let straight = back(moves);
+        if distance2(straight, *mirror, variance) < MIRROR {
+            return straight;
+        }
+        let mut straight = at;
+        // What it was moved by depends on where it was.
+        for _ in 0..2 {
+            let theta = self.table.theta(straight, variance);
+            let k = (theta * (PLACES as f32 / std::f32::consts::PI) + 0.5).rem_euclid(PLACES as f32) as usize;
+            straight = back(&self.moves[k.min(PLACES - 1)]);
+        }
+        straight
+    }
+
+    /// By how much points are moved, root mean square, in standard deviations.
+    fn moves_by(&self, points: &[CloudPoint]) -> f64 {
+        let square = |p: &CloudPoint| {
+            let straight = self.straightened(p.pixel, p.at.map(|v| v as f32), p.covariance.map(|v| v as f32));
+            let ([a, b, c], x, y) = (p.weights(), f64::from(straight[0]) - p.at[0], f64::from(straight[1]) - p.at[1]);
+            a * x * x + 2.0 * b * x * y + c * y * y
+        };
+        (points.iter().map(square).sum::<f64>() / points.len().max(1) as f64).sqrt()
+    }
+
+    /// By how much the chosen model's orientations differ from those of the same model fitted to straightened points, in rad: what oblique incidence
+    /// makes them wrong by. Before it the scatter of these about it, as a variance over their noise.
+    fn turns(&self, choice: &Choice, points: &[CloudPoint]) -> Option<(f64, f64)> {
+        let (chosen, straight) = (&choice.candidates[choice.chosen], self.straighten(points));
+        let straightened = refitted(chosen, &straight)?;
+        Some((straightened.widened, difference_of((chosen, points), (&straightened, &straight))))
+    }
+
+    fn straighten(&self, points: &[CloudPoint]) -> Vec<CloudPoint> {
+        let straight = |p: &CloudPoint| {
+            let at = self.straightened(p.pixel, p.at.map(|v| v as f32), p.covariance.map(|v| v as f32));
+            CloudPoint { at: at.map(f64::from), ..*p }
+        };
+        points.iter().map(straight).collect()
+    }
+}
+
+/// Azimuths at which the effect is computed.
+const AZIMUTHS: [f64; 3] = [0.0, PI / 3.0, 2.0 * PI / 3.0];
+
+/// Displacements per sin² of the angle of incidence, from where a point is at the normal and at the azimuths.
+fn moves(from: [f64; 2], at: [[f64; 2]; 3], sin2: f64) -> Moves {
+    let weights = [
+        AZIMUTHS.map(|_| 1.0 / 3.0),
+        AZIMUTHS.map(|a| 2.0 / 3.0 * (2.0 * a).cos()),
+        AZIMUTHS.map(|a| 2.0 / 3.0 * (2.0 * a).sin()),
+    ];
+    weights.map(|w| [0, 1].map(|i| (0..3).map(|k| w[k] * (at[k][i] - from[i])).sum::<f64>() / sin2).map(|v| v as f32))
+}
+
+/// The choice of a model, and the correction it was made with.
+pub(crate) struct Corrected {
+    pub choice: Choice,
+    pub correction: Option<Correction>,
+    pub report: Option<ObliqueReport>,
+}
+
+/// Chooses a model, with oblique incidence taken out where that is asked for and the points are likelier then. What is left of its effect goes
+/// into the model's error.
+pub(crate) fn choose_corrected(points: &[CloudPoint], asked: &Asked, distorted: f64) -> Option<Corrected> {
+    let plain = choose(points, asked.model, Begin::Anywhere, distorted)?;
+    let Some((stand, material)) = asked.stand else {
+        return Some(Corrected { choice: plain, correction: None, report: None });
+    };
+    // No fewer than tell a film.
+    let few: Vec<CloudPoint> = points.iter().step_by((points.len() / LOOKED_AT).max(1)).copied().collect();
+    // The same circle has two explanations: what the grating does to the mirror's light, or what the mirror does to the grating's.
+    let guesses = plain.candidates[plain.right].film.into_iter().chain(circles(&plain));
+    let corrections: Vec<Correction> =
+        guesses.map(|film| Correction::new(stand, &material, &film)).filter(|c| c.moves_by(&few) > MATTERS).collect();
+    // Of the explanations the one under which straightened points scatter least.
+    let turned = corrections.iter().filter_map(|c| c.turns(&plain, &few));
+    let left = turned.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, turn)| turn);
+    let mut report = ObliqueReport::new(&stand, material, asked.oblique);
+    let can_be_taken_out = asked.oblique == Oblique::Auto && stand.largest_sin2 <= FIRST_ORDER;
+    let mut found = None;
+    if can_be_taken_out
+        && let Some((choice, correction)) = taken_out(points, &few, &plain, corrections, (asked, distorted))
+    {
+        let gain = plain.likelihood - choice.likelihood;
+        report.corrected = gain > 0.0;
+        (report.scatter, report.gain) = (Some([plain.scatter(), choice.scatter()]), Some(gain));
+        found = report.corrected.then_some((choice, correction));
+    }
+    // Of what is taken out to first order, the second is left.
+    let left = left * if report.corrected { stand.largest_sin2 } else { 1.0 };
+    report.left_deg = left.to_degrees();
+    let (mut choice, correction) = found.map_or((plain, None), |(choice, correction)| (choice, Some(correction)));
+    choice.systematic = choice.systematic.hypot(left);
+    choice.error = choice.error.map(|error| error.hypot(left));
+    Some(Corrected { choice, correction, report: Some(report) })
+}
+
+/// The choice among models of points whose oblique incidence is taken out, and the correction that does.
+fn taken_out(
+    points: &[CloudPoint],
+    few: &[CloudPoint],
+    plain: &Choice,
+    corrections: Vec<Correction>,
+    (asked, distorted): (&Asked, f64),
+) -> Option<(Choice, Correction)> {
+    let (stand, material) = asked.stand?;
+    let at = |points: &[CloudPoint], films: &[Film]| choose(points, asked.model, Begin::At(films), distorted);
+    let films = plain.films();
+    let tried = corrections.into_iter().filter_map(|c| Some((at(&c.straighten(few), &films)?.likelihood, c)));
+    let (_, first) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    // With that taken out the film is found, and with the film what is to be taken out.
+    let found = choose(&first.straighten(few), asked.model, Begin::Anywhere, distorted)?;
+    let film = found.candidates[found.chosen].film;
+    let correction = film.map_or(first, |film| Correction::new(stand, &material, &film));
+    Some((at(&correction.straighten(points), &found.films())?, correction))
+}
+
+/// Gratings without a film whose circle has the size of the fitted one: |a| > |b|, as embossed metal has it, and the other.
+fn circles(choice: &Choice) -> Vec<Film> {
+    let circle = choice.candidates.iter().find(|c| c.model == Model::Circle);
+    let Some(radius) = circle.map(|c| c.size().clamp(1e-3, 0.999)) else { return vec![] };
+    let small = (1.0 - (1.0 - radius * radius).sqrt()) / radius;
+    [small, 1.0 / small]
+        .map(|size| {
+            let k = Complex::new(0.0, size);
+            let ratio = (k - 1.0) / (k + 1.0);
+            Film { ln_r: ratio.norm().ln(), zeta: ratio.arg(), ..Film::NONE }
+        })
+        .to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::angle_difference;
+    use crate::film::foot::Path;
+    use crate::film::models::orientation;
+    use crate::synthetic::{normal, uniform};
+
+    /// Points of the exact curves, at every angle of incidence in view, come back to the curve at normal incidence: what is of
+    /// higher order than the first in sin² costs less than 0.15° of orientation at 15°, where oblique incidence itself costs
+    /// several.
+    #[test]
+    fn points_come_back_to_normal_incidence() {
+        let film = Film { ln_r: 0.05, zeta: 2.9, retardance: 0.17, axis: 0.4, ..Film::NONE };
+        let (size, pixel_um) = (200, 500.0);
+        let geometry = Geometry { distance_mm: 500.0, baseline_mm: 170.0, pixel_um: Some(pixel_um), camera_px: None };
+        let stand = Stand::new(&geometry, [size, size], 1).unwrap();
+        let material = Material::default();
+        assert!((14.0..17.0).contains(&stand.largest_sin2.sqrt().asin().to_degrees()));
+        let correction = Correction::new(stand, &material, &film);
+        let straight = film.curve();
+        let (mut without, mut with) = (0.0_f64, 0.0_f64);
+        for pixel in (0..size * size).step_by(37) {
+            let [sin2, cos, sin] = stand.at(pixel).map(f64::from);
+            let theta = 0.01 * pixel as f64;
+            let at = curve_at(&film, &Incidence::new(&material, sin2, 0.5 * sin.atan2(cos))).at(theta);
+            let (wanted, speed) = straight.with_tangent(theta);
+            let off = |p: [f64; 2]| (p[0] - wanted[0]).hypot(p[1] - wanted[1]) / speed[0].hypot(speed[1]);
+            let variance = [1e-4, 0.0, 1e-4];
+            let back = correction.straightened(pixel, at.map(|v| v as f32), variance).map(f64::from);
+            (without, with) = (without.max(off(at)), with.max(off(back)));
+        }
+        let [without, with] = [without, with].map(f64::to_degrees);
+        println!("at most {without}° without, {with}° with the correction");
+        assert!(with < 0.15 && without > 10.0 * with, "{without} {with}");
+    }
+
+    /// What is left of oblique incidence is what orientations are off by beside noise, to a factor of 1.5: 0.72 to 0.79 of it were measured, 0.8 of which
+    /// is what a mean, which is told, is of a root mean square.
+    #[test]
+    fn what_is_left_is_told() {
+        let film = Film { ln_r: 0.05, zeta: 2.9, retardance: 0.17, axis: 0.4, ..Film::NONE };
+        let (size, sigma, material) = (200, 0.002, Material::default());
+        for baseline_mm in [100.0, 170.0, 300.0] {
+            let geometry = Geometry { distance_mm: 500.0, baseline_mm, pixel_um: Some(500.0), camera_px: None };
+            let stand = Stand::new(&geometry, [size, size], 1).unwrap();
+            let theta = |pixel: usize| PI * uniform(3, pixel as u64);
+            let point = |pixel: usize| {
+                let [sin2, cos, sin] = stand.at(pixel).map(f64::from);
+                let at = curve_at(&film, &Incidence::new(&material, sin2, 0.5 * sin.atan2(cos))).at(theta(pixel));
+                let at = [0, 1].map(|k| at[k] + sigma * normal(k as u64, pixel as u64));
+                CloudPoint { pixel, at, covariance: [sigma * sigma, 0.0, sigma * sigma], snr: 100.0 }
+            };
+            let points: Vec<CloudPoint> = (0..size * size).step_by(5).map(point).collect();
+            let asked = Asked { stand: Some((stand, material)), ..Asked::of(Model::Auto) };
+            let Corrected { choice, report, .. } = choose_corrected(&points, &asked, 0.0).unwrap();
+            let chosen = &choice.candidates[choice.chosen];
+            let path = Path::new(chosen.curve);
+            let off: Vec<(f64, f64)> = points
+                .iter()
+                .map(|p| {
+                    let (found, sigma) = orientation(chosen, &path, p);
+                    (found - theta(p.pixel), sigma)
+                })
+                .collect();
+            let (sin, cos) = off.iter().fold((0.0, 0.0), |(s, c), (d, _)| (s + (2.0 * d).sin(), c + (2.0 * d).cos()));
+            let offset = 0.5 * f64::atan2(sin, cos);
+            let mean = |of: &dyn Fn(&(f64, f64)) -> f64| off.iter().map(of).sum::<f64>() / off.len() as f64;
+            let error = mean(&|(d, _)| angle_difference(*d, offset).powi(2)).sqrt();
+            let beside_noise = (error * error - mean(&|(_, sigma)| sigma * sigma)).max(0.0).sqrt().to_degrees();
+            let left = report.unwrap().left_deg;
+            println!("{baseline_mm} mm: {beside_noise:.3}° off, {left:.3}° told, by {}", chosen.name());
+            assert!(
+                (left / beside_noise).ln().abs() < 1.5f64.ln(),
+                "{baseline_mm} mm: {beside_noise}° off, {left}° told"
+            );
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! The closed curve on which the points (S1/S0, S2/S0) of all orientations lie (2018 paper, Fig. 15).
+//!
+//! With `R` the grating's ratio, `B` the film and `e` the light, the field behind the film is
+//! `E = (a B² + f) e + b B H(2θ) B e` with `a = (R-1)/2`, `b = -(1+R)/2`, f the front reflection and `H(2θ)` a reflection
+//! (from Eq. 4-6). So every Stokes parameter is a trigonometric polynomial in 2θ and 4θ: fifteen numbers are the curve.
+
+use crate::{Jones, JonesVector};
+use num_complex::Complex;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
+
+/// What shapes the curve: the 2018 paper's parameters, and what it leaves out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Film {
+    /// Natural logarithm of r = |R|.
+    pub ln_r: f64,
+    /// Phase of R in rad.
+    pub zeta: f64,
+    /// Retardance of the film in rad (Δn of Eq. 6).
+    pub retardance: f64,
+    /// Azimuth of the film's axis in rad, which Eq. 6 takes for 0.
+    pub axis: f64,
+    /// Reflection at the film's front (r_p of Eq. 4, here with the phase that the film's thickness gives it).
+    pub front: Complex<f64>,
+    /// How much more than a quarter wave the retarder in front of the panel delays, in rad.
+    pub source_error: f64,
+    /// Share of the light that has no polarization: from around the bench, or scattered. It draws all points to the origin.
+    pub stray: f64,
+    /// By what share the front reflection is less, relative to the light from below, over metal without a grating: a grating
+    /// sends part of its light into other orders.
+    pub shade: f64,
+}
+
+/// Number of parameters of [`Film`].
+pub const PARAMETERS: usize = 9;
+
+impl Film {
+    /// R = 1, and no film.
+    pub const NONE: Self = Self {
+        ln_r: 0.0,
+        zeta: 0.0,
+        retardance: 0.0,
+        axis: 0.0,
+        front: Complex::new(0.0, 0.0),
+        source_error: 0.0,
+        stray: 0.0,
+        shade: 0.0,
+    };
+
+    /// All parameters in the order of the fields.
+    pub fn to_array(self) -> [f64; PARAMETERS] {
+        let Self { ln_r, zeta, retardance, axis, front, source_error, stray, shade } = self;
+        [ln_r, zeta, retardance, axis, front.re, front.im, source_error, stray, shade]
+    }
+
+    /// The inverse of [`Film::to_array`].
+    pub fn from_array([ln_r, zeta, retardance, axis, re, im, source_error, stray, shade]: [f64; PARAMETERS]) -> Self {
+        Self { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, stray, shade }
+    }
+
+    /// The same film with ζ from 0 to 180°, the retardance positive and the axis from 0 to 180°, using the gauge
+    /// (r, ζ) = (1/r, -ζ), under which the front reflection is seen relative to the other polarization.
+    pub fn canonical(&self) -> Self {
+        let mut film = *self;
+        if film.retardance < 0.0 {
+            // The other axis is the slow one; what both delay is not seen but against the front reflection.
+            let phase = Complex::from_polar(1.0, -2.0 * film.retardance);
+            (film.retardance, film.axis, film.front) = (-film.retardance, film.axis + FRAC_PI_2, film.front * phase);
+        }
+        film.zeta = (film.zeta + PI).rem_euclid(TAU) - PI;
+        if film.zeta < 0.0 {
+            let ratio = Complex::from_polar(film.ln_r.exp(), film.zeta);
+            (film.ln_r, film.zeta, film.front) = (-film.ln_r, -film.zeta, -film.front / ratio);
+        }
+        film.axis = film.axis.rem_euclid(PI);
+        film
+    }
+
+    /// `1`, `a = (R-1)/2` and `b = -(1+R)/2`, all divided by 1 + r, so that no r overflows: the points are ratios.
+    pub(crate) fn amplitudes(&self) -> (f64, Complex<f64>, Complex<f64>) {
+        let (small, large) = (1.0 / (1.0 + self.ln_r.exp()), 1.0 / (1.0 + (-self.ln_r).exp()));
+        let ratio = Complex::from_polar(large, self.zeta);
+        (small, 0.5 * (ratio - small), -0.5 * (ratio + small))
+    }
+
+    /// The curve.
+    pub fn curve(&self) -> Curve {
+        let light = Jones::retarder(FRAC_PI_4, FRAC_PI_2 + self.source_error).apply(JonesVector::linear(0.0));
+        let film = Jones::retarder(self.axis, self.retardance);
+        let (small, a, b) = self.amplitudes();
+        let inside = film.apply(light);
+        let [x, y] = inside.0;
+        let constant = film.apply(inside.scaled(a)).plus(light.scaled(self.front * small));
+        let cos = film.apply(JonesVector([x, -y]).scaled(b));
+        let sin = film.apply(JonesVector([y, x]).scaled(b));
+        Curve::of_field(constant, cos, sin).with_stray(self.stray)
+    }
+
+    /// The same with the point of metal without a grating under the same film, which acts as R = -1.
+    pub fn curve_and_mirror(&self) -> Curve {
+        let light = Jones::retarder(FRAC_PI_4, FRAC_PI_2 + self.source_error).apply(JonesVector::linear(0.0));
+        let film = Jones::retarder(self.axis, self.retardance);
+        let back =
+            film.apply(film.apply(light)).scaled((-1.0).into()).plus(light.scaled(self.front * (1.0 - self.shade)));
+        self.curve().with_mirror(back, self.stray_over_mirrors())
+    }
+
+    /// Share of stray light over metal without a grating, which reflects more: amplitudes are as their front reflections.
+    pub(crate) fn stray_over_mirrors(&self) -> f64 {
+        self.stray * (1.0 - self.shade).powi(2)
+    }
+}
+
+/// A closed curve in the plane of (S1/S0, S2/S0), run through once by θ from 0 to π.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Curve {
+    /// Coefficients of 1, cos 2θ, sin 2θ, cos 4θ and sin 4θ in S0, S1 and S2.
+    stokes: [[f64; 5]; 3],
+    /// Where metal without a grating lies, if there is any in view.
+    pub mirror: Option<[f64; 2]>,
+}
+
+impl Curve {
+    /// The circle that orientations run along without a film, or nearly without.
+    pub fn circle(center: [f64; 2], radius: f64) -> Self {
+        Self {
+            stokes: [[1.0, 0.0, 0.0, 0.0, 0.0], [center[0], radius, 0.0, 0.0, 0.0], [center[1], 0.0, radius, 0.0, 0.0]],
+            mirror: None,
+        }
+    }
+
+    /// The same with the field of metal without a grating, and this share of stray light there.
+    pub(crate) fn with_mirror(self, field: JonesVector, stray: f64) -> Self {
+        let s = field.stokes();
+        Self { mirror: Some([s.s1, s.s2].map(|v| v / s.s0 * (1.0 - stray))), ..self }
+    }
+
+    /// The same with this share of light without polarization.
+    pub(crate) fn with_stray(self, share: f64) -> Self {
+        let [s0, s1, s2] = self.stokes;
+        let less = |row: [f64; 5]| row.map(|v| v * (1.0 - share));
+        Self { stokes: [s0, less(s1), less(s2)], ..self }
+    }
+
+    /// Of the field `u + v cos 2θ + w sin 2θ`.
+    pub(crate) fn of_field(u: JonesVector, v: JonesVector, w: JonesVector) -> Self {
+        let (uu, vv, ww) = (product(u, u), product(v, v), product(w, w));
+        let (uv, uw, vw) = (product(u, v), product(u, w), product(v, w));
+        Self {
+            stokes: std::array::from_fn(|j| {
+                [
+                    uu[j] + 0.5 * (vv[j] + ww[j]),
+                    2.0 * uv[j],
+                    2.0 * uw[j],
+                    0.5 * (vv[j] - ww[j]),
+                    // Twice the mixed term, times sin 2θ cos 2θ = sin 4θ / 2.
+                    vw[j],
+                ]
+            }),
+            mirror: None,
+        }
+    }
+
+    /// Coefficients of 1, cos 2θ, sin 2θ, cos 4θ and sin 4θ in S0, S1 and S2.
+    pub fn coefficients(&self) -> [[f64; 5]; 3] {
+        self.stokes
+    }
+
+    /// The point of orientation `theta` (rad).
+    #[inline]
+    pub fn at(&self, theta: f64) -> [f64; 2] {
+        self.with_tangent(theta).0
+    }
+
+    /// The point of orientation `theta` (rad) and how it moves with it.
+    #[inline]
+    pub fn with_tangent(&self, theta: f64) -> ([f64; 2], [f64; 2]) {
+        self.at_turn((2.0 * theta).sin_cos())
+    }
+
+    /// The same, given sine and cosine of 2θ.
+    #[inline(always)]
+    pub(crate) fn at_turn(&self, turn: (f64, f64)) -> ([f64; 2], [f64; 2]) {
+        let (at, tangent, _) = self.bent_at_turn(turn);
+        (at, tangent)
+    }
+
+    /// The same and the second derivative.
+    #[inline(always)]
+    pub(crate) fn bent_at_turn(&self, (s, c): (f64, f64)) -> ([f64; 2], [f64; 2], [f64; 2]) {
+        let (s2, c2) = (2.0 * s * c, c * c - s * s);
+        let value = |k: &[f64; 5]| k[0] + k[1] * c + k[2] * s + k[3] * c2 + k[4] * s2;
+        let slope = |k: &[f64; 5]| 2.0 * (k[2] * c - k[1] * s) + 4.0 * (k[4] * c2 - k[3] * s2);
+        let bend = |k: &[f64; 5]| -4.0 * (k[1] * c + k[2] * s) - 16.0 * (k[3] * c2 + k[4] * s2);
+        let [s0, s1, s2] = self.stokes.each_ref().map(value);
+        let [d0, d1, d2] = self.stokes.each_ref().map(slope);
+        let [e0, e1, e2] = self.stokes.each_ref().map(bend);
+        // One division, which takes as long as many products.
+        let one = 1.0 / s0;
+        let (x, y) = (s1 * one, s2 * one);
+        let (dx, dy) = ((d1 - x * d0) * one, (d2 - y * d0) * one);
+        ([x, y], [dx, dy], [(e1 - x * e0 - 2.0 * dx * d0) * one, (e2 - y * e0 - 2.0 * dy * d0) * one])
+    }
+}
+
+/// S0, S1 and S2 of the interference of two fields: `Re(E† M F)` with the Pauli matrices.
+fn product(e: JonesVector, f: JonesVector) -> [f64; 3] {
+    let ([a, b], [c, d]) = (e.0, f.0);
+    let (ac, bd) = ((a.conj() * c).re, (b.conj() * d).re);
+    [ac + bd, ac - bd, (a.conj() * d + b.conj() * c).re]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::Synthetic;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// The polynomial is the Jones calculus it was derived from, and the tangent its derivative.
+        #[test]
+        fn the_curve_is_the_jones_calculus(
+            ln_r in -9.0..9.0f64, zeta in -3.1..3.1f64, retardance in 0.0..1.5f64, axis in 0.0..3.1f64,
+            re in -0.3..0.3f64, im in -0.3..0.3f64, source_error in -0.2..0.2f64, theta in 0.0..3.1f64,
+        ) {
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error, stray: 0.0, shade: 0.0 };
+            let scene = Synthetic {
+                ratio: Complex::from_polar(ln_r.exp(), zeta), retardance, axis, front: film.front, source_error,
+                ..Synthetic::default()
+            };
+            let (point, tangent) = film.curve().with_tangent(theta);
+            let at = |deg: f64| scene.intensity(theta, deg.to_radians());
+            let s0 = at(0.0) + at(90.0);
+            prop_assume!(s0 > 1e-6 * (2.0 * ln_r).exp().max(1.0));
+            let wanted = [(at(0.0) - at(90.0)) / s0, (at(45.0) - at(135.0)) / s0];
+            prop_assert!((point[0] - wanted[0]).abs() < 1e-8 && (point[1] - wanted[1]).abs() < 1e-8);
+            let (before, after) = (film.curve().at(theta - 1e-6), film.curve().at(theta + 1e-6));
+            for k in 0..2 {
+                let slope = (after[k] - before[k]) / 2e-6;
+                prop_assert!((slope - tangent[k]).abs() < 1e-4 * (1.0 + slope.abs()), "{slope} {}", tangent[k]);
+            }
+            let (_, tangent, bend) = film.curve().bent_at_turn((2.0 * theta).sin_cos());
+            let later = film.curve().with_tangent(theta + 1e-7).1;
+            for k in 0..2 {
+                let second = (later[k] - tangent[k]) / 1e-7;
+                prop_assert!((second - bend[k]).abs() < 1e-3 * (1.0 + second.abs() + tangent[k].powi(2)), "{second} {}", bend[k]);
+            }
+        }
+
+        /// The gauge: the same curve for (1/r, -ζ), with all orientations turned by 90°.
+        #[test]
+        fn the_inverse_ratio_is_turned_by_90_degrees(ln_r in -1.0..1.0f64, zeta in -3.1..3.1f64, retardance in 0.0..0.5f64,
+            axis in 0.0..3.1f64, theta in 0.0..3.1f64) {
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(0.0, 0.0), source_error: 0.0, stray: 0.0, shade: 0.0 };
+            let other = Film { ln_r: -ln_r, zeta: -zeta, ..film };
+            let (a, b) = (film.curve().at(theta), other.curve().at(theta + FRAC_PI_2));
+            prop_assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9);
+        }
+
+        /// What is reported is the film that was fitted.
+        #[test]
+        fn the_canonical_film_has_the_same_curve(ln_r in -1.0..1.0f64, zeta in -9.0..9.0f64, retardance in -0.5..0.5f64,
+            axis in -3.1..9.1f64, re in -0.3..0.3f64, im in -0.3..0.3f64, theta in 0.0..3.1f64) {
+            let film = Film { ln_r, zeta, retardance, axis, front: Complex::new(re, im), source_error: 0.1, stray: 0.02, shade: 0.0 };
+            let same = film.canonical();
+            prop_assert!(same.retardance >= 0.0 && (0.0..=PI).contains(&same.zeta) && (0.0..=PI).contains(&same.axis));
+            let turned = (film.zeta + PI).rem_euclid(TAU) < PI;
+            let (a, b) = (film.curve().at(theta), same.curve().at(theta + if turned { FRAC_PI_2 } else { 0.0 }));
+            prop_assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9, "{a:?} {b:?}");
+        }
+    }
+}

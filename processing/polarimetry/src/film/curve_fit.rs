@@ -1,0 +1,277 @@
+//! Fits a closed curve to a cloud of points, by the distance of each point to the nearest place of the curve in units of
+//! its noise, robustly (Levenberg and Marquardt with Cauchy's weights).
+
+use crate::film::cloud::CloudPoint;
+use crate::film::curve::Curve;
+use crate::film::foot::{Foot, Path, SIDE_BY_SIDE, feet, scale_of};
+use crate::film::normal::{Lanes, Normal};
+use nacre_base::vectors::vectorised;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// Distances beyond so many standard deviations count less and less.
+pub const CAUCHY: f64 = 3.0;
+
+/// A step that makes the points so little likelier is the last, one that is expected to is not made: -2 ln likelihood, in which 1 is one
+/// standard deviation.
+const CONVERGED: f64 = 0.01;
+
+/// What [`mean cost`](Fitted::cost) is when the points lie on the curve to their noise: `E[9 ln(1 + z²/9)]`.
+pub const COST_OF_NOISE: f64 = 0.8735;
+
+/// What is expected of a parameter.
+#[derive(Clone, Copy)]
+pub enum Expected {
+    /// It is an angle, and may have any value.
+    Anything,
+    /// It is about 0, with this standard deviation: more is hardly ever met.
+    Near(f64),
+    /// Half the time it is nearer to 0 than this, and it may be far off (Cauchy's distribution).
+    Mostly(f64),
+}
+
+impl Expected {
+    /// -2 ln likelihood of a value, but for a constant.
+    fn cost(self, value: f64) -> f64 {
+        match self {
+            Self::Anything => 0.0,
+            Self::Near(size) => (value / size).powi(2),
+            Self::Mostly(size) => 2.0 * (value / size).powi(2).ln_1p(),
+        }
+    }
+
+    /// How strongly a value is drawn to 0: the inverse of a variance.
+    pub(crate) fn pull(self, value: f64) -> f64 {
+        match self {
+            Self::Anything => 0.0,
+            Self::Near(size) => size.powi(-2),
+            Self::Mostly(size) => 2.0 / (size * size + value * value),
+        }
+    }
+
+    /// How far values are apart: those of angles of half a turn.
+    fn size(self) -> f64 {
+        match self {
+            Self::Anything => PI / 12f64.sqrt(),
+            Self::Near(size) | Self::Mostly(size) => size,
+        }
+    }
+}
+
+/// A family of curves.
+pub struct Family<'a> {
+    /// The curve of given parameters.
+    pub curve: &'a (dyn Fn(&[f64]) -> Curve + Sync),
+    /// What is expected of each parameter before any point is seen.
+    pub expected: &'a [Expected],
+    /// How far each parameter may be from 0 at most.
+    pub limits: &'a [f64],
+}
+
+/// The best curve of a family.
+#[derive(Clone)]
+pub struct Fitted {
+    /// Its parameters.
+    pub parameters: Vec<f64>,
+    /// The curve.
+    pub curve: Curve,
+    /// Robust -2 ln likelihood of the points, what is expected of the parameters included.
+    pub cost: f64,
+    /// What is expected of the parameters, alone.
+    pub prior: f64,
+    /// Inverse covariance of the parameters.
+    pub information: DMatrix<f64>,
+}
+
+impl Family<'_> {
+    /// Fits from a start; None when the points tell nothing.
+    pub fn fit(&self, points: &[CloudPoint], start: &[f64], iterations: usize) -> Option<Fitted> {
+        let mut at = start.to_vec();
+        let mut feet = feet(points, (self.curve)(&at));
+        let mut scale = scale_of(&feet);
+        let mut cost = self.cost(&feet, &at, scale);
+        let mut damping = 1e-3;
+        let mut normal = self.normal(&at, &feet, scale);
+        for _ in 0..iterations {
+            let (information, slope) = &normal;
+            let mut damped = information.clone();
+            for k in 0..at.len() {
+                damped[(k, k)] += damping * information[(k, k)].max(1e-12);
+            }
+            // A gauge is a direction that the points say nothing about: only damping makes a step there.
+            let Some(factors) = damped.cholesky() else {
+                damping *= 6.0;
+                if damping > 1e9 {
+                    return None;
+                }
+                continue;
+            };
+            let step = factors.solve(slope);
+            if step.dot(slope) < CONVERGED {
+                break;
+            }
+            let next: Vec<f64> =
+                at.iter().zip(step.iter()).zip(self.limits).map(|((a, s), l)| (a + s).clamp(-l, *l)).collect();
+            let next_feet = self::feet(points, (self.curve)(&next));
+            let next_cost = self.cost(&next_feet, &next, scale);
+            if next_cost.is_finite() && next_cost < cost {
+                let small = cost - next_cost < CONVERGED;
+                (at, feet) = (next, next_feet);
+                let tighter = scale_of(&feet);
+                let settled = tighter > 0.9 * scale;
+                scale = tighter.min(scale);
+                cost = self.cost(&feet, &at, scale);
+                damping = (damping * 0.2).max(1e-9);
+                normal = self.normal(&at, &feet, scale);
+                if small && settled {
+                    break;
+                }
+            } else {
+                damping *= 6.0;
+                if damping > 1e9 {
+                    break;
+                }
+            }
+        }
+        self.fitted(at, &feet)
+    }
+
+    /// What a fit that ends at these parameters is; None when the points tell nothing.
+    pub(crate) fn at(&self, points: &[CloudPoint], parameters: Vec<f64>) -> Option<Fitted> {
+        let feet = feet(points, (self.curve)(&parameters));
+        self.fitted(parameters, &feet)
+    }
+
+    fn fitted(&self, parameters: Vec<f64>, feet: &[Foot]) -> Option<Fitted> {
+        let information = self.normal(&parameters, feet, 1.0).0;
+        let (curve, prior) = ((self.curve)(&parameters), self.prior(&parameters));
+        let cost = self.cost(feet, &parameters, 1.0);
+        cost.is_finite().then_some(Fitted { parameters, curve, cost, prior, information })
+    }
+
+    /// Robust cost with distances in units of `scale` standard deviations.
+    pub(crate) fn cost(&self, feet: &[Foot], at: &[f64], scale: f64) -> f64 {
+        let limit = (CAUCHY * scale).powi(2);
+        // The logarithm of a product, which takes as long as that of one number.
+        let of = |feet: &[Foot]| feet.iter().map(|f| 1.0 + f.distance * f.distance / limit).product::<f64>();
+        let one = |f: &Foot| (1.0 + f.distance * f.distance / limit).ln();
+        let few = |feet: &[Foot]| {
+            Some(of(feet)).filter(|p| p.is_finite()).map_or_else(|| feet.iter().map(one).sum(), f64::ln)
+        };
+        let misfit = limit * feet.chunks(8).map(few).sum::<f64>();
+        misfit / (scale * scale) + self.prior(at)
+    }
+
+    /// -2 ln likelihood of the parameters by themselves.
+    pub(crate) fn prior(&self, at: &[f64]) -> f64 {
+        at.iter().zip(self.expected).map(|(a, e)| e.cost(*a)).sum()
+    }
+
+    /// How strongly each parameter is drawn to 0.
+    pub(crate) fn pull(&self, at: &[f64]) -> Vec<f64> {
+        at.iter().zip(self.expected).map(|(a, e)| e.pull(*a)).collect()
+    }
+
+    /// Normal matrix and right side of a step.
+    pub(crate) fn normal(&self, at: &[f64], feet: &[Foot], scale: f64) -> (DMatrix<f64>, DVector<f64>) {
+        let n = at.len();
+        let moved = self.moved(at);
+        let middle = (self.curve)(at);
+        let pull = self.pull(at);
+        let mut right = DVector::from_iterator(n, at.iter().zip(&pull).map(|(a, by)| -a * by));
+        let mut matrix = DMatrix::from_diagonal(&pull.into());
+        let of_block = |feet: &[Foot]| {
+            let mut sums = Normal::default();
+            vectorised(
+                #[inline(always)]
+                || {
+                    for feet in feet.chunks(SIDE_BY_SIDE) {
+                        sums.add(&Lanes::new(feet, scale), &middle, &moved);
+                    }
+                },
+            );
+            sums
+        };
+        // Blocks of fixed size, added in order: the result does not depend on timing.
+        let blocks: Vec<_> = feet.par_chunks(2048).map(of_block).collect();
+        for block in blocks {
+            for i in 0..n {
+                right[i] += block.right[i].iter().sum::<f64>();
+                for j in 0..=i {
+                    matrix[(i, j)] += block.matrix[i][j].iter().sum::<f64>();
+                }
+            }
+        }
+        for i in 0..n {
+            for j in i + 1..n {
+                matrix[(i, j)] = matrix[(j, i)];
+            }
+        }
+        (matrix, right)
+    }
+
+    /// The curve with each parameter moved a little, and by how much.
+    pub(crate) fn moved(&self, at: &[f64]) -> Vec<(Curve, f64)> {
+        const STEP: f64 = 1e-6;
+        (0..at.len())
+            .map(|k| {
+                let mut moved = at.to_vec();
+                moved[k] += STEP;
+                ((self.curve)(&moved), STEP)
+            })
+            .collect()
+    }
+
+    /// What points whose variance is `widened` times their noise tell of the parameters: ln of how much smaller the volume is that
+    /// is left than that of what was expected (Laplace's factor, as -2 ln).
+    pub fn told(&self, fitted: &Fitted, widened: f64) -> f64 {
+        let sizes: Vec<f64> = self.expected.iter().map(|e| e.size()).collect();
+        let (n, pull) = (sizes.len(), self.pull(&fitted.parameters));
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            let expected = if i == j { pull[i] } else { 0.0 };
+            let told = (fitted.information[(i, j)] - expected) / widened * sizes[i] * sizes[j];
+            told + if i == j { 1.0 } else { 0.0 }
+        });
+        scaled.symmetric_eigen().eigenvalues.iter().map(|v| v.max(1.0).ln()).sum()
+    }
+
+    /// Root mean square error of the orientations of `points` in rad that the uncertainty of the parameters causes,
+    /// after their common part (the gauge) is taken out; `widened` multiplies the variance of the points.
+    pub fn spread(&self, fitted: &Fitted, points: &[CloudPoint], widened: f64) -> f64 {
+        let n = fitted.parameters.len();
+        let path = Path::new(fitted.curve);
+        let moved = self.moved(&fitted.parameters);
+        let rows: Vec<DVector<f64>> = points
+            .iter()
+            .map(|point| {
+                let theta = path.foot(point).theta;
+                let (q, t) = fitted.curve.with_tangent(theta);
+                let [a, b, c] = point.weights();
+                let (wx, wy) = (a * t[0] + b * t[1], b * t[0] + c * t[1]);
+                let speed = (wx * t[0] + wy * t[1]).max(f64::MIN_POSITIVE);
+                DVector::from_iterator(
+                    n,
+                    moved.iter().map(|(curve, step)| {
+                        let p = curve.at(theta);
+                        -(wx * (p[0] - q[0]) + wy * (p[1] - q[1])) / speed / step
+                    }),
+                )
+            })
+            .collect();
+        let mean = rows.iter().fold(DVector::zeros(n), |sum, row| sum + row) / rows.len().max(1) as f64;
+        // Directions that nothing is known of are the gauge: they turn all orientations alike.
+        let eigen = fitted.information.clone().symmetric_eigen();
+        let floor = 1e-12 * eigen.eigenvalues.max();
+        let mut total = 0.0;
+        for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            let variance = widened / value.max(floor);
+            // No parameter is that wrong: what is linear ends before.
+            let variance = variance.min(1.0);
+            let square =
+                rows.iter().map(|row| (row - &mean).dot(&vector).powi(2)).sum::<f64>() / rows.len().max(1) as f64;
+            total += variance * square;
+        }
+        total.sqrt()
+    }
+}

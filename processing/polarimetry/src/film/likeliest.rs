@@ -1,0 +1,112 @@
+//! Makes points likelier than a fit by distances does: where a curve bends within the noise, or runs beside itself, the nearest place is often
+//! not the one that a point comes from, and distances are off by more than many points tell.
+
+use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
+use crate::film::curve::Curve;
+use crate::film::curve_fit::{Family, Fitted};
+use crate::film::foot::feet;
+use crate::film::mixture::{Pulls, pulls};
+use nalgebra::{DMatrix, DVector};
+
+/// Steps at most that are tried.
+const STEPS: usize = 10;
+
+/// Damping of the first step, relative to what is known of each parameter, and by what it changes.
+const DAMPING: f64 = 1e-3;
+const EASED: f64 = 0.1;
+const STIFFENED: f64 = 10.0;
+
+/// A step that makes the points so little likelier is the last, one that is expected to is not tried: -2 ln likelihood, which the weights of the
+/// sample leave open to a few.
+const CONVERGED: f64 = 2.0;
+
+/// The fit with parameters that make the points likeliest when the distribution of the orientations in view is fitted too.
+///
+/// What differs between that likelihood and the distances of all points is taken from a sample of them, in which both err alike, so that little of
+/// that error is left (a control variate).
+pub(crate) fn likeliest(family: &Family<'_>, fit: &Fitted, points: &[CloudPoint]) -> Fitted {
+    let few = thinned(points, SAMPLE);
+    let objective = Objective { family, points, few: &few, scale: points.len() as f64 / few.len().max(1) as f64 };
+    let mut best = objective.at(fit.parameters.clone());
+    let mut damping = DAMPING;
+    for _ in 0..STEPS {
+        let Some(step) = best.step(damping).filter(|step| step.dot(&best.slope) > CONVERGED) else { break };
+        let at = best.parameters.iter().zip(step.iter()).zip(family.limits);
+        let next = objective.at(at.map(|((a, s), l)| (a + s).clamp(-l, *l)).collect());
+        let gained = best.score - next.score;
+        damping *= if gained > 0.0 { EASED } else { STIFFENED };
+        if gained > 0.0 {
+            best = next;
+        }
+        if (0.0..CONVERGED).contains(&gained) {
+            break;
+        }
+    }
+    family.at(points, best.parameters).unwrap_or_else(|| fit.clone())
+}
+
+/// All points and the sample, each of whose points stands for so many.
+struct Objective<'a> {
+    family: &'a Family<'a>,
+    points: &'a [CloudPoint],
+    few: &'a [CloudPoint],
+    scale: f64,
+}
+
+/// Parameters with their -2 ln likelihood, its slope (halved, downward) and what is known of them.
+struct Tried {
+    parameters: Vec<f64>,
+    score: f64,
+    slope: DVector<f64>,
+    information: DMatrix<f64>,
+}
+
+impl Objective<'_> {
+    fn at(&self, parameters: Vec<f64>) -> Tried {
+        let Self { family, points, few, scale } = *self;
+        let curve = (family.curve)(&parameters);
+        let by_distance = |points: &[CloudPoint]| {
+            let feet = feet(points, curve);
+            let (information, slope) = family.normal(&parameters, &feet, 1.0);
+            (family.cost(&feet, &parameters, 1.0), slope, information)
+        };
+        let (all, of_all, information) = by_distance(points);
+        let (sample, of_sample) = if few.len() < points.len() {
+            let (cost, slope, _) = by_distance(few);
+            (cost, slope)
+        } else {
+            (all, of_all.clone())
+        };
+        let pulled = pulls(few, &curve);
+        let likelihood = pulled.misfit + family.prior(&parameters);
+        let slope = of_all + (self.slope(&parameters, &curve, &pulled) - of_sample) * scale;
+        Tried { score: all + scale * (likelihood - sample), slope, information, parameters }
+    }
+
+    /// Slope of the likelihood of the sample: what pulls at each place, times how this moves (Fisher's identity).
+    fn slope(&self, at: &[f64], curve: &Curve, pulled: &Pulls) -> DVector<f64> {
+        let mut slope = DVector::from_iterator(at.len(), at.iter().zip(self.family.pull(at)).map(|(a, by)| -a * by));
+        for (k, (moved, by)) in self.family.moved(at).iter().enumerate() {
+            let along = |pull: [f64; 2], before: [f64; 2], after: [f64; 2]| {
+                (pull[0] * (after[0] - before[0]) + pull[1] * (after[1] - before[1])) / by
+            };
+            slope[k] += pulled.places.iter().map(|p| along(p.pull, curve.at(p.theta), moved.at(p.theta))).sum::<f64>();
+            if let (Some(before), Some(after)) = (curve.mirror, moved.mirror) {
+                slope[k] += along(pulled.mirror, before, after);
+            }
+        }
+        slope
+    }
+}
+
+impl Tried {
+    /// Where the slope and what is known of the parameters lead (Levenberg and Marquardt).
+    fn step(&self, damping: f64) -> Option<DVector<f64>> {
+        let mut information = self.information.clone();
+        // A gauge is a direction that the points say nothing about: only damping makes a step there.
+        for k in 0..self.parameters.len() {
+            information[(k, k)] += damping * information[(k, k)].max(1e-12);
+        }
+        Some(information.cholesky()?.solve(&self.slope))
+    }
+}

@@ -1,0 +1,244 @@
+//! From phase to orientation: nested models, compared by evidence.
+//!
+//! | model | the points (S1/S0, S2/S0) of all orientations lie on | right for |
+//! |---|---|---|
+//! | `sinusoid` | circles about the origin | no birefringent film |
+//! | `prenormalized` | a circle about their mean | a weak film, orientations evenly spread |
+//! | `circle` | a circle about any centre | a weak film |
+//! | `curve` | the closed curve of the 2018 paper's Eq. 4-6 | any film; with the axis, and where needed the front reflection and the retarder's error, fitted as well |
+//!
+//! The better the model the more there is to fit, and what the points cannot tell apart is noise in the result. So `auto`
+//! takes the model of most evidence: -2 ln likelihood of each half of the points where the distribution of the orientations in
+//! view is that of the other half, and what its parameters must be worth (Laplace's factor for curves, Schwarz' for circles).
+
+use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
+use crate::film::curve::{Curve, Film};
+use crate::film::curve_fit::{COST_OF_NOISE, Expected, Family, Fitted};
+use crate::film::evidence;
+use crate::film::foot::Path;
+use crate::film::mixture;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// With fewer points than this the distribution of orientations cannot be fitted place by place.
+pub(crate) const MIXTURE: usize = 2000;
+
+/// Points by which the error of orientations is told that parameters cause.
+pub(crate) const SPREAD: usize = 500;
+
+/// How the fitted phase becomes an orientation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Model {
+    /// The simplest model of a grating that explains the data; its name and the reason are in the report.
+    #[default]
+    Auto,
+    /// No grating: Stokes parameters, angle and degree of linear polarization.
+    Plain,
+    /// The phase is the orientation, up to one offset.
+    Sinusoid,
+    /// The phase about the mean of all points (2018 paper, section 5.3, of ratios instead of raw photographs).
+    Prenormalized,
+    /// The phase about the centre of the circle through all points.
+    Circle,
+    /// The nearest place on the fitted curve.
+    Curve,
+}
+
+/// A model with its parameters.
+#[derive(Clone)]
+pub(crate) struct Candidate {
+    /// Which.
+    pub model: Model,
+    /// What of the curve was fitted beyond the four parameters of the film: `front`, `source`; or what was not: `polarizer`.
+    pub extended: &'static [&'static str],
+    /// Number of parameters that were fitted.
+    pub parameters: usize,
+    /// The curve that the points are taken to lie on.
+    pub curve: Curve,
+    /// Centre of the circle, for models that take the phase about one.
+    pub center: Option<[f64; 2]>,
+    /// -2 ln likelihood of the parameters by themselves.
+    pub prior: f64,
+    /// What the points tell of the parameters beyond what was expected of them, as ln of a ratio of variances; None where
+    /// nothing was expected.
+    pub told: Option<f64>,
+    /// How much larger than their noise the scatter of points about the curve is, as a variance.
+    pub widened: f64,
+    /// Error of the orientations in rad that the uncertainty of the parameters causes, root mean square.
+    pub uncertain: f64,
+    /// Parameters of the film, for the curve.
+    pub film: Option<Film>,
+}
+
+impl Model {
+    /// All models, simplest first after `auto`.
+    pub const ALL: [Self; 6] =
+        [Self::Auto, Self::Plain, Self::Sinusoid, Self::Prenormalized, Self::Circle, Self::Curve];
+
+    /// Its name in options and files.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Plain => "plain",
+            Self::Sinusoid => "sinusoid",
+            Self::Prenormalized => "prenormalized",
+            Self::Circle => "circle",
+            Self::Curve => "curve",
+        }
+    }
+}
+
+impl std::str::FromStr for Model {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let known = || Self::ALL.map(Self::word).join(", ");
+        let found = Self::ALL.into_iter().find(|m| m.word() == text);
+        found.ok_or_else(|| format!("{text:?} is no model; give one of {}", known()))
+    }
+}
+
+/// Fits the circles to the points of a cloud that carry modulation, simplest first: to a sample, which tells the better of two starts, and from there to all.
+pub(crate) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
+    let (mean, few) = (mean(points), thinned(points, SAMPLE));
+    let about = |center: [f64; 2], model, count: usize| -> Option<Candidate> {
+        let family = Family {
+            curve: &|p: &[f64]| Curve::circle(center, p[0]),
+            expected: &[Expected::Anything],
+            limits: &[f64::INFINITY],
+        };
+        let begun = family.fit(&few, &[radius(&few, center)], 30)?;
+        let fitted = family.fit(points, &begun.parameters, 30)?;
+        Some(phase(model, center, count, &family, fitted, points))
+    };
+    let mut found: Vec<Candidate> =
+        [about([0.0; 2], Model::Sinusoid, 1), about(mean, Model::Prenormalized, 3)].into_iter().flatten().collect();
+    let family = Family {
+        curve: &|p: &[f64]| Curve::circle([p[0], p[1]], p[2]),
+        expected: &[Expected::Anything; 3],
+        limits: &[f64::INFINITY; 3],
+    };
+    let starts = [mean, crate::film::check::circle_center(points).unwrap_or(mean)];
+    let begun = starts.iter().filter_map(|c| family.fit(&few, &[c[0], c[1], radius(&few, *c)], 60));
+    let begun = begun.min_by(|a, b| a.cost.total_cmp(&b.cost));
+    if let Some(fitted) = begun.and_then(|begun| family.fit(points, &begun.parameters, 60)) {
+        let center = [fitted.parameters[0], fitted.parameters[1]];
+        found.push(phase(Model::Circle, center, 3, &family, fitted, points));
+    }
+    found
+}
+
+/// How likely the points are under a candidate.
+#[derive(Clone)]
+pub(crate) struct Evidence {
+    /// -2 ln likelihood, the parameters paid for.
+    pub total: f64,
+    /// The same without what its parameters must be worth.
+    pub likelihood: f64,
+    /// What each point adds.
+    pub terms: Vec<f64>,
+}
+
+impl Evidence {
+    /// That of a candidate which is so far behind the least of a part of the points, carried over to all, of which the best has `best`.
+    pub fn scaled(self, least: f64, scale: f64, best: f64) -> Self {
+        Self { total: best + scale * (self.total - least), terms: vec![], ..self }
+    }
+
+    /// Standard deviation that the difference of two has by chance (Vuong 1989): how differently the single points decide.
+    pub fn chance(&self, other: &Self) -> f64 {
+        let n = self.terms.len().max(1) as f64;
+        let differences = || self.terms.iter().zip(&other.terms).map(|(a, b)| a - b);
+        let mean = differences().sum::<f64>() / n;
+        differences().map(|d| (d - mean).powi(2)).sum::<f64>().sqrt()
+    }
+}
+
+impl Candidate {
+    /// Its name, with what was fitted beyond the film.
+    pub fn name(&self) -> String {
+        self.extended.iter().fold(self.model.word().to_owned(), |name, more| name + "+" + more)
+    }
+
+    /// Root mean square distance of the curve from its middle.
+    pub(crate) fn size(&self) -> f64 {
+        let at: Vec<[f64; 2]> = (0..64).map(|k| self.curve.at(PI * f64::from(k) / 64.0)).collect();
+        let middle = [0, 1].map(|k| at.iter().map(|p| p[k]).sum::<f64>() / 64.0);
+        (at.iter().map(|p| (p[0] - middle[0]).powi(2) + (p[1] - middle[1]).powi(2)).sum::<f64>() / 64.0).sqrt()
+    }
+
+    /// -2 ln likelihood of points whose variances are `widened` times their noise, and what its parameters must be worth
+    /// (Schwarz).
+    pub(crate) fn evidence(&self, points: &[CloudPoint], widened: f64) -> Evidence {
+        let points: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
+        let terms = if points.len() < MIXTURE {
+            evidence::terms(&points, &self.curve)
+        } else {
+            mixture::terms(&points, &self.curve)
+        };
+        self.paid(terms)
+    }
+
+    /// The same, given what each point adds.
+    pub(crate) fn paid(&self, terms: Vec<f64>) -> Evidence {
+        // Laplace's factor, or Schwarz' for it.
+        let paid = self.told.unwrap_or(self.parameters as f64 * (terms.len().max(2) as f64).ln());
+        let likelihood = terms.iter().sum::<f64>() + self.prior;
+        Evidence { total: likelihood + paid, likelihood, terms }
+    }
+}
+
+fn phase(
+    model: Model,
+    center: [f64; 2],
+    parameters: usize,
+    family: &Family<'_>,
+    fitted: Fitted,
+    points: &[CloudPoint],
+) -> Candidate {
+    let widened = widened(fitted.cost, points.len());
+    let uncertain = family.spread(&fitted, &thinned(points, SPREAD), widened);
+    Candidate {
+        model,
+        extended: &[],
+        parameters,
+        curve: fitted.curve,
+        center: Some(center),
+        prior: fitted.prior,
+        told: None,
+        widened,
+        uncertain,
+        film: None,
+    }
+}
+
+/// How much larger than their noise the scatter of points about a curve is, as a variance.
+pub(crate) fn widened(cost: f64, points: usize) -> f64 {
+    (cost / points.max(1) as f64 / COST_OF_NOISE).max(1.0)
+}
+
+fn mean(points: &[CloudPoint]) -> [f64; 2] {
+    let n = points.len().max(1) as f64;
+    [0, 1].map(|k| points.iter().map(|p| p.at[k]).sum::<f64>() / n)
+}
+
+/// Median distance from a centre.
+fn radius(points: &[CloudPoint], center: [f64; 2]) -> f64 {
+    let mut distances: Vec<f64> = points.iter().map(|p| (p.at[0] - center[0]).hypot(p.at[1] - center[1])).collect();
+    let middle = distances.len() / 2;
+    if distances.is_empty() { 1.0 } else { *distances.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
+/// The orientation of a point under a candidate and its σ, both in rad.
+pub(crate) fn orientation(candidate: &Candidate, path: &Path, point: &CloudPoint) -> (f64, f64) {
+    let theta = match candidate.center {
+        Some(c) => 0.5 * (point.at[1] - c[1]).atan2(point.at[0] - c[0]),
+        None => path.foot(point).theta,
+    };
+    let (_, t) = candidate.curve.with_tangent(theta);
+    let [a, b, c] = point.weights();
+    let speed = a * t[0] * t[0] + 2.0 * b * t[0] * t[1] + c * t[1] * t[1];
+    (theta.rem_euclid(PI), (1.0 / speed.sqrt()).min(FRAC_PI_2))
+}

@@ -1,0 +1,169 @@
+//! Places along a curve, and which of them each point can come from.
+
+use crate::film::cloud::CloudPoint;
+use crate::film::curve::Curve;
+use crate::film::foot::{Foot, Path};
+use nacre_base::vectors::vectorised;
+use std::f64::consts::{PI, TAU};
+
+/// Stretches of the curve whose lengths are added up.
+const STRETCHES: usize = 1024;
+
+/// Distance of places in standard deviations of a typical point, and how many places there are at least and at most.
+pub(crate) const SPACING: f64 = 0.5;
+const FEWEST: usize = 64;
+const MOST: usize = 8192;
+
+/// Places farther from a point than so many standard deviations do not count.
+const REACH: f64 = 6.0;
+
+/// Places along a curve at equal distances.
+pub(crate) struct Places {
+    pub at: Vec<[f64; 2]>,
+    /// Their orientations in rad.
+    pub thetas: Vec<f64>,
+    /// Length of the curve up to the beginning of each stretch, in places.
+    index: Vec<f64>,
+    /// Distance of places.
+    step: f64,
+}
+
+impl Places {
+    pub fn new(curve: &Curve, noise: f64) -> Self {
+        let turn = PI / STRETCHES as f64;
+        let mut length = vec![0.0; STRETCHES + 1];
+        for k in 0..STRETCHES {
+            let (_, t) = curve.with_tangent((k as f64 + 0.5) * turn);
+            length[k + 1] = length[k] + t[0].hypot(t[1]) * turn;
+        }
+        let total = length[STRETCHES].max(f64::MIN_POSITIVE);
+        let count = ((total / (SPACING * noise)) as usize).clamp(FEWEST, MOST);
+        let step = total / count as f64;
+        let (mut thetas, mut k) = (Vec::with_capacity(count), 0);
+        for i in 0..count {
+            let wanted = (i as f64 + 0.5) * step;
+            while k + 1 < STRETCHES && length[k + 1] < wanted {
+                k += 1;
+            }
+            let part = (wanted - length[k]) / (length[k + 1] - length[k]).max(f64::MIN_POSITIVE);
+            thetas.push((k as f64 + part.clamp(0.0, 1.0)) * turn);
+        }
+        Self {
+            at: thetas.iter().map(|theta| curve.at(*theta)).collect(),
+            thetas,
+            index: length.iter().map(|l| l / step).collect(),
+            step,
+        }
+    }
+
+    /// Orientation in rad of a place, which may lie between two, or once around.
+    pub fn theta(&self, place: f64) -> f64 {
+        let k = place.floor() as usize % self.thetas.len();
+        let next = self.thetas.get(k + 1).copied().unwrap_or(self.thetas[0] + PI);
+        self.thetas[k] + (next - self.thetas[k]) * place.fract()
+    }
+
+    /// Place of an orientation in rad, in places.
+    fn of(&self, theta: f64) -> f64 {
+        let turn = theta.rem_euclid(PI) / PI * STRETCHES as f64;
+        let k = (turn as usize).min(STRETCHES - 1);
+        self.index[k] + (self.index[k + 1] - self.index[k]) * (turn - k as f64)
+    }
+}
+
+/// ln of a normal density in two dimensions, as a function of how far off.
+pub(crate) fn log_density([a, b, c]: [f64; 3]) -> impl Fn([f64; 2]) -> f64 {
+    let determinant = a * c - b * b;
+    let [xx, xy, yy] = [c, -2.0 * b, a].map(|v| -0.5 * v / determinant);
+    let middle = -0.5 * determinant.ln() - TAU.ln();
+    move |[x, y]| middle + xx * x * x + xy * x * y + yy * y * y
+}
+
+/// What a few points can come from: for each of them runs of places with how likely each place makes it, one after the other.
+#[derive(Default)]
+pub(crate) struct Rows {
+    pub points: Vec<Row>,
+    pub runs: Vec<Run>,
+    /// In single precision: sums of positive numbers lose no more to it than their last digits.
+    pub values: Vec<f32>,
+}
+
+/// A point. Likelihoods are in units of its own.
+pub(crate) struct Row {
+    /// ln of the unit.
+    pub unit: f64,
+    /// Those of a point on nothing, and of metal without a grating.
+    pub straying: f64,
+    pub mirror: f64,
+    /// How many runs it has.
+    pub runs: usize,
+}
+
+/// Places in a row, the number of which is a multiple of [`LANES`]: those beyond the end of the run are impossible. They go on after the last
+/// place as after all places came once more.
+pub(crate) struct Run {
+    pub start: usize,
+    pub length: usize,
+}
+
+/// Numbers that are worked on side by side.
+pub(crate) const LANES: usize = 8;
+
+impl Rows {
+    pub fn of(points: &[CloudPoint], curve: &Curve, path: &Path, places: &Places) -> Self {
+        let mut rows = Self::default();
+        let mut logs = vec![];
+        vectorised(
+            #[inline(always)]
+            || {
+                for point in points {
+                    rows.add(point, curve, path, places, &mut logs);
+                }
+            },
+        );
+        rows
+    }
+
+    #[inline(always)]
+    fn add(&mut self, point: &CloudPoint, curve: &Curve, path: &Path, places: &Places, logs: &mut Vec<f64>) {
+        let (count, first_run) = (places.at.len(), self.runs.len());
+        let density = log_density(point.covariance);
+        let [a, b, c] = point.covariance;
+        logs.clear();
+        for Foot { theta, gradient: [x, y], .. } in path.feet_within(point, REACH) {
+            let along = ((a * c - b * b) * (x * x + y * y)).sqrt();
+            let reach = (REACH * along / places.step + 2.0).min(0.5 * count as f64);
+            let first = (places.of(theta) - reach).floor().rem_euclid(count as f64) as usize % count;
+            let (known, length) = (first_run..self.runs.len(), ((2.0 * reach) as usize + 1).min(count));
+            let mut begun = None;
+            for i in 0..=length {
+                let k = (first + i) % count;
+                let is_known = |run: &Run| (k + count - run.start) % count < run.length;
+                if i == length || self.runs[known.clone()].iter().any(is_known) {
+                    if let Some((start, from)) = begun.take() {
+                        self.runs.push(Run { start, length: i - from });
+                    }
+                    continue;
+                }
+                begun.get_or_insert((k, i));
+                logs.push(density([point.at[0] - places.at[k][0], point.at[1] - places.at[k][1]]));
+            }
+        }
+        let of_mirror = curve.mirror.map(|m| density([point.at[0] - m[0], point.at[1] - m[1]]));
+        let of_straying = -PI.ln();
+        let unit = logs.iter().copied().fold(of_straying, f64::max).max(of_mirror.unwrap_or(f64::NEG_INFINITY));
+        let mut logs = logs.iter();
+        for run in &mut self.runs[first_run..] {
+            self.values.extend(logs.by_ref().take(run.length).map(|l| (l - unit).exp() as f32));
+            let padded = run.length.next_multiple_of(LANES);
+            self.values.extend(std::iter::repeat_n(0.0, padded - run.length));
+            run.length = padded;
+        }
+        self.points.push(Row {
+            unit,
+            straying: (of_straying - unit).exp(),
+            mirror: of_mirror.map_or(0.0, |l| (l - unit).exp()),
+            runs: self.runs.len() - first_run,
+        });
+    }
+}

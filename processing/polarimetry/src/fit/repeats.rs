@@ -1,0 +1,281 @@
+//! Views at angles 180° apart, or at the same one, show the same: their differences are noise, whatever is in view and whatever
+//! the model. They tell how large noise is, and whether σ is what two measurements of one thing differ by.
+
+use crate::fit::noise::line_above;
+use crate::fit::sample::{AREA, Half, SIDE, Sample};
+use crate::fit::views::View;
+use crate::orient;
+use crate::{Design, FrameNoise, angle_difference};
+use nacre_base::statistics::median_chi_square;
+use nacre_frames::LoadedFrames;
+use serde::Serialize;
+use std::f64::consts::PI;
+
+/// Angles closer than this modulo 180° are one: goniometers are read to that.
+const SAME_ANGLE_DEG: f64 = 0.05;
+
+/// Fewest angles that were repeated: with three, each half of the series tells an orientation, and noise is seen at all
+/// intensities of the analyser's turn.
+const FEWEST_ANGLES: usize = 3;
+
+/// Fewest blocks whose scatter tells noise, and blocks of like intensity that are taken together at least.
+const FEWEST_BLOCKS: usize = 16;
+const GROUPS: usize = 24;
+
+/// A block whose values vary by more than this times what noise explains (as a variance) shows texture, which a turning analyser
+/// moves.
+const TEXTURED: f64 = 3.0;
+
+/// Reduced χ² outside of this is told.
+const GOOD: std::ops::RangeInclusive<f64> = 0.8..=1.3;
+
+/// Exposures closer than this are one exposure, as a share.
+const SAME_EXPOSURE: f64 = 1e-6;
+
+/// What repeats tell.
+#[derive(Clone, Debug, Serialize)]
+pub struct RepeatsReport {
+    /// Pairs of views at angles equal modulo 180°.
+    pub pairs: usize,
+    /// Brightness of the second view of each pair over that of the first.
+    pub gain: Vec<f64>,
+    /// Pixels on which both halves of the series were compared; noise is calibrated on others.
+    pub pixels: usize,
+    /// Polarization angle of the second half less that of the first, median over these pixels, in degrees.
+    pub offset_deg: f64,
+    /// Root mean square of that difference, in degrees.
+    pub difference_deg: f64,
+    /// What σ of both says it should be.
+    pub expected_deg: f64,
+    /// Reduced χ²: the mean of the squared difference over both σ². 1 where σ is right.
+    pub chi2: f64,
+    /// The same from the median, which dust and edges do not move.
+    pub chi2_median: f64,
+}
+
+impl RepeatsReport {
+    /// What belongs in front of a user.
+    pub fn warning(&self) -> Option<String> {
+        let sigma = if self.chi2 > 1.0 { "too small" } else { "too large" };
+        (!GOOD.contains(&self.chi2)).then(|| {
+            format!(
+                "the halves of the series differ by {:.3}° where σ says {:.3}° (reduced χ² {:.2}, {:.2} by the median): σ is {sigma}",
+                self.difference_deg, self.expected_deg, self.chi2, self.chi2_median
+            )
+        })
+    }
+}
+
+/// Numbers of views that repeat each other. Empty unless all photographs have one exposure and at least three angles are repeated.
+pub(crate) fn pairs(frames: &LoadedFrames, views: &[View], kept: usize) -> Vec<[usize; 2]> {
+    let all = &frames.set.frames;
+    let alike = |a: f64, b: f64| (a / b - 1.0).abs() < SAME_EXPOSURE;
+    let one_exposure = all
+        .windows(2)
+        .all(|f| alike(f[0].scale(), f[1].scale()) && alike(f[0].gain.unwrap_or(1.0), f[1].gain.unwrap_or(1.0)));
+    if !one_exposure {
+        return vec![];
+    }
+    paired(&views.iter().take(kept).map(|v| v.said).collect::<Vec<_>>())
+}
+
+fn paired(angles: &[f64]) -> Vec<[usize; 2]> {
+    let apart = |a: f64, b: f64| angle_difference(a, b).to_degrees().abs();
+    let mut waiting: Vec<usize> = vec![];
+    let mut pairs: Vec<[usize; 2]> = vec![];
+    for (k, psi) in angles.iter().enumerate() {
+        match waiting.iter().position(|first| apart(angles[*first], *psi) < SAME_ANGLE_DEG) {
+            Some(i) => pairs.push([waiting.remove(i), k]),
+            None => waiting.push(k),
+        }
+    }
+    let repeated: Vec<f64> = pairs.iter().map(|[k, _]| angles[*k]).collect();
+    let first = |i: &usize| repeated[..*i].iter().all(|a| apart(*a, repeated[*i]) >= SAME_ANGLE_DEG);
+    if (0..repeated.len()).filter(first).count() < FEWEST_ANGLES { vec![] } else { pairs }
+}
+
+/// Noise of a view from the differences of repeats, on one half of the sample. Values down to `black` are cut off there and say
+/// nothing; `quantisation` is the variance that rounding to codes adds, which repeats of a quiet camera do not show.
+pub(crate) fn calibrate(sample: &Sample, pairs: &[[usize; 2]], black: f64, quantisation: f64) -> Option<FrameNoise> {
+    let mut seen: Vec<Seen> = vec![];
+    for [p, q] in pairs {
+        let (first, second) = (sample.view(*p), sample.view(*q));
+        let gain = gain(sample, first, second)?;
+        let block = |b: usize| Seen::new(&first[b * AREA..][..AREA], &second[b * AREA..][..AREA], gain, black);
+        seen.extend(sample.half(Half::Black).filter_map(block));
+    }
+    if seen.len() < FEWEST_BLOCKS {
+        return None;
+    }
+    seen.sort_by(|a, b| a.level.total_cmp(&b.level));
+    let size = seen.len().div_ceil(GROUPS).max(FEWEST_BLOCKS);
+    let point = |group: &mut [Seen]| (Seen::level(group), with_rounding(Seen::noise(group), quantisation));
+    let points: Vec<(f64, f64)> = seen.chunks_mut(size).map(point).collect();
+    Some(line_above(&points, quantisation))
+}
+
+/// Variance of values of which repeats differ by `seen`, rounding (`quantisation` = step²/12) included: a quiet camera's repeats are
+/// rounded alike, and do not differ by what they are wrong. Of two values with the same noise, spread over the codes evenly, the
+/// covariance of the rounding errors is a sum over the harmonics of the staircase (Sripad and Snyder 1977).
+fn with_rounding(seen: f64, quantisation: f64) -> f64 {
+    const HARMONICS: u32 = 32;
+    const HALVINGS: u32 = 60;
+    let step2 = 12.0 * quantisation;
+    let alike = |variance: f64| -> f64 {
+        let harmonic = |m: u32| {
+            let k = f64::from(m * m);
+            (-4.0 * PI * PI * k * variance / step2).exp() / k
+        };
+        step2 / (2.0 * PI * PI) * (1..=HARMONICS).map(harmonic).sum::<f64>()
+    };
+    // From three steps on, and without steps, they differ by all of it.
+    if seen >= 9.0 * step2 {
+        return seen;
+    }
+    let (mut low, mut high) = (0.0, seen);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if middle + quantisation - alike(middle) < seen { low = middle } else { high = middle }
+    }
+    low + quantisation
+}
+
+/// Brightness of the second view over that of the first: the median over the brighter blocks.
+fn gain(sample: &Sample, first: &[f32], second: &[f32]) -> Option<f64> {
+    let sum = |view: &[f32]| view.iter().map(|v| f64::from(*v)).sum::<f64>();
+    let blocks = first.chunks(AREA).zip(second.chunks(AREA)).take(sample.view(0).len() / AREA);
+    let mut means: Vec<(f64, f64)> =
+        blocks.map(|(a, b)| (sum(a), sum(b))).filter(|(a, b)| *a > 0.0 && b.is_finite()).collect();
+    means.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut ratios: Vec<f64> = means[means.len() / 2..].iter().map(|(a, b)| b / a).collect();
+    median(&mut ratios).filter(|g| *g > 0.0)
+}
+
+/// A block in two views.
+struct Seen {
+    level: f64,
+    /// Variance of a view, from the difference of both.
+    noise: f64,
+    /// The same from their sum, which holds what the block shows as well.
+    texture: f64,
+}
+
+impl Seen {
+    fn new(first: &[f32], second: &[f32], gain: f64, black: f64) -> Option<Self> {
+        let usable = |v: &f32| v.is_finite() && f64::from(*v) > black;
+        if !first.iter().chain(second).all(usable) {
+            return None;
+        }
+        let together = |sign: f64| {
+            let all: [f64; AREA] = std::array::from_fn(|i| f64::from(second[i]) + sign * gain * f64::from(first[i]));
+            all
+        };
+        let [difference, sum] = [together(-1.0), together(1.0)];
+        let share = 1.0 / (1.0 + gain * gain);
+        Some(Self {
+            level: 0.5 * sum.iter().sum::<f64>() / AREA as f64,
+            noise: share * about_plane(&difference),
+            texture: share * about_plane(&sum),
+        })
+    }
+
+    fn level(group: &[Self]) -> f64 {
+        group.iter().map(|s| s.level).sum::<f64>() / group.len().max(1) as f64
+    }
+
+    /// Variance of a group of blocks: the median over those without texture, or over the smoother half where fewer have none.
+    fn noise(group: &mut [Self]) -> f64 {
+        let of = |blocks: &[Self]| median(&mut blocks.iter().map(|s| s.noise).collect::<Vec<_>>()).unwrap_or(0.0);
+        let about = of(group);
+        group.sort_by(|a, b| a.texture.total_cmp(&b.texture));
+        let plain = group.partition_point(|s| s.texture < TEXTURED * about);
+        of(&group[..plain.max(group.len().div_ceil(2))]) * FREEDOM as f64 / median_chi_square(FREEDOM)
+    }
+}
+
+/// A plane takes three degrees of freedom.
+const FREEDOM: usize = AREA - 3;
+
+/// Variance about the best plane, which is what light that drifts makes of a difference.
+fn about_plane(block: &[f64; AREA]) -> f64 {
+    let middle = 0.5 * (SIDE - 1) as f64;
+    let mut sums = [0.0; 4];
+    for (i, v) in block.iter().enumerate() {
+        let (x, y) = ((i % SIDE) as f64 - middle, (i / SIDE) as f64 - middle);
+        sums = [sums[0] + v, sums[1] + v * x, sums[2] + v * y, sums[3] + v * v];
+    }
+    let [one, x, y, square] = sums;
+    let across = AREA as f64 * ((SIDE * SIDE - 1) as f64) / 12.0;
+    (square - one * one / AREA as f64 - (x * x + y * y) / across).max(0.0) / FREEDOM as f64
+}
+
+/// Compares the polarization angles of the two halves of a series of repeats, on the pixels that noise was not calibrated on.
+pub(crate) fn compare_halves(
+    sample: &Sample,
+    pairs: &[[usize; 2]],
+    views: &[View],
+    noise: &[FrameNoise],
+) -> Option<RepeatsReport> {
+    let blocks: Vec<usize> = sample.half(Half::White).collect();
+    let halves = [0, 1].map(|half| {
+        let views: Vec<(usize, f64)> = pairs.iter().map(|p| (p[half], views[p[half]].angle)).collect();
+        let design = Design::new(&views.iter().map(|v| v.1).collect::<Vec<_>>()).ok()?;
+        let noise: Vec<FrameNoise> = views.iter().filter_map(|(k, _)| noise.get(*k)).copied().collect();
+        let mut maps = sample.solve(&blocks, &views, &design);
+        Some(orient(&mut maps, &design, &noise, 0.0))
+    });
+    let [Some(a), Some(b)] = halves else { return None };
+    let both = a.orientation.iter().zip(&b.orientation).zip(a.sigma.iter().zip(&b.sigma));
+    let differences: Vec<(f64, f64)> = both
+        .map(|((a, b), (sa, sb))| {
+            (angle_difference(f64::from(*b), f64::from(*a)), f64::from(*sa).hypot(f64::from(*sb)))
+        })
+        .filter(|(d, _)| d.is_finite())
+        .collect();
+    let n = differences.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| differences.iter().map(of).sum::<f64>() / n;
+    let mut scaled: Vec<f64> = differences.iter().map(|(d, s)| (d / s).powi(2)).collect();
+    let mut plain: Vec<f64> = differences.iter().map(|(d, _)| d.to_degrees()).collect();
+    Some(RepeatsReport {
+        pairs: pairs.len(),
+        gain: pairs.iter().filter_map(|[p, q]| gain(sample, sample.view(*p), sample.view(*q))).collect(),
+        pixels: differences.len(),
+        chi2_median: median(&mut scaled)? / MEDIAN_OF_SQUARE,
+        offset_deg: median(&mut plain)?,
+        difference_deg: mean(|(d, _)| d * d).sqrt().to_degrees(),
+        expected_deg: mean(|(_, s)| s * s).sqrt().to_degrees(),
+        chi2: mean(|(d, s)| (d / s).powi(2)),
+    })
+}
+
+/// Median of the square of a normal deviate.
+const MEDIAN_OF_SQUARE: f64 = 0.454_936;
+
+pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::{normal, uniform};
+
+    /// From repeats that mostly round alike to such that never do: the error about the truth is found to 5 %.
+    #[test]
+    fn what_rounding_hides_is_put_back() {
+        const N: u64 = 200_000;
+        for sigma in [0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 4.0] {
+            let (mut between, mut about) = (0.0, 0.0);
+            for i in 0..N {
+                let truth = 100.0 * uniform(1, i);
+                let [p, q] = [2, 3].map(|seed| (truth + sigma * normal(seed, i)).round());
+                between += (p - q).powi(2) / (2 * N) as f64;
+                about += (p - truth).powi(2) / N as f64;
+            }
+            let found = with_rounding(between, 1.0 / 12.0);
+            assert!((found / about - 1.0).abs() < 0.05, "{sigma}: {found} {about}, differ by {between}");
+        }
+        assert_eq!(with_rounding(2.0, 0.0), 2.0);
+    }
+}

@@ -1,0 +1,174 @@
+//! A few small blocks of pixels of every view, kept when the photographs are gone: what shows how views scatter about each
+//! other and about their fit needs no more, and memory does not grow with the size of the photographs.
+
+use crate::angles::angle_error::{Misses, misses};
+use crate::fit::views::View;
+use crate::{Design, Fit, StokesMaps};
+use rayon::prelude::*;
+
+/// Pixels along a block's side.
+pub(crate) const SIDE: usize = 8;
+
+/// Pixels of a block.
+pub(crate) const AREA: usize = SIDE * SIDE;
+
+/// Most blocks, and most views that are kept: 4 bytes for each of their pixels, 26 MB in all.
+const BLOCKS: usize = 512;
+const VIEWS: usize = 200;
+
+/// Blocks of pixels, evenly over the image.
+pub(crate) struct Sample {
+    /// Blocks per row of blocks.
+    columns: usize,
+    /// Upper left corners, row by row.
+    corners: Vec<[usize; 2]>,
+    width: usize,
+    /// Block by block, row by row; NaN where a pixel cannot be used.
+    views: Vec<Vec<f32>>,
+}
+
+/// Every second block, as on a chessboard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Half {
+    Black,
+    White,
+}
+
+impl Sample {
+    /// Of maps of `width` × `height` pixels.
+    pub(crate) fn new(width: usize, height: usize) -> Self {
+        let fit = [width / SIDE, height / SIDE];
+        let (mut columns, mut rows) = (fit[0], fit[1]);
+        if columns * rows > BLOCKS {
+            let even = (BLOCKS as f64 * columns as f64 / rows as f64).sqrt() as usize;
+            columns = even.clamp(1, columns.min(BLOCKS));
+            rows = (BLOCKS / columns).min(rows);
+        }
+        let place = |i: usize, n: usize, fit: usize| SIDE * ((2 * i + 1) * fit / (2 * n));
+        let corners = (0..rows * columns)
+            .map(|i| [place(i % columns, columns, fit[0]), place(i / columns, rows, fit[1])])
+            .collect();
+        Self { columns: columns.max(1), corners, width, views: vec![] }
+    }
+
+    /// The same blocks without their pixels.
+    pub(crate) fn emptied(&self) -> Self {
+        Self { columns: self.columns, corners: self.corners.clone(), width: self.width, views: vec![] }
+    }
+
+    /// Takes in the next view. `row(y, values, bad)` fills in one row as for [`Fit::add`].
+    pub(crate) fn add(&mut self, row: impl Fn(usize, &mut [f32], &mut [u8]) + Sync) {
+        if self.views.len() == VIEWS {
+            return;
+        }
+        let mut view = vec![0.0_f32; self.corners.len() * AREA];
+        let bands = view.par_chunks_mut(self.columns * AREA).zip(self.corners.par_chunks(self.columns));
+        bands.for_each_init(
+            || (vec![0.0_f32; self.width], vec![0_u8; self.width]),
+            |(values, bad), (band, corners)| {
+                for line in 0..SIDE {
+                    let Some([_, top]) = corners.first() else { return };
+                    bad.fill(0);
+                    row(top + line, values, bad);
+                    for (block, [left, _]) in band.chunks_mut(AREA).zip(corners) {
+                        let seen = values[*left..].iter().zip(&bad[*left..]);
+                        for (out, (value, bad)) in block[line * SIDE..][..SIDE].iter_mut().zip(seen) {
+                            *out = if *bad == 0 { *value } else { f32::NAN };
+                        }
+                    }
+                }
+            },
+        );
+        self.views.push(view);
+    }
+
+    /// Views that were kept.
+    pub(crate) fn views(&self) -> usize {
+        self.views.len()
+    }
+
+    /// The pixels of a view, block by block.
+    pub(crate) fn view(&self, k: usize) -> &[f32] {
+        self.views.get(k).map_or(&[], |v| v)
+    }
+
+    /// The pixels of all views.
+    pub(crate) fn all(&self) -> Vec<&[f32]> {
+        self.views.iter().map(Vec::as_slice).collect()
+    }
+
+    /// Numbers of the blocks of one half.
+    pub(crate) fn half(&self, half: Half) -> impl Iterator<Item = usize> + Clone {
+        let columns = self.columns;
+        (0..self.corners.len()).filter(move |i| ((i % columns + i / columns) % 2 == 1) == (half == Half::White))
+    }
+
+    /// Pixel of the maps that pixel `i` of the views is.
+    #[cfg(test)]
+    pub(crate) fn pixel(&self, i: usize) -> usize {
+        let [x, y] = self.corners[i / AREA];
+        (y + i % AREA / SIDE) * self.width + x + i % SIDE
+    }
+
+    /// By how much the analyser missed the views' angles, where that is worth putting right; not told where some views were not kept.
+    pub fn misses(&self, views: &[View], stated: Option<f64>) -> Option<Misses> {
+        // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
+        if self.views() != views.len() || views.iter().any(|v| v.block > 1) {
+            return None;
+        }
+        let angles: Vec<f64> = views.iter().map(|v| v.angle).collect();
+        let blocks: Vec<usize> = (0..self.corners.len()).collect();
+        let fit = |angles: &[f64], design: &Design| {
+            self.solve(&blocks, &angles.iter().copied().enumerate().collect::<Vec<_>>(), design)
+        };
+        misses(&self.all(), &angles, stated, fit)
+    }
+
+    /// Malus' law through the pixels of these blocks, of some of the views (number and angle in rad).
+    pub(crate) fn solve(&self, blocks: &[usize], views: &[(usize, f64)], design: &Design) -> StokesMaps {
+        let mut fit = Fit::new(blocks.len() * AREA, 1);
+        for (k, psi) in views {
+            let view = self.view(*k);
+            fit.add(*psi, |_, values, bad| {
+                for (i, (value, bad)) in values.iter_mut().zip(bad).enumerate() {
+                    let seen = view[blocks[i / AREA] * AREA + i % AREA];
+                    let usable = seen.is_finite();
+                    (*value, *bad) = (if usable { seen } else { 0.0 }, *bad | u8::from(!usable));
+                }
+            });
+        }
+        fit.solve(design)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Blocks lie inside the image, apart from each other, and hold the pixels that they say they hold.
+    #[test]
+    fn blocks_are_spread_over_the_image() {
+        for (width, height) in [(640, 480), (8, 8), (9, 4000), (4000, 9), (100, 100), (7, 100), (2448, 2048)] {
+            let mut sample = Sample::new(width, height);
+            assert!(sample.corners.len() <= BLOCKS && (sample.corners.is_empty() == (width < SIDE || height < SIDE)));
+            for k in 0..VIEWS + 3 {
+                let value = |i: usize| (i + k) as f32;
+                sample.add(|y, values, _| values.iter_mut().enumerate().for_each(|(x, v)| *v = value(y * width + x)));
+                if k > 2 && width > 100 {
+                    break;
+                }
+            }
+            assert!(sample.views() <= VIEWS);
+            let mut met: Vec<usize> = (0..sample.view(0).len()).map(|i| sample.pixel(i)).collect();
+            assert!(sample.view(1).iter().zip(&met).all(|(v, i)| *v == (i + 1) as f32));
+            met.sort_unstable();
+            met.dedup();
+            assert!(met.len() == sample.view(0).len() && met.iter().all(|i| *i < width * height));
+            let halves = [Half::Black, Half::White].map(|h| sample.half(h).count());
+            assert!(
+                halves[0].abs_diff(halves[1]) <= sample.corners.len().isqrt()
+                    && halves[0] + halves[1] == sample.corners.len()
+            );
+        }
+    }
+}

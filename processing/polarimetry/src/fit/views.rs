@@ -1,0 +1,108 @@
+//! Which photographs of a set belong together: exposures at one analyser angle, and the angles behind one photograph.
+
+use nacre_base::{Error, Result};
+use nacre_frames::{Frame, Kind, LoadedFrames};
+
+/// Most exposures that are merged into one; they are decoded at the same time.
+pub const MAX_BRACKET: usize = 16;
+
+/// Angles closer than this are one angle, in degrees: files round them.
+const SAME_ANGLE_DEG: f64 = 1e-6;
+
+/// Exposures closer than this are one exposure, as a share.
+const SAME_EXPOSURE: f64 = 1e-6;
+
+/// One intensity image at one analyser angle: the exposures taken there, or one position of their 2×2 blocks.
+pub(crate) struct View {
+    /// Number of the exposures among the [`brackets`].
+    pub(crate) bracket: usize,
+    /// `(x, y)` inside the block and the block's size.
+    pub(crate) position: [usize; 2],
+    pub(crate) block: usize,
+    /// Of the analyser, in rad: as it is said to be, or as residuals tell.
+    pub(crate) angle: f64,
+    /// As it is said to be.
+    pub(crate) said: f64,
+}
+
+/// Numbers of the frames that were taken at one analyser angle with different exposures, in the order of the first of
+/// each. A second frame with the same exposure is a new observation.
+pub(crate) fn brackets(frames: &[Frame]) -> Vec<Vec<usize>> {
+    let mut all: Vec<Vec<usize>> = vec![];
+    for (i, frame) in frames.iter().enumerate() {
+        let joins = |bracket: &&mut Vec<usize>| {
+            let alike = |k: &usize| same_angle(&frames[*k], frame);
+            let another = |k: &usize| (frames[*k].scale() / frame.scale() - 1.0).abs() > SAME_EXPOSURE;
+            bracket.len() < MAX_BRACKET && bracket.iter().all(|k| alike(k) && another(k))
+        };
+        match all.iter_mut().find(joins) {
+            Some(bracket) => bracket.push(i),
+            None => all.push(vec![i]),
+        }
+    }
+    all
+}
+
+fn same_angle(a: &Frame, b: &Frame) -> bool {
+    match (a.analyser_deg, b.analyser_deg) {
+        (Some(a), Some(b)) => (a - b).abs() < SAME_ANGLE_DEG,
+        (a, b) => a == b,
+    }
+}
+
+/// What the photographs show, bracket by bracket.
+pub(crate) fn views(frames: &LoadedFrames, brackets: &[Vec<usize>]) -> Result<Vec<View>> {
+    let set = &frames.set;
+    let indexed = brackets.iter().enumerate().filter_map(|(i, b)| Some((i, set.frames.get(*b.first()?)?)));
+    Ok(match (set.kind, set.layout) {
+        (Kind::Polarization, _) => indexed
+            .map(|(bracket, f)| {
+                let angle = f.analyser_deg.unwrap_or_default().to_radians();
+                View { bracket, position: [0, 0], block: 1, angle, said: angle }
+            })
+            .collect(),
+        (Kind::DivisionOfFocalPlane, Some(layout)) => indexed
+            .flat_map(|(bracket, _)| (0..4).map(move |k| (bracket, [k % 2, k / 2])))
+            .map(|(bracket, position)| {
+                let angle = layout[position[1]][position[0]].to_radians();
+                View { bracket, position, block: 2, angle, said: angle }
+            })
+            .collect(),
+        _ => {
+            let problem = "holds photographs of another kind than polarization or division_of_focal_plane";
+            return Err(Error::file(&frames.path, problem, "give the analyser angles, see `nacre schema frames`"));
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grouped(frames: &[(f64, f64)]) -> Vec<Vec<usize>> {
+        let frame = |(angle, exposure): &(f64, f64)| Frame {
+            analyser_deg: Some(*angle),
+            exposure_s: Some(*exposure),
+            ..Frame::new("a.png")
+        };
+        brackets(&frames.iter().map(frame).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn exposures_at_one_angle_belong_together_in_any_order_and_repeats_do_not() {
+        let by_angle = [(0.0, 1.0), (0.0, 8.0), (60.0, 1.0), (60.0, 8.0)];
+        assert_eq!(grouped(&by_angle), [[0, 1], [2, 3]]);
+        let by_exposure = [(0.0, 1.0), (60.0, 1.0), (0.0, 8.0), (60.0, 8.0)];
+        assert_eq!(grouped(&by_exposure), [[0, 2], [1, 3]]);
+        assert_eq!(grouped(&[(0.0, 1.0), (0.0, 1.0), (30.0, 1.0)]).len(), 3);
+        // A later bracket at an angle that has one already.
+        let again = [(0.0, 1.0), (0.0, 8.0), (9.0, 1.0), (9.0, 8.0), (0.0, 1.0), (0.0, 8.0)];
+        assert_eq!(grouped(&again), [[0, 1], [2, 3], [4, 5]]);
+    }
+
+    #[test]
+    fn a_bracket_holds_a_bounded_number_of_photographs() {
+        let many: Vec<_> = (0..40).map(|k| (0.0, 1.0 + f64::from(k))).collect();
+        assert_eq!(grouped(&many).iter().map(Vec::len).collect::<Vec<_>>(), [16, 16, 8]);
+    }
+}

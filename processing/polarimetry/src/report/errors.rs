@@ -1,0 +1,256 @@
+//! How wrong a typical orientation is, term by term: noise, and what is no noise.
+
+use crate::angles::angle_error::{Misses, angle_sigma};
+use crate::film::choose::Choice;
+use crate::film::cloud::{CloudPoint, cloud};
+use crate::film::foot::Path;
+use crate::film::models::{Candidate, orientation};
+use crate::fit::repeats::median;
+use crate::fit::sample::{AREA, SIDE, Sample};
+use crate::fit::views::View;
+use crate::{Alignment, Design, FrameNoise, MASK_SNR, StokesMaps, angle_difference};
+use nacre_frames::LoadedFrames;
+use serde::Serialize;
+
+/// Points that errors are carried through to orientations on.
+const POINTS: usize = 2000;
+
+/// Expected error of a typical orientation after the best common offset, and what it is made of.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct ErrorReport {
+    /// Camera noise: the median σ.
+    pub noise_deg: Option<f64>,
+    /// What the analyser misses its angles by, at random: root mean square over the orientations in view.
+    pub angle_deg: Option<f64>,
+    /// Photographs that do not lie on each other: median over the pixels.
+    pub registration_deg: Option<f64>,
+    /// What is wrong with the model, or not known of it.
+    pub model_deg: Option<f64>,
+    /// All of these; terms that cannot be told count as none, but without noise or model there is no total.
+    pub total_deg: Option<f64>,
+    /// Standard deviation of the analyser's angles behind `angle_deg`.
+    pub angle_sigma_deg: Option<f64>,
+    /// Where that comes from.
+    pub angle_source: Option<AngleSource>,
+}
+
+/// How the analyser's accuracy is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AngleSource {
+    /// `frames.json` states it.
+    Given,
+    /// From residuals that look like wrong angles; light that drifts does as well where few orientations are in view.
+    Residuals,
+    /// What is not known of angles that were put right by residuals.
+    Corrected,
+}
+
+/// What is no noise, in degrees of orientation.
+#[derive(Default)]
+pub(crate) struct Systematic {
+    angle_deg: Option<f64>,
+    registration_deg: Option<f64>,
+    angle_sigma_deg: Option<f64>,
+    angle_source: Option<AngleSource>,
+}
+
+impl ErrorReport {
+    /// Noise and model, in degrees.
+    pub(crate) fn new(noise_deg: Option<f64>, model_deg: Option<f64>) -> Self {
+        Self { noise_deg, model_deg, ..Self::default() }.with(Systematic::default())
+    }
+
+    /// With the terms that are no noise.
+    pub(crate) fn with(self, terms: Systematic) -> Self {
+        let Systematic { angle_deg, registration_deg, angle_sigma_deg, angle_source } = terms;
+        let known = self.noise_deg.zip(self.model_deg);
+        let others = angle_deg.unwrap_or(0.0).hypot(registration_deg.unwrap_or(0.0));
+        let total_deg = known.map(|(noise, model)| noise.hypot(model).hypot(others));
+        Self { angle_deg, registration_deg, angle_sigma_deg, angle_source, total_deg, ..self }
+    }
+}
+
+/// A point of the sample, and how its orientation answers to intensities.
+pub(crate) struct Answer {
+    pixel: usize,
+    /// A, C and S.
+    fitted: [f64; 3],
+    /// Change of the orientation in rad per change of each view's intensity.
+    per_view: Vec<f64>,
+}
+
+/// Works out what is no noise, for orientations under the chosen model (the sinusoid without one).
+pub(crate) fn systematic(
+    sample: &Sample,
+    views: &[View],
+    noise: &[FrameNoise],
+    choice: Option<&Choice>,
+    alignment: Option<&Alignment>,
+    angles: &Angles,
+) -> Systematic {
+    let Some(SampleFit { design, maps }) = SampleFit::new(sample, views) else { return Systematic::default() };
+    let answers = answers(&maps, &design, &noise[..design.frames().min(noise.len())], choice);
+    // Of more views than are kept, all count.
+    let share = (design.frames() as f64 / views.len().max(1) as f64).sqrt();
+    let misses = of_angles(&answers, &design).map(|w| w * share);
+    Systematic {
+        angle_deg: angles.sigma.zip(misses).map(|(sigma, per)| (sigma * per).to_degrees()),
+        registration_deg: of_shifts(views, alignment).and_then(|s| of_registration(&answers, &maps, &design, &s)),
+        angle_sigma_deg: angles.sigma.map(f64::to_degrees),
+        angle_source: angles.source,
+    }
+}
+
+/// How well the analyser's angles are known.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Angles {
+    /// Standard deviation in rad.
+    pub sigma: Option<f64>,
+    source: Option<AngleSource>,
+}
+
+impl Angles {
+    /// Of angles that were put right.
+    pub(crate) fn corrected(misses: &Misses) -> Self {
+        Self { sigma: Some(misses.left), source: Some(AngleSource::Corrected) }
+    }
+
+    /// As `frames.json` states it, or as the sample's residuals tell.
+    pub(crate) fn of(frames: &LoadedFrames, sample: &Sample, views: &[View]) -> Self {
+        let (sigma, source) = match frames.set.angle_sigma_deg {
+            Some(deg) => (Some(deg.to_radians()), AngleSource::Given),
+            // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
+            None if views.iter().any(|v| v.block > 1) => (None, AngleSource::Residuals),
+            None => {
+                let fit = SampleFit::new(sample, views);
+                (fit.and_then(|s| angle_sigma(&sample.all(), &s.design, &s.maps)), AngleSource::Residuals)
+            }
+        };
+        Self { sigma, source: sigma.map(|_| source) }
+    }
+}
+
+/// Malus' law through all blocks of a sample.
+struct SampleFit {
+    design: Design,
+    maps: StokesMaps,
+}
+
+impl SampleFit {
+    fn new(sample: &Sample, views: &[View]) -> Option<Self> {
+        let kept: Vec<(usize, f64)> = views.iter().map(|v| v.angle).enumerate().take(sample.views()).collect();
+        let design = Design::new(&kept.iter().map(|v| v.1).collect::<Vec<_>>()).ok()?;
+        let blocks: Vec<usize> = (0..sample.view(0).len() / AREA).collect();
+        let maps = sample.solve(&blocks, &kept, &design);
+        Some(Self { design, maps })
+    }
+}
+
+pub(crate) fn answers(
+    maps: &StokesMaps,
+    design: &Design,
+    noise: &[FrameNoise],
+    choice: Option<&Choice>,
+) -> Vec<Answer> {
+    let model = choice.map(|c| &c.candidates[c.chosen]);
+    let path = model.map(|m| Path::new(m.curve));
+    let columns: Vec<_> = design.rows.iter().map(|x| design.inverse * x).collect();
+    let answer = |point: &CloudPoint| {
+        let slope = slope(model.zip(path.as_ref()), point)?;
+        let fitted = [maps.s0[point.pixel], maps.s1[point.pixel], maps.s2[point.pixel]].map(|v| 0.5 * f64::from(v));
+        let [x, y] = point.at;
+        let per_view = columns.iter().map(|m| {
+            let moved = [m[1] - x * m[0], m[2] - y * m[0]];
+            (slope[0] * moved[0] + slope[1] * moved[1]) / fitted[0]
+        });
+        Some(Answer { pixel: point.pixel, fitted, per_view: per_view.collect() })
+    };
+    let points = cloud(maps, design, noise, POINTS);
+    points.iter().filter(|p| p.snr >= f64::from(MASK_SNR)).filter_map(answer).collect()
+}
+
+/// Change of the orientation per change of (S1/S0, S2/S0).
+fn slope(model: Option<(&Candidate, &Path)>, point: &CloudPoint) -> Option<[f64; 2]> {
+    let about = |[x, y]: [f64; 2]| {
+        let square = x * x + y * y;
+        (square > 0.0).then(|| [-0.5 * y / square, 0.5 * x / square])
+    };
+    match model {
+        None => about(point.at),
+        Some((Candidate { center: Some(c), .. }, _)) => about([point.at[0] - c[0], point.at[1] - c[1]]),
+        Some((model, path)) => {
+            let step = 1e-3 * model.size();
+            let along = |k: usize| {
+                let theta = |step: f64| {
+                    let mut moved = *point;
+                    moved.at[k] += step;
+                    orientation(model, path, &moved).0
+                };
+                angle_difference(theta(step), theta(-step)) / (2.0 * step)
+            };
+            let slope = [along(0), along(1)];
+            // Where the nearest place jumps to another branch there is none.
+            let across = slope[0].hypot(slope[1]) * model.size();
+            (across < 10.0).then_some(slope)
+        }
+    }
+}
+
+/// Root mean square error of orientations after the best common offset when each angle is off by a standard deviation of 1 rad.
+pub(crate) fn of_angles(answers: &[Answer], design: &Design) -> Option<f64> {
+    let n = answers.len() as f64;
+    let of_view = |(k, x): (usize, &nalgebra::Vector3<f64>)| {
+        let (sum, square) = answers.iter().fold((0.0, 0.0), |(sum, square), a| {
+            let [_, c, s] = a.fitted;
+            let error = a.per_view[k] * 2.0 * (s * x[1] - c * x[2]);
+            (sum + error, square + error * error)
+        });
+        (square / n - (sum / n).powi(2)).max(0.0)
+    };
+    (!answers.is_empty()).then(|| design.rows.iter().enumerate().map(of_view).sum::<f64>().sqrt())
+}
+
+/// How photographs lie against each other now, and how well that is known.
+pub(crate) struct Shifts {
+    /// In pixels of the maps; empty for none that are known.
+    pub known: Vec<[f64; 2]>,
+    pub sigma: f64,
+}
+
+/// None when nothing is known. The views of a polarization sensor's blocks are known to lie beside each other.
+fn of_shifts(views: &[View], alignment: Option<&Alignment>) -> Option<Shifts> {
+    if views.iter().any(|v| v.block > 1) {
+        let beside = |v: &View| v.position.map(|p| 0.5 - (p as f64 + 0.5) / v.block as f64);
+        return Some(Shifts { known: views.iter().map(beside).collect(), sigma: 0.0 });
+    }
+    let Alignment { shifts_px, sigma_px, corrected, .. } = alignment?;
+    let known = if *corrected { vec![] } else { shifts_px.clone() };
+    Some(Shifts { known, sigma: (*sigma_px)? })
+}
+
+/// Median error in degrees of orientations where photographs lie so against each other.
+pub(crate) fn of_registration(answers: &[Answer], maps: &StokesMaps, design: &Design, shifts: &Shifts) -> Option<f64> {
+    let error = |answer: &Answer| {
+        let slopes = gradient(maps, answer.pixel)?;
+        let (mut known, mut square) = (0.0, 0.0);
+        for (k, (x, per)) in design.rows.iter().zip(&answer.per_view).enumerate() {
+            let [right, down] = slopes.map(|g| per * (g[0] + g[1] * x[1] + g[2] * x[2]));
+            let [dx, dy] = shifts.known.get(k).copied().unwrap_or_default();
+            known -= right * dx + down * dy;
+            square += shifts.sigma.powi(2) * (right * right + down * down);
+        }
+        let error = (known * known + square).sqrt().to_degrees();
+        error.is_finite().then_some(error)
+    };
+    median(&mut answers.iter().filter_map(error).collect::<Vec<_>>())
+}
+
+/// Change of A, C and S to the right and down, per pixel; none at the rim of a block.
+fn gradient(maps: &StokesMaps, i: usize) -> Option<[[f64; 3]; 2]> {
+    let (x, y) = (i % SIDE, i % AREA / SIDE);
+    let inner = |v: usize| v > 0 && v + 1 < SIDE;
+    let planes = [&maps.s0, &maps.s1, &maps.s2];
+    let along = |step: usize| planes.map(|p| 0.25 * f64::from(p[i + step] - p[i - step]));
+    (inner(x) && inner(y)).then(|| [along(1), along(SIDE)])
+}

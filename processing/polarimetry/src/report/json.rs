@@ -1,0 +1,234 @@
+//! `report.json`: what was done, why, and how good the result is.
+
+use crate::film::choose::Choice;
+use crate::orientation::smooth::SPACE_SIGMA_PX;
+use crate::reconstruct::Solved;
+use crate::report::errors::Systematic;
+use crate::{
+    Alignment, CircleCheck, Design, ErrorReport, FrameNoise, Model, ModelReport, NoiseSource, ObliqueReport, Options,
+    PeriodReport, RepeatsReport, Smoothing,
+};
+use nacre_frames::LoadedFrames;
+use serde::Serialize;
+
+/// Result of a polarization reconstruction, in words and numbers.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Always `polarization`.
+    pub method: &'static str,
+    /// The model used.
+    pub model: String,
+    /// Why this model.
+    pub model_reason: String,
+    /// What the reader must know before trusting the map. Empty when there is nothing.
+    pub warnings: Vec<String>,
+    /// Pixels of the map.
+    pub width: usize,
+    /// Rows of the map.
+    pub height: usize,
+    /// Pixels counted, and their quality.
+    pub pixels: Pixels,
+    /// The noise model behind σ.
+    pub noise: NoiseReport,
+    /// Expected error of a typical orientation, all terms below together. None when the model's could not be told, or more is
+    /// wrong than can be put in degrees.
+    pub error_estimate_deg: Option<f64>,
+    /// What that error is made of.
+    pub error: ErrorReport,
+    /// All models that were fitted, simplest first; empty when too few pixels carry modulation.
+    pub models: Vec<ModelReport>,
+    /// Does the sinusoid explain the data?
+    pub circle: Option<CircleCheck>,
+    /// Analyser positions at which several exposures were merged.
+    pub brackets: usize,
+    /// How the photographs lie against each other, one entry for each analyser position; none for a sensor that takes all
+    /// angles at once and for more than 24.
+    pub registration: Option<Alignment>,
+    /// What views at angles 180° apart, or at the same one, tell; none where fewer than three angles are repeated.
+    pub repeats: Option<RepeatsReport>,
+    /// How orientations were smoothed, in pictures or also in the map.
+    pub smoothing: SmoothingReport,
+    /// The map of periods, if one was asked for.
+    pub period: Option<PeriodReport>,
+    /// What was done about oblique incidence; none where photographs do not say where the camera stood.
+    pub oblique: Option<ObliqueReport>,
+    /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
+    pub offset_deg: f64,
+    /// By how much the analyser stood beside each of its positions, in degrees, their mean taken as 0: found by residuals and put right.
+    /// None where that is not worth it or cannot be told.
+    pub analyser_errors_deg: Option<Vec<f64>>,
+    /// Analyser angles in the order of the frames, as they are said to be.
+    pub analyser_deg: Vec<f64>,
+    /// Condition number of the angle set, √2 at best.
+    pub condition: f64,
+    /// Files used, in order.
+    pub frames: Vec<String>,
+    /// Wall time per stage.
+    pub seconds: Seconds,
+}
+
+/// How many pixels carry an orientation and how well.
+#[derive(Clone, Debug, Serialize)]
+pub struct Pixels {
+    /// All pixels of the map.
+    pub all: usize,
+    /// Pixels with an orientation.
+    pub valid: usize,
+    /// Masked: saturated or not a number in at least one photograph.
+    pub saturated: usize,
+    /// Masked: metal without a grating, which the model knows.
+    pub without_grating: usize,
+    /// Masked: the modulation is lost in the noise.
+    pub too_little_modulation: usize,
+    /// Median σ of the orientation over valid pixels.
+    pub sigma_median_deg: Option<f64>,
+    /// 90th percentile of σ over valid pixels.
+    pub sigma_p90_deg: Option<f64>,
+    /// Mean normalised correlation between fit and measurement over valid pixels.
+    pub correlation_mean: Option<f64>,
+}
+
+/// How orientations were smoothed.
+#[derive(Clone, Debug, Serialize)]
+pub struct SmoothingReport {
+    /// `none`, `light`, `strong` or a number of rounds.
+    pub strength: Smoothing,
+    /// How often the filter was applied.
+    pub rounds: u32,
+    /// Standard deviation of one round's weight over distance, in pixels.
+    pub space_sigma_px: f32,
+    /// `orientation.exr` is smoothed as well, with its σ, so that all numbers here are those of the smoothed map.
+    pub map: bool,
+    /// `smoothed.exr` was written.
+    pub exr: bool,
+}
+
+/// Noise of an average frame: variance = `shot` · I + `floor`, in linear units.
+#[derive(Clone, Debug, Serialize)]
+pub struct NoiseReport {
+    /// Where it comes from.
+    pub source: NoiseSource,
+    /// Variance per unit of intensity.
+    pub shot: f64,
+    /// Variance at zero intensity.
+    pub floor: f64,
+}
+
+/// Wall time in seconds.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Seconds {
+    /// Decoding the photographs and folding them into the fit, once again where they are moved back or angles are put right.
+    pub read_and_fit: f64,
+    /// Solving, noise, orientation, checks.
+    pub solve: f64,
+    /// Writing maps and pictures.
+    pub write: f64,
+    /// Everything.
+    pub total: f64,
+}
+
+impl Report {
+    pub(crate) fn new(
+        frames: &LoadedFrames,
+        (options, asked): (&Options, Model),
+        design: &Design,
+        (noise, source): (&[FrameNoise], NoiseSource),
+        pixels: Pixels,
+        solved: &Solved,
+    ) -> Self {
+        let (circle, choice) = (solved.circle, solved.choice.as_ref());
+        let block = if frames.set.layout.is_some() { 2 } else { 1 };
+        let mean = |of: fn(&FrameNoise) -> f64| noise.iter().map(of).sum::<f64>() / noise.len().max(1) as f64;
+        let set = &frames.set;
+        let smooth = if asked == Model::Plain { Smoothing::NONE } else { options.smooth };
+        let chosen = choice.map(|c| &c.candidates[c.chosen]);
+        let plain = asked == Model::Plain;
+        let model = chosen.map_or(if plain { Model::Plain } else { Model::Sinusoid }, |c| c.model);
+        // What is wrong with the sinusoid does not matter to who has a better model.
+        let checked = circle.iter().filter(|_| model == Model::Sinusoid);
+        let mut warnings: Vec<String> = checked.flat_map(CircleCheck::warnings).collect();
+        warnings.extend(choice.iter().filter(|_| model != Model::Sinusoid).flat_map(|c| c.warnings()));
+        if pixels.valid == 0 {
+            warnings.push("no pixel shows enough modulation to tell an angle of polarization: the map is empty".into());
+        }
+        if options.smooth_maps {
+            warnings.push(
+                "the map itself is smoothed, as asked for: its pixels are not independent, and what σ states is their noise, not \
+                 what smoothing rounds off"
+                    .into(),
+            );
+        }
+        if source == NoiseSource::Assumed {
+            warnings.push("three angles leave no residual and no noise is given, so σ assumes a modest camera".into());
+        }
+        // Of plain polarimetry there is no model that could be wrong.
+        let of_model = if plain { Some(0.0) } else { error_of_model(solved) };
+        let error = ErrorReport::new(pixels.sigma_median_deg, of_model);
+        let reason = || match (plain, options.model) {
+            (true, Some(_)) => "asked for",
+            (true, None) => {
+                "the default for photographs that no capture session took; choose the model auto if they show a grating lit by a panel"
+            }
+            _ => "too few pixels carry an orientation to compare models",
+        };
+        Self {
+            method: "polarization",
+            model: chosen.map_or_else(|| model.word().to_owned(), |c| c.name()),
+            model_reason: choice.map_or_else(|| reason().into(), |c| c.reason.clone()),
+            models: choice.map(Choice::report).unwrap_or_default(),
+            warnings,
+            width: frames.info.width / block,
+            height: frames.info.height / block,
+            error_estimate_deg: error.total_deg,
+            error,
+            pixels,
+            noise: NoiseReport { source, shot: mean(|n| n.shot), floor: mean(|n| n.floor) },
+            circle,
+            brackets: 0,
+            registration: None,
+            repeats: None,
+            smoothing: SmoothingReport {
+                strength: smooth,
+                rounds: smooth.rounds(),
+                space_sigma_px: SPACE_SIGMA_PX,
+                map: options.smooth_maps,
+                exr: options.smoothed_exr,
+            },
+            period: None,
+            oblique: solved.oblique.clone(),
+            offset_deg: options.offset_deg,
+            analyser_errors_deg: None,
+            analyser_deg: match set.layout {
+                Some(layout) => layout.concat().repeat(set.frames.len()),
+                None => set.frames.iter().filter_map(|f| f.analyser_deg).collect(),
+            },
+            condition: design.condition,
+            frames: set.frames.iter().map(|f| f.file.display().to_string()).collect(),
+            seconds: Seconds::default(),
+        }
+    }
+
+    /// With errors that are no noise.
+    pub(crate) fn with(&mut self, terms: Systematic) {
+        self.error = std::mem::take(&mut self.error).with(terms);
+        self.error_estimate_deg = self.error.total_deg;
+    }
+
+    /// Wall time in seconds: of reading and fitting, and from then on until all was solved and written.
+    pub(crate) fn took(&mut self, read_and_fit: f64, solve: f64, written: f64) {
+        self.seconds = Seconds { read_and_fit, solve, write: written - solve, total: read_and_fit + written };
+    }
+}
+
+/// Error in degrees that the model may cause; none when that cannot be told.
+fn error_of_model(solved: &Solved) -> Option<f64> {
+    let choice = solved.choice.as_ref()?;
+    match (choice.candidates[choice.chosen].model, solved.circle) {
+        // With oblique incidence taken out there is no check on the raw points.
+        (Model::Sinusoid, Some(circle)) => {
+            let left = solved.oblique.as_ref().map_or(0.0, |o| o.left_deg);
+            Some(circle.bias_deg.filter(|_| circle.bias_is_known())?.hypot(left))
+        }
+        _ => Some(choice.error?.to_degrees()),
+    }
+}

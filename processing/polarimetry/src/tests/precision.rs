@@ -1,0 +1,103 @@
+//! What is said about σ while a series goes on, against what comes true.
+
+use crate::reconstruct;
+use crate::tests::bracket::{CAMERA, EXPOSURES, photograph, write_set};
+use crate::{Model, Options, Running};
+use nacre_base::progress::Silent;
+use nacre_frames::load;
+use nacre_image::OutputFolder;
+use std::f64::consts::{FRAC_PI_4, PI};
+use std::path::Path;
+
+/// Takes in the photographs at the first so many angles, `per` at each, as a session does.
+fn running(folder: &Path, angles: usize, per: usize) -> Running {
+    let mut frames = load(folder).unwrap();
+    let rest = frames.set.frames.split_off(per);
+    let mut running = Running::open(frames).unwrap();
+    running.add().unwrap();
+    for photographs in rest.chunks(per).take(angles - 1) {
+        running.push(photographs.to_vec()).unwrap();
+        running.add().unwrap();
+    }
+    running
+}
+
+/// A series that grew is reconstructed to the same bytes as the whole, and its σ was the report's.
+#[test]
+fn a_series_that_grows_gives_the_same_maps_as_the_whole() {
+    for exposures in [&EXPOSURES[..1], &EXPOSURES[..]] {
+        let folder = tempfile::tempdir().unwrap();
+        photograph(folder.path(), 6, exposures, Some(CAMERA));
+        let options = Options { model: Some(Model::Sinusoid), ..Options::default() };
+        let (whole, grown) = (folder.path().join("whole"), folder.path().join("grown"));
+        let report = reconstruct(folder.path(), &whole, &options, &Silent).unwrap();
+        let running = running(folder.path(), 6, exposures.len());
+        let precision = running.precision().unwrap();
+        let (said, is) = (precision.sigma().unwrap().to_degrees(), report.pixels.sigma_p90_deg.unwrap());
+        assert!((said / is - 1.0).abs() < 1e-6 && precision.is_certain(), "{said} {is}");
+        running.finish(OutputFolder::begin(&grown, false).unwrap(), &options, &Silent).unwrap();
+        for file in ["orientation.exr", "stokes.exr"] {
+            let [a, b] = [&whole, &grown].map(|f| std::fs::read(f.join(file)).unwrap());
+            assert!(a == b, "{file}");
+        }
+    }
+}
+
+/// What is said to be the least σ is not above what comes; over bright pixels it is so to 10 %.
+#[test]
+fn the_predicted_sigma_comes_true() {
+    let folder = tempfile::tempdir().unwrap();
+    photograph(folder.path(), 24, &[0.02], Some(CAMERA));
+    let mut set = load(folder.path()).unwrap().set;
+    // The first four angles are even.
+    set.frames.sort_by_key(|f| (f.analyser_deg.unwrap() % 45.0 > 0.01, f.file.clone()));
+    write_set(folder.path(), &set);
+    for (rows, least) in [([0, 64], 0.6), ([0, 32], 0.9)] {
+        crop(folder.path(), rows);
+        let predicted = running(folder.path(), 4, 1).precision().unwrap().least_sigma_after(24).unwrap();
+        let is = running(folder.path(), 24, 1).precision().unwrap().sigma().unwrap();
+        assert!((least..1.1).contains(&(predicted / is)), "{predicted} {is}");
+    }
+}
+
+/// Leaves of the photographs the rows from one to another.
+fn crop(folder: &Path, [from, to]: [u32; 2]) {
+    for frame in &load(folder).unwrap().set.frames {
+        let path = folder.join(&frame.file);
+        let whole = image::open(&path).unwrap().into_luma16();
+        image::imageops::crop_imm(&whole, 0, from, whole.width(), to - from).to_image().save(&path).unwrap();
+    }
+}
+
+/// Where one orientation is in view, the steepest place of its sinusoid is best; where all are, the largest gap.
+#[test]
+fn the_next_angle_is_where_the_sinusoid_is_steepest() {
+    let grid: Vec<f64> = (0..180).map(|k| f64::from(k).to_radians()).collect();
+    for per in [1, 3] {
+        let folder = tempfile::tempdir().unwrap();
+        photograph(folder.path(), 4, &EXPOSURES[..per], Some(CAMERA));
+        let all = running(folder.path(), 4, per).precision().unwrap();
+        let best = all.best_angle(&grid).unwrap();
+        assert!(grid.contains(&best));
+        assert!(all.best_angle(&[]).is_none());
+        // The rows of one brightness and orientation.
+        crop(folder.path(), [32, 40]);
+        let one = running(folder.path(), 4, per).precision().unwrap();
+        let best = one.best_angle(&grid).unwrap();
+        let aolp = crate::tests::bracket::scene(32).1;
+        // Half way down, or a little darker, where shot noise is less.
+        let from_steepest = ((best - aolp).rem_euclid(PI / 2.0) - FRAC_PI_4).abs();
+        assert!(from_steepest < 12f64.to_radians(), "{} from {}", best.to_degrees(), aolp.to_degrees());
+        assert!(best < PI);
+    }
+}
+
+#[test]
+fn angles_must_tell_an_orientation_first() {
+    let folder = tempfile::tempdir().unwrap();
+    photograph(folder.path(), 6, &[0.02], None);
+    assert!(running(folder.path(), 2, 1).precision().is_err());
+    let three = running(folder.path(), 3, 1).precision().unwrap();
+    assert!(!three.is_certain(), "three angles leave no residual");
+    assert!(running(folder.path(), 4, 1).precision().unwrap().is_certain());
+}
