@@ -1,10 +1,9 @@
 //! A capture session from plan to results: what the command line and the demo have in common.
 
-use crate::Failure;
-use crate::console::Console;
 use crate::engine::{Control, Engine, Input, Observer, State};
+use crate::failure::Failure;
 use crate::plan::{Method, Plan, ReconstructPlan};
-use crate::rig::Rig;
+use crate::rig::{Rig, Stop};
 use crate::session::{self, Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
@@ -272,12 +271,12 @@ fn results(
     Ok((results, findings))
 }
 
-/// Lets signals steer a run: SIGINT and SIGTERM stop it after the frames in progress and abort it the second time,
-/// SIGUSR1 pauses, SIGUSR2 goes on. Where a person turns the analyser, the first one aborts.
+/// Lets signals steer a run: SIGINT and SIGTERM, which `interrupted` counts, stop it after the frames in progress and abort it
+/// the second time, SIGUSR1 pauses, SIGUSR2 goes on. Where a person turns the analyser, the first one aborts.
 ///
 /// # Errors
 /// The system refuses handlers.
-pub fn steer(runtime: &Runtime, control: &Arc<Control>, console: &Console, by_hand: bool) -> std::io::Result<()> {
+pub fn steer(runtime: &Runtime, control: &Arc<Control>, interrupted: Stop, by_hand: bool) -> std::io::Result<()> {
     use tokio::signal::unix::{SignalKind, signal};
     let _inside = runtime.enter();
     for (kind, input) in [(SignalKind::user_defined1(), Input::Pause), (SignalKind::user_defined2(), Input::Resume)] {
@@ -289,7 +288,7 @@ pub fn steer(runtime: &Runtime, control: &Arc<Control>, console: &Console, by_ha
             }
         });
     }
-    let (interrupted, control) = (console.interrupted(), control.clone());
+    let control = control.clone();
     runtime.spawn(async move {
         let mut seen = 0;
         loop {

@@ -1,6 +1,8 @@
 //! What a person or a script sees: text or JSON on standard output, progress and errors on standard error.
 
-use crate::Failure;
+use crate::engine::Observer;
+use crate::failure::Failure;
+use crate::session::SoFar;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nacre_processing::progress::Progress;
 use serde::Serialize;
@@ -114,5 +116,11 @@ impl Progress for Console {
 
     fn cancelled(&self) -> bool {
         self.interrupted.load(Ordering::Relaxed) > 0
+    }
+}
+
+impl Observer for Console {
+    fn so_far(&self, so_far: &SoFar) {
+        self.relabel(&so_far.label());
     }
 }

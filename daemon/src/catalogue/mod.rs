@@ -8,12 +8,13 @@ mod survey;
 pub use row::{SessionRow, State};
 pub use search::{Cursor, Page, Query};
 
-use crate::Failure;
+use crate::failure::Failure;
+use crate::sqlite::{BUSY, CORRUPT, ERROR, FULL, NOT_A_DATABASE, is_new, primary_code};
 use nacre_processing::Error;
 use nacre_processing::progress::Progress;
 use serde::Serialize;
+use sqlx::Connection;
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::{Connection, SqliteConnection};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -187,30 +188,12 @@ impl Catalogue {
     }
 }
 
-/// SQLite's primary result codes.
-pub(crate) const ERROR: i32 = 1;
-const BUSY: i32 = 5;
-pub(crate) const CORRUPT: i32 = 11;
-pub(crate) const FULL: i32 = 13;
-pub(crate) const NOT_A_DATABASE: i32 = 26;
-
-pub(crate) fn primary_code(error: &sqlx::Error) -> Option<i32> {
-    let extended: i32 = error.as_database_error()?.code()?.parse().ok()?;
-    Some(extended & 0xff)
-}
-
 fn unusable(path: &Path, source: io::Error) -> Error {
     let remedy = match source.kind() {
         io::ErrorKind::StorageFull => "free some space",
         _ => "check the disk, or give another place with --catalogue",
     };
     Error::Output { path: path.into(), source, remedy }
-}
-
-/// Whether a database holds nothing yet.
-pub(crate) async fn is_new(connection: &mut SqliteConnection) -> sqlx::Result<bool> {
-    let empty = "SELECT user_version = 0 AND NOT EXISTS (SELECT 1 FROM sqlite_schema) FROM pragma_user_version";
-    sqlx::query_scalar(empty).fetch_one(connection).await
 }
 
 /// Where the catalogue is unless the user says otherwise: `NACRE_CATALOGUE`, or in the user's data folder.

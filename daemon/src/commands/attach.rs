@@ -1,7 +1,7 @@
 //! `nacre sim attach`: emulated devices that act on the simulated bench, down to the bytes on the wire.
 
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_drivers::DeviceResult;
 use nacre_processing::Error;
 use nacre_processing::progress::Progress;

@@ -1,12 +1,12 @@
 //! Options that say which bench a command works on.
 
-use crate::Failure;
-use crate::rig::{BenchSection, Place, SimulatedBench};
+use crate::failure::Failure;
+use crate::rig::{Place, SimulatedBench};
 use crate::service::config::{Config, default_path};
+use crate::setup::BenchSection;
 use nacre_processing::Error;
 use nacre_sim::BenchConfig;
 use std::path::PathBuf;
-use tokio::runtime::Runtime;
 
 /// Which bench.
 #[derive(clap::Args, Clone)]
@@ -90,10 +90,4 @@ pub fn read_bench(path: Option<&PathBuf>) -> Result<BenchConfig, Failure> {
     }
     let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
     Ok(BenchConfig::from_toml(&text).map_err(bad)?)
-}
-
-/// Runs the device calls of a command.
-pub fn runtime() -> Result<Runtime, Failure> {
-    let built = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    Ok(built.map_err(|e| Error::input("tokio", format!("cannot start: {e}"), "free some memory"))?)
 }

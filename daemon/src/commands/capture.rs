@@ -1,13 +1,13 @@
 //! `nacre capture`.
 
-use super::bench::{BenchArgs, runtime};
-use crate::Failure;
+use super::bench::BenchArgs;
 use crate::capture::{Capture, Taken, cannot_resume, check_limits, complete, steer};
 use crate::catalogue::note_session;
 use crate::console::Console;
 use crate::engine::Control;
+use crate::failure::Failure;
 use crate::plan::{Plan, Role, Step};
-use crate::rig::{Place, Rig};
+use crate::rig::{Place, Rig, runtime};
 use crate::session::{Ending, MortalDisk, SESSION_FILE, SessionFile, is_vacant};
 use nacre_drivers::Pattern;
 use nacre_drivers::stage::{Mounting, StageConfig, StageDriver};
@@ -79,7 +79,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     }
     let (runtime, control) = (runtime()?, Arc::new(Control::default()));
     let mut rig = Rig::open(&runtime, &place, console, &console.interrupted())?;
-    steer(&runtime, &control, console, by_hand)
+    steer(&runtime, &control, console.interrupted(), by_hand)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
     for warning in rig.devices.camera.describe().warnings {
         console.note(&format!("warning: {warning}"));

@@ -1,8 +1,8 @@
 //! `nacre catalogue`.
 
-use crate::Failure;
 use crate::catalogue::{Cursor, Page, Query, SessionRow, State, default_path, with_catalogue};
 use crate::console::Console;
+use crate::failure::Failure;
 use crate::plan::PlanKind;
 use clap::Subcommand;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! `nacre chart`.
 
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::Error;
 use nacre_processing::chart::{Charted, Effort, Picture, Plan, Request, Study, chart, gpu, polarimetry};
 use serde::Serialize;

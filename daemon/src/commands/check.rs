@@ -1,7 +1,7 @@
 //! `nacre check`.
 
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use crate::session::check;
 use std::path::PathBuf;
 

@@ -2,8 +2,8 @@
 
 use super::reconstruct::summary;
 use super::sim::{BenchOptions, simulate};
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use crate::service::view::Look;
 use nacre_processing::Error;
 use nacre_processing::image::{Canvas, OutputFolder, orientation_picture, read, read_exr, scalar_picture};

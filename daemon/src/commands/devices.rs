@@ -1,8 +1,8 @@
 //! `nacre devices`.
 
 use super::bench::BenchArgs;
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use crate::plan::Limits;
 use nacre_drivers::DeviceLock;
 use nacre_drivers::discovery::{Access, Found, Kind, Root, discover, udev_rules};
@@ -71,7 +71,7 @@ impl<'a> From<&'a Found> for Listed<'a> {
 
 fn used_by(found: &Found) -> Option<String> {
     let driver: toml::Value = toml::from_str(&format!("driver = {}", found.setting.as_ref()?)).ok()?;
-    let (kind, place) = crate::rig::lock_name(&serde_json::to_value(driver.get("driver")?).ok()?)?;
+    let (kind, place) = crate::setup::lock_name(&serde_json::to_value(driver.get("driver")?).ok()?)?;
     DeviceLock::holder(&kind, &place)
 }
 

@@ -1,7 +1,7 @@
 //! `nacre doctor`.
 
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_drivers::discovery::Root;
 use nacre_drivers::doctor::{Check, Health, examine};
 use nacre_processing::Error;

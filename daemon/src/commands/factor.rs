@@ -1,9 +1,9 @@
 //! `nacre factor`.
 
-use crate::Failure;
 use crate::commands::said;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::environment::factor::{Job, Kind, Settings, factor};
 use std::fmt::Write;
 use std::path::PathBuf;

@@ -1,13 +1,13 @@
 //! `nacre import`: a `frames.json` for photographs taken elsewhere.
 
-use crate::Failure;
-use crate::commands::angle_names;
 use crate::commands::values::{ChannelName, transfer};
 use crate::console::Console;
+use crate::failure::Failure;
+use crate::import::{Options, angles_in_names, describe, named_angles};
 use clap::ValueEnum;
 use nacre_processing::Error;
 use nacre_processing::frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
-use nacre_processing::image::{OutputFolder, exposure, photographs, write_whole};
+use nacre_processing::image::{OutputFolder, photographs, write_whole};
 use std::path::{Path, PathBuf};
 
 /// Most file names in a message.
@@ -72,7 +72,8 @@ enum KindName {
 /// Describes the photographs, checks the description as a reconstruction does, and writes it.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let files = photographs(&args.folder)?;
-    let set = describe(args, &files, angles(args, &files)?)?;
+    let angles = angles(args, &files)?;
+    let set = describe(&args.folder, &files, angles, &options(args)?);
     let described = check(args.folder.join(FILE_NAME), set)?;
     let text = save(&described.set);
     let target = match &args.out {
@@ -109,36 +110,6 @@ fn angles_by_file(set: &FrameSet, given: bool) -> String {
     if lines.is_empty() { lines } else { format!("angles    from {source}:\n{lines}") }
 }
 
-/// The `frames.json` of uploaded photographs whose names hold the analyser's angles.
-///
-/// # Errors
-/// `Input`, naming the photograph that cannot be used.
-pub fn from_names(folder: &Path, green: bool) -> Result<String, Error> {
-    let args = Args {
-        folder: folder.to_path_buf(),
-        kind: KindName::Polarization,
-        angles_deg: None,
-        ignore_names: false,
-        layout: vec![],
-        transfer: None,
-        channel: green.then_some(ChannelName::G),
-        black: None,
-        white: None,
-        out: None,
-        force: false,
-    };
-    let files = photographs(folder)?;
-    let angles = named_angles("the upload", &files, "send a frames.json that says the angles as the part frames")?;
-    let set = describe(&args, &files, Some(angles))?;
-    Ok(save(&check(folder.join(FILE_NAME), set)?.set))
-}
-
-/// The angles that file names hold; `place` is where the files are, `otherwise` another way to say the angles.
-fn named_angles(place: &str, files: &[PathBuf], otherwise: &str) -> Result<Vec<f64>, Error> {
-    let remedy = || format!("name the photographs by their angle (045.png, psi_-22.5deg.tif), or {otherwise}");
-    angle_names::angles(files).map_err(|problem| Error::input(place, problem, remedy()))
-}
-
 /// The analyser's angles, given or read from the names; None for photographs without an analyser.
 fn angles(args: &Args, files: &[PathBuf]) -> Result<Option<Vec<f64>>, Error> {
     let Some(given) = &args.angles_deg else {
@@ -170,7 +141,7 @@ fn angles(args: &Args, files: &[PathBuf]) -> Result<Option<Vec<f64>>, Error> {
 /// The first photograph whose name says another angle than the given one, and both. Names are often rounded to degrees, and an analyser
 /// is the same after half a turn.
 fn contradicted<'a>(files: &'a [PathBuf], given: &[f64]) -> Option<(&'a Path, f64, f64)> {
-    let named = angle_names::angles(files).ok()?;
+    let named = angles_in_names(files).ok()?;
     let far = |a: f64, b: f64| {
         let apart = (a - b).rem_euclid(180.0);
         apart.min(180.0 - apart) >= ROUNDED_DEG
@@ -179,18 +150,8 @@ fn contradicted<'a>(files: &'a [PathBuf], given: &[f64]) -> Option<(&'a Path, f6
     all.map(|(file, (given, named))| (file, given, named)).find(|(_, given, named)| far(*given, *named))
 }
 
-fn describe(args: &Args, files: &[PathBuf], angles: Option<Vec<f64>>) -> Result<FrameSet, Error> {
-    let angles = angles.map_or_else(|| vec![None; files.len()], |all| all.into_iter().map(Some).collect());
-    let jpeg = |f: &PathBuf| f.extension().is_some_and(|e| e.to_string_lossy().to_lowercase().starts_with("jp"));
-    let frames = files.iter().zip(angles).map(|(file, analyser_deg)| {
-        let exif = exposure(&args.folder.join(file));
-        Frame {
-            analyser_deg,
-            exposure_s: exif.as_ref().and_then(|e| e.seconds),
-            gain: exif.as_ref().and_then(|e| e.iso).map(|iso| iso / 100.0),
-            ..Frame::new(file)
-        }
-    });
+/// How the frame set is described beyond its angles.
+fn options(args: &Args) -> Result<Options, Error> {
     let layout = match (args.kind, args.layout.as_slice()) {
         (KindName::DivisionOfFocalPlane, &[a, b, c, d]) => Some([[a, b], [c, d]]),
         (KindName::DivisionOfFocalPlane, _) => {
@@ -207,13 +168,13 @@ fn describe(args: &Args, files: &[PathBuf], angles: Option<Vec<f64>>) -> Result<
         KindName::DivisionOfFocalPlane => Kind::DivisionOfFocalPlane,
         KindName::Exposures => Kind::Exposures,
     };
-    Ok(FrameSet {
-        transfer: args.transfer.unwrap_or(if files.iter().any(jpeg) { Transfer::Srgb } else { Transfer::Linear }),
+    Ok(Options {
+        kind,
+        layout,
+        transfer: args.transfer,
+        channel: args.channel.map(Channel::from),
         black: args.black,
         white: args.white,
-        channel: args.channel.map(Channel::from),
-        layout,
-        ..FrameSet::new(kind, frames.collect())
     })
 }
 

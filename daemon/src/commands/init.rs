@@ -1,11 +1,12 @@
 //! `nacre init`: finds the devices, tries the camera, and writes a configuration.
 
-use super::bench::{place, runtime};
-use crate::Failure;
+use super::bench::place;
 use crate::console::Console;
 use crate::engine::Hands;
-use crate::rig::{BenchSection, Rig};
+use crate::failure::Failure;
+use crate::rig::{Rig, runtime};
 use crate::service::config::Config;
+use crate::setup::BenchSection;
 use nacre_drivers::camera::{CameraConfig, CameraDriver, measure};
 use nacre_drivers::discovery::{Kind, Root, discover};
 use nacre_drivers::display::desktop_warnings;

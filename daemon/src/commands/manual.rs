@@ -1,11 +1,11 @@
 //! One device at a time, by hand: `nacre stage`, `snap`, `flash`, `show`; and the flash's guardian.
 
-use super::bench::{BenchArgs, runtime};
-use crate::Failure;
+use super::bench::BenchArgs;
 use crate::console::Console;
 use crate::engine::{Control, Hands, Input, guarded};
+use crate::failure::Failure;
 use crate::guardian::Guarded;
-use crate::rig::Rig;
+use crate::rig::{Rig, runtime};
 use clap::Subcommand;
 use nacre_drivers::stage::StageDriver;
 use nacre_drivers::stage::elliptec::Elliptec;

@@ -1,6 +1,5 @@
 //! One file per command.
 
-mod angle_names;
 pub mod attach;
 pub mod bench;
 pub mod brdf;

@@ -1,8 +1,8 @@
 //! `nacre sim photograph`.
 
-use crate::Failure;
 use crate::commands::toml_file;
 use crate::console::Console;
+use crate::failure::Failure;
 use clap::Subcommand;
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;

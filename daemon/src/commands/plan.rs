@@ -1,12 +1,12 @@
 //! `nacre plan`.
 
-use super::bench::{BenchArgs, runtime};
-use crate::Failure;
+use super::bench::BenchArgs;
 use crate::capture::check_limits;
 use crate::console::Console;
 use crate::engine::{Control, Engine};
+use crate::failure::Failure;
 use crate::plan::{Estimate, Least, Limits, Plan};
-use crate::rig::Rig;
+use crate::rig::{Rig, runtime};
 use clap::Subcommand;
 use std::path::PathBuf;
 use std::time::Duration;

@@ -1,8 +1,8 @@
 //! `nacre recommend`.
 
-use crate::Failure;
 use crate::commands::said::lines;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::progress::Progress;
 use nacre_processing::recommend::{Advice, Need, Report, recommend};

@@ -1,8 +1,8 @@
 //! `nacre render`.
 
-use crate::Failure;
 use crate::commands::said;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::Error;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::render::{

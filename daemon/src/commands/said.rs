@@ -1,6 +1,6 @@
 //! What results of all kinds end with: assumptions, warnings, and whether they are as good as was asked for.
 
-use crate::Failure;
+use crate::failure::Failure;
 
 /// A line for each.
 pub fn lines(assumptions: &[String], warnings: &[String]) -> String {

@@ -1,7 +1,7 @@
 //! `nacre schema`.
 
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use clap::ValueEnum;
 use nacre_processing::frames::FrameSet;
 use nacre_sim::BenchConfig;

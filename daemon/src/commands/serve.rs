@@ -1,12 +1,12 @@
 //! `nacre serve`, `nacre init` and `nacre token`.
 
 use super::bench::place;
-use crate::Failure;
 use crate::console::Console;
-use crate::rig::BenchSection;
+use crate::failure::Failure;
 use crate::service::config::{Config, Role, default_path};
 use crate::service::serve;
 use crate::session::sha256;
+use crate::setup::BenchSection;
 use nacre_processing::Error;
 use std::net::SocketAddr;
 use std::path::PathBuf;

@@ -1,13 +1,13 @@
 //! `nacre sim`.
 
 use super::attach::Emulated;
-use super::bench::{read_bench, runtime};
-use crate::Failure;
+use super::bench::read_bench;
 use crate::capture::{Capture, Taken, steer};
 use crate::console::Console;
 use crate::engine::Control;
+use crate::failure::Failure;
 use crate::plan::{AnalyserPlan, CameraPlan, DisplayPlan, Plan, PlanKind};
-use crate::rig::{Place, Rig};
+use crate::rig::{Place, Rig, runtime};
 use crate::session::RealDisk;
 use clap::Subcommand;
 use nacre_processing::Error;
@@ -183,7 +183,7 @@ pub fn simulate(
     };
     let (runtime, control) = (runtime()?, Arc::new(Control::default()));
     let mut rig = Rig::open(&runtime, &Place::here(config.clone()), console, &console.interrupted())?;
-    steer(&runtime, &control, console, true)
+    steer(&runtime, &control, console.interrupted(), true)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
     let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console };
     let taken = capture.begin(plan, &folder.path(""), RealDisk)?;

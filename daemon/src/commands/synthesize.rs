@@ -1,9 +1,9 @@
 //! `nacre synthesize`.
 
-use crate::Failure;
 use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::calibration::Gray;
 use nacre_processing::foil::{Distribution, Dots, Shape, synthesize};
 use nacre_processing::image::{OutputFolder, orientation_picture};

@@ -2,7 +2,7 @@
 //! exposures of a bracket.
 
 use super::hands::Hands;
-use crate::Failure;
+use crate::failure::Failure;
 use crate::plan::{BracketPlan, Plan, Role, State, light_on_s};
 use nacre_drivers::{CameraInfo, DeviceError, Frame};
 use nacre_processing::polarimetry::{Design, Fit};

@@ -23,15 +23,14 @@ pub use hands::{Devices, Hands, Memory};
 pub use meter::Metered;
 pub use panel::{LEVELS, PanelFound, measure as measure_panel};
 pub use panel_advice::drawn_by;
-pub use series::{Decision, FringesSoFar, SigmaSoFar, SoFar};
+pub use series::Decision;
 pub use state::{Control, Input, State, TABLE};
 pub use take::guarded;
 pub use watch::Watch;
 
-use crate::Failure;
-use crate::console::Console;
+use crate::failure::Failure;
 use crate::plan::{Added, Plan, Role, Step, groups};
-use crate::session::{Commit, Disk, Entry, Session, SessionFile, Timing};
+use crate::session::{Commit, Disk, Entry, Session, SessionFile, SoFar, Timing};
 use live::{Deciding, Live};
 use nacre_processing::Error;
 use nacre_processing::polarimetry::Running;
@@ -59,12 +58,6 @@ pub trait Observer: Progress {
     fn map(&self, _running: &Running) {}
     /// What a series that goes on until enough is known knows so far.
     fn so_far(&self, _so_far: &SoFar) {}
-}
-
-impl Observer for Console {
-    fn so_far(&self, so_far: &SoFar) {
-        self.relabel(&so_far.label());
-    }
 }
 
 /// What a run needs besides the session.

@@ -5,7 +5,7 @@
 
 use super::hands::Hands;
 use super::meter;
-use crate::Failure;
+use crate::failure::Failure;
 use crate::plan::State;
 use nacre_drivers::display::kms::Tone;
 use nacre_drivers::display::{PowerLaw, power_law};

@@ -1,69 +1,13 @@
 //! A series that ends when enough is known: which angle, or how many fringes, come next, or why none do.
 
 use crate::plan::{Added, MORE, UntilDecided, UntilSigma};
-use crate::session::{Ending, SeriesEnd};
+use crate::session::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 use nacre_processing::polarimetry::{Precision, Running};
 use nacre_processing::spots::Survey;
 use nacre_processing::{Error, Result};
-use serde::{Deserialize, Serialize};
 
 /// A request is given up when what can be reached at best misses it by this factor.
 const HOPELESS: f64 = 1.2;
-
-/// How well a series knows its orientations so far.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SigmaSoFar {
-    /// Analyser angles in it.
-    pub angles: usize,
-    /// 90th percentile of σ in degrees over the pixels that carry an orientation; none when no pixel does.
-    pub sigma_deg: Option<f64>,
-    /// Wanted σ in degrees.
-    pub until_sigma_deg: f64,
-    /// Most angles.
-    pub at_most: u32,
-    /// What σ will be at least after the most angles, in degrees; none when no pixel will carry an orientation.
-    pub least_deg: Option<f64>,
-}
-
-/// How much a spot scan knows so far.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FringesSoFar {
-    /// Fringes in it.
-    pub fringes: u32,
-    /// Part of the pixels with a first order on the panel that several gratings explain, or whose period is less sure than wanted; none
-    /// when no pixel has one.
-    pub undecided: Option<f64>,
-    /// Part that is allowed.
-    pub until_undecided: f64,
-    /// Most fringes.
-    pub at_most: u32,
-}
-
-/// What a series that goes on until enough is known knows so far.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum SoFar {
-    /// Of orientations behind an analyser.
-    Sigma(SigmaSoFar),
-    /// Of fringes on the panel.
-    Fringes(FringesSoFar),
-}
-
-impl SoFar {
-    /// A few words for a progress bar.
-    pub fn label(&self) -> String {
-        match self {
-            Self::Sigma(s) => {
-                let now = s.sigma_deg.map_or("none".to_owned(), |s| format!("{s:.2}°"));
-                format!("capturing: σ {now}, {}° wanted", s.until_sigma_deg)
-            }
-            Self::Fringes(f) => {
-                let now = f.undecided.map_or("no order".to_owned(), |u| format!("{:.1} % undecided", 100.0 * u));
-                format!("capturing: {now}, {} % wanted", 100.0 * f.until_undecided)
-            }
-        }
-    }
-}
 
 /// What comes next in a series.
 #[derive(Clone, Copy, Debug, PartialEq)]

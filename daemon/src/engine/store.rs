@@ -1,9 +1,9 @@
 //! The storing end of a run, on its own thread: while the bench moves on, frames are averaged, encoded and stored.
 
 use super::Observer;
+use crate::failure::Failure;
 use crate::plan::{Added, Plan, PlanKind, Role, Step};
-use crate::session::{Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
-use crate::{Failure, session};
+use crate::session::{self, Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
 use nacre_drivers::CameraInfo;
 use nacre_processing::Error;
 use nacre_processing::frames::{self, FrameSet, Fringes, Geometry, Kind, Spot};

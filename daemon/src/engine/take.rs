@@ -1,13 +1,13 @@
 //! Takes a plan's frames: brings the bench into each state, takes what is fresh, hands it on.
 
 use super::hands::Hands;
-use super::series::{Decision, SoFar};
+use super::series::Decision;
 use super::state::{Control, Input, State};
 use super::store::{Message, Shot};
 use super::watch::Watch;
-use crate::Failure;
+use crate::failure::Failure;
 use crate::plan::{Added, Plan, Step, groups};
-use crate::session::{Commit, Entry};
+use crate::session::{Commit, Entry, SoFar};
 use nacre_drivers::{Class, DeviceError, DeviceResult};
 use nacre_processing::Error;
 use nacre_processing::image::Averaging;

@@ -1,10 +1,7 @@
 //! The job that is being worked on, as its threads report it.
 
-use super::worker::Shared;
-use nacre_processing::progress::Progress;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
-use tokio::sync::mpsc;
+use std::sync::{Mutex, PoisonError};
 
 /// Where the running job is, and whether it is to stop.
 pub(super) struct Live {
@@ -30,6 +27,25 @@ impl Live {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
+    pub fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Begins a stage.
+    pub fn begin(&self, stage: &str, steps: u64) {
+        *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = stage.into();
+        self.done.store(0, Ordering::Relaxed);
+        self.steps.store(steps, Ordering::Relaxed);
+    }
+
+    /// Counts a step; returns whether the progress in whole percents has changed.
+    pub fn step(&self) -> bool {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        let steps = self.steps.load(Ordering::Relaxed);
+        let percent = |done| (share(done, steps) * 100.0) as u8;
+        percent(done) != percent(done - 1)
+    }
+
     pub fn stage(&self) -> String {
         self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -42,36 +58,4 @@ impl Live {
 
 fn share(done: u64, steps: u64) -> f64 {
     if steps == 0 { 0.0 } else { (done as f64 / steps as f64).min(1.0) }
-}
-
-/// Takes the reports of the computing threads.
-pub(super) struct Reporter {
-    pub live: Arc<Live>,
-    pub shared: Arc<Shared>,
-    /// Stages on their way to the log. One that finds it full is not logged: computing does not wait for the disk.
-    pub stages: mpsc::Sender<String>,
-}
-
-impl Progress for Reporter {
-    fn stage(&self, name: &str, steps: u64) {
-        *self.live.stage.lock().unwrap_or_else(PoisonError::into_inner) = name.into();
-        self.live.done.store(0, Ordering::Relaxed);
-        self.live.steps.store(steps, Ordering::Relaxed);
-        let _ = self.stages.try_send(name.into());
-        self.shared.changed(&self.live.id);
-    }
-
-    fn step(&self) {
-        let done = self.live.done.fetch_add(1, Ordering::Relaxed) + 1;
-        let steps = self.live.steps.load(Ordering::Relaxed);
-        // Nobody looks closer than at whole percents.
-        let percent = |done| (share(done, steps) * 100.0) as u8;
-        if percent(done) != percent(done - 1) {
-            self.shared.changed(&self.live.id);
-        }
-    }
-
-    fn cancelled(&self) -> bool {
-        self.live.cancelled.load(Ordering::Relaxed) || self.shared.stopping()
-    }
 }

@@ -18,7 +18,7 @@ mod store;
 mod tests;
 mod worker;
 
-use crate::Failure;
+use crate::failure::Failure;
 use crate::plan::Method;
 use live::Live;
 use nacre_processing::Error;

@@ -1,7 +1,7 @@
 //! The life of a job: which change leads from which state to which. Nothing here touches the database.
 
 use super::{Job, JobState, MAX_ATTEMPTS, Refusal};
-use crate::Failure;
+use crate::failure::Failure;
 
 /// A job while a transaction changes it.
 pub(super) struct Record {

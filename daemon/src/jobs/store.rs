@@ -3,7 +3,7 @@
 use super::record::Record;
 use super::row::{append, job, read};
 use super::{Job, JobState, Refusal, Spec};
-use crate::catalogue::{CORRUPT, ERROR, FULL, NOT_A_DATABASE, is_new, primary_code};
+use crate::sqlite::{CORRUPT, ERROR, FULL, NOT_A_DATABASE, is_new, primary_code};
 use apalis::prelude::{TaskBuilder, TaskId};
 use apalis_sqlite::{SqliteStorage, queries::push_tasks};
 use nacre_processing::Error;

@@ -1,6 +1,5 @@
 //! The worker: takes deliveries from `apalis` and does the jobs they name.
 
-use super::live::Reporter;
 use super::record::{End, Failed, Record};
 use super::store::{QUEUE, Store};
 use super::{Job, JobState, Live, Spec, Work};
@@ -8,6 +7,7 @@ use apalis::layers::WorkerBuilderExt;
 use apalis::prelude::{BackendExt, BoxDynError, PollSnapshot, PollStrategy, WorkerBuilder};
 use apalis_sqlite::{Config, SqliteStorage};
 use nacre_processing::Error;
+use nacre_processing::progress::Progress;
 use std::fs::{self, File, TryLockError};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -168,6 +168,32 @@ async fn work_on(shared: &Arc<Shared>) {
             let _ = worker.run().await;
         }
         tokio::time::sleep(PAUSE).await;
+    }
+}
+
+/// Takes the reports of the computing threads.
+struct Reporter {
+    live: Arc<Live>,
+    shared: Arc<Shared>,
+    /// Stages on their way to the log. One that finds it full is not logged: computing does not wait for the disk.
+    stages: mpsc::Sender<String>,
+}
+
+impl Progress for Reporter {
+    fn stage(&self, name: &str, steps: u64) {
+        self.live.begin(name, steps);
+        let _ = self.stages.try_send(name.into());
+        self.shared.changed(&self.live.id);
+    }
+
+    fn step(&self) {
+        if self.live.step() {
+            self.shared.changed(&self.live.id);
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.live.is_cancelled() || self.shared.stopping()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Fringes of a spot scan.
 
 use super::{Limits, Plan};
-use crate::session::Setup;
+use crate::setup::Setup;
 use nacre_drivers::Pattern;
 use nacre_processing::polarimetry::NoiseModel;
 use nacre_processing::spots::{

@@ -1,20 +1,18 @@
 //! Opens the devices of a bench, each on its own thread, locked against other processes.
 
-mod section;
 mod sources;
 mod terminal;
 
-pub use section::{BenchSection, Optics, lock_name};
-
-use crate::Failure;
 use crate::engine::{Devices, Watch};
+use crate::failure::Failure;
+use crate::page::Link;
 use crate::plan::Limits;
-use crate::service::display::Link;
-use crate::session::Setup;
+use crate::setup::{BenchSection, Setup};
 use nacre_drivers::{
     Camera, CameraHandle, DeviceLock, DeviceResult, Display, DisplayHandle, Flash, FlashHandle, InterlockHandle, Stage,
     StageHandle,
 };
+use nacre_processing::Error;
 use nacre_processing::frames::Geometry;
 use nacre_processing::progress::Progress;
 use nacre_sim::socket::RemoteBench;
@@ -195,4 +193,13 @@ fn setup(simulated: &Simulated) -> Setup {
         }),
         panel_mm: None,
     }
+}
+
+/// A runtime on the calling thread, for the device calls of a command.
+///
+/// # Errors
+/// The system refuses it its descriptors.
+pub fn runtime() -> Result<Runtime, Failure> {
+    let built = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    Ok(built.map_err(|e| Error::input("tokio", format!("cannot start: {e}"), "free some memory"))?)
 }

@@ -1,11 +1,11 @@
 //! Where each device of a bench comes from: how it is opened, and again after its link was lost.
 
+use super::Stop;
 use super::terminal::Terminal;
-use super::{BenchSection, Stop};
 use crate::guardian::{Guarded, GuardedFlash};
+use crate::page::{Link, PagePanel};
 use crate::plan::Limits;
-use crate::service::display::Link;
-use crate::service::page_panel::PagePanel;
+use crate::setup::BenchSection;
 use nacre_drivers::display::{DisplayConfig, DisplayDriver};
 use nacre_drivers::stage::{Mounted, StageDriver};
 use nacre_drivers::{
@@ -254,7 +254,7 @@ fn missing(what: &str) -> DeviceError {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Place, Rig, Stop};
+    use super::super::{Place, Rig, Stop, runtime};
     use super::*;
     use nacre_processing::progress::Silent;
     use nacre_sim::BenchConfig;
@@ -270,7 +270,7 @@ mod tests {
             let section: BenchSection = toml::from_str(&text.unwrap_or_default()).unwrap();
             let place = Place { section, ..Place::here(config.clone()) };
             let limits = place.limits().unwrap();
-            let runtime = crate::commands::bench::runtime().unwrap();
+            let runtime = runtime().unwrap();
             let rig = Rig::open(&runtime, &place, &Silent, &Stop::default()).ok().unwrap();
             assert_eq!(limits.stage, rig.devices.stage.describe(), "{stage:?}");
             assert_eq!(limits.display, rig.devices.display.describe());

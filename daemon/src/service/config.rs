@@ -1,6 +1,6 @@
 //! `nacre.toml`: how the service runs. Environment variables `NACRE_SERVE_…` override it.
 
-use crate::rig::BenchSection;
+use crate::setup::BenchSection;
 use figment::Figment;
 use figment::error::Kind;
 use figment::providers::{Env, Format, Serialized, Toml};

@@ -3,7 +3,7 @@
 use super::bench::{Owner, PANEL, Picture};
 use super::problem::{Answer, Problem};
 use super::{App, Body, Params, png};
-use crate::Failure;
+use crate::failure::Failure;
 use axum::Json;
 use axum::extract::State;
 use axum::http::header;

@@ -3,8 +3,8 @@
 use super::bench::PANEL;
 use super::problem::{Answer, Problem};
 use super::{App, Body};
-use crate::Failure;
 use crate::engine::{Control, LEVELS, PanelFound, State as Steer};
+use crate::failure::Failure;
 use axum::Json;
 use axum::extract::State;
 use axum::http::{StatusCode, header};

@@ -17,7 +17,6 @@ pub mod maps;
 pub mod measure;
 mod methods;
 mod metrics;
-pub mod page_panel;
 pub mod plans;
 pub mod problem;
 pub mod reconstructions;
@@ -31,9 +30,10 @@ pub mod sessions;
 pub mod uploads;
 pub mod view;
 
-use crate::Failure;
 use crate::catalogue::{Catalogue, SessionRow};
+use crate::failure::Failure;
 use crate::jobs::Jobs;
+use crate::page::Link;
 use crate::plan::Limits;
 use crate::rig::Place;
 use crate::session::{SESSION_FILE, sha256};
@@ -90,7 +90,7 @@ pub struct App {
     /// Runs of sessions.
     pub runs: Runs,
     /// The pattern page.
-    pub link: Arc<display::Link>,
+    pub link: Arc<Link>,
     /// Nothing of the bench is real.
     pub simulated: bool,
     /// Places for event streams.
@@ -149,7 +149,7 @@ impl App {
             std::fs::create_dir_all(&path).map_err(|e| Error::output(&path, e))?;
         }
         let simulated = place.simulated.is_some() && !place.section.has_real_device();
-        let link = Arc::new(display::Link::default());
+        let link = Arc::new(Link::default());
         let place = Place { page: Some(link.clone()), ..place };
         let display = place.section.display.clone();
         let catalogue = Catalogue::open(&config.data.join("catalogue.db")).await?;

@@ -1,6 +1,6 @@
 //! Errors as `application/problem+json` (RFC 9457) with stable types.
 
-use crate::Failure;
+use crate::failure::Failure;
 use crate::fields::fields;
 use crate::jobs::Refusal;
 use axum::extract::rejection::{BytesRejection, JsonRejection, PathRejection, QueryRejection};

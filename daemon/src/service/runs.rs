@@ -2,10 +2,10 @@
 
 use super::events::EventLog;
 use super::problem::Problem;
-use crate::Failure;
-use crate::engine::{Control, Observer, SoFar, State};
+use crate::engine::{Control, Observer, State};
+use crate::failure::Failure;
 use crate::plan::{Added, Plan, Step};
-use crate::session::{Commit, Entry, Journal, SessionFile};
+use crate::session::{Commit, Entry, Journal, SessionFile, SoFar};
 use nacre_drivers::DeviceError;
 use nacre_processing::polarimetry::{Glance, Running};
 use nacre_processing::progress::Progress;

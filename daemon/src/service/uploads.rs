@@ -3,6 +3,7 @@
 use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{App, scenes};
+use crate::import::from_names;
 use axum::extract::multipart::{Field, MultipartRejection};
 use axum::extract::{Multipart, State};
 use axum::http::StatusCode;
@@ -252,8 +253,7 @@ fn decodable(folder: &Path) -> Answer<()> {
 fn describe(folder: &Path) -> Answer<()> {
     let path = folder.join(FILE_NAME);
     if !path.exists() {
-        let text = crate::commands::import::from_names(folder, false)
-            .or_else(|_| crate::commands::import::from_names(folder, true))?;
+        let text = from_names(folder, false).or_else(|_| from_names(folder, true))?;
         std::fs::write(&path, text).map_err(|e| Problem::new(Kind::Internal, format!("cannot be stored: {e}")))?;
     }
     load(folder)?;

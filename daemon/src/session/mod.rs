@@ -9,16 +9,18 @@ mod disk;
 mod journal;
 #[cfg(test)]
 mod power_loss;
+mod series;
 #[cfg(test)]
 mod tests;
 
 pub use check::{Condition, Trouble, check};
 pub use disk::{Disk, MortalDisk, RealDisk};
-pub use journal::{Commit, Ending, Entry, Journal, SeriesEnd, Timing};
+pub use journal::{Commit, Entry, Journal, Timing};
+pub use series::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 
 use crate::plan::{Plan, PlanKind};
-use crate::rig::BenchSection;
-use nacre_processing::frames::{FILE_NAME as FRAMES_FILE, Geometry, Kind};
+use crate::setup::{BenchSection, Setup};
+use nacre_processing::frames::{FILE_NAME as FRAMES_FILE, Kind};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::File;
@@ -46,23 +48,6 @@ pub struct SessionFile {
     /// Which devices of the machine took part, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub section: Option<BenchSection>,
-}
-
-/// What the frames were taken with, as far as it is known.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Setup {
-    /// Middle of the filter's band in nm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub wavelength_nm: Option<f64>,
-    /// Full width at half maximum of the filter's band in nm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub band_nm: Option<f64>,
-    /// Where sample, light and camera stand.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub geometry: Option<Geometry>,
-    /// Width and height of the panel in mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub panel_mm: Option<[f64; 2]>,
 }
 
 impl SessionFile {

@@ -1,8 +1,8 @@
 //! `nacre brdf check`.
 
 use super::common::{List, Optics, Surface, summary};
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::surface::output::{vacant, write_check, write_check_picture};
 use nacre_processing::surface::{Report, check};
 use std::fmt::Write;

@@ -1,9 +1,9 @@
 //! What the products of a height field share.
 
-use crate::Failure;
 use crate::commands::said;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::color::Observer;
 use nacre_processing::progress::Progress;
 use nacre_processing::surface::height::{self, Quality, Scale};

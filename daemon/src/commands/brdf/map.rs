@@ -1,9 +1,9 @@
 //! `nacre brdf map`.
 
 use super::common::{Material, Optics, Seen, Surface, direction, summary};
-use crate::Failure;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::surface::output::{vacant, write_map, write_picture};
 use nacre_processing::surface::{Report, Settings, Views, about_map, map};
 use std::path::PathBuf;

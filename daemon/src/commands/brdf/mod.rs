@@ -8,8 +8,8 @@ mod slice;
 mod surface;
 mod terms;
 
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use clap::Subcommand;
 
 /// What to compute of a surface's diffraction.

@@ -1,9 +1,9 @@
 //! `nacre brdf orders`.
 
 use super::common::List;
-use crate::Failure;
 use crate::commands::said;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::Error;
 use nacre_processing::image::write_whole;
 use nacre_processing::surface::height::Profile;

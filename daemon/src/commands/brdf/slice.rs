@@ -1,8 +1,8 @@
 //! `nacre brdf slice`.
 
 use super::common::{List, Material, Optics, Surface, direction, summary};
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::surface::output::{check_rows, vacant, write_slice};
 use nacre_processing::surface::{Report, slice};
 use serde::Serialize;

@@ -1,8 +1,8 @@
 //! `nacre brdf surface`.
 
-use crate::Failure;
 use crate::commands::said;
 use crate::console::Console;
+use crate::failure::Failure;
 use clap::ValueEnum;
 use nacre_processing::Error;
 use nacre_processing::surface::height::{Profile, Quality, Shape, Synthetic};

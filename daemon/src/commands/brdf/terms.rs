@@ -1,8 +1,8 @@
 //! `nacre brdf terms`.
 
 use super::common::{Optics, Surface};
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::image::{OutputFolder, Precision};
 use nacre_processing::progress::Progress;
 use nacre_processing::surface::{TermSet, Terms as Set, TermsAbout, TermsRequest};

@@ -1,9 +1,9 @@
 //! `nacre calibrate board`.
 
 use super::shape;
-use crate::Failure;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::Error;
 use nacre_processing::calibration::{Board, board_picture};
 use nacre_processing::image::{encode_png8, write_whole};

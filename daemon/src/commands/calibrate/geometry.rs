@@ -1,10 +1,10 @@
 //! `nacre calibrate geometry`.
 
 use super::{highlight, shape};
-use crate::Failure;
 use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::calibration::{
     Band, Board, CameraFrom, Highlight, Known, Outcome, PanelFrom, Pixels, Request, Ruler, SampleFrom, View, band_of,
     calibrate_geometry, write_overlays,

@@ -5,8 +5,8 @@ mod geometry;
 mod highlight;
 mod panel;
 
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use clap::Subcommand;
 
 /// What to measure of a bench.

@@ -1,10 +1,10 @@
 //! `nacre calibrate panel`.
 
-use crate::Failure;
 use crate::commands::bench::BenchArgs;
 use crate::commands::manual::with_hands;
 use crate::console::Console;
 use crate::engine::{Hands, LEVELS, drawn_by, measure_panel};
+use crate::failure::Failure;
 use nacre_drivers::display::POWER_LAW;
 use nacre_processing::Error;
 use nacre_processing::image::write_whole;

@@ -1,8 +1,8 @@
 //! `nacre map compare`.
 
-use crate::Failure;
 use crate::commands::said::lines;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::image::OutputFolder;
 use nacre_processing::map::{Agreement, Compared, Maps, compare, side_by_side};
 use nacre_processing::progress::Progress;

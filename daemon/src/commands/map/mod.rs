@@ -2,9 +2,9 @@
 
 mod compare;
 
-use crate::Failure;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use crate::failure::Failure;
 use clap::{Subcommand, ValueEnum};
 use nacre_processing::image::OutputFolder;
 use nacre_processing::map::{About, Curve, Edits, Encoding, Layout, Maps, edit_folder, export, import};

@@ -1,9 +1,9 @@
 //! `nacre reconstruct bokeh`.
 
-use crate::Failure;
 use crate::commands::said::lines;
 use crate::commands::values::{numbers, transfer};
 use crate::console::Console;
+use crate::failure::Failure;
 use clap::ValueEnum;
 use nacre_processing::bokeh::deconvolution::Iterations;
 use nacre_processing::bokeh::{

@@ -1,9 +1,9 @@
 //! `nacre reconstruct flash`.
 
-use crate::Failure;
 use crate::commands::said::{lines, meets};
 use crate::commands::values::numbers;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::flash::{self, Orientation, PeriodChoice, Report, Settings};
 use nacre_processing::geometry;
 use std::fmt::Write;

@@ -1,9 +1,9 @@
 //! `nacre reconstruct foil`.
 
-use crate::Failure;
 use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::foil::{self, Settings};
 use nacre_processing::geometry;
 use std::fmt::Write;

@@ -1,8 +1,8 @@
 //! `nacre reconstruct hdr`.
 
-use crate::Failure;
 use crate::commands::said::{lines, meets};
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::hdr::{self, Options, Report, ResponseChoice};
 use nacre_processing::polarimetry::Align;
 use std::fmt::Write;

@@ -1,10 +1,10 @@
 //! `nacre reconstruct lut`.
 
-use crate::Failure;
 use crate::commands::said::{lines, meets};
 use crate::commands::toml_file;
 use crate::commands::values::{ChannelName, numbers, transfer};
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::color::Observer;
 use nacre_processing::frames::{Channel, Transfer};
 use nacre_processing::geometry;

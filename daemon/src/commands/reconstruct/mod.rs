@@ -10,8 +10,8 @@ mod spots;
 
 pub use polarization::{Polarization, summary};
 
-use crate::Failure;
 use crate::console::Console;
+use crate::failure::Failure;
 use clap::Subcommand;
 
 /// What to reconstruct.

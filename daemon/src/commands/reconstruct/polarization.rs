@@ -1,8 +1,8 @@
 //! `nacre reconstruct polarization`.
 
-use crate::Failure;
 use crate::commands::said::{lines, meets};
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::polarimetry::{
     self, Align, AngleSource, ErrorReport, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report,
     Smoothing,

@@ -1,9 +1,9 @@
 //! `nacre reconstruct spots`.
 
-use crate::Failure;
 use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use crate::failure::Failure;
 use nacre_processing::geometry;
 use nacre_processing::spots::{Report, Settings, reconstruct};
 use std::fmt::Write;

@@ -5,8 +5,8 @@ mod owner;
 pub use owner::{Owner, Picture};
 
 use super::problem::{Kind, Problem};
-use crate::Failure;
 use crate::engine::{Control, Input};
+use crate::failure::Failure;
 use crate::rig::{Place, Stop};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Sender};

@@ -1,9 +1,9 @@
 //! The devices on their thread: what is done by hand, and the light that is looked after meanwhile.
 
 use super::{Common, Job, locked};
-use crate::Failure;
 use crate::engine::{Control, Hands, Input, Memory, PanelFound, Watch, drawn_by, guarded, measure_panel};
-use crate::rig::{Place, Rig};
+use crate::failure::Failure;
+use crate::rig::{Place, Rig, runtime};
 use nacre_drivers::display::DisplayConfig;
 use nacre_drivers::{DeviceResult, Freshness, Pattern};
 use nacre_processing::progress::{Progress, Silent};
@@ -63,7 +63,7 @@ pub struct Picture {
 
 impl Owner {
     pub(super) fn open(place: &Place, shared: Arc<Common>) -> Result<Self, Failure> {
-        let runtime = crate::commands::bench::runtime()?;
+        let runtime = runtime()?;
         let rig = Rig::open(&runtime, place, &Silent, &shared.end)?;
         let camera = rig.devices.camera.describe();
         let exposure = Duration::from_secs_f64(camera.exposure_now_s.clamp(camera.exposure_s[0], camera.exposure_s[1]));

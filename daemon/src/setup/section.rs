@@ -1,5 +1,6 @@
 //! `[bench]` of `nacre.toml`: which devices make the bench.
 
+use super::Setup;
 use nacre_drivers::camera::{CameraConfig, CameraDriver};
 use nacre_drivers::display::{DisplayConfig, DisplayDriver};
 use nacre_drivers::flash::{FlashConfig, FlashDriver};
@@ -11,8 +12,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-
-use crate::session::Setup;
 
 /// Which bench: the simulated one, devices of this machine, or these beside simulated ones.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,6 +1,6 @@
 //! The pattern page as the panel of a bench: a browser in full screen on the LCD.
 
-use super::display::{Link, NotShown, PagePattern};
+use super::{Link, NotShown, PagePattern};
 use async_trait::async_trait;
 use nacre_drivers::{Class, Clock, DeviceError, DeviceResult, Display, DisplayInfo, Pattern, Shown};
 use std::sync::Arc;
