@@ -56,7 +56,7 @@ struct Listed {
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let effort = if args.quick { Effort::Quick } else { Effort::Full };
     let (mut studies, mut pictures) = (polarimetry::studies(effort), polarimetry::pictures());
-    studies.extend(nacre_sim::charts::studies(effort));
+    studies.extend(nacre_sim_charts::studies(effort));
     studies.extend(gpu::studies(effort));
     pictures.extend(gpu::pictures());
     let listed = list(&studies, &pictures);

@@ -1,5 +1,4 @@
-//! Studies that need a bench or its noise: what light at an angle and photographs that do not lie over each other do to a map, and what
-//! taking that out brings.
+#![doc = include_str!("../README.md")]
 
 mod bokeh;
 mod environment;
@@ -12,10 +11,10 @@ mod render;
 pub mod spots;
 mod surface;
 
-use crate::config::BenchConfig;
-use crate::surface::SampleKind;
 use nacre_processing::chart::{Axis, Effort, Scene, Setting, Study};
 use nacre_processing::polarimetry::{Align, Model, Oblique, Options};
+use nacre_sim::BenchConfig;
+use nacre_sim::surface::SampleKind;
 use photographs::outcome;
 
 /// All of them, in the order of the page.

@@ -1,9 +1,5 @@
 //! A mosaic of periods on the bench, photographed under fringes and reconstructed as a user's is: from files to files.
 
-use crate::bench::{Bench, Shining};
-use crate::config::BenchConfig;
-use crate::scene::Truth;
-use crate::surface::SampleKind;
 use nacre_drivers::Pattern;
 use nacre_processing::frames::{Frame, FrameSet, Fringes, Geometry, Kind, save};
 use nacre_processing::image::{read_exr, write_png16_gray};
@@ -11,6 +7,10 @@ use nacre_processing::polarimetry::{NoiseModel, angle_difference};
 use nacre_processing::progress::Silent;
 use nacre_processing::spots::{Report, Settings, frequencies, reconstruct};
 use nacre_processing::{Error, Result};
+use nacre_sim::BenchConfig;
+use nacre_sim::Truth;
+use nacre_sim::surface::SampleKind;
+use nacre_sim::{Bench, Shining};
 use std::path::Path;
 use std::time::{Duration, Instant};
 

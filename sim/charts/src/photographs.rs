@@ -1,7 +1,5 @@
 //! A series photographed on the bench and reconstructed as a user's is: from files to files.
 
-use crate::bench::{Bench, Shining};
-use crate::config::BenchConfig;
 use nacre_drivers::Pattern;
 use nacre_processing::chart::Outcome;
 use nacre_processing::chart::polarimetry::judge;
@@ -10,6 +8,8 @@ use nacre_processing::image::{read_exr, write_png16_gray};
 use nacre_processing::polarimetry::{NoiseModel, Options, reconstruct};
 use nacre_processing::progress::Silent;
 use nacre_processing::{Error, Result};
+use nacre_sim::BenchConfig;
+use nacre_sim::{Bench, Shining};
 use std::path::Path;
 use std::time::{Duration, Instant};
 

@@ -2,7 +2,6 @@
 
 use super::scene::{Last, Pattern, room};
 use super::{Draft, outcome};
-use crate::random::{key, uniform};
 use nacre_processing::Result;
 use nacre_processing::chart::{Axis, Effort, Scene, Setting, Study};
 use nacre_processing::environment::factor::{Factors, Settings};
@@ -11,6 +10,7 @@ use nacre_processing::environment::{
     prefiltered, turned_back, turned_to, two_pass,
 };
 use nacre_processing::progress::Silent;
+use nacre_sim::random::{key, uniform};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::time::Instant;
 

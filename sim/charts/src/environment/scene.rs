@@ -1,8 +1,8 @@
 //! Rooms with lamps, and tables of patterns.
 
-use crate::random::{key, uniform};
 use nacre_processing::Result;
 use nacre_processing::environment::{Environment, Table};
+use nacre_sim::random::{key, uniform};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::{Arc, Mutex, PoisonError};
 

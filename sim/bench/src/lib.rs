@@ -1,13 +1,8 @@
-//! The virtual bench: optics, samples, devices, noise and time, without hardware.
-//!
-//! It renders a fuller model than the reconstruction inverts (finite band, disc and aperture, Fresnel coefficients at
-//! oblique incidence, front reflection, several orders, mixed dots, lens blur, noise), so that a good score is not
-//! the same code run backwards.
+#![doc = include_str!("../README.md")]
 
 mod bench;
 mod blur;
 mod camera;
-pub mod charts;
 mod config;
 mod devices;
 pub mod emulators;
@@ -16,7 +11,7 @@ mod messages;
 mod optics;
 pub mod photographs;
 mod port;
-mod random;
+pub mod random;
 mod scene;
 pub mod socket;
 mod stage;

@@ -2,7 +2,7 @@
 
 use nacre_processing::spots::Settings;
 use nacre_sim::BenchConfig;
-use nacre_sim::charts::spots::{Shown, bench, judged};
+use nacre_sim_charts::spots::{Shown, bench, judged};
 
 #[allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "an example")]
 fn main() {

@@ -1,11 +1,11 @@
 //! Photographs of known orders, and tables of them against their truth.
 
 use super::{BAND_NM, PITCH_PX};
-use crate::random::{key, uniform};
 use nacre_processing::Result;
 use nacre_processing::chart::Outcome;
 use nacre_processing::color::{Illuminant, Observer};
 use nacre_processing::pattern::{Light, Photograph, Settings, Table, Wavelength, lookup};
+use nacre_sim::random::{key, uniform};
 use rayon::prelude::*;
 use std::time::Instant;
 
