@@ -5,7 +5,7 @@
 //! The guardian switches the light off when it starts, when its pipe closes, when it hears nothing from its owner for 0.4 s,
 //! after the flash's longest on-time, and on SIGTERM.
 //!
-//! The owner ([`GuardedFlash`]) waits for the answer to every request, but not for ever. When the guardian has ended, answers
+//! The owner (`GuardedFlash`) waits for the answer to every request, but not for ever. When the guardian has ended, answers
 //! no heartbeat for 0.25 s, or exceeds the time limit of a request, the owner kills it and starts another one, which switches the
 //! light off when it starts.
 
