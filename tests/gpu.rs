@@ -310,7 +310,7 @@ fn browsers_draw_every_kind_of_sample_by_webgpu_and_webgl2() {
     assert_eq!(ways[1].1.len(), chosen.len(), "not all was drawn by WebGL2");
 }
 
-/// What `daemon/src/service/view.rs` makes of a result, in a pose.
+/// What `daemon/service/src/view.rs` makes of a result, in a pose.
 fn of_result(folder: &Path, normal: [f64; 3], up: [f64; 3], light: [f64; 3]) -> String {
     format!(
         "[camera]\nposition = [0, 0, 500]\ntarget = [0, 0, 0]\nfov_deg = 14\nwidth = 32\nheight = 32\n\

@@ -1,5 +1,5 @@
-//! `nacre`: see the library's [`nacre::main`].
+#![doc = include_str!("../README.md")]
 
 fn main() -> std::process::ExitCode {
-    nacre::main()
+    nacre_cli::main()
 }

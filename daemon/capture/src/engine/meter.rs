@@ -1,0 +1,237 @@
+//! Exposure metering: the longest exposure at which nothing saturates, over the whole turn of the analyser, and from there on the
+//! exposures of a bracket.
+
+use super::hands::Hands;
+use crate::failure::Failure;
+use crate::plan::{BracketPlan, Plan, Role, State, light_on_s};
+use nacre_drivers::{CameraInfo, DeviceError, Frame};
+use nacre_processing::polarimetry::{Design, Fit};
+use nacre_processing::progress::Progress;
+use std::time::Duration;
+
+/// Metering aims at this share of white for the brightest pixels.
+const TARGET: f64 = 0.85;
+
+/// Levels that are neither clipped nor lost in noise, so that one step from them is the last.
+const TRUSTED: std::ops::RangeInclusive<f64> = 0.2..=0.95;
+
+/// Attempts until a level can be trusted.
+const ATTEMPTS: u32 = 12;
+
+/// Most lights (spots, steps) that are looked at; a longer series is thinned.
+const LIGHTS: usize = 8;
+
+/// Past this share of the pixels are hot pixels and glints.
+const BRIGHT: f64 = 0.999;
+
+/// A bracket is long enough once all but the darkest of its pixels, so many, are at this share of white.
+const DARKEST: f64 = 0.01;
+const LIT: f32 = 0.1;
+
+/// What metering found.
+pub struct Metered {
+    /// Exposure time for the steps that name none.
+    pub exposure: Duration,
+    /// Exposures of the bracket, in ms, if the plan asks for one.
+    pub bracket_ms: Vec<f64>,
+}
+
+/// Meters what the plan leaves open.
+///
+/// # Errors
+/// As [`meter`].
+pub async fn metered(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> Result<Metered, Failure> {
+    let exposure = meter(hands, plan, progress).await?;
+    let bracket_ms = match plan.bracket {
+        Some(wanted) => bracket(hands, plan, wanted, exposure, progress).await?,
+        None => vec![],
+    };
+    Ok(Metered { exposure, bracket_ms })
+}
+
+/// Exposures from the shortest on, in which next to nothing saturates, as long as there is something to be gained.
+async fn bracket(
+    hands: &mut Hands<'_>,
+    plan: &Plan,
+    wanted: BracketPlan,
+    shortest: Duration,
+    progress: &dyn Progress,
+) -> Result<Vec<f64>, Failure> {
+    let (camera, lights) = (hands.limits().camera.clone(), lights(plan));
+    let Some(light) = lights.first() else { return Ok(vec![]) };
+    let longest = longest(hands, light.flash);
+    let (black, range) = (f32::from(camera.black), f32::from(camera.white.saturating_sub(camera.black).max(1)));
+    progress.stage("metering the bracket", u64::from(wanted.at_most));
+    hands.prepare(light.analyser_deg.is_some()).await?;
+    let mut exposures = vec![];
+    let mut exposure = shortest;
+    loop {
+        exposures.push(exposure.as_secs_f64() * 1000.0);
+        progress.step();
+        let next = exposure.as_secs_f64() * wanted.step_ev.exp2();
+        if exposures.len() == wanted.at_most as usize || next > longest {
+            break;
+        }
+        hands.expose(exposure, plan.camera.gain).await?;
+        hands.cover(false).await?;
+        hands.show(light.pattern).await?;
+        if let Some(angle) = light.analyser_deg {
+            hands.turn(angle).await?;
+        }
+        let mut codes = lit(hands, light.flash).await?.codes;
+        let at = (codes.len().saturating_sub(1) as f64 * DARKEST) as usize;
+        let dark = (f32::from(*codes.select_nth_unstable(at).1) - black) / range;
+        if dark >= LIT {
+            break;
+        }
+        exposure = Duration::from_secs_f64(next);
+    }
+    hands.dark().await?;
+    Ok(exposures)
+}
+
+/// Longest exposure that camera and flash allow, in seconds.
+fn longest(hands: &Hands<'_>, flash: bool) -> f64 {
+    let [shortest, mut longest] = hands.limits().camera.exposure_s;
+    if flash {
+        // Longer exposures would keep the flash on for too long.
+        let max = hands.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
+        while light_on_s(Duration::from_secs_f64(longest), 1, hands.limits()) > max && longest > shortest {
+            longest *= 0.5;
+        }
+    }
+    longest
+}
+
+/// Exposure time for the plan's steps that name none: the shortest that any of its lights needs.
+///
+/// # Errors
+/// A device error; no light; a sample too bright for the shortest exposure.
+async fn meter(hands: &mut Hands<'_>, plan: &Plan, progress: &dyn Progress) -> Result<Duration, Failure> {
+    let lights = lights(plan);
+    let turn = lights.iter().any(|l| l.analyser_deg.is_some());
+    progress.stage("metering", lights.len() as u64);
+    hands.prepare(turn).await?;
+    let mut shortest: Option<Duration> = None;
+    for light in &lights {
+        let exposure = one(hands, plan.camera.gain, light, shortest).await?;
+        shortest = Some(shortest.map_or(exposure, |s| s.min(exposure)));
+        progress.step();
+    }
+    hands.dark().await?;
+    let camera = &hands.limits().camera;
+    let shortest = shortest.ok_or_else(|| nothing(camera, Duration::ZERO))?;
+    Ok(steady(shortest, &camera.steady_exposures_s))
+}
+
+/// The longest exposure that suits the panel's refresh and is not longer, where that gives away less than half of it.
+pub(super) fn steady(exposure: Duration, suiting_s: &[f64]) -> Duration {
+    let fits = |s: &f64| (0.5..=1.0 + 1e-9).contains(&(s / exposure.as_secs_f64()));
+    let longest = suiting_s.iter().copied().filter(fits).max_by(f64::total_cmp);
+    longest.map_or(exposure, Duration::from_secs_f64)
+}
+
+/// What shines in the steps whose exposure is to be metered, each once.
+fn lights(plan: &Plan) -> Vec<State> {
+    let mut lights: Vec<State> = vec![];
+    let steps = plan.steps();
+    let series: Vec<&State> =
+        steps.iter().filter(|s| s.role == Role::Series && s.state.exposure_ms.is_none()).map(|s| &s.state).collect();
+    for state in series.iter().step_by(series.len().div_ceil(64).max(1)) {
+        if !lights.iter().any(|l| (l.pattern, l.flash) == (state.pattern, state.flash)) {
+            lights.push((*state).clone());
+        }
+    }
+    let every = lights.len().div_ceil(LIGHTS).max(1);
+    lights.into_iter().step_by(every).collect()
+}
+
+/// Exposure for one light, beginning with a guess.
+///
+/// # Errors
+/// A device error; no light; a sample too bright for the shortest exposure.
+pub(super) async fn one(
+    hands: &mut Hands<'_>,
+    gain: f64,
+    light: &State,
+    guess: Option<Duration>,
+) -> Result<Duration, Failure> {
+    let camera = hands.limits().camera.clone();
+    let longest = longest(hands, light.flash);
+    let clamp = |seconds: f64| Duration::from_secs_f64(seconds.min(longest).max(camera.exposure_s[0]));
+    let mut exposure = guess.unwrap_or_else(|| clamp(0.01));
+    for _ in 0..ATTEMPTS {
+        hands.expose(exposure, gain).await?;
+        hands.cover(false).await?;
+        hands.show(light.pattern).await?;
+        let level = level(hands, light, &camera).await?;
+        // Near white the level is clipped, and far below it is mostly noise: step, and look again.
+        let factor = if level > *TRUSTED.end() { 0.2 } else { (TARGET / level.max(1e-3)).min(20.0) };
+        let next = clamp(exposure.as_secs_f64() * factor);
+        if TRUSTED.contains(&level) {
+            return Ok(next);
+        }
+        if next == exposure {
+            break;
+        }
+        exposure = next;
+    }
+    Err(nothing(&camera, exposure).into())
+}
+
+/// Level of the brightest pixels between black (0) and white (1), at their brightest analyser angle: four frames at 0,
+/// 45, 90 and 135 degrees tell the whole turn. Without an analyser, that of one frame.
+async fn level(hands: &mut Hands<'_>, light: &State, camera: &CameraInfo) -> Result<f64, Failure> {
+    let (black, range) = (f32::from(camera.black), f32::from(camera.white.saturating_sub(camera.black).max(1)));
+    let linear = |code: &u16| (f32::from(*code) - black) / range;
+    let mut values: Vec<f32> = if light.analyser_deg.is_some() {
+        let angles = [0.0_f64, 45.0, 90.0, 135.0];
+        let mut fit = Fit::new(camera.width, camera.height);
+        for angle in angles {
+            hands.turn(angle).await?;
+            let frame = lit(hands, light.flash).await?;
+            fit.add(angle.to_radians(), |y, row, _| {
+                row.iter_mut().zip(&frame.codes[y * frame.width..]).for_each(|(v, c)| *v = linear(c));
+            });
+        }
+        let maps = fit.solve(&Design::new(&angles.map(f64::to_radians))?);
+        (0..maps.s0.len()).map(|i| 0.5 * (maps.s0[i] + maps.s1[i].hypot(maps.s2[i]))).collect()
+    } else {
+        lit(hands, light.flash).await?.codes.iter().map(linear).collect()
+    };
+    let at = ((values.len().saturating_sub(1)) as f64 * BRIGHT) as usize;
+    Ok(f64::from(*values.select_nth_unstable_by(at, f32::total_cmp).1))
+}
+
+/// A fresh frame, under the flash if need be, which is on for no longer than that.
+async fn lit(hands: &mut Hands<'_>, flash: bool) -> Result<Frame, Failure> {
+    if flash {
+        hands.switch(true).await?;
+    }
+    let (frame, _) = hands.fresh().await?;
+    hands.still_lit(flash).await?;
+    if flash {
+        hands.switch(false).await?;
+    }
+    Ok(frame)
+}
+
+fn nothing(camera: &CameraInfo, exposure: Duration) -> DeviceError {
+    let got = format!("none up to {} s", exposure.as_secs_f64());
+    DeviceError::new(&camera.id, "meter the exposure", "a level between black and white", got)
+        .remedy("check that the light is on and the lens open, or set camera.exposure_ms")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metered_exposures_are_whole_periods_of_the_panel() {
+        let suiting: Vec<f64> = (1..10).map(|n| f64::from(n) / 60.0).collect();
+        let of = |ms: u64| steady(Duration::from_millis(ms), &suiting).as_secs_f64();
+        assert!((of(40) - 2.0 / 60.0).abs() < 1e-9 && (of(20) - 1.0 / 60.0).abs() < 1e-9);
+        // None is short enough, or all are far too short: as metered.
+        assert_eq!((of(10), of(1000)), (0.01, 1.0));
+    }
+}

@@ -1,0 +1,219 @@
+//! The capture engine: takes a plan's frames one by one, each fresh, each stored for good before it counts.
+//!
+//! Whatever stops it, going on later gives the same data set: settings are sent again, the stage is homed and every angle
+//! approached from below, and frames that are committed are not taken twice. Light is off after any end.
+//!
+//! Three things go on at once: the bench moves (`take`), stored frames accumulate (`store`), and the reconstruction
+//! follows them (`live`).
+
+mod hands;
+#[cfg(test)]
+mod hands_tests;
+mod live;
+mod meter;
+mod panel;
+mod panel_advice;
+mod series;
+mod state;
+mod store;
+mod take;
+mod watch;
+
+pub use hands::{Devices, Hands, Memory};
+pub use meter::Metered;
+pub use panel::{LEVELS, PanelFound, measure as measure_panel};
+pub use panel_advice::drawn_by;
+
+pub use state::{Control, Input, State, TABLE};
+pub use take::guarded;
+pub use watch::Watch;
+
+use crate::failure::Failure;
+use crate::plan::{Added, Plan, Role, Step, groups};
+use crate::session::{Commit, Disk, Entry, Session, SessionFile, SoFar, Timing};
+use live::{Deciding, Live};
+use nacre_processing::Error;
+use nacre_processing::polarimetry::Running;
+use nacre_processing::progress::Progress;
+use std::time::{Duration, Instant};
+use store::{Message, Store};
+use take::{Decisions, Taker};
+use tokio::runtime::Runtime;
+use tokio::sync::mpsc;
+
+/// Frames on their way to the disk; more would only need memory.
+const QUEUE: usize = 2;
+
+/// Follows a run from other threads.
+pub trait Observer: Progress {
+    /// A step's frame is stored for good, since this time in Unix seconds.
+    fn stored(&self, _step: &Step, _evidence: &Commit, _time: Option<f64>) {}
+    /// Something else went into the journal at this time in Unix seconds.
+    fn noted(&self, _entry: &Entry, _time: Option<f64>) {}
+    /// Whether the map is to be looked at while frames arrive.
+    fn wants_map(&self) -> bool {
+        false
+    }
+    /// The map so far.
+    fn map(&self, _running: &Running) {}
+    /// What a series that goes on until enough is known knows so far.
+    fn so_far(&self, _so_far: &SoFar) {}
+}
+
+/// What a run needs besides the session.
+pub struct Engine<'a> {
+    /// Runs the device calls.
+    pub runtime: &'a Runtime,
+    /// The bench.
+    pub devices: &'a mut Devices,
+    /// What must hold meanwhile.
+    pub watch: &'a Watch,
+    /// State of the run, and who steers it.
+    pub control: &'a Control,
+    /// Told of everything that happens.
+    pub observer: &'a dyn Observer,
+}
+
+/// What a run led to.
+pub struct Outcome {
+    /// Where the time went.
+    pub timing: Timing,
+    /// The reconstruction that followed the frames, complete but for its solution.
+    pub running: Option<Running>,
+}
+
+impl Engine<'_> {
+    /// Finds the exposure for a plan's steps that name none, and its bracket. The light is off afterwards, come what may.
+    ///
+    /// # Errors
+    /// A device's or interlock's; `Cancelled`.
+    pub fn meter(&mut self, plan: &Plan) -> Result<(Metered, Timing), Failure> {
+        let begun = Instant::now();
+        let mut hands = Hands::new(self.devices);
+        let _ = self.control.send(Input::Start);
+        let (watch, control, observer) = (self.watch, self.control, self.observer);
+        self.runtime.block_on(async {
+            let result = guarded(watch, control, meter::metered(&mut hands, plan, observer)).await;
+            let dark = hands.dark().await;
+            let metered = match result {
+                Ok(metered) => dark.map(|()| metered)?,
+                Err(failure) => {
+                    let cancelled = matches!(failure, Failure::Processing(Error::Cancelled));
+                    let _ = control.send(if cancelled { Input::Settled } else { Input::Fault });
+                    return Err(failure.at("metering"));
+                }
+            };
+            Ok((metered, timing(&hands, begun.elapsed())))
+        })
+    }
+
+    /// Takes all frames that the session does not have yet; `before` is the time that metering took.
+    ///
+    /// # Errors
+    /// A device's or interlock's, a full disk, `Cancelled`; in each case the session can be resumed.
+    pub fn run<D: Disk + Send>(
+        &mut self,
+        session: Session<D>,
+        description: &SessionFile,
+        before: Timing,
+    ) -> Result<Outcome, Failure> {
+        let _ = self.control.send(Input::Start);
+        let plan = &description.plan;
+        let (chosen, ended) = (session.journal().chosen(), session.journal().ended());
+        let steps = plan.steps_with(&chosen);
+        // A group lacks all of its frames or none, since it is taken in one go.
+        let lacks = |group: &[Step]| vec![group.iter().any(|s| !session.has(&s.file)); group.len()];
+        let missing: Vec<bool> = groups(&steps).flat_map(lacks).collect();
+        self.observer.stage("capturing", session.journal().planned(plan)[1] as u64);
+        let folder = session.folder().to_path_buf();
+        let camera = self.devices.camera.describe();
+        let observer = self.observer;
+        let (decisions, mut decided) = mpsc::unbounded_channel();
+        // What would be refused after the first fringes is refused before them.
+        if plan.until_decided().is_some()
+            && ended.is_none()
+            && let Err(error) = live::begin_survey(&folder, description, &camera)
+        {
+            let _ = self.control.send(Input::Fault);
+            return Err(error.into());
+        }
+        let deciding = (plan.is_open() && ended.is_none()).then(|| Deciding {
+            known: steps.iter().filter(|s| s.role == Role::Series).count(),
+            limits_deg: self.devices.stage.describe().limits_deg,
+            decisions,
+        });
+        let further = deciding.is_some();
+        let live = Live { folder: &folder, description, camera: camera.clone(), observer, deciding };
+        let (out, queue) = mpsc::channel(QUEUE);
+        let (arrivals, arrived) = std::sync::mpsc::channel();
+        let (known, before_chosen) = (steps.clone(), chosen.clone());
+        let mut hands = Hands::new(self.devices);
+        hands.stood = session.journal().stood().filter(|_| !plan.turns());
+        let store = Store { session, description, steps: known, chosen: before_chosen, camera, observer, arrivals };
+        let taker = Taker {
+            hands,
+            watch: self.watch,
+            control: self.control,
+            plan,
+            exposure: Duration::from_secs_f64(description.exposure_s),
+            out,
+            paused: Duration::ZERO,
+            prepared: false,
+        };
+        let (runtime, control) = (self.runtime, self.control);
+        std::thread::scope(|scope| {
+            let following = scope.spawn(move || live.follow(arrived));
+            store.announce_stored(&missing);
+            let storing = scope.spawn(|| store.run(queue));
+            let further = further.then_some((chosen, &mut decided));
+            let taken = runtime.block_on(take_and_finish(taker, (&steps, &missing), further, before));
+            let stored = storing.join().unwrap_or_else(|_| Err(died("storing")));
+            let running = following.join().unwrap_or(None);
+            // What the disk says explains why the frames were not wanted any more.
+            let result = stored.and(taken);
+            let _ = control.send(match &result {
+                Ok(_) => Input::Done,
+                Err(Failure::Processing(Error::Cancelled)) => Input::Settled,
+                Err(_) => Input::Fault,
+            });
+            result.map(|timing| Outcome { timing, running })
+        })
+    }
+}
+
+/// Takes the frames, waits until they are stored, and closes the session or says why it ended.
+async fn take_and_finish(
+    mut taker: Taker<'_>,
+    (steps, missing): (&[Step], &[bool]),
+    further: Option<(Vec<Added>, &mut Decisions)>,
+    before: Timing,
+) -> Result<Timing, Failure> {
+    let begun = Instant::now();
+    let result = taker.take_all(steps, missing, further).await;
+    taker.flush().await;
+    let now = timing(&taker.hands, begun.elapsed() - taker.paused);
+    let timing = Timing {
+        device_s: before.device_s + now.device_s,
+        engine_s: before.engine_s + now.engine_s,
+        wall_s: before.wall_s + now.wall_s,
+    };
+    let last = match &result {
+        Ok(()) => Message::Finish(timing),
+        Err(failure) => Message::Note(Entry::stopped(failure)),
+    };
+    let _ = taker.out.send(last).await;
+    result.map(|()| timing)
+}
+
+fn timing(hands: &Hands, wall: Duration) -> Timing {
+    let stopwatch = &hands.stopwatch;
+    Timing {
+        device_s: stopwatch.device_time().as_secs_f64(),
+        engine_s: wall.saturating_sub(stopwatch.waited).as_secs_f64(),
+        wall_s: wall.as_secs_f64(),
+    }
+}
+
+fn died(what: &str) -> Failure {
+    Error::input(what, "ended unexpectedly", "report this, with what was printed before").into()
+}

@@ -1,0 +1,211 @@
+//! What a panel makes of what it is told, as the camera sees it: its tone curve, and whether a pattern is there when the panel says so.
+//!
+//! The camera looks at anything that the panel lights: a sheet of paper, a sample, the panel itself. Luminances are means over
+//! the pixels that see the panel, so what they see of it cancels; the camera must be linear (`nacre init` measures that).
+
+use super::hands::Hands;
+use super::meter;
+use crate::failure::Failure;
+use crate::plan::State;
+use nacre_drivers::display::kms::Tone;
+use nacre_drivers::display::{PowerLaw, power_law};
+use nacre_drivers::{DeviceError, Frame, Freshness, Pattern};
+use nacre_processing::progress::Progress;
+use serde::Serialize;
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+/// Numbers of levels whose codes are whole numbers from 0 to 255.
+pub const LEVELS: [usize; 5] = [6, 16, 18, 52, 86];
+
+/// Frames that are averaged per level.
+const AVERAGED: u32 = 3;
+
+/// Changes between black and white that are watched.
+const CHANGES: u32 = 6;
+
+/// Frames watched at most after a change, and how many in a row must show the new level.
+const WATCHED: u32 = 60;
+const SETTLED: u32 = 6;
+
+/// A frame shows the new pattern when it is so near to its level, as a part of the change.
+const THERE: f64 = 0.02;
+
+/// Pixels that see at least this part of what the brightest see of the panel count,
+const SEEN: f64 = 0.2;
+
+/// and there must be so many of them.
+const FEWEST: usize = 50;
+
+/// What was found.
+#[derive(Clone, Debug, Serialize)]
+pub struct PanelFound {
+    /// Luminances at evenly spaced codes from black to white, as parts of white's: means of a rising and a falling series.
+    pub luminances: Vec<f64>,
+    /// Largest difference between the two series, as a part of white: drift of panel or camera.
+    pub drift: f64,
+    /// The power law through them.
+    pub law: PowerLaw,
+    /// Pixels that see the panel.
+    pub pixels: usize,
+    /// Exposure time in ms.
+    pub exposure_ms: f64,
+    /// Changes between black and white that were watched.
+    pub changes: u32,
+    /// Frames that were taken after the panel had said that it shows the new pattern, and did not show it yet; the most of all changes.
+    pub late_frames: u32,
+    /// How long after it had said so the last of them ended, in ms.
+    pub late_ms: f64,
+}
+
+/// The pattern that makes a panel show the code `part` · 255 everywhere. Where it draws by a tone curve of its own, that is asked for its
+/// luminance at this code.
+fn level(part: f64, tone: Option<&Tone>) -> Pattern {
+    let asked = tone.map_or(part, |tone| tone.luminance((255.0 * part).round() as u8));
+    Pattern::Fringes { cycles_per_mm: [0.0; 2], phase: (2.0 * asked - 1.0).clamp(-1.0, 1.0).acos() / TAU, gamma: 1.0 }
+}
+
+/// Measures the panel at so many levels ([`LEVELS`]); `tone` is the curve that it draws by already. The light is off afterwards only if
+/// nothing fails: whoever calls it sees to that.
+///
+/// # Errors
+/// As the devices answer; `Setup` where the camera sees too little of the panel, or what it sees does not grow with the code.
+pub async fn measure(
+    hands: &mut Hands<'_>,
+    levels: usize,
+    tone: Option<&Tone>,
+    progress: &dyn Progress,
+) -> Result<PanelFound, Failure> {
+    hands.prepare(false).await?;
+    hands.cover(false).await?;
+    let white =
+        State { pattern: level(1.0, tone), analyser_deg: None, flash: false, covered: false, exposure_ms: None };
+    progress.stage("metering", 1);
+    let camera = hands.limits().camera.clone();
+    let exposure = meter::steady(meter::one(hands, 1.0, &white, None).await?, &camera.steady_exposures_s);
+    hands.expose(exposure, 1.0).await?;
+    let eye = Eye::open(hands, tone).await?;
+    progress.stage("changes between black and white", u64::from(CHANGES));
+    let (mut late_frames, mut late) = (0, Duration::ZERO);
+    for change in 0..CHANGES {
+        let (frames, time) = eye.late(hands, f64::from(change % 2), tone).await?;
+        (late_frames, late) = (late_frames.max(frames), late.max(time));
+        progress.step();
+    }
+    progress.stage("levels", 2 * levels as u64);
+    let mut series = [vec![0.0; levels], vec![0.0; levels]];
+    for k in 0..2 * levels {
+        let at = if k < levels { k } else { 2 * levels - 1 - k };
+        hands.show(level(at as f64 / (levels - 1) as f64, tone)).await?;
+        series[k / levels][at] = eye.mean(hands, late_frames).await?;
+        progress.step();
+    }
+    hands.dark().await?;
+    let [rising, falling] = series;
+    let luminances: Vec<f64> = rising.iter().zip(&falling).map(|(a, b)| 0.5 * (a + b)).collect();
+    let law = power_law(&luminances).ok_or_else(|| {
+        let expected = "luminances that grow with the code";
+        let got = format!("{:.1} to {:.1} codes of the camera", luminances[0], luminances[levels - 1]);
+        DeviceError::new(&camera.id, "measure the panel", expected, got)
+            .remedy("keep other light away, and see that the panel lights what the camera sees")
+    })?;
+    let white = luminances[levels - 1];
+    Ok(PanelFound {
+        drift: rising.iter().zip(&falling).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs())) / white,
+        luminances: luminances.iter().map(|l| l / white).collect(),
+        law,
+        pixels: eye.pixels.len(),
+        exposure_ms: 1e3 * exposure.as_secs_f64(),
+        changes: CHANGES,
+        late_frames,
+        late_ms: 1e3 * late.as_secs_f64(),
+    })
+}
+
+/// The pixels that see the panel.
+struct Eye {
+    pixels: Vec<usize>,
+    /// The camera's code of no light.
+    black: f64,
+    /// Mean codes above that, under a black and a white panel.
+    ends: [f64; 2],
+}
+
+impl Eye {
+    /// Finds them.
+    async fn open(hands: &mut Hands<'_>, tone: Option<&Tone>) -> Result<Self, Failure> {
+        let camera = hands.limits().camera.clone();
+        let mut frames = vec![];
+        for part in [0.0, 1.0] {
+            hands.show(level(part, tone)).await?;
+            frames.push(settled(hands).await?);
+        }
+        let [dark, lit] = [0, 1].map(|k| &frames[k].codes);
+        let top = 0.97 * f64::from(camera.white);
+        let seen = |i: usize| f64::from(lit[i]) - f64::from(dark[i]);
+        let usable: Vec<usize> = (0..lit.len()).filter(|i| f64::from(lit[*i]) < top).collect();
+        let brightest = usable.iter().map(|i| seen(*i)).fold(0.0, f64::max);
+        let pixels: Vec<usize> =
+            usable.into_iter().filter(|i| seen(*i) >= SEEN * brightest && seen(*i) > 0.0).collect();
+        let eye = Self { pixels, black: f64::from(camera.black), ends: [0.0; 2] };
+        let ends = [eye.of(&frames[0]), eye.of(&frames[1])];
+        if eye.pixels.len() < FEWEST || ends[1] - ends[0] < 0.02 * f64::from(camera.white) {
+            let got = format!("{} pixels, whose means are {:.1} and {:.1}", eye.pixels.len(), ends[0], ends[1]);
+            let expected = format!("at least {FEWEST} pixels that see the panel");
+            return Err(DeviceError::new(&camera.id, "measure the panel", expected, got)
+                .remedy("put white paper where the sample is, keep other light away, then measure again")
+                .into());
+        }
+        Ok(Self { ends, ..eye })
+    }
+
+    /// Mean code above black over the pixels.
+    fn of(&self, frame: &Frame) -> f64 {
+        let sum: u64 = self.pixels.iter().map(|i| u64::from(frame.codes[*i])).sum();
+        sum as f64 / self.pixels.len().max(1) as f64 - self.black
+    }
+
+    /// Mean of several frames, after `late` that may still show what was before.
+    async fn mean(&self, hands: &mut Hands<'_>, late: u32) -> Result<f64, Failure> {
+        for _ in 0..late {
+            hands.fresh().await?;
+        }
+        let mut sum = 0.0;
+        for _ in 0..AVERAGED {
+            sum += self.of(&hands.fresh().await?.0);
+        }
+        Ok(sum / f64::from(AVERAGED))
+    }
+
+    /// Changes the panel; counts the frames that do not show it although they are taken after it says so, and when the last of them ended.
+    async fn late(&self, hands: &mut Hands<'_>, part: f64, tone: Option<&Tone>) -> Result<(u32, Duration), Failure> {
+        let goal = self.ends[usize::from(part > 0.5)];
+        let width = THERE * (self.ends[1] - self.ends[0]);
+        hands.show(level(part, tone)).await?;
+        let Freshness { steady_since, .. } = hands.freshness();
+        let (mut late, mut until, mut since) = (0, Duration::ZERO, 0);
+        for taken in 1..=WATCHED {
+            let (frame, _) = hands.fresh().await?;
+            if (self.of(&frame) - goal).abs() > width {
+                (late, until, since) = (taken, frame.stamp.timestamp.saturating_sub(steady_since), 0);
+            } else {
+                since += 1;
+            }
+            if since == SETTLED {
+                return Ok((late, until));
+            }
+        }
+        let got = format!("another one in frame {late} after the change");
+        Err(DeviceError::new(&hands.limits().display.id, "show black or white", "a steady level", got)
+            .remedy("keep other light away and switch off what changes the panel's brightness by itself")
+            .into())
+    }
+}
+
+/// A frame long after the last change: the last of several whose predecessors may be late.
+async fn settled(hands: &mut Hands<'_>) -> Result<Frame, Failure> {
+    for _ in 0..WATCHED {
+        hands.fresh().await?;
+    }
+    Ok(hands.fresh().await?.0)
+}

@@ -1,0 +1,15 @@
+#![doc = include_str!("../README.md")]
+
+pub mod engine;
+mod failure;
+pub mod fields;
+pub mod guardian;
+pub mod import;
+pub mod page;
+pub mod plan;
+pub mod rig;
+pub mod run;
+pub mod session;
+pub mod setup;
+
+pub use failure::Failure;

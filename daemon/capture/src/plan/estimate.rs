@@ -1,0 +1,159 @@
+//! Time and disk that a session needs: the engine's own timeline, without the devices.
+
+use super::steps::groups;
+use super::{Plan, State, Step};
+use nacre_drivers::{CameraInfo, DisplayInfo, FlashInfo, StageInfo};
+use serde::Serialize;
+use std::time::Duration;
+
+/// What the devices of a bench can do.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// The analyser's stage.
+    pub stage: StageInfo,
+    /// The camera.
+    pub camera: CameraInfo,
+    /// The panel.
+    pub display: DisplayInfo,
+    /// The flash, if there is one.
+    pub flash: Option<FlashInfo>,
+}
+
+/// Time and disk that a session needs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// Frames stored.
+    pub frames: usize,
+    /// Time that the devices need, in seconds, metering included.
+    pub seconds: f64,
+    /// Of which metering, where the exposure is metered.
+    pub metering_seconds: Option<f64>,
+    /// Exposure time in seconds, as planned or metered.
+    pub exposure_s: f64,
+    /// Largest size of the frames in bytes (uncompressed).
+    pub bytes: u64,
+    /// For a series that ends by its σ, where everything above is the most: the least.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub least: Option<Least>,
+}
+
+/// The least time and disk that a session needs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Least {
+    /// Frames stored.
+    pub frames: usize,
+    /// As in [`Estimate`].
+    pub seconds: f64,
+    /// As in [`Estimate`].
+    pub bytes: u64,
+}
+
+/// Stops on the way to `to` from `from`: two when the angle does not lie above, one otherwise. A person turns to the
+/// angle as they see fit.
+pub(crate) fn approach(from: f64, to: f64, stage: &StageInfo) -> Vec<f64> {
+    let below = (to - stage.approach_deg).max(stage.limits_deg[0]);
+    if to <= from && below < to { vec![below, to] } else { vec![to] }
+}
+
+/// Longest time that the flash is on for a group of `exposures` exposures: it may come on just after one began.
+pub(crate) fn light_on_s(exposure: Duration, exposures: usize, limits: &Limits) -> f64 {
+    let beat = exposure.as_secs_f64() + limits.camera.readout_s;
+    2.0 * limits.flash.as_ref().map_or(0.0, |f| f.settling_s) + (exposures as f64 + 1.0) * beat
+}
+
+impl Plan {
+    /// Time and disk for a session with this exposure time, without metering. `stands_deg` is where the stage stands.
+    pub fn estimate(&self, exposure: Duration, limits: &Limits, stands_deg: f64) -> Estimate {
+        let most = self.estimate_of(&self.most_steps(), exposure, limits, stands_deg);
+        let least = self.is_open().then(|| self.estimate_of(&self.steps(), exposure, limits, stands_deg));
+        let least = least.map(|e| Least { frames: e.frames, seconds: e.seconds, bytes: e.bytes });
+        Estimate { least, ..most }
+    }
+
+    fn estimate_of(&self, steps: &[Step], exposure: Duration, limits: &Limits, stands_deg: f64) -> Estimate {
+        let mut time = Timeline::new(limits);
+        if steps.iter().any(|s| s.state.analyser_deg.is_some()) {
+            time.now += stands_deg.abs() / limits.stage.speed_deg_s + limits.stage.settling_s;
+        }
+        for group in groups(steps) {
+            time.take(&group[0].state, exposure, group.len() * self.camera.average as usize);
+        }
+        let camera = &limits.camera;
+        let pixels = self.camera.roi.map_or(camera.width * camera.height, |[_, _, w, h]| w as usize * h as usize);
+        Estimate {
+            frames: steps.len(),
+            seconds: time.now,
+            metering_seconds: None,
+            exposure_s: exposure.as_secs_f64(),
+            bytes: (steps.len() * pixels * 2) as u64,
+            least: None,
+        }
+    }
+}
+
+/// The devices as clocks. The camera runs freely: frames begin on its beats, and controls act after its lag.
+struct Timeline<'a> {
+    limits: &'a Limits,
+    now: f64,
+    /// A time at which a frame begins, and the length of frames from then on.
+    beat_at: f64,
+    beat: f64,
+    exposure: Option<Duration>,
+    angle: f64,
+}
+
+impl<'a> Timeline<'a> {
+    fn new(limits: &'a Limits) -> Self {
+        let beat = limits.camera.exposure_now_s + limits.camera.readout_s;
+        Self { limits, now: 0.0, beat_at: 0.0, beat, exposure: None, angle: 0.0 }
+    }
+
+    /// First beat that is not before `time`.
+    fn next_beat(&self, time: f64) -> f64 {
+        // Sums of beats may miss a beat by rounding.
+        self.beat_at + self.beat * ((time - self.beat_at) / self.beat - 1e-9).ceil()
+    }
+
+    /// Waits until the exposure is in force, and sure to be: the frame in progress, and the lag, which ends with a frame
+    /// of the new exposure.
+    fn expose(&mut self, exposure: Duration) {
+        if self.exposure == Some(exposure) {
+            return;
+        }
+        let new = exposure.as_secs_f64() + self.limits.camera.readout_s;
+        let old = f64::from(self.limits.camera.control_lag_frames.saturating_sub(1)) * self.beat;
+        // A frame that ends as the control is set is not the one in progress.
+        let in_progress = self.next_beat(self.now + 1e-9);
+        self.now = in_progress + old + new;
+        (self.beat_at, self.beat, self.exposure) = (self.now, new, Some(exposure));
+    }
+
+    fn take(&mut self, state: &State, session: Duration, exposures: usize) {
+        self.expose(state.exposure(session));
+        if let Some(to) = state.analyser_deg {
+            let stage = &self.limits.stage;
+            for stop in approach(self.angle, to, stage) {
+                self.now += (stop - self.angle).abs() / stage.speed_deg_s + stage.settling_s;
+                self.angle = stop;
+            }
+        }
+        let settling = if state.flash { self.limits.flash.as_ref().map_or(0.0, |f| f.settling_s) } else { 0.0 };
+        self.now = self.next_beat(self.now + settling) + exposures as f64 * self.beat + settling;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_approached_from_below_within_the_limits() {
+        let mut stage = nacre_sim::describe(&nacre_sim::BenchConfig::default()).stage;
+        stage.limits_deg = [-10.0, 370.0];
+        assert_eq!(approach(0.0, 45.0, &stage), [45.0]);
+        assert_eq!(approach(45.0, 45.0, &stage), [40.0, 45.0]);
+        assert_eq!(approach(90.0, -8.0, &stage), [-10.0, -8.0]);
+        assert_eq!(approach(90.0, -10.0, &stage), [-10.0]);
+        assert_eq!(approach(90.0, 0.0, &StageInfo { approach_deg: 0.0, ..stage }), [0.0]);
+    }
+}

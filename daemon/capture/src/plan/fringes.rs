@@ -1,0 +1,338 @@
+//! Fringes of a spot scan.
+
+use super::{Limits, Plan};
+use crate::setup::Setup;
+use nacre_drivers::Pattern;
+use nacre_processing::polarimetry::NoiseModel;
+use nacre_processing::spots::{
+    LEAST_FRINGES, MAX_CARRIERS, Optics, Prediction, Request, Setting, cheapest, frequencies, predict, reachable,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Stripes that move over the panel. Each of `count` directions and widths is shown at `phases` phases; three frames of even light tell how
+/// the panel answers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FringesPlan {
+    /// How many different ones, 4 to 31: more tell more places apart. When it is not given, the fewest that the camera's noise lets meet
+    /// the σ wanted; the session then holds it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub count: Option<u32>,
+    /// Phases of each, 3 to 16: from 4 on, the panel's exponent may be a few percent wrong.
+    pub phases: u32,
+    /// Period of the finest in mm; one that the camera's aperture blurs away tells nothing.
+    pub finest_mm: f64,
+    /// Exponent that the panel is taken to have where nothing better is known.
+    pub gamma: f64,
+    /// Wanted σ of a period over the period, in a dim pixel.
+    pub period_sigma: f64,
+    /// Wanted σ of an orientation in degrees.
+    pub orientation_sigma_deg: f64,
+    /// Longest period that is expected, in µm, of which a place on the panel says least.
+    pub longest_um: f64,
+    /// Add fringes until at most this part of the pixels with a first order on the panel is undecided: explained by two gratings alike, or
+    /// by one whose period is less sure than `period_sigma`. The series then begins with `count` (10 where it is not given).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub until_undecided: Option<f64>,
+    /// Most fringes of such a series; as many as 64 patterns allow when it is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_most: Option<u32>,
+}
+
+/// A scan that goes on until few pixels are undecided.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UntilDecided {
+    /// Fringes to begin with.
+    pub start: u32,
+    /// Part of the pixels that may be undecided.
+    pub undecided: f64,
+    /// Most fringes.
+    pub at_most: u32,
+    /// Phases of each.
+    pub phases: u32,
+    /// Wanted σ of a period over the period.
+    pub period_sigma: f64,
+}
+
+/// What is added to a series that goes on until enough is known.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Added {
+    /// Another angle of the analyser.
+    Angle {
+        /// In degrees.
+        analyser_deg: f64,
+    },
+    /// More fringes.
+    Fringes {
+        /// How many there are with them.
+        fringes: u32,
+    },
+}
+
+/// Fringes where nothing is known of the camera's noise.
+const USUAL: u32 = 12;
+
+/// Fringes to begin with where more are added as they are needed: with fewer, one pixel in five hundred is taken for another grating without
+/// a sign of it (docs/charts.md, spot scans).
+const FIRST: u32 = LEAST_FRINGES as u32;
+/// How many are added at a time.
+pub(crate) const MORE: u32 = 2;
+
+/// Most patterns of a series that is chosen.
+const MOST_PATTERNS: usize = 64;
+
+/// Phases of even light: white, half of it, and a quarter.
+pub(super) const EVEN: [f64; 3] = [0.0, 0.25, 1.0 / 3.0];
+
+impl Default for FringesPlan {
+    fn default() -> Self {
+        Self {
+            count: None,
+            phases: 4,
+            finest_mm: 28.0,
+            gamma: 2.2,
+            period_sigma: 0.01,
+            orientation_sigma_deg: 0.5,
+            longest_um: 3.0,
+            until_undecided: None,
+            at_most: None,
+        }
+    }
+}
+
+impl FringesPlan {
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// A sentence that names the key, what was found and what is allowed.
+    pub fn check(&self) -> Result<(), String> {
+        if let Some(count) = self.count.filter(|n| !(4..=MAX_CARRIERS as u32).contains(n)) {
+            return Err(format!("spots.fringes.count is {count}; give 4 to {MAX_CARRIERS}"));
+        }
+        for (key, value, low, high) in [
+            ("period_sigma", self.period_sigma, 1e-5, 0.5),
+            ("orientation_sigma_deg", self.orientation_sigma_deg, 1e-4, 45.0),
+            ("longest_um", self.longest_um, 0.2, 1000.0),
+        ] {
+            if !(low..=high).contains(&value) {
+                return Err(format!("spots.fringes.{key} is {value}; give {low} to {high}"));
+            }
+        }
+        match (self.until_undecided, self.at_most) {
+            (None, Some(_)) => return Err("spots.fringes.at_most belongs to until_undecided; remove it".into()),
+            (Some(part), _) if !(1e-4..1.0).contains(&part) => {
+                return Err(format!("spots.fringes.until_undecided is {part}; give a part of 1 from 0.0001"));
+            }
+            _ => {}
+        }
+        let most = MAX_CARRIERS as u32;
+        if let Some(until) = self.until()
+            && !(until.start..=most).contains(&until.at_most)
+        {
+            let start = until.start;
+            return Err(format!("spots.fringes.at_most is {}; give {start} (the first ones) to {most}", until.at_most));
+        }
+        if !(3..=16).contains(&self.phases) {
+            return Err(format!("spots.fringes.phases is {}; give 3 to 16", self.phases));
+        }
+        if !(1.0..=1000.0).contains(&self.finest_mm) {
+            return Err(format!("spots.fringes.finest_mm is {}; give 1 to 1000", self.finest_mm));
+        }
+        if !(0.2..=5.0).contains(&self.gamma) {
+            return Err(format!("spots.fringes.gamma is {}; give 0.2 to 5, usually 2.2", self.gamma));
+        }
+        Ok(())
+    }
+
+    /// How the scan goes on, where that is left open.
+    pub fn until(&self) -> Option<UntilDecided> {
+        let undecided = self.until_undecided?;
+        let start = self.count.unwrap_or(FIRST);
+        // Two frames besides: the dark and a black panel.
+        let fit = (MOST_PATTERNS - 2 - EVEN.len()) as u32 / self.phases.max(1);
+        let at_most = self.at_most.unwrap_or(fit.min(MAX_CARRIERS as u32).max(start));
+        Some(UntilDecided { start, undecided, at_most, phases: self.phases, period_sigma: self.period_sigma })
+    }
+
+    /// What the panel shows, in order, as far as is known beforehand.
+    pub fn patterns(&self) -> Vec<Pattern> {
+        self.patterns_of(self.until().map_or(self.count.unwrap_or(USUAL), |until| until.start))
+    }
+
+    /// The same with so many fringes.
+    pub(crate) fn patterns_of(&self, count: u32) -> Vec<Pattern> {
+        let (count, phases, gamma) = (count.min(MAX_CARRIERS as u32), self.phases.clamp(1, 16), self.gamma);
+        let pattern = |cycles_per_mm, phase| Pattern::Fringes { cycles_per_mm, phase, gamma };
+        let even = EVEN.map(|phase| pattern([0.0; 2], phase));
+        let shown = frequencies(count as usize, self.finest_mm);
+        let moved = shown.into_iter().flat_map(|f| (0..phases).map(move |k| (f, f64::from(k) / f64::from(phases))));
+        even.into_iter().chain(moved.map(|(f, phase)| pattern(f, phase))).collect()
+    }
+}
+
+/// What fringes will tell, where the bench says where things stand.
+pub struct Reach {
+    /// Shortest period in µm whose first order reaches the panel, for grating vectors at 0, 15, … 165 degrees, from the sample's middle;
+    /// none where none does.
+    pub shortest_um: Vec<Option<f64>>,
+    /// What the plan's setting will bring, where the camera's noise is known.
+    pub predicted: Option<Prediction>,
+    /// Whether that is what the plan wants.
+    pub meets: bool,
+}
+
+impl Reach {
+    /// As a person reads it.
+    pub fn text(&self) -> String {
+        let predicted = self.predicted.as_ref().map_or_else(String::new, |p| {
+            format!(
+                "\n{} fringes of {} phases, {} patterns in all: σ {:.2} % of the period and {:.2}° of the orientation in a dim pixel{}",
+                p.setting.count,
+                p.setting.phases,
+                p.patterns,
+                100.0 * p.period,
+                p.orientation_deg,
+                if self.meets { "" } else { ", which is more than the plan wants" }
+            )
+        });
+        let each = self.shortest_um.iter().enumerate().map(|(k, um)| {
+            let reached = um.map_or("none".to_owned(), |um| format!("{um:.2} µm"));
+            format!("\n  {:3}°  {reached}", 15 * k)
+        });
+        let each: String = each.collect();
+        format!(
+            "{predicted}\nshortest period whose first order reaches the panel, by the grating vector's direction:{each}"
+        )
+    }
+}
+
+impl FringesPlan {
+    fn setting(&self) -> Setting {
+        // A series that is left open may have as many as it needs.
+        let count = self.until().map_or(self.count.unwrap_or(USUAL), |until| until.at_most) as usize;
+        Setting { count, phases: self.phases as usize, finest_mm: self.finest_mm }
+    }
+
+    fn request(&self) -> Request {
+        Request {
+            period: self.period_sigma,
+            orientation_deg: self.orientation_sigma_deg,
+            longest_um: self.longest_um,
+            at_most: MOST_PATTERNS,
+        }
+    }
+}
+
+impl Plan {
+    /// What the fringes of this plan will tell, where the bench says where things stand.
+    pub fn reach(&self, setup: &Setup, limits: &Limits) -> Option<Reach> {
+        let plan = self.clone().with_fringes(setup, limits);
+        let fringes = plan.spots.as_ref()?.fringes.as_ref()?;
+        let optics = optics(setup, limits)?;
+        let predicted = noise(limits).and_then(|n| predict(&optics, &n, fringes.setting(), fringes.longest_um));
+        let meets = predicted
+            .as_ref()
+            .is_some_and(|p| p.period <= fringes.period_sigma && p.orientation_deg <= fringes.orientation_sigma_deg);
+        Some(Reach { shortest_um: reachable(&optics), predicted, meets })
+    }
+
+    /// The plan with as many fringes as the camera's noise asks for, where it leaves that open. Where nothing meets what is wanted, or too
+    /// little is known, there are as many as usual.
+    pub fn with_fringes(mut self, setup: &Setup, limits: &Limits) -> Self {
+        let Some(fringes) = self
+            .spots
+            .as_mut()
+            .and_then(|s| s.fringes.as_mut())
+            .filter(|f| f.count.is_none() && f.until_undecided.is_none())
+        else {
+            return self;
+        };
+        let known = optics(setup, limits).zip(noise(limits));
+        let fewest =
+            known.and_then(|(optics, noise)| cheapest(&optics, &noise, &fringes.setting(), &fringes.request()));
+        fringes.count = Some(fewest.map_or(USUAL, |p| p.setting.count as u32));
+        self
+    }
+}
+
+fn noise(limits: &Limits) -> Option<NoiseModel> {
+    let (full_scale_e, read_noise_e) = limits.camera.full_scale_e.zip(limits.camera.read_noise_e)?;
+    Some(NoiseModel { full_scale_e, read_noise_e })
+}
+
+/// Camera and panel side by side, as the bench says.
+fn optics(setup: &Setup, limits: &Limits) -> Option<Optics> {
+    let geometry = setup.geometry?;
+    let (d, half) = (geometry.distance_mm, 0.5 * geometry.baseline_mm);
+    Some(Optics {
+        viewer_mm: [-half, 0.0, d],
+        panel_axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        panel_mm: [half, 0.0, d],
+        panel_size_mm: limits.display.size_mm,
+        wavelength_um: setup.wavelength_nm? / 1000.0,
+        band: 0.0,
+        aperture_mm: 10.0,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fringes_are_counted_and_checked() {
+        let plan: Plan =
+            toml::from_str("kind = \"spots\"\nspots = { fringes = {} }\nextras = [\"display_black\"]").unwrap();
+        plan.check_values().unwrap();
+        let steps = plan.steps();
+        assert!(steps.len() <= 64 && steps.len() == 1 + 3 + 48, "{}", steps.len());
+        for (key, word) in [
+            ("count = 3", "count"),
+            ("phases = 2", "phases"),
+            ("finest_mm = 0", "finest"),
+            ("gamma = 9", "gamma"),
+            ("longest_um = nan", "longest_um"),
+        ] {
+            let text = format!("kind = \"spots\"\nspots = {{ fringes = {{ {key} }} }}");
+            let problem = toml::from_str::<Plan>(&text).unwrap().check_values().unwrap_err();
+            assert!(problem.contains(word), "{problem}");
+        }
+        let none = toml::from_str::<Plan>("kind = \"spots\"\nspots = {}").unwrap();
+        assert!(none.check_values().unwrap_err().contains("centers_mm"));
+        let asked = "kind = \"spots\"\nspots = { centers_mm = [[0, 0]] }\nreconstruct = { method = \"spots\" }";
+        assert!(toml::from_str::<Plan>(asked).unwrap().check_values().unwrap_err().contains("method is spots"));
+    }
+
+    /// A panel of 52 × 32 cm at 25 cm reaches 1.2 µm in all directions with the camera overhead, and 0.8 µm, 44° off, in few.
+    #[test]
+    fn reach_depends_on_the_direction() {
+        let plan: Plan = toml::from_str("kind = \"spots\"\nspots = { fringes = {} }").unwrap();
+        let bench = nacre_sim::BenchConfig::default();
+        let devices = nacre_sim::describe(&bench);
+        let display = nacre_drivers::DisplayInfo { size_mm: [520.0, 320.0], ..devices.display.clone() };
+        let limits = Limits { stage: devices.stage, camera: devices.camera, display, flash: None };
+        let geometry = nacre_processing::frames::Geometry {
+            distance_mm: 250.0,
+            baseline_mm: 0.0,
+            pixel_um: None,
+            camera_px: None,
+        };
+        let setup = Setup { wavelength_nm: Some(560.0), geometry: Some(geometry), ..Setup::default() };
+        let shortest = plan.reach(&setup, &limits).unwrap().shortest_um;
+        let [right, up] = [0, 6].map(|k| shortest[k].unwrap());
+        // Straight up the panel ends 160 mm away, less half an aperture: sin atan(155 / 250).
+        assert!((up - 0.56 / (155.0_f64 / 250.0).atan().sin()).abs() < 2e-3, "{up}");
+        assert!((right - 0.56 / (255.0_f64 / 250.0).atan().sin()).abs() < 2e-3, "{right}");
+        assert!(plan.reach(&Setup::default(), &limits).is_none());
+        let chosen = |full_scale_e: f64| {
+            let mut limits = limits.clone();
+            limits.camera.full_scale_e = Some(full_scale_e);
+            let plan = plan.clone().with_fringes(&setup, &limits);
+            plan.steps().len()
+        };
+        let (good, poor) = (chosen(40_000.0), chosen(1500.0));
+        assert!(good < poor && poor <= 64, "{good} {poor}");
+    }
+}

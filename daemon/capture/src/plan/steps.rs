@@ -1,0 +1,323 @@
+//! A plan as the list of frames it asks for.
+
+use super::fringes::EVEN;
+use super::{Added, AnalyserPlan, Extra, FreeStep, FringesPlan, Plan, PlanKind, UntilDecided, UntilSigma};
+use nacre_drivers::Pattern;
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+/// One frame: how the bench is to be, and the file it goes to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Step {
+    /// File in the session folder.
+    pub file: String,
+    /// What the frame is for.
+    pub role: Role,
+    /// How the bench is to be.
+    #[serde(flatten)]
+    pub state: State,
+}
+
+/// What a frame is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// One of the series.
+    Series,
+    /// Taken besides.
+    Extra(Extra),
+}
+
+/// How the bench is while a frame is exposed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct State {
+    /// What the panel shows.
+    pub pattern: Pattern,
+    /// Where the analyser stands in degrees; it is left alone when this is not given.
+    pub analyser_deg: Option<f64>,
+    /// The flash is on.
+    pub flash: bool,
+    /// The camera's shutter is closed.
+    pub covered: bool,
+    /// Exposure time in ms; the session's when it is not given.
+    pub exposure_ms: Option<f64>,
+}
+
+impl State {
+    /// Exposure time, given the session's.
+    pub fn exposure(&self, session: Duration) -> Duration {
+        self.exposure_ms.map_or(session, |ms| Duration::from_secs_f64(ms / 1000.0))
+    }
+}
+
+impl Plan {
+    /// The steps that are taken in any case, in order: extras first, so that they are there when the series is worked on.
+    pub fn steps(&self) -> Vec<Step> {
+        self.steps_with(&[])
+    }
+
+    /// The steps of a series to which this was added.
+    pub fn steps_with(&self, chosen: &[Added]) -> Vec<Step> {
+        let series = self.series(chosen);
+        let mut seen = BTreeSet::new();
+        let exposures = series.iter().map(|s| s.exposure_ms).filter(|e| seen.insert(e.map(f64::to_bits)));
+        let exposures: Vec<Option<f64>> = exposures.collect();
+        let extras =
+            self.extras.iter().flat_map(|extra| exposures.iter().enumerate().map(move |(k, e)| (*extra, k, *e)));
+        let extras = extras.map(|(extra, number, exposure_ms)| Step {
+            file: extra_file(extra, (exposures.len() > 1).then_some(number)),
+            role: Role::Extra(extra),
+            state: State {
+                pattern: Pattern::Black,
+                // Ambient light comes through the analyser too; a closed shutter hides it.
+                analyser_deg: series.first().and_then(|s| s.analyser_deg).filter(|_| extra == Extra::DisplayBlack),
+                flash: false,
+                covered: extra == Extra::Dark,
+                exposure_ms,
+            },
+        });
+        let numbered = series.iter().enumerate();
+        let series = numbered.map(|(i, state)| Step {
+            file: format!("frames/{i:04}.png"),
+            role: Role::Series,
+            state: state.clone(),
+        });
+        extras.chain(series).collect()
+    }
+
+    /// The frame that is subtracted from one of the series, if the plan takes any such: ambient light, or else the dark.
+    pub(crate) fn subtracted<'a>(&self, steps: &'a [Step], exposure_ms: Option<f64>) -> Option<&'a str> {
+        let of = |extra| {
+            let wanted = |s: &&Step| s.role == Role::Extra(extra) && s.state.exposure_ms == exposure_ms;
+            let extras = steps.iter().take_while(|s| s.role != Role::Series);
+            extras.filter(wanted).map(|s| s.file.as_str()).next()
+        };
+        of(Extra::DisplayBlack).or_else(|| of(Extra::Dark))
+    }
+
+    /// The plan with the exposures that metering found.
+    pub fn with_bracket(self, exposures_ms: Vec<f64>) -> Self {
+        if self.bracket.is_none() {
+            return self;
+        }
+        Self { exposures_ms, bracket: None, ..self }
+    }
+
+    /// Exposures of each view: as given, or the session's; as many unknown ones as a bracket may have before it is metered.
+    fn exposures(&self) -> Vec<Option<f64>> {
+        let unknown = self.bracket.map_or(1, |b| b.at_most as usize);
+        if self.exposures_ms.is_empty() {
+            vec![None; unknown]
+        } else {
+            self.exposures_ms.iter().copied().map(Some).collect()
+        }
+    }
+
+    /// Whether the plan turns the analyser; otherwise it is left as it is.
+    pub fn turns(&self) -> bool {
+        self.analyser.is_some() || self.steps.iter().any(|s| s.analyser_deg.is_some())
+    }
+
+    /// Whether the session's exposure time has to be metered.
+    pub fn is_metered(&self) -> bool {
+        self.camera.exposure_ms.is_none() && self.steps().iter().any(|s| s.state.exposure_ms.is_none())
+    }
+
+    /// Whether the series goes on until enough is known.
+    pub fn is_open(&self) -> bool {
+        self.until_sigma().is_some() || self.until_decided().is_some()
+    }
+
+    /// When fringes are added until few pixels are undecided: what is wanted.
+    pub fn until_decided(&self) -> Option<UntilDecided> {
+        self.spots.as_ref()?.fringes.as_ref()?.until()
+    }
+
+    /// When the series ends by its σ: what is wanted.
+    pub fn until_sigma(&self) -> Option<UntilSigma> {
+        match self.analyser {
+            Some(AnalyserPlan::Until(until)) => Some(until),
+            _ => None,
+        }
+    }
+
+    /// As many steps as there can be; the angles that are not known yet are such as may be added.
+    pub fn most_steps(&self) -> Vec<Step> {
+        let angles = self.until_sigma().map_or_else(Vec::new, |until| until.likely());
+        let angles = angles.into_iter().map(|analyser_deg| Added::Angle { analyser_deg });
+        let fringes = self.until_decided().map(|until| Added::Fringes { fringes: until.at_most });
+        self.steps_with(&angles.chain(fringes).collect::<Vec<_>>())
+    }
+
+    /// Frames at each analyser angle of a polarization series.
+    pub(crate) fn frames_per_angle(&self) -> usize {
+        self.exposures_ms.len().max(1)
+    }
+
+    /// Frames that come with what is added to a series of `frames`.
+    pub(crate) fn frames_of(&self, added: Added, frames: usize) -> usize {
+        let fringes = |f: &FringesPlan, count: u32| self.frames_before_fringes() + (f.phases * count) as usize;
+        match (added, self.spots.as_ref().and_then(|s| s.fringes.as_ref())) {
+            (Added::Fringes { fringes: count }, Some(f)) => fringes(f, count).saturating_sub(frames),
+            _ => self.frames_per_angle(),
+        }
+    }
+
+    /// Frames of a spot scan's series before its fringes: discs and even light.
+    pub(crate) fn frames_before_fringes(&self) -> usize {
+        self.spots.as_ref().map_or(0, |s| s.centers_mm.len()) + EVEN.len()
+    }
+
+    fn series(&self, chosen: &[Added]) -> Vec<State> {
+        let added = chosen.iter().filter_map(|a| match a {
+            Added::Angle { analyser_deg } => Some(*analyser_deg),
+            Added::Fringes { .. } => None,
+        });
+        let fringes = chosen.iter().rev().find_map(|a| match a {
+            Added::Fringes { fringes } => Some(*fringes),
+            Added::Angle { .. } => None,
+        });
+        let angles = match &self.analyser {
+            Some(analyser) => analyser.known().iter().copied().chain(added).map(Some).collect(),
+            None => vec![None],
+        };
+        let flash = self.kind == PlanKind::Flash;
+        let pattern = if flash { Pattern::Black } else { self.display.pattern() };
+        let state = |analyser_deg| State { pattern, analyser_deg, flash, covered: false, exposure_ms: None };
+        match self.kind {
+            PlanKind::Polarization if !self.exposures_ms.is_empty() => {
+                // Angle by angle, so that the exposures of one are merged as soon as they are there.
+                let exposures = |a: Option<f64>| {
+                    self.exposures_ms.iter().map(move |ms| State { exposure_ms: Some(*ms), ..state(a) })
+                };
+                angles.into_iter().flat_map(exposures).collect()
+            }
+            PlanKind::Polarization => angles.into_iter().map(state).collect(),
+            // A turn of the analyser costs less than a change of the exposure.
+            PlanKind::Exposures | PlanKind::Flash => {
+                let at = |exposure_ms| angles.iter().map(|a| State { exposure_ms, ..state(*a) }).collect::<Vec<_>>();
+                self.exposures().into_iter().flat_map(at).collect()
+            }
+            PlanKind::Spots => {
+                let spots = self.spots.iter().flat_map(|s| s.centers_mm.iter().map(|c| (*c, s.diameter_mm)));
+                let mut discs: Vec<_> =
+                    spots.map(|(center_mm, diameter_mm)| Pattern::Disc { center_mm, diameter_mm }).collect();
+                let shown = |f: &FringesPlan| fringes.map_or_else(|| f.patterns(), |count| f.patterns_of(count));
+                discs.extend(self.spots.iter().filter_map(|s| s.fringes.as_ref()).flat_map(shown));
+                let at = |a: &Option<f64>| discs.iter().map(|d| State { pattern: *d, ..state(*a) }).collect::<Vec<_>>();
+                angles.iter().flat_map(at).collect()
+            }
+            PlanKind::Free => {
+                // Explicit, so that a resumed session does not depend on where the analyser happens to stand.
+                let mut angle = self.steps.iter().find_map(|s| s.analyser_deg);
+                let mut place = |step: &FreeStep| {
+                    angle = step.analyser_deg.or(angle);
+                    angle
+                };
+                self.steps.iter().map(|s| State { analyser_deg: place(s), ..self.free(s) }).collect()
+            }
+        }
+    }
+
+    fn free(&self, step: &FreeStep) -> State {
+        State {
+            pattern: step.display.unwrap_or(self.display).pattern(),
+            analyser_deg: step.analyser_deg,
+            flash: step.flash,
+            covered: false,
+            exposure_ms: step.exposure_ms,
+        }
+    }
+}
+
+fn extra_file(extra: Extra, number: Option<usize>) -> String {
+    let name = super::word(extra);
+    number.map_or_else(|| format!("frames/{name}.png"), |number| format!("frames/{name}_{number:02}.png"))
+}
+
+/// Steps that follow each other in one state are taken in one go, so that repeats are different exposures.
+pub fn groups(steps: &[Step]) -> impl Iterator<Item = &[Step]> {
+    steps.chunk_by(|a, b| a.state == b.state)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    fn plan(text: &str) -> Plan {
+        let plan: Plan = toml::from_str(text).unwrap();
+        plan.check_values().unwrap();
+        plan
+    }
+
+    /// The plan of the documentation.
+    pub(in crate::plan) const DOCUMENTED: &str = r#"
+        kind = "polarization"
+        name = "kinematic tile, first look"
+        camera = { exposure_ms = 40, gain = 1.0, average = 1, roi = [0, 0, 1024, 1024] }
+        display = { pattern = "disc", diameter_mm = 180 }
+        analyser = { angles_deg = [0, 15, 30, 45, 60, 75, 90, 105, 120, 135, 150, 165] }
+        extras = ["dark", "display_black"]
+        reconstruct = { method = "polarization", model = "auto" }
+    "#;
+
+    #[test]
+    fn the_documented_plan_compiles_to_its_steps() {
+        let plan = plan(DOCUMENTED);
+        let steps = plan.steps();
+        assert_eq!(steps.len(), 14);
+        assert_eq!((steps[5].state.analyser_deg, steps[5].file.as_str()), (Some(45.0), "frames/0003.png"));
+        assert!(steps[0].state.covered && steps[1].state.pattern == Pattern::Black);
+        assert_eq!(plan.subtracted(&steps, None), Some("frames/display_black.png"));
+        assert!(!plan.is_metered());
+    }
+
+    #[test]
+    fn each_exposure_has_its_own_dark_frame() {
+        let plan = plan(
+            "kind = \"exposures\"\nexposures_ms = [1, 10]\nanalyser = { angles_deg = [0, 90] }\nextras = [\"dark\"]",
+        );
+        let steps = plan.steps();
+        let files: Vec<&str> = steps.iter().map(|s| s.file.as_str()).collect();
+        assert_eq!(files[..3], ["frames/dark_00.png", "frames/dark_01.png", "frames/0000.png"]);
+        assert_eq!(plan.subtracted(&steps, Some(10.0)), Some("frames/dark_01.png"));
+        assert_eq!(steps[4].state.exposure(Duration::ZERO), Duration::from_millis(10));
+        assert!(!plan.is_metered());
+    }
+
+    #[test]
+    fn exposures_of_a_polarization_plan_are_taken_angle_by_angle() {
+        let plan = plan(
+            "kind = \"polarization\"\nexposures_ms = [1, 10]\nanalyser = { until_sigma_deg = 1, start = 3 }\nextras = [\"display_black\"]",
+        );
+        let steps = plan.steps_with(&[Added::Angle { analyser_deg: 17.0 }]);
+        let series: Vec<_> = steps[2..].iter().map(|s| (s.state.analyser_deg, s.state.exposure_ms)).collect();
+        let wanted = [0.0, 60.0, 120.0, 17.0].map(|a| [(Some(a), Some(1.0)), (Some(a), Some(10.0))]).concat();
+        assert_eq!(series, wanted);
+        assert!(!plan.is_metered());
+        // What was chosen comes after what was known, so that files keep their names.
+        assert_eq!(steps[..8], plan.steps());
+    }
+
+    #[test]
+    fn spots_flashes_and_free_steps_say_what_shines() {
+        let spots = plan("kind = \"spots\"\nspots = { centers_mm = [[0, 0], [50, -20]], diameter_mm = 10 }");
+        let pattern = Pattern::Disc { center_mm: [50.0, -20.0], diameter_mm: 10.0 };
+        assert_eq!(spots.steps()[1].state.pattern, pattern);
+        assert!(spots.is_metered());
+        let flash = plan("kind = \"flash\"\nextras = [\"display_black\"]").steps();
+        assert_eq!((flash[0].state.flash, flash[1].state.flash, flash[1].state.pattern), (false, true, Pattern::Black));
+        let bracket = plan("kind = \"flash\"\nbracket = { at_most = 3 }\nextras = [\"dark\"]");
+        assert!(bracket.is_metered() && bracket.steps().len() == 4);
+        let known = bracket.with_bracket(vec![1.0, 4.0]).steps();
+        assert!(known.len() == 4 && known[3].state.flash && known[3].state.exposure_ms == Some(4.0));
+        let free = plan(
+            "kind = \"free\"\n[[steps]]\nflash = true\nexposure_ms = 2\n[[steps]]\nanalyser_deg = 30\n[[steps]]\nanalyser_deg = 30",
+        );
+        let steps = free.steps();
+        assert_eq!(groups(&steps).map(<[Step]>::len).collect::<Vec<_>>(), [1, 2]);
+        assert_eq!(steps[0].state.analyser_deg, Some(30.0));
+        assert!(free.is_metered() && steps[0].state.flash && steps[1].state.pattern != Pattern::Black);
+    }
+}

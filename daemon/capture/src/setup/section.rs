@@ -1,0 +1,331 @@
+//! `[bench]` of `nacre.toml`: which devices make the bench.
+
+use super::Setup;
+use nacre_drivers::camera::{CameraConfig, CameraDriver};
+use nacre_drivers::display::{DisplayConfig, DisplayDriver};
+use nacre_drivers::flash::{FlashConfig, FlashDriver};
+use nacre_drivers::stage::{StageConfig, StageDriver};
+use nacre_drivers::{DeviceLock, DeviceResult};
+use nacre_processing::frames::Geometry;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// Which bench: the simulated one, devices of this machine, or these beside simulated ones.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BenchSection {
+    /// Devices that are not described below are simulated.
+    pub sim: bool,
+    /// Description of the simulated bench (bench.toml).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// The simulated bench in a process of its own, behind this socket.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub socket: Option<PathBuf>,
+    /// What turns the analyser.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stage: Option<StageConfig>,
+    /// What takes the frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<CameraConfig>,
+    /// What lights the sample.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub display: Option<DisplayConfig>,
+    /// What lights it too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flash: Option<FlashConfig>,
+    /// Colour and distances, for a bench whose camera is real.
+    #[serde(skip_serializing_if = "Optics::is_unknown")]
+    pub optics: Optics,
+}
+
+/// Colour and distances of a bench, where known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Optics {
+    /// Middle of the filter's band.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wavelength_nm: Option<f64>,
+    /// Width of the filter's band.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub band_nm: Option<f64>,
+    /// From the sample to camera and panel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
+    /// From the camera's lens to the middle of the panel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub baseline_mm: Option<f64>,
+    /// Size of a pixel on the sample.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pixel_um: Option<f64>,
+}
+
+impl Optics {
+    fn is_unknown(&self) -> bool {
+        *self == Self::default()
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let values = [
+            ("wavelength_nm", self.wavelength_nm, 100.0, 1e5),
+            ("band_nm", self.band_nm, 0.0, 1e4),
+            ("distance_mm", self.distance_mm, 1.0, 1e6),
+            ("baseline_mm", self.baseline_mm, 0.0, 1e6),
+            ("pixel_um", self.pixel_um, 1e-3, 1e6),
+        ];
+        let bad = values.iter().find(|(_, value, low, high)| value.is_some_and(|v| !(v >= *low && v <= *high)));
+        bad.map_or(Ok(()), |(key, value, low, high)| {
+            Err(format!("bench.optics.{key} is {}; give {low} to {high}", value.unwrap_or_default()))
+        })
+    }
+
+    /// What a session's description says of it.
+    pub fn setup(&self) -> Setup {
+        let geometry = match (self.distance_mm, self.baseline_mm) {
+            (Some(distance_mm), Some(baseline_mm)) => {
+                Some(Geometry { distance_mm, baseline_mm, pixel_um: self.pixel_um, camera_px: None })
+            }
+            _ => None,
+        };
+        Setup {
+            wavelength_nm: self.wavelength_nm,
+            band_nm: self.band_nm.filter(|b| *b > 0.0),
+            geometry,
+            panel_mm: None,
+        }
+    }
+}
+
+impl BenchSection {
+    /// Says what is wrong with it.
+    ///
+    /// # Errors
+    /// The key and what it must be.
+    pub fn check(&self) -> Result<(), String> {
+        self.stage.as_ref().map_or(Ok(()), |s| s.mounting.check().map_err(|e| format!("bench.stage.{e}")))?;
+        self.display.as_ref().map_or(Ok(()), |d| d.check().map_err(|e| format!("bench.display.{e}")))?;
+        self.flash.as_ref().map_or(Ok(()), |f| f.check().map_err(|e| format!("bench.flash.{e}")))?;
+        self.optics.check()?;
+        if self.has_real_camera() && self.sim {
+            return Err("bench.sim is true, but the camera is real: its clock is not that of simulated devices; \
+                        describe all devices, or leave the camera out"
+                .into());
+        }
+        if self.sim && self.socket.is_none() && self.has_real_device() {
+            return Err(
+                "bench.sim is true without a socket, but devices are described: the simulated sample would not \
+                        see them; run `nacre sim bench --socket PATH` and `nacre sim attach`, and give bench.socket"
+                    .into(),
+            );
+        }
+        Ok(())
+    }
+
+    /// Whether the frames are of this machine's camera.
+    pub(crate) fn has_real_camera(&self) -> bool {
+        self.camera.as_ref().is_some_and(|c| !matches!(c.driver, CameraDriver::Simulated {}))
+    }
+
+    /// Whether any device is described that is not simulated; a person's hand is none.
+    pub fn has_real_device(&self) -> bool {
+        self.has_real_camera()
+            || self
+                .stage
+                .as_ref()
+                .is_some_and(|s| !matches!(s.driver, StageDriver::Simulated {} | StageDriver::Hand {}))
+            || self.display.as_ref().is_some_and(|d| !matches!(d.driver, DisplayDriver::Simulated {}))
+            || self.flash.as_ref().is_some_and(|f| !matches!(f.driver, FlashDriver::Simulated {}))
+    }
+
+    /// Whether the panel is a page of the service.
+    pub fn has_page(&self) -> bool {
+        self.display.as_ref().is_some_and(|d| matches!(d.driver, DisplayDriver::Page { .. }))
+    }
+
+    /// Whether the analyser is turned by a person.
+    pub fn by_hand(&self) -> bool {
+        self.stage.as_ref().is_some_and(|s| matches!(s.driver, StageDriver::Hand {}))
+    }
+
+    /// The first key that would give other frames with `other`, and what it is here and there: zero, sense, delays and distances,
+    /// but not where a device is plugged in, nor how long it is waited for.
+    pub fn differs(&self, other: &Self) -> Option<String> {
+        let [here, there] = [self, other].map(|section| {
+            let mut value = serde_json::to_value(section).unwrap_or_default();
+            for device in ["stage", "camera", "display", "flash"] {
+                if let Some(driver) = value.get_mut(device).and_then(|d| d.get_mut("driver")) {
+                    forget(driver, &REACH);
+                }
+            }
+            if let Some(bench) = value.as_object_mut() {
+                bench.retain(|key, _| !["file", "socket"].contains(&key.as_str()));
+            }
+            value
+        });
+        difference("bench", &here, &there)
+    }
+
+    /// Takes the locks of all devices of this machine, before any of them is opened: opening a flash switches it off.
+    ///
+    /// # Errors
+    /// `Setup`, naming the holder.
+    pub fn lock(&self) -> DeviceResult<Vec<DeviceLock>> {
+        let drivers = [
+            self.stage.as_ref().map(|s| serde_json::to_value(&s.driver)),
+            self.camera.as_ref().map(|c| serde_json::to_value(&c.driver)),
+            self.display.as_ref().map(|d| serde_json::to_value(&d.driver)),
+            self.flash.as_ref().map(|f| serde_json::to_value(&f.driver)),
+        ];
+        let names = drivers.into_iter().flatten().flatten().filter_map(|driver| lock_name(&driver));
+        names.map(|(kind, place)| DeviceLock::take(&kind, &place)).collect()
+    }
+}
+
+/// Settings of drivers that say where a device is and how long it is waited for. Its identity says whether it is the same.
+const REACH: [&str; 13] = [
+    "port",
+    "baud",
+    "address",
+    "device",
+    "path",
+    "serial",
+    "output",
+    "card",
+    "buffers",
+    "answer_ms",
+    "start_ms",
+    "move_ms",
+    "home_ms",
+];
+
+fn forget(value: &mut Value, keys: &[&str]) {
+    if let Some(object) = value.as_object_mut() {
+        object.retain(|key, _| !keys.contains(&key.as_str()));
+        object.values_mut().for_each(|inner| forget(inner, keys));
+    }
+}
+
+/// The first key whose values differ, with both.
+fn difference(key: &str, here: &Value, there: &Value) -> Option<String> {
+    match (here.as_object(), there.as_object()) {
+        (Some(a), Some(b)) => a.keys().chain(b.keys()).find_map(|name| {
+            let [a, b] = [a, b].map(|object| object.get(name).unwrap_or(&Value::Null));
+            difference(&format!("{key}.{name}"), a, b)
+        }),
+        _ => (here != there).then(|| format!("{key} is {here} and not {there}")),
+    }
+}
+
+/// What the lock of a device with these settings is called, kind and place, however they are spelled: a node has the same
+/// number by each of its names. None for what is no device of this machine.
+///
+/// Lamps on HID and USB that are found by themselves share one lock per kind, since looking for one opens all.
+pub fn lock_name(driver: &Value) -> Option<(String, String)> {
+    let kind = driver.get("kind")?.as_str()?;
+    let path = ["port", "device", "path", "output"].iter().find_map(|key| driver.get(key)?.as_str());
+    let place = match (kind, path) {
+        ("simulated" | "hand" | "page", _) => return None,
+        (_, Some(path)) if path.starts_with("unix:") => {
+            let socket = Path::new(&path["unix:".len()..]);
+            socket.canonicalize().unwrap_or_else(|_| socket.to_path_buf()).to_string_lossy().into_owned()
+        }
+        ("relay" | "blink1" | "bulk", _) => String::new(),
+        (_, path) => {
+            let path = path.unwrap_or_default();
+            let node = Path::new(path).canonicalize().unwrap_or_default();
+            // The numbers of pseudo-terminals, on which emulated devices are, soon belong to others.
+            let found = std::fs::metadata(&node).ok().filter(|f| f.rdev() != 0 && !node.starts_with("/dev/pts"));
+            found.map_or_else(|| path.to_owned(), |found| format!("{:x}", found.rdev()))
+        }
+    };
+    Some((kind.to_owned(), place))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_has_one_lock_by_whatever_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("stage");
+        std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+        let name = |port: &Path, kind: &str| lock_name(&serde_json::json!({ "kind": kind, "port": port })).unwrap();
+        assert_eq!(name(&link, "elliptec"), name(Path::new("/dev/null"), "elliptec"));
+        assert_ne!(name(&link, "elliptec"), name(Path::new("/dev/zero"), "elliptec"));
+        let relay = |settings| lock_name(&settings).unwrap();
+        let found = relay(serde_json::json!({ "kind": "relay", "channel": 1 }));
+        assert_eq!(found, relay(serde_json::json!({ "kind": "relay", "serial": "6QMBS", "path": "/dev/nacre-relay" })));
+        assert_ne!(found, relay(serde_json::json!({ "kind": "relay", "path": "unix:/tmp/a" })));
+        assert_eq!(lock_name(&serde_json::json!({ "kind": "page", "size_mm": [1, 2] })), None);
+    }
+
+    #[test]
+    fn only_what_shapes_the_frames_makes_another_bench() {
+        let section = |text: &str| toml::from_str::<BenchSection>(text).unwrap();
+        let text = "
+            socket = \"/run/a\"
+            [stage]
+            driver = { kind = \"elliptec\", port = \"/dev/ttyUSB0\", settling_ms = 100, tolerance_deg = 0.2 }
+            mounting = { zero_deg = 10 }
+            [camera]
+            driver = { kind = \"v4l2\", device = \"/dev/video0\", control_lag_frames = 2 }
+            [display]
+            driver = { kind = \"kms\", output = \"HDMI-A-1\" }
+            response_ms = 50
+            [flash]
+            driver = { kind = \"blink1\", path = \"/dev/hidraw0\", rgb = [255, 255, 255] }
+            [optics]
+            distance_mm = 600
+        ";
+        let original = section(text);
+        for (old, new) in [
+            ("\"/run/a\"", "\"/run/b\""),
+            ("ttyUSB0", "serial/by-id/usb-FTDI"),
+            ("settling_ms = 100", "settling_ms = 100, answer_ms = 900, move_ms = 20000, address = \"2\""),
+            ("/dev/video0", "/dev/v4l/by-id/usb-camera"),
+            ("control_lag_frames = 2", "control_lag_frames = 2, buffers = 8"),
+            ("\"HDMI-A-1\"", "\"HDMI-A-2\", card = \"/dev/dri/card1\""),
+            ("path = \"/dev/hidraw0\"", "serial = \"1234\""),
+        ] {
+            let other = section(&text.replace(old, new));
+            assert!(other != original, "{new}");
+            assert_eq!(original.differs(&other), None, "{new}");
+        }
+        for (old, new, key) in [
+            ("zero_deg = 10", "zero_deg = 11", "bench.stage.mounting.zero_deg is 10.0 and not 11.0"),
+            ("zero_deg = 10", "zero_deg = 10, sense = \"clockwise\"", "bench.stage.mounting.sense"),
+            ("settling_ms = 100", "settling_ms = 0", "bench.stage.driver.settling_ms"),
+            ("tolerance_deg = 0.2", "tolerance_deg = 2", "bench.stage.driver.tolerance_deg"),
+            ("control_lag_frames = 2", "control_lag_frames = 0", "bench.camera.driver.control_lag_frames"),
+            ("control_lag_frames = 2", "black = 3", "bench.camera.driver.black"),
+            ("response_ms = 50", "response_ms = 5", "bench.display.response_ms"),
+            ("255, 255, 255", "255, 0, 0", "bench.flash.driver.rgb"),
+            ("distance_mm = 600", "distance_mm = 601", "bench.optics.distance_mm"),
+            ("distance_mm = 600", "", "bench.optics"),
+        ] {
+            let told = original.differs(&section(&text.replace(old, new))).unwrap();
+            assert!(told.starts_with(key), "{told}");
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_together_is_refused() {
+        let read = |text: &str| toml::from_str::<BenchSection>(text).map_err(|e| e.to_string()).and_then(|s| s.check());
+        assert_eq!(read("sim = true\nstage = { driver = { kind = \"hand\" } }"), Ok(()));
+        for (text, words) in [
+            ("stage = { driver = { kind = \"hand\" }, mounting = { gear = 0 } }", "bench.stage.mounting.gear"),
+            ("stage = { driver = { kind = \"robot\" } }", "robot"),
+            ("optics = { distance_mm = -3 }", "bench.optics.distance_mm"),
+            ("display = { driver = { kind = \"page\", size_mm = [500, nan] } }", "bench.display.size_mm"),
+            ("display = { driver = { kind = \"page\", size_mm = [500, 300] }, response_ms = nan }", "response_ms"),
+            ("flash = { driver = { kind = \"relay\" }, settling_ms = 20000 }", "bench.flash"),
+        ] {
+            let error = read(text).unwrap_err();
+            assert!(error.contains(words), "{error}");
+        }
+    }
+}

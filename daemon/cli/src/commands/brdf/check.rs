@@ -1,0 +1,97 @@
+//! `nacre brdf check`.
+
+use super::common::{List, Optics, Surface, summary};
+use crate::console::Console;
+use nacre_capture::Failure;
+use nacre_processing::surface::output::{vacant, write_check, write_check_picture};
+use nacre_processing::surface::{Report, check};
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Arguments of `nacre brdf check`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre brdf check blazed.exr --light 75
+  nacre brdf check snake.png --pixel-um 0.08 --range-um 0.43 --light 75 --out peaks.csv
+
+For each wavelength, the angle of the first order's peak gives a period, λ/(sin θi + sin θr); their mean and variance
+are compared with the period that the heights' spectrum shows. The gain is divided out and the peak interpolated.
+--out writes FILE.csv (wavelength_nm, theta_r_deg, period_nm, relative), FILE.svg (a plot of them beside the
+equation) and FILE.json.")]
+pub struct Check {
+    #[command(flatten)]
+    surface: Surface,
+    /// Angle of the light from the normal in degrees.
+    #[arg(long, default_value_t = 75.0, value_name = "THETA", allow_negative_numbers = true)]
+    light: f64,
+    /// Azimuth of light and views in degrees (default: the direction of the strongest period).
+    #[arg(long, value_name = "PHI", allow_negative_numbers = true)]
+    azimuth: Option<f64>,
+    /// Period that is expected (default: the strongest of the heights' spectrum).
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
+    period_um: Option<f64>,
+    /// Wavelengths in nm: from:to:step, or numbers.
+    #[arg(long, default_value = "380:780:5", value_name = "LIST")]
+    wavelengths: List,
+    #[command(flatten)]
+    optics: Optics,
+    /// The table of peaks; a plot and a report go beside it.
+    #[arg(long, value_name = "FILE.csv")]
+    out: Option<PathBuf>,
+    /// Replace files that are there.
+    #[arg(long)]
+    force: bool,
+}
+
+impl Check {
+    /// Computes it, and writes it where asked.
+    pub fn run(&self, console: &Console) -> Result<(), Failure> {
+        let begun = Instant::now();
+        let files: Vec<PathBuf> = self
+            .out
+            .iter()
+            .flat_map(|out| [out.clone(), out.with_extension("svg"), out.with_extension("json")])
+            .collect();
+        vacant(&files, self.force)?;
+        let settings = self.optics.settings([self.light, self.azimuth.unwrap_or(0.0)]);
+        settings.check()?;
+        let (field, quality) = self.surface.read(settings.coherence_um, console)?;
+        let given = [self.period_um, self.azimuth];
+        let found = check(&field, &quality, &settings, &self.wavelengths.0, given, console)?;
+        let choice = &found.choice;
+        let report = Report {
+            product: "check",
+            warnings: quality.warnings.clone(),
+            input: self.surface.path().into(),
+            quality: &quality,
+            settings: &settings,
+            choice,
+            error_estimate: choice.predicted_error.max(choice.measured_error.unwrap_or(0.0)),
+            more: &found,
+            seconds: begun.elapsed().as_secs_f64(),
+            files: files.clone(),
+        };
+        if let [csv, picture, json] = files.as_slice() {
+            write_check(csv, &found)?;
+            write_check_picture(picture, &found)?;
+            report.write(json)?;
+        }
+        let mut text = format!(
+            "equation  mean {:.3} nm, variance {:.4} nm², {:.1} expected, over {} wavelengths towards {:.1}°",
+            found.mean_nm,
+            found.variance_nm2,
+            found.expected_nm,
+            found.peaks.len(),
+            found.azimuth_deg
+        );
+        if found.ridges.len() > 1 {
+            for [nm, share] in &found.ridges {
+                let _ = write!(text, "\nridge     {nm:.1} nm at {:.0} % of the wavelengths", 100.0 * share);
+            }
+        }
+        console.result(&summary(&report, &text), &report);
+        self.optics.judge(report.error_estimate)
+    }
+}

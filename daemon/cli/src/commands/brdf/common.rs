@@ -1,0 +1,214 @@
+//! What the products of a height field share.
+
+use crate::commands::said;
+use crate::commands::values::numbers;
+use crate::console::Console;
+use nacre_capture::Failure;
+use nacre_processing::color::Observer;
+use nacre_processing::progress::Progress;
+use nacre_processing::surface::height::{self, Quality, Scale};
+use nacre_processing::surface::{HeightField, Method, Normalisation, Reflectance, Report, Settings, name};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// The surface.
+#[derive(clap::Args)]
+pub struct Surface {
+    /// Height field: a grey image (PNG, TIFF, JPEG, BMP; bright is high), an EXR map of heights, or a grid of numbers as text.
+    height: PathBuf,
+    /// Size of its pixels, unless the file says so.
+    #[arg(long, value_name = "P", allow_negative_numbers = true)]
+    pixel_um: Option<f64>,
+    /// Height of white above black, or of the highest above the lowest number of a text, unless the file says so.
+    #[arg(long, value_name = "H", allow_negative_numbers = true)]
+    range_um: Option<f64>,
+    /// Take the plane that fits best away: for samples that lay askew.
+    #[arg(long)]
+    level: bool,
+}
+
+/// Light and accuracy.
+#[derive(clap::Args)]
+pub struct Optics {
+    /// How densities are computed; auto takes the cheapest that meets the error.
+    #[arg(long, default_value = "auto", value_name = "auto|reference|taylor|chebyshev|fft|nmm|pq|pq-linear")]
+    method: Method,
+    /// Highest power of --method taylor, whatever it is off by: 1 is the first order of measured heights (2017 paper).
+    #[arg(long, value_name = "N", requires = "method")]
+    order: Option<usize>,
+    /// Width of the light's coherence (four standard deviations of a Gaussian).
+    #[arg(long, default_value_t = 65.0, value_name = "UM", allow_negative_numbers = true)]
+    coherence_um: f64,
+    /// Error asked for: relative, of every lobe that holds a thousandth of the light; the exit code is 1 when it is larger.
+    #[arg(long, default_value_t = 0.01, value_name = "REL", allow_negative_numbers = true)]
+    max_error: f64,
+}
+
+/// The material and what the numbers are.
+#[derive(clap::Args)]
+pub struct Material {
+    /// Reflectance of the smooth surface.
+    #[arg(
+        long,
+        default_value = "perfect",
+        value_name = "perfect|schlick=R0|aluminium|silver|gold|copper|nickel|chromium|silicon"
+    )]
+    material: Reflectance,
+    /// Shadowing and masking of V grooves.
+    #[arg(long)]
+    shadowing: bool,
+    /// What the numbers are: brdf (1/sr), or relative to a flat mirror in its mirror direction.
+    #[arg(long, default_value = "brdf", value_name = "brdf|relative")]
+    normalisation: Normalisation,
+}
+
+impl Surface {
+    /// Reads it and says what it is fit for.
+    pub fn read(&self, coherence_um: f64, console: &Console) -> Result<(HeightField, Quality), Failure> {
+        console.stage("reading", 1);
+        let field = height::read(&self.height, &Scale { pixel_um: self.pixel_um, range_um: self.range_um })?;
+        let field = if self.level { field.levelled() } else { field };
+        let quality = Quality::of(&field, coherence_um);
+        console.check()?;
+        Ok((field, quality))
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.height
+    }
+}
+
+impl Optics {
+    /// Settings of light at these angles in degrees.
+    pub fn settings(&self, light_deg: [f64; 2]) -> Settings {
+        Settings {
+            light_deg,
+            method: self.method,
+            order: self.order,
+            coherence_um: self.coherence_um,
+            max_error: self.max_error,
+            ..Settings::default()
+        }
+    }
+
+    /// Fails where the error is larger than asked for.
+    pub fn judge(&self, error: f64) -> Result<(), Failure> {
+        if error <= self.max_error {
+            return Ok(());
+        }
+        Err(Failure::Bound(format!("the error may be {error:.2e}, more than the {} asked for", self.max_error)))
+    }
+}
+
+impl Material {
+    /// Adds the material to settings.
+    pub fn add(&self, settings: Settings) -> Settings {
+        Settings {
+            reflectance: self.reflectance(),
+            shadowing: self.shadowing,
+            normalisation: self.normalisation,
+            ..settings
+        }
+    }
+
+    fn reflectance(&self) -> Reflectance {
+        self.material.clone()
+    }
+}
+
+/// Light and observer of a picture.
+#[derive(clap::Args)]
+pub struct Seen {
+    /// Light: E, A, A-inverse, D65, FL1 to FL12, LED-B1, LED-B3, or a CSV file.
+    #[arg(long, default_value = "E", value_name = "NAME|FILE.csv")]
+    pub illuminant: String,
+    /// Observer: 1931 (2°) or 1964 (10°).
+    #[arg(long, default_value = "1931")]
+    pub observer: Observer,
+}
+
+/// Two angles of a direction, in degrees.
+pub fn direction(text: &str) -> Result<[f64; 2], String> {
+    let wanted = "THETA or THETA,PHI in degrees";
+    numbers(text, wanted).or_else(|_| numbers(text, wanted).map(|[theta]: [f64; 1]| [theta, 0.0]))
+}
+
+/// Most numbers of a list.
+const MOST: f64 = 1e6;
+
+/// A list of numbers, `380:780:5` (from, to, step) or `450,550,650`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct List(pub Vec<f64>);
+
+impl std::str::FromStr for List {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers = |by: char| -> Option<Vec<f64>> {
+            text.split(by).map(|v| v.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect()
+        };
+        if let Some([from, to, step]) = numbers(':').as_deref() {
+            let count = ((to - from) / step + 1e-9).floor();
+            if !(0.0..MOST).contains(&count) || *step == 0.0 {
+                return Err(format!("{text} is no range from:to:step of at most {MOST} numbers"));
+            }
+            // Rounded to what a person writes, so that no 0.30000000000000004 gets into tables.
+            let at = |k: usize| ((from + step * k as f64) * 1e9).round() / 1e9;
+            return Ok(Self((0..=count as usize).map(at).collect()));
+        }
+        numbers(',').map(Self).ok_or_else(|| "give from:to:step, or numbers with commas between".into())
+    }
+}
+
+/// A few lines for a person.
+pub fn summary<T: Serialize>(report: &Report<T>, middle: &str) -> String {
+    let q = report.quality;
+    let mut text =
+        format!("surface   {} × {} pixels of {} µm, {:.4} µm deep", q.width, q.height, q.pixel_um, q.range_um);
+    for p in q.periods.iter().take(3) {
+        let share = 100.0 * p.share;
+        let _ = write!(
+            text,
+            "\nperiod    {:.3} µm (± {:.3}) towards {:.1}°, {share:.0} % of the variance",
+            p.period_um, p.resolution_um, p.direction_deg
+        );
+    }
+    let c = report.choice;
+    let terms = c.terms.map_or(String::new(), |n| format!(", {n} terms"));
+    let _ = write!(text, "\nmethod    {}{terms}, {} bits: {}", name(c.method), c.bits, c.why);
+    let measured = match c.measured_error {
+        None => "not measured".into(),
+        Some(e) if e < 1e-6 => "under 0.0001 % measured".into(),
+        Some(e) => format!("{:.4} % measured", 100.0 * e),
+    };
+    let _ = write!(text, "\nquality   error at most {:.3} % ({measured})", 100.0 * report.error_estimate);
+    if !middle.is_empty() {
+        let _ = write!(text, "\n{middle}");
+    }
+    let said = said::lines(&[], &report.warnings);
+    let _ = write!(text, "\n{said}time      {:.2} s ({:.2} CPU-seconds expected)", report.seconds, c.predicted_s);
+    for file in &report.files {
+        let _ = write!(text, "\nwrote     {}", file.display());
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_ranges_or_numbers() {
+        let of = |text: &str| text.parse::<List>().map(|l| l.0);
+        assert_eq!(of("380:390:5").unwrap(), [380.0, 385.0, 390.0]);
+        assert_eq!(of("-1:1:0.1").unwrap()[13], 0.3);
+        assert_eq!(of("450, 550").unwrap(), [450.0, 550.0]);
+        for bad in ["", "1:2", "1:2:0", "2:1:1", "1:2:nan", "1,x", "0:1:1e-12"] {
+            assert!(of(bad).is_err(), "{bad}");
+        }
+        assert_eq!(direction("75").unwrap(), [75.0, 0.0]);
+        assert!(direction("1,2,3").is_err());
+    }
+}

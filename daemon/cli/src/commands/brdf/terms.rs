@@ -1,0 +1,107 @@
+//! `nacre brdf terms`.
+
+use super::common::{Optics, Surface};
+use crate::console::Console;
+use nacre_capture::Failure;
+use nacre_processing::image::{OutputFolder, Precision};
+use nacre_processing::progress::Progress;
+use nacre_processing::surface::{TermSet, Terms as Set, TermsAbout, TermsRequest};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Arguments of `nacre brdf terms`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre brdf terms snake.exr --out terms
+  nacre brdf terms snake.exr --max-error 0.2 --out small                          loose enough for 16 bits
+  nacre brdf terms bokeh.exr --method taylor --order 1 --max-error 0.5 --out first   the first order alone
+  nacre brdf terms coarse.exr --extent 0.5 --out near                             coarse pixels: near the mirror direction
+
+Writes DIR/term_000.exr and so on (re, im: transforms of polynomials of the height, frequencies from the middle, up is
+up) and DIR/terms.json (number, range, precision, predicted error, and the formula that turns them into a BRDF). What was
+written is read again and compared with direct sums.")]
+pub struct Terms {
+    #[command(flatten)]
+    surface: Surface,
+    #[command(flatten)]
+    optics: Optics,
+    /// Largest component of ωi + ωr in the plane of the surface: 2 for all directions of light and eye.
+    #[arg(long, default_value_t = 2.0, value_name = "E", allow_negative_numbers = true)]
+    extent: f64,
+    /// Bits of the numbers: half, float, or auto for the fewest that meet the error.
+    #[arg(long, default_value = "auto", value_name = "auto|half|float", value_parser = precision)]
+    precision: Wanted,
+    /// Folder for the set.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Replace files that are there.
+    #[arg(long)]
+    force: bool,
+}
+
+/// A precision, or the fewest bits that do.
+#[derive(Clone, Copy)]
+struct Wanted(Option<Precision>);
+
+fn precision(text: &str) -> Result<Wanted, String> {
+    match text {
+        "auto" => Ok(Wanted(None)),
+        "half" => Ok(Wanted(Some(Precision::Half))),
+        "float" => Ok(Wanted(Some(Precision::Float))),
+        _ => Err("give auto, half or float".into()),
+    }
+}
+
+/// What was made.
+#[derive(Serialize)]
+struct Made<'a> {
+    #[serde(flatten)]
+    about: &'a TermsAbout,
+    measured_error: Option<f64>,
+    megabytes: f64,
+    seconds: f64,
+    out: &'a PathBuf,
+}
+
+impl Terms {
+    /// Makes, writes and checks it.
+    pub fn run(&self, console: &Console) -> Result<(), Failure> {
+        let begun = Instant::now();
+        let folder = OutputFolder::begin(&self.out, self.force)?;
+        let settings = self.optics.settings([0.0; 2]);
+        settings.check()?;
+        let (field, _) = self.surface.read(settings.coherence_um, console)?;
+        let wanted = TermsRequest { extent: self.extent, precision: self.precision.0 };
+        let set = TermSet::new(&field, &settings, wanted, console)?;
+        set.write(&folder, console)?;
+        folder.commit()?;
+        console.stage("comparing with direct sums", 1);
+        let read = Set::read(&self.out)?;
+        let about = read.about().clone();
+        let measured_error = read.measured(&field, settings.coherence_um)?;
+        let [width, height] = about.reach.map(|r| 2 * r + 1);
+        let bits = if about.precision == Precision::Half { 16 } else { 32 };
+        let made = Made {
+            about: &about,
+            measured_error,
+            megabytes: (about.terms * width * height * bits / 4) as f64 / 1e6,
+            seconds: begun.elapsed().as_secs_f64(),
+            out: &self.out,
+        };
+        let text = format!(
+            "terms     {} {} terms of {width} × {height} frequencies, {bits} bits, {:.1} MB\nquality   error at most {:.3} % ({} \
+             measured against direct sums)\ntime      {:.2} s\nwrote     {}",
+            about.terms,
+            about.kind,
+            made.megabytes,
+            100.0 * about.predicted_error,
+            measured_error.map_or("nothing".into(), |e| format!("{:.4} %", 100.0 * e)),
+            made.seconds,
+            self.out.display()
+        );
+        console.result(&text, &made);
+        self.optics.judge(about.predicted_error.max(measured_error.unwrap_or(0.0)))
+    }
+}

@@ -1,0 +1,75 @@
+//! `nacre calibrate panel`.
+
+use crate::commands::bench::BenchArgs;
+use crate::commands::manual::with_hands;
+use crate::console::Console;
+use nacre_capture::Failure;
+use nacre_capture::engine::{Hands, LEVELS, drawn_by, measure_panel};
+use nacre_drivers::display::POWER_LAW;
+use nacre_processing::Error;
+use nacre_processing::image::write_whole;
+use nacre_processing::surface::output::vacant;
+use std::path::PathBuf;
+
+/// Arguments of `nacre calibrate panel`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre calibrate panel --sim --out panel.json
+  nacre calibrate panel --config nacre.toml --levels 52 --out panel.json
+
+Shows even levels from black to white and back, and changes between the two. Let the camera see something that the panel lights,
+best white paper in the sample's place, and keep other light away; the camera must be linear (`nacre init` measures that).
+Prints the lines for nacre.toml and for plans.")]
+pub struct Panel {
+    #[command(flatten)]
+    bench: BenchArgs,
+    /// Levels that are measured: 6, 16, 18, 52 or 86, whose codes are whole numbers.
+    #[arg(long, default_value_t = 16, value_parser = levels)]
+    levels: usize,
+    /// What was found (JSON).
+    #[arg(long, value_name = "FILE.json")]
+    out: PathBuf,
+    /// Replace a file that is there.
+    #[arg(long)]
+    force: bool,
+}
+
+fn levels(text: &str) -> Result<usize, String> {
+    let known = text.parse().ok().filter(|n| LEVELS.contains(n));
+    known.ok_or_else(|| format!("{text:?} levels have no whole codes; give 6, 16, 18, 52 or 86"))
+}
+
+impl Panel {
+    /// Measures and writes it.
+    pub fn run(&self, console: &Console) -> Result<(), Failure> {
+        vacant(std::slice::from_ref(&self.out), self.force)?;
+        let place = self.bench.place()?;
+        let display = place.section.display.as_ref();
+        let drawn = display.and_then(drawn_by);
+        let work = async |hands: &mut Hands<'_>| measure_panel(hands, self.levels, drawn, console).await;
+        let found = with_hands(&self.bench, console, work)?;
+        let (tone, advice) = (found.tone(), found.advice(display));
+        let mut json = serde_json::to_value(&found).map_err(|e| Error::output(&self.out, e.into()))?;
+        json["tone"] = serde_json::to_value(&tone).map_err(|e| Error::output(&self.out, e.into()))?;
+        json["advice"] = advice.as_slice().into();
+        write_whole(&self.out, format!("{json:#}\n").as_bytes())?;
+        let law = &found.law;
+        let fits = if law.deviation <= POWER_LAW { "" } else { ": no power law" };
+        let mut text = format!(
+            "panel     luminance grows with the code to the power {:.4} ± {:.4}, within {:.2} % of white{fits}\nblack     {:.2} % of white; \
+             drift {:.2} %\nseen      by {} pixels, exposure {:.2} ms\n",
+            law.gamma,
+            law.gamma_sigma,
+            100.0 * law.deviation,
+            100.0 * law.black,
+            100.0 * found.drift,
+            found.pixels,
+            found.exposure_ms
+        );
+        advice.iter().for_each(|line| text += &format!("advice    {line}\n"));
+        text += &format!("wrote     {}", self.out.display());
+        console.result(&text, &json);
+        Ok(())
+    }
+}

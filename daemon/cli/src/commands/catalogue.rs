@@ -1,0 +1,188 @@
+//! `nacre catalogue`.
+
+use crate::console::Console;
+use clap::Subcommand;
+use nacre_capture::Failure;
+use nacre_capture::plan::PlanKind;
+use nacre_store::catalogue::{Cursor, Page, Query, SessionRow, State, default_path, with_catalogue};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `nacre catalogue`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre catalogue rebuild ~/sessions             find all sessions
+  nacre catalogue list tile --state finished     those with `tile` in their texts
+  nacre catalogue add session
+
+The folders are the truth: the catalogue can be deleted and rebuilt at any time.")]
+pub struct Args {
+    /// The catalogue [default: $NACRE_CATALOGUE, else nacre/catalogue.db in $XDG_DATA_HOME or ~/.local/share].
+    #[arg(long, global = true, value_name = "FILE")]
+    catalogue: Option<PathBuf>,
+    #[command(subcommand)]
+    command: CatalogueCommand,
+}
+
+/// Commands on the catalogue.
+#[derive(Subcommand)]
+enum CatalogueCommand {
+    /// Replace the catalogue by the sessions in these folders.
+    Rebuild(RebuildArgs),
+    /// Show sessions, newest first.
+    List(ListArgs),
+    /// Add a session, or bring what is known of it up to date.
+    Add(AddArgs),
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre catalogue rebuild ~/sessions
+  nacre catalogue rebuild /data/2025 /data/2026 --json
+
+Searches eight levels deep and follows no symbolic links. Sessions elsewhere are forgotten.")]
+struct RebuildArgs {
+    /// Folders to search.
+    #[arg(required = true, value_name = "DIR")]
+    folders: Vec<PathBuf>,
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre catalogue list
+  nacre catalogue list kinematic tile --state unfinished
+  nacre catalogue list --limit 10 --json")]
+struct ListArgs {
+    /// Words that all occur in name, sample, operator, notes or folder.
+    text: Vec<String>,
+    /// Only this kind of plan.
+    #[arg(long, value_parser = plan_kind)]
+    kind: Option<PlanKind>,
+    /// Only this state.
+    #[arg(long)]
+    state: Option<State>,
+    /// Most sessions shown.
+    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    limit: u32,
+    /// Go on where a list ended: its `next`.
+    #[arg(long, value_name = "NEXT")]
+    after: Option<Cursor>,
+}
+
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  nacre catalogue add session")]
+struct AddArgs {
+    /// Session folder.
+    session: PathBuf,
+}
+
+/// The kinds are those of the plan, so that a new one is known here at once.
+fn plan_kind(text: &str) -> Result<PlanKind, serde_json::Error> {
+    serde_json::from_value(text.into())
+}
+
+/// Runs a command on the catalogue.
+pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
+    let path = args.catalogue.clone().map_or_else(default_path, Ok)?;
+    match &args.command {
+        CatalogueCommand::Rebuild(args) => rebuild(&path, args, console),
+        CatalogueCommand::List(args) => list(&path, args, console),
+        CatalogueCommand::Add(args) => add(&path, args, console),
+    }
+}
+
+fn rebuild(path: &Path, args: &RebuildArgs, console: &Console) -> Result<(), Failure> {
+    let rebuilt = with_catalogue(path, async |c| c.rebuild(&args.folders, console).await)?;
+    for warning in &rebuilt.warnings {
+        console.note(&format!("warning: {warning}"));
+    }
+    console.result(&format!("{} sessions are in {}", rebuilt.sessions, path.display()), &rebuilt);
+    Ok(())
+}
+
+fn list(path: &Path, args: &ListArgs, console: &Console) -> Result<(), Failure> {
+    let query = Query {
+        text: args.text.join(" "),
+        kind: args.kind,
+        state: args.state,
+        limit: args.limit,
+        after: args.after.clone(),
+    };
+    let page = with_catalogue(path, async |c| c.search(&query).await)?;
+    console.result(&text(&page), &page);
+    Ok(())
+}
+
+fn add(path: &Path, args: &AddArgs, console: &Console) -> Result<(), Failure> {
+    let row = SessionRow::read(&args.session)?;
+    with_catalogue(path, async |c| c.put(&row).await)?;
+    console.result(&format!("{} is in {}", row.folder, path.display()), &row);
+    Ok(())
+}
+
+/// A page as a table with aligned columns.
+fn text(page: &Page) -> String {
+    if page.sessions.is_empty() {
+        return "no sessions; `nacre catalogue rebuild DIR` looks for them".into();
+    }
+    let mut lines = vec![["STATE", "FRAMES", "BEGUN", "NAME", "FOLDER"].map(String::from)];
+    lines.extend(page.sessions.iter().map(cells));
+    let width = |column: usize| lines.iter().map(|l| l[column].chars().count()).max().unwrap_or_default();
+    let [state, frames, begun, name] = [0, 1, 2, 3].map(width);
+    let mut text = String::new();
+    for [a, b, c, d, e] in &lines {
+        text += &format!("{a:state$}  {b:>frames$}  {c:begun$}  {d:name$}  {e}\n");
+    }
+    match &page.next {
+        Some(next) => text + &format!("more: --after {next}"),
+        None => text,
+    }
+}
+
+fn cells(row: &SessionRow) -> [String; 5] {
+    // A name from a file must not steer the terminal.
+    let plain = |text: &str| text.replace(char::is_control, " ");
+    [
+        format!("{:?}", row.state).to_lowercase(),
+        format!("{}/{}", row.frames_committed, row.frames_planned),
+        utc(row.created),
+        if row.name.is_empty() { "-".into() } else { plain(&row.name) },
+        plain(&row.folder),
+    ]
+}
+
+/// ISO 8601 from Unix seconds, by the usual trick of years that begin in March.
+fn utc(seconds: i64) -> String {
+    let (days, second) = (seconds.div_euclid(86_400) + 719_468, seconds.rem_euclid(86_400));
+    let (era, day) = (days.div_euclid(146_097), days.rem_euclid(146_097));
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let day = day - (365 * year + year / 4 - year / 100);
+    let march = (5 * day + 2) / 153;
+    let day = day - (153 * march + 2) / 5 + 1;
+    let month = if march < 10 { march + 3 } else { march - 9 };
+    let year = 400 * era + year + i64::from(month <= 2);
+    let (hour, minute) = (second / 3600, second / 60 % 60);
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{:02}Z", second % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        for (seconds, date) in [
+            (0, "1970-01-01T00:00:00Z"),
+            (-1, "1969-12-31T23:59:59Z"),
+            (951_782_400, "2000-02-29T00:00:00Z"),
+            (1_709_251_199, "2024-02-29T23:59:59Z"),
+            (1_709_251_200, "2024-03-01T00:00:00Z"),
+            (1_735_689_599, "2024-12-31T23:59:59Z"),
+            (4_107_542_400, "2100-03-01T00:00:00Z"),
+        ] {
+            assert_eq!(utc(seconds), date);
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! `nacre check`.
+
+use crate::console::Console;
+use nacre_capture::Failure;
+use nacre_capture::session::check;
+use std::path::PathBuf;
+
+/// Arguments of `nacre check`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre check session
+  nacre check session --json
+
+Exits with 1 when a frame is missing, or a frame, session.json or frames.json differs from its
+recorded checksum.")]
+pub struct Args {
+    /// Session folder.
+    folder: PathBuf,
+}
+
+/// Verifies the checksums and says what is missing.
+pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
+    let condition = check(&args.folder)?;
+    let mut text = format!("{} of {} frames are whole", condition.intact, condition.planned);
+    for trouble in &condition.trouble {
+        text += &format!("\n{}: {}", trouble.file, trouble.problem);
+    }
+    if !condition.unverified.is_empty() {
+        text += &format!(
+            "\nnot verified, since an older version recorded no checksum: {}",
+            condition.unverified.join(", ")
+        );
+    }
+    console.result(&text, &condition);
+    if condition.finished && condition.trouble.is_empty() {
+        return Ok(());
+    }
+    let folder = args.folder.display();
+    Err(Failure::Bound(match condition.changed() {
+        Some(file) => format!("{folder}: {file} was changed; put an undamaged copy back"),
+        None => format!("{folder}: not complete; `nacre capture --resume {folder} --sim` takes what is missing"),
+    }))
+}

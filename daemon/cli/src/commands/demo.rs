@@ -1,0 +1,236 @@
+//! `nacre demo`: the main job in simulation, judged against the truth.
+
+use super::reconstruct::summary;
+use super::sim::{BenchOptions, simulate};
+use crate::console::Console;
+use nacre_capture::Failure;
+use nacre_processing::Error;
+use nacre_processing::image::{Canvas, OutputFolder, orientation_picture, read, read_exr, scalar_picture};
+use nacre_processing::polarimetry::{Comparison, Options, Report, compare, reconstruct};
+use nacre_service::view::Look;
+use nacre_sim::{BenchConfig, Truth};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+/// Mean orientation error that the demo must stay under.
+const BOUND_DEG: f64 = 0.5;
+
+/// Pixels of this purity hold one orientation; the others lie on an edge between two.
+const PURE: f32 = 0.999;
+
+/// Arguments of `nacre demo`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre demo
+  nacre demo --sample logo --seed 3 --out logo
+  nacre demo --open                    and turn the sample under a light in the browser
+  nacre demo --retardance-deg 10      a film behind which the phase is not the orientation: the curve is fitted
+
+Exits with 1 when the mean orientation error is not under 0.5°.")]
+pub struct Args {
+    #[command(flatten)]
+    options: BenchOptions,
+    /// New folder for session, results and pictures (default: nacre-demo, or the next free nacre-demo-N).
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Open the sample under a light in the browser: result/view.html, which needs no service.
+    #[arg(long)]
+    open: bool,
+}
+
+#[derive(Serialize)]
+struct Outcome {
+    out: PathBuf,
+    sample: &'static str,
+    seed: u64,
+    bound_deg: f64,
+    within_bound: bool,
+    /// Over all pixels that have an orientation and were measured.
+    error: Option<Comparison>,
+    /// Over those that hold a single orientation.
+    error_pure: Option<Comparison>,
+    /// Pixels that were given an orientation and have none.
+    invented: usize,
+    stale_frames_dropped: u64,
+    seconds: Seconds,
+    report: Report,
+}
+
+#[derive(Serialize)]
+struct Seconds {
+    capture: f64,
+    reconstruct: f64,
+    judge: f64,
+    total: f64,
+}
+
+/// Renders, captures, reconstructs, judges.
+pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
+    let start = Instant::now();
+    let config = args.options.apply(BenchConfig::default())?;
+    let out = args.out.clone().unwrap_or_else(free_name);
+    let (session, result) = (out.join("session"), out.join("result"));
+    let folder = OutputFolder::begin(&session, false)?;
+    let (taken, bench) = simulate(&config, &args.options.angles_deg, &folder, console)?;
+    folder.commit()?;
+    let captured = start.elapsed().as_secs_f64();
+    let report = reconstruct(&session, &result, &Options::default(), console)?;
+    let reconstructed = start.elapsed().as_secs_f64();
+
+    let judged = bench.look(|bench| -> Result<Judged, Failure> {
+        let judged = judge(&result, bench.truth())?;
+        overview(&session, &judged, bench.truth())?.save_png(&result.join("overview.png"))?;
+        Ok(judged)
+    })?;
+    let within_bound = judged.error.is_some_and(|e| e.mean_deg < BOUND_DEG);
+    let total = start.elapsed().as_secs_f64();
+    let outcome = Outcome {
+        sample: config.sample.kind.name(),
+        seed: config.seed,
+        bound_deg: BOUND_DEG,
+        within_bound,
+        error: judged.error,
+        error_pure: judged.error_pure,
+        invented: judged.invented,
+        stale_frames_dropped: taken.stale_frames_dropped,
+        seconds: Seconds {
+            capture: captured,
+            reconstruct: reconstructed - captured,
+            judge: total - reconstructed,
+            total,
+        },
+        report,
+        out,
+    };
+    let view = args.open.then(|| view(&result)).transpose()?;
+    let mut said = text(&outcome);
+    if let Some(file) = &view {
+        said += &format!("\nview      {}{}", file.display(), if opened(file) { "" } else { ": open it in a browser" });
+    }
+    console.result(&said, &outcome);
+    if within_bound {
+        return Ok(());
+    }
+    let mean = judged.error.map_or("unknown".to_owned(), |e| format!("{:.2}°", e.mean_deg));
+    Err(Failure::Bound(format!("the mean orientation error is {mean}, the demo's bound is {BOUND_DEG}°")))
+}
+
+/// The sample under a light, as one file.
+fn view(result: &Path) -> Result<PathBuf, Failure> {
+    let file = result.join("view.html");
+    let page = nacre_service::view::page("A simulated sample", result, &Look::default());
+    let page = page.map_err(|problem| Error::file(result, problem, "report this"))?;
+    nacre_processing::image::write_whole(&file, &page)?;
+    Ok(file)
+}
+
+/// Whether the system opens a file.
+fn opened(file: &Path) -> bool {
+    let program = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
+    let quiet = std::process::Stdio::null;
+    Command::new(program).arg(file).stdin(quiet()).stdout(quiet()).stderr(quiet()).spawn().is_ok()
+}
+
+struct Judged {
+    width: usize,
+    height: usize,
+    orientation: Vec<f32>,
+    error: Option<Comparison>,
+    error_pure: Option<Comparison>,
+    invented: usize,
+}
+
+/// Reads the written maps back and compares them with what the sample is.
+fn judge(result: &Path, truth: &Truth) -> Result<Judged, Failure> {
+    let path = result.join("orientation.exr");
+    let mut map = read_exr(&path)?;
+    let (orientation, sigma) = (map.take("orientation", &path)?, map.take("sigma", &path)?);
+    let error = compare(&orientation, &sigma, &truth.orientation, |_| true);
+    let error_pure = compare(&orientation, &sigma, &truth.orientation, |i| truth.purity[i] > PURE);
+    let invented = orientation.iter().zip(&truth.orientation).filter(|(m, t)| m.is_finite() && !t.is_finite()).count();
+    Ok(Judged { width: map.width, height: map.height, orientation, error, error_pure, invented })
+}
+
+/// Photograph, measured map, truth and error side by side.
+fn overview(session: &Path, judged: &Judged, truth: &Truth) -> Result<Canvas, Failure> {
+    const SIDE: usize = 520;
+    let step = judged.width.max(judged.height).div_ceil(SIDE).max(1);
+    let (width, height) = (judged.width / step, judged.height / step);
+    let at = |x: usize, y: usize| y * step * judged.width + x * step;
+    let offset = judged.error.map_or(0.0, |e| e.offset_deg.to_radians()) as f32;
+    let gauge = |t: f32| t.is_finite().then(|| (t - offset).rem_euclid(std::f32::consts::PI));
+
+    let frame = read(&session.join("frames/0000.png"))?;
+    let nacre_processing::image::Samples::U16(codes) = frame.samples else {
+        return Err(Error::input("frames/0000.png", "is not 16-bit", "report this").into());
+    };
+    let top = codes.iter().copied().max().unwrap_or(1).max(1);
+    let mut photo = Canvas::new(width, height, [0, 0, 0]);
+    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+        // A display's gamma, so that dark parts show.
+        let grey = (255.0 * (f32::from(codes[at(x, y)]) / f32::from(top)).powf(1.0 / 2.2)) as u8;
+        photo.set(x, y, [grey; 3]);
+    }
+    let mut photograph = orientation_picture(width, height, &|_, _| None, "One of the photographs");
+    photograph.fill([250, 250, 250]);
+    photograph.blit(&photo, 0, 0);
+    photograph.text(width as f32 + 16.0, 16.0, 15.0, [30, 30, 30], "One of the photographs");
+    let error = |x: usize, y: usize| {
+        let (measured, known) = (gauge(judged.orientation[at(x, y)])?, truth.orientation[at(x, y)]);
+        let difference = nacre_processing::polarimetry::angle_difference(measured.into(), known.into());
+        known.is_finite().then(|| difference.abs().to_degrees() as f32)
+    };
+    let panels = [
+        photograph,
+        orientation_picture(width, height, &|x, y| gauge(judged.orientation[at(x, y)]), "Measured orientation"),
+        orientation_picture(width, height, &|x, y| gauge(truth.orientation[at(x, y)] + offset), "True orientation"),
+        scalar_picture(width, height, &error, 0.0, 2.0, "error (°)", "Difference"),
+    ];
+    let (w, h) = panels.iter().fold((0, 0), |(w, h), p| (w.max(p.width), h.max(p.height)));
+    let gap = 12;
+    let mut canvas = Canvas::new(2 * w + 3 * gap, 2 * h + 3 * gap, [18, 18, 20]);
+    for (i, panel) in panels.iter().enumerate() {
+        canvas.blit(panel, gap + (i % 2) * (w + gap), gap + (i / 2) * (h + gap));
+    }
+    Ok(canvas)
+}
+
+fn text(outcome: &Outcome) -> String {
+    let line = |name: &str, c: &Option<Comparison>| match c {
+        Some(c) => format!(
+            "{name} mean {:.3}°, median {:.3}°, 95 % under {:.3}°; {:.2} % of {} pixels beyond 3σ\n",
+            c.mean_deg,
+            c.median_deg,
+            c.p95_deg,
+            100.0 * c.beyond_3_sigma,
+            c.pixels
+        ),
+        None => format!("{name} no pixel to compare\n"),
+    };
+    let s = &outcome.seconds;
+    format!(
+        "{}\n{}{}         against the sample's truth, with one offset removed; {} pixels without grating were given an \
+         orientation\ntotal     {:.1} s: simulating and capturing {:.1}, reconstructing {:.1}, judging {:.1}\nbound     mean \
+         error under {}°: {}\nfiles     {}: session/, result/ (look at result/overview.png and result/orientation.png)",
+        summary(&outcome.report),
+        line("error    ", &outcome.error),
+        line("one dot  ", &outcome.error_pure),
+        outcome.invented,
+        s.total,
+        s.capture,
+        s.reconstruct,
+        s.judge,
+        outcome.bound_deg,
+        if outcome.within_bound { "met" } else { "MISSED" },
+        outcome.out.display()
+    )
+}
+
+/// `nacre-demo`, or the first `nacre-demo-N` that is not there yet.
+fn free_name() -> PathBuf {
+    let names = (1..).map(|n| if n == 1 { "nacre-demo".to_owned() } else { format!("nacre-demo-{n}") });
+    names.map(PathBuf::from).find(|p| !p.exists()).unwrap_or_else(|| PathBuf::from("nacre-demo"))
+}

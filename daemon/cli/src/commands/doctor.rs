@@ -1,0 +1,58 @@
+//! `nacre doctor`.
+
+use crate::console::Console;
+use nacre_capture::Failure;
+use nacre_drivers::discovery::Root;
+use nacre_drivers::doctor::{Check, Health, examine};
+use nacre_processing::Error;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Arguments of `nacre doctor`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre doctor
+  nacre doctor --data /data/sessions --json
+
+Looks at permissions, disk, clock, USB and versions, and says what to do about whatever is not as it should be. Writes
+64 MiB into the folder and removes them again. The exit code is 1 when something will give trouble.")]
+pub struct Args {
+    /// Folder that sessions are to be captured into.
+    #[arg(long, default_value = ".")]
+    data: PathBuf,
+}
+
+/// Examines this machine.
+pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
+    if !args.data.is_dir() {
+        return Err(Error::file(&args.data, "is no folder", "give the folder that sessions go into").into());
+    }
+    let mut checks = examine(&Root::default(), &args.data);
+    let (ok, found, remedy) = if cfg!(feature = "v4l2") {
+        (Health::Ok, "this program was built with them (V4L2)", None)
+    } else {
+        let remedy = "cargo build --release --features v4l2, with Debian's libclang1-14 or newer installed";
+        (Health::Warn, "this program was built without them (V4L2)", Some(remedy.to_owned()))
+    };
+    checks.insert(0, Check { name: "cameras".into(), ok, found: found.into(), remedy });
+    let width = checks.iter().map(|c| c.name.chars().count()).max().unwrap_or_default();
+    let mut text = String::new();
+    for check in &checks {
+        let mark = match check.ok {
+            Health::Ok => "ok  ",
+            Health::Warn => "warn",
+            Health::Bad => "BAD ",
+        };
+        let _ = writeln!(text, "{mark}  {:width$}  {}", check.name, check.found);
+        if let Some(remedy) = &check.remedy {
+            let _ = writeln!(text, "      {:width$}  → {remedy}", "");
+        }
+    }
+    console.result(text.trim_end(), &checks);
+    let bad = checks.iter().filter(|c| c.ok == Health::Bad).count();
+    if bad > 0 {
+        return Err(Failure::Bound(format!("{bad} of {} checks are bad", checks.len())));
+    }
+    Ok(())
+}

@@ -1,0 +1,189 @@
+//! `nacre import`: a `frames.json` for photographs taken elsewhere.
+
+use crate::commands::values::{ChannelName, transfer};
+use crate::console::Console;
+use clap::ValueEnum;
+use nacre_capture::Failure;
+use nacre_capture::import::{Options, angles_in_names, describe, named_angles};
+use nacre_processing::Error;
+use nacre_processing::frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
+use nacre_processing::image::{OutputFolder, photographs, write_whole};
+use std::path::{Path, PathBuf};
+
+/// Most file names in a message.
+const SHOWN: usize = 8;
+
+/// Angles in names may be rounded or cut to whole degrees.
+const ROUNDED_DEG: f64 = 1.0;
+
+/// Arguments of `nacre import`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre import photos/                       angles from names: 045.png, psi_22.5deg.tif, I_-45.png, m22p5.png
+  nacre import photos/ --out series          copies the photographs beside the frames.json
+  nacre import photos/ --angles-deg 0,45,90,135 --channel g
+  nacre import raw/ --kind division-of-focal-plane --layout 90,45,135,0
+  nacre import bracket/ --kind exposures --channel g
+
+Exposure times and ISO are read from EXIF where the files have it.")]
+pub struct Args {
+    /// Folder with the photographs (PNG, TIFF, JPEG, EXR).
+    folder: PathBuf,
+    /// What was varied between the photographs.
+    #[arg(long, value_enum, default_value_t = KindName::Polarization)]
+    kind: KindName,
+    /// Analyser angles in degrees, in the order of the sorted file names (default: read from the names).
+    #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
+    angles_deg: Option<Vec<f64>>,
+    /// Take the given angles even where file names hold other ones.
+    #[arg(long, requires = "angles_deg")]
+    ignore_names: bool,
+    /// Angles of each 2×2 block of a polarization sensor: top left, top right, bottom left, bottom right.
+    #[arg(long, value_delimiter = ',', default_value = "90,45,135,0", allow_negative_numbers = true)]
+    layout: Vec<f64>,
+    /// How the files encode light: linear, srgb, gamma=2.2, or recover (exposures). By default srgb for JPEG, linear for the rest.
+    #[arg(long, value_parser = transfer)]
+    transfer: Option<Transfer>,
+    /// Channel of colour files: r, g or b.
+    #[arg(long, value_enum)]
+    channel: Option<ChannelName>,
+    /// File value of no light.
+    #[arg(long)]
+    black: Option<f64>,
+    /// File value of a saturated pixel, 4095 for 12 bit in a 16-bit file for instance.
+    #[arg(long)]
+    white: Option<f64>,
+    /// Copy the photographs and write frames.json into this new folder, instead of beside the photographs.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Replace a frames.json that is already there.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum KindName {
+    Polarization,
+    DivisionOfFocalPlane,
+    Exposures,
+}
+
+/// Describes the photographs, checks the description as a reconstruction does, and writes it.
+pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
+    let files = photographs(&args.folder)?;
+    let angles = angles(args, &files)?;
+    let set = describe(&args.folder, &files, angles, &options(args)?);
+    let described = check(args.folder.join(FILE_NAME), set)?;
+    let text = save(&described.set);
+    let target = match &args.out {
+        Some(out) => {
+            let folder = OutputFolder::begin(out, args.force)?;
+            for file in &files {
+                let target = folder.path(&file.to_string_lossy());
+                std::fs::copy(args.folder.join(file), &target).map_err(|e| Error::output(&out.join(file), e))?;
+            }
+            folder.write(FILE_NAME, text.as_bytes())?;
+            folder.commit()?;
+            out.join(FILE_NAME)
+        }
+        None => write_beside(&args.folder, &text, args.force)?,
+    };
+    let message = format!(
+        "{} photographs, {}; transfer {}{}\n{}wrote     {}\n{text}",
+        files.len(),
+        described.info,
+        serde_json::to_string(&described.set.transfer).unwrap_or_default(),
+        if args.transfer.is_none() { " (guessed from the file type, see --transfer)" } else { "" },
+        angles_by_file(&described.set, args.angles_deg.is_some()),
+        target.display()
+    );
+    console.result(&message, &described.set);
+    Ok(())
+}
+
+/// A line for each photograph with an analyser angle.
+fn angles_by_file(set: &FrameSet, given: bool) -> String {
+    let source = if given { "--angles-deg" } else { "file names" };
+    let line = |f: &Frame| Some(format!("  {:>8}°  {}\n", f.analyser_deg?, f.file.display()));
+    let lines: String = set.frames.iter().filter_map(line).collect();
+    if lines.is_empty() { lines } else { format!("angles    from {source}:\n{lines}") }
+}
+
+/// The analyser's angles, given or read from the names; None for photographs without an analyser.
+fn angles(args: &Args, files: &[PathBuf]) -> Result<Option<Vec<f64>>, Error> {
+    let Some(given) = &args.angles_deg else {
+        let of_names = || named_angles(&args.folder.to_string_lossy(), files, "give --angles-deg");
+        return if args.kind == KindName::Polarization { of_names().map(Some) } else { Ok(None) };
+    };
+    let refused = |problem: String, remedy: &str| Err(Error::input("--angles-deg", problem, remedy));
+    if args.kind != KindName::Polarization {
+        return refused("belongs to --kind polarization only".into(), "leave it out, or change --kind");
+    }
+    if given.len() != files.len() {
+        let problem = format!("{} angles for {} photographs", given.len(), files.len());
+        return refused(problem, "give one per photograph, in the order of the sorted names");
+    }
+    let contradicted = if args.ignore_names { None } else { contradicted(files, given) };
+    if let Some((file, given, named)) = contradicted {
+        let problem = format!("{} is given {given}°, but its name says {named}°", file.display());
+        let names: Vec<String> = files.iter().take(SHOWN).map(|f| f.display().to_string()).collect();
+        let more = if files.len() > SHOWN { ", …" } else { "" };
+        let remedy = format!(
+            "leave --angles-deg out, give the angles in the order {}{more}, or add --ignore-names if the names are wrong",
+            names.join(", ")
+        );
+        return refused(problem, &remedy);
+    }
+    Ok(Some(given.clone()))
+}
+
+/// The first photograph whose name says another angle than the given one, and both. Names are often rounded to degrees, and an analyser
+/// is the same after half a turn.
+fn contradicted<'a>(files: &'a [PathBuf], given: &[f64]) -> Option<(&'a Path, f64, f64)> {
+    let named = angles_in_names(files).ok()?;
+    let far = |a: f64, b: f64| {
+        let apart = (a - b).rem_euclid(180.0);
+        apart.min(180.0 - apart) >= ROUNDED_DEG
+    };
+    let all = files.iter().map(PathBuf::as_path).zip(given.iter().copied().zip(named));
+    all.map(|(file, (given, named))| (file, given, named)).find(|(_, given, named)| far(*given, *named))
+}
+
+/// How the frame set is described beyond its angles.
+fn options(args: &Args) -> Result<Options, Error> {
+    let layout = match (args.kind, args.layout.as_slice()) {
+        (KindName::DivisionOfFocalPlane, &[a, b, c, d]) => Some([[a, b], [c, d]]),
+        (KindName::DivisionOfFocalPlane, _) => {
+            return Err(Error::input(
+                "--layout",
+                format!("{} angles", args.layout.len()),
+                "give four, 90,45,135,0 for instance",
+            ));
+        }
+        _ => None,
+    };
+    let kind = match args.kind {
+        KindName::Polarization => Kind::Polarization,
+        KindName::DivisionOfFocalPlane => Kind::DivisionOfFocalPlane,
+        KindName::Exposures => Kind::Exposures,
+    };
+    Ok(Options {
+        kind,
+        layout,
+        transfer: args.transfer,
+        channel: args.channel.map(Channel::from),
+        black: args.black,
+        white: args.white,
+    })
+}
+
+/// Writes `frames.json` beside the photographs.
+fn write_beside(folder: &Path, text: &str, force: bool) -> Result<PathBuf, Error> {
+    let target = folder.join(FILE_NAME);
+    if target.exists() && !force {
+        return Err(Error::file(&target, "is already there", "add --force to replace it"));
+    }
+    write_whole(&target, text.as_bytes())?;
+    Ok(target)
+}

@@ -1,0 +1,369 @@
+//! One device at a time, by hand: `nacre stage`, `snap`, `flash`, `show`; and the flash's guardian.
+
+use super::bench::BenchArgs;
+use crate::console::Console;
+use clap::Subcommand;
+use nacre_capture::Failure;
+use nacre_capture::engine::{Control, Hands, Input, guarded};
+use nacre_capture::guardian::Guarded;
+use nacre_capture::rig::{Rig, runtime};
+use nacre_drivers::stage::StageDriver;
+use nacre_drivers::stage::elliptec::Elliptec;
+use nacre_drivers::{DeviceError, Pattern, SystemClock};
+use nacre_processing::Error;
+use nacre_processing::image::write_png16_gray;
+use nacre_processing::progress::Progress;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Commands of the analyser's stage.
+#[derive(Subcommand)]
+pub enum Stage {
+    /// Turn the analyser to an angle, from below.
+    #[command(after_help = "Example:\n  nacre stage move 45 --sim --socket /tmp/bench")]
+    Move {
+        /// Angle in degrees.
+        #[arg(allow_negative_numbers = true)]
+        angle_deg: f64,
+        /// Which bench.
+        #[command(flatten)]
+        bench: BenchArgs,
+    },
+    /// Find the mechanical zero.
+    #[command(after_help = "Example:\n  nacre stage home --sim --socket /tmp/bench")]
+    Home(BenchArgs),
+    /// Search the best motor frequencies of an Elliptec stage: when it gets stuck, or its load was changed. It moves.
+    #[command(after_help = "Example:\n  nacre stage search-frequency --config nacre.toml")]
+    SearchFrequency(BenchArgs),
+    /// Run the cleaning cycle of an Elliptec stage: minutes, over the whole turn.
+    #[command(after_help = "Example:\n  nacre stage clean --config nacre.toml")]
+    Clean(BenchArgs),
+    /// Say where the analyser stands.
+    #[command(after_help = "Example:\n  nacre stage where --sim --socket /tmp/bench --json")]
+    Where(BenchArgs),
+}
+
+/// Arguments of `nacre snap`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre snap --sim --out look.png
+  nacre snap --sim --out look.png --show disc:60@100,0 --exposure-ms 20 --analyser-deg 30")]
+pub struct Snap {
+    #[command(flatten)]
+    bench: BenchArgs,
+    /// The picture (16-bit PNG).
+    #[arg(long)]
+    out: PathBuf,
+    /// Exposure time.
+    #[arg(long, default_value_t = 10.0)]
+    exposure_ms: f64,
+    /// Gain.
+    #[arg(long, default_value_t = 1.0)]
+    gain: f64,
+    /// What the panel shows meanwhile: black, disc:DIAMETER or disc:DIAMETER@X,Y in mm.
+    #[arg(long, default_value = "disc:180", value_parser = pattern)]
+    show: Pattern,
+    /// Turn the analyser first.
+    #[arg(long, allow_negative_numbers = true)]
+    analyser_deg: Option<f64>,
+    /// Switch the flash on meanwhile.
+    #[arg(long)]
+    flash: bool,
+    /// Replace a picture that is already there.
+    #[arg(long)]
+    force: bool,
+}
+
+/// Commands of the flash.
+#[derive(Subcommand)]
+pub enum FlashCommand {
+    /// Light until Ctrl-C, but no longer than the flash may be on.
+    #[command(after_help = "Example:\n  nacre flash on --seconds 2 --sim --socket /tmp/bench")]
+    On {
+        /// Off again after this.
+        #[arg(long)]
+        seconds: Option<f64>,
+        /// Which bench.
+        #[command(flatten)]
+        bench: BenchArgs,
+    },
+    /// Off, and check that it is.
+    #[command(after_help = "Example:\n  nacre flash off --sim --socket /tmp/bench")]
+    Off(BenchArgs),
+    /// On and off again, with its state read back each time.
+    #[command(after_help = "Example:\n  nacre flash test --sim")]
+    Test(BenchArgs),
+}
+
+/// Arguments of `nacre show`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre show disc:180 --sim --socket /tmp/bench
+  nacre show disc:30@-100,50 --seconds 5 --sim --socket /tmp/bench")]
+pub struct Show {
+    /// black, disc:DIAMETER or disc:DIAMETER@X,Y in mm from the panel's middle.
+    #[arg(value_parser = pattern)]
+    pattern: Pattern,
+    /// Black again after this.
+    #[arg(long)]
+    seconds: Option<f64>,
+    #[command(flatten)]
+    bench: BenchArgs,
+}
+
+/// Arguments of the guardian.
+#[derive(clap::Args)]
+pub struct Guardian {
+    /// Which flash (JSON).
+    flash: String,
+}
+
+fn pattern(text: &str) -> Result<Pattern, String> {
+    let expected = || format!("{text:?} is no pattern; give black, disc:DIAMETER or disc:DIAMETER@X,Y in mm");
+    if text == "black" {
+        return Ok(Pattern::Black);
+    }
+    let disc = text.strip_prefix("disc:").ok_or_else(expected)?;
+    let (diameter, center) = disc.split_once('@').unwrap_or((disc, "0,0"));
+    let (x, y) = center.split_once(',').ok_or_else(expected)?;
+    let number = |text: &str| text.trim().parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(expected);
+    let (diameter_mm, center_mm) = (number(diameter)?, [number(x)?, number(y)?]);
+    if diameter_mm > 0.0 { Ok(Pattern::Disc { center_mm, diameter_mm }) } else { Err(expected()) }
+}
+
+/// Opens the bench, runs `work` while the interlocks hold, and leaves the light off.
+pub(super) fn with_hands<T>(
+    bench: &BenchArgs,
+    console: &Console,
+    work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>,
+) -> Result<T, Failure> {
+    let (runtime, control) = (runtime()?, Control::default());
+    let mut rig = Rig::open(&runtime, &bench.place()?, console, &console.interrupted())?;
+    let mut hands = Hands::new(&mut rig.devices);
+    let _ = control.send(Input::Start);
+    runtime.block_on(async {
+        let interrupted = async {
+            hold(console, f64::INFINITY).await;
+            // What ends by itself ends in order; what hangs is left.
+            tokio::time::sleep(Duration::from_secs(1)).await;
+            Err(Error::Cancelled.into())
+        };
+        let result = tokio::select! {
+            biased;
+            stopped = interrupted => stopped,
+            result = guarded(&rig.watch, &control, work(&mut hands)) => result,
+        };
+        let dark = hands.dark().await;
+        let value = result?;
+        dark?;
+        Ok(value)
+    })
+}
+
+/// Moves or asks the stage.
+pub fn stage(command: &Stage, console: &Console) -> Result<(), Failure> {
+    let bench = match command {
+        Stage::SearchFrequency(bench) | Stage::Clean(bench) => return care(command, bench, console),
+        Stage::Move { bench, .. } | Stage::Home(bench) | Stage::Where(bench) => bench,
+    };
+    let angle = with_hands(bench, console, async |hands| {
+        match command {
+            Stage::Move { angle_deg, .. } => {
+                let [low, high] = hands.limits().stage.limits_deg;
+                if !(low..=high).contains(angle_deg) {
+                    let expected = format!("an angle from {low}° to {high}°");
+                    return Err(DeviceError::new(&hands.limits().stage.id, "move", expected, format!("{angle_deg}°"))
+                        .class(nacre_drivers::Class::Setup)
+                        .into());
+                }
+                hands.find().await?;
+                hands.turn(*angle_deg).await?;
+            }
+            Stage::Home(_) => hands.prepare(true).await?,
+            _ => {}
+        }
+        Ok(hands.position().await?)
+    })?;
+    console.result(&format!("the analyser stands at {angle:.3}°"), &serde_json::json!({ "analyser_deg": angle }));
+    Ok(())
+}
+
+/// Looks after the mechanics of an Elliptec stage.
+fn care(command: &Stage, bench: &BenchArgs, console: &Console) -> Result<(), Failure> {
+    let section = bench.place()?.section;
+    let Some(StageDriver::Elliptec(settings)) = section.stage.as_ref().map(|s| &s.driver) else {
+        let remedy = "describe one as [bench.stage] in nacre.toml";
+        return Err(Error::input("stage", "is no Elliptec stage", remedy).into());
+    };
+    let _locks = section.lock()?;
+    let runtime = runtime()?;
+    let mut stage = Elliptec::open(settings, Arc::new(SystemClock))?;
+    console.stage("the stage looks after itself", 0);
+    runtime.block_on(async {
+        let interrupted = async {
+            hold(console, f64::INFINITY).await;
+        };
+        let work = async {
+            match command {
+                Stage::Clean(_) => stage.clean().await,
+                _ => stage.search_frequency().await,
+            }
+        };
+        let done = tokio::select! {
+            biased;
+            () = interrupted => None,
+            done = work => Some(done),
+        };
+        match done {
+            Some(done) => Ok(done?),
+            None => {
+                nacre_drivers::Stage::halt(&mut stage).await?;
+                Err(Failure::from(Error::Cancelled))
+            }
+        }
+    })?;
+    console.result("done; home the stage before the next session", &serde_json::json!({ "done": true }));
+    Ok(())
+}
+
+/// Takes one fresh picture.
+pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
+    if args.out.exists() && !args.force {
+        return Err(Error::file(&args.out, "is already there", "choose another --out, or --force").into());
+    }
+    let (frame, dropped, white) = with_hands(&args.bench, console, async |hands| {
+        let camera = hands.limits().camera.clone();
+        let seconds = args.exposure_ms / 1000.0;
+        if !(camera.exposure_s[0]..=camera.exposure_s[1]).contains(&seconds)
+            || !(camera.gain[0]..=camera.gain[1]).contains(&args.gain)
+        {
+            let (expected, got) = (
+                format!(
+                    "{} to {} s, gain {} to {}",
+                    camera.exposure_s[0], camera.exposure_s[1], camera.gain[0], camera.gain[1]
+                ),
+                format!("{seconds} s, gain {}", args.gain),
+            );
+            return Err(DeviceError::new(&camera.id, "expose", expected, got).remedy("choose others").into());
+        }
+        hands.expose(Duration::from_secs_f64(seconds), args.gain).await?;
+        hands.cover(false).await?;
+        hands.show(args.show).await?;
+        if let Some(angle) = args.analyser_deg {
+            hands.find().await?;
+            hands.turn(angle).await?;
+        }
+        if args.flash {
+            hands.switch(true).await?;
+        }
+        let (frame, dropped) = hands.fresh().await?;
+        if args.flash {
+            hands.flash_still_on().await?;
+        }
+        Ok((frame, dropped, camera.white))
+    })?;
+    write_png16_gray(&args.out, frame.width, frame.height, &frame.codes)?;
+    let (low, high) = frame.codes.iter().fold((u16::MAX, 0), |(l, h), c| (l.min(*c), h.max(*c)));
+    let saturated = frame.codes.iter().filter(|c| **c >= white).count();
+    let text = format!(
+        "picture   {} ({} × {} pixels, codes {low} to {high}, {saturated} saturated at {white}; {dropped} stale frames dropped)",
+        args.out.display(),
+        frame.width,
+        frame.height
+    );
+    let json = serde_json::json!({
+        "picture": args.out, "width": frame.width, "height": frame.height, "lowest": low, "highest": high,
+        "white": white, "saturated": saturated, "stale_frames_dropped": dropped,
+    });
+    console.result(&text, &json);
+    Ok(())
+}
+
+/// Switches the flash.
+pub fn flash(command: &FlashCommand, console: &Console) -> Result<(), Failure> {
+    let (FlashCommand::On { bench, .. } | FlashCommand::Off(bench) | FlashCommand::Test(bench)) = command;
+    let text = with_hands(bench, console, async |hands| {
+        let longest = hands.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
+        match command {
+            FlashCommand::Off(_) => {
+                hands.switch(false).await?;
+                Ok("the flash is off".to_owned())
+            }
+            FlashCommand::Test(_) => {
+                for on in [false, true, false] {
+                    hands.switch(on).await?;
+                    if hands.is_lit().await? != on {
+                        let (expected, got) = if on { ("on", "off") } else { ("off", "on") };
+                        return Err(DeviceError::new("flash", "report its state", expected, got).into());
+                    }
+                }
+                Ok("the flash goes on and off as it is told".to_owned())
+            }
+            FlashCommand::On { seconds, .. } => {
+                let wanted = seconds.unwrap_or(longest);
+                if !(wanted > 0.0 && wanted <= longest) {
+                    let problem = format!("--seconds is {wanted}, but the flash may be on for up to {longest} s");
+                    return Err(Error::input("flash", problem, "choose a shorter time").into());
+                }
+                hands.switch(true).await?;
+                console.note(&format!("the flash is on for {wanted} s; Ctrl-C ends it"));
+                // A little less than its limit, so that it is us who end it.
+                hold(console, wanted.min(longest - 0.1).max(0.0)).await;
+                hands.flash_still_on().await?;
+                hands.switch(false).await?;
+                Ok("the flash is off again".to_owned())
+            }
+        }
+    })?;
+    console.result(&text, &serde_json::json!({ "flash": text }));
+    Ok(())
+}
+
+/// Shows a pattern until somebody stops it.
+pub fn show(args: &Show, console: &Console) -> Result<(), Failure> {
+    with_hands(&args.bench, console, async |hands| {
+        let size = hands.limits().display.size_mm;
+        let reach = args.pattern.reach_mm();
+        if reach.iter().zip(size).any(|(r, s)| *r > 0.5 * s) {
+            let problem = format!(
+                "it reaches {} × {} mm from the middle of a panel of {} × {} mm",
+                reach[0], reach[1], size[0], size[1]
+            );
+            return Err(Error::input("pattern", problem, "choose a smaller one").into());
+        }
+        hands.show(args.pattern).await?;
+        if args.pattern != Pattern::Black {
+            console.note("the pattern is shown; Ctrl-C ends it");
+            hold(console, args.seconds.unwrap_or(f64::INFINITY)).await;
+        }
+        Ok(())
+    })?;
+    console.result("the panel is black", &serde_json::json!({ "panel": "black" }));
+    Ok(())
+}
+
+/// Waits, but not after Ctrl-C: that is how a person ends it, and no failure.
+async fn hold(console: &Console, seconds: f64) {
+    let begun = Instant::now();
+    while begun.elapsed().as_secs_f64() < seconds && !console.cancelled() {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+/// Runs the guardian on this process's standard streams.
+pub fn guardian(args: &Guardian) -> ExitCode {
+    let guarded = serde_json::from_str::<Guarded>(&args.flash)
+        .map_err(|e| DeviceError::new("flash guardian", "start", "the description of a flash", e.to_string()));
+    match guarded.and_then(|guarded| nacre_capture::guardian::run(|| guarded.open())) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            use std::io::Write;
+            let _ = writeln!(std::io::stderr().lock(), "nacre: flash guardian: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! `nacre map compare`.
+
+use crate::commands::said::lines;
+use crate::console::Console;
+use nacre_capture::Failure;
+use nacre_processing::image::OutputFolder;
+use nacre_processing::map::{Agreement, Compared, Maps, compare, side_by_side};
+use nacre_processing::progress::Progress;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Arguments of `nacre map compare`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre map compare flash spots polarization --out compared
+  nacre map compare truth result --unaligned --out compared
+
+The others are brought to the first one's pixel size (pixel_um of the files), laid where they are most like it, and compared
+where both know something. Writes compared.png, all side by side in the same colours, and report.json.")]
+pub struct Compare {
+    /// Folders with orientation.exr, period.exr or both, or these files; the first is what the others are compared with.
+    #[arg(required = true, num_args = 2..)]
+    inputs: Vec<PathBuf>,
+    /// Folder for the results.
+    #[arg(long)]
+    out: PathBuf,
+    /// Leave them where they are: their upper left corners are one place.
+    #[arg(long)]
+    unaligned: bool,
+    /// Replace files that are already in the folder.
+    #[arg(long)]
+    force: bool,
+}
+
+/// What is written.
+#[derive(Serialize)]
+struct Report<'a> {
+    inputs: &'a [PathBuf],
+    aligned: bool,
+    maps: &'a [Compared],
+    warnings: &'a [String],
+}
+
+impl Compare {
+    pub fn run(&self, console: &Console) -> Result<(), Failure> {
+        console.stage("comparing", self.inputs.len() as u64);
+        let folder = OutputFolder::begin(&self.out, self.force)?;
+        let mut all = vec![];
+        for input in &self.inputs {
+            all.push((input.display().to_string(), Maps::read(input)?));
+            console.step();
+            console.check()?;
+        }
+        let found = compare(all, !self.unaligned)?;
+        console.check()?;
+        let shown: Vec<(&str, &Maps)> = found.maps.iter().map(|(name, maps)| (name.as_str(), maps)).collect();
+        side_by_side(&shown).save_png(&folder.path("compared.png"))?;
+        let report =
+            Report { inputs: &self.inputs, aligned: !self.unaligned, maps: &found.compared, warnings: &found.warnings };
+        folder.write_json("report.json", &report)?;
+        folder.commit()?;
+        let mut text = String::new();
+        for map in &found.compared {
+            text += &said(map);
+        }
+        text += &lines(&[], &found.warnings);
+        let _ = write!(text, "wrote     {}", self.out.display());
+        console.result(&text, &report);
+        Ok(())
+    }
+}
+
+fn said(map: &Compared) -> String {
+    let number = |v: Option<f64>, factor: f64, unit: &str| {
+        v.map_or("unknown".to_owned(), |v| format!("{:.3}{unit}", factor * v))
+    };
+    let mut text = format!(
+        "{}\n  known         {:.1} %, median σ {} and {} of the period\n",
+        map.name,
+        100.0 * map.known,
+        number(map.sigma_deg, 1.0, "°"),
+        number(map.sigma_period, 100.0, " %")
+    );
+    if map.shift_px != [0, 0] {
+        let [x, y] = map.shift_px;
+        let _ = writeln!(text, "  laid          {x} right, {y} down, {:.0} % alike", 100.0 * map.likeness);
+    }
+    let mut one = |what: &str, of: &Option<Agreement>, factor: f64, unit: &str| {
+        if let Some(a) = of {
+            let _ = writeln!(
+                text,
+                "  {what:<13} {:+.3}{unit} off, scatter {:.3}{unit}; {} of what σ says, {} beyond 5 σ ({} pixels)",
+                factor * a.offset,
+                factor * a.scatter,
+                number(a.sigmas, 1.0, " times"),
+                number(a.beyond, 100.0, " %"),
+                a.pixels
+            );
+        }
+    };
+    one("orientations", &map.orientation, 1.0, "°");
+    one("periods", &map.period, 100.0, " %");
+    text
+}

@@ -1,0 +1,45 @@
+//! One file per command.
+
+pub mod attach;
+pub mod bench;
+pub mod brdf;
+pub mod calibrate;
+pub mod capture;
+pub mod catalogue;
+pub mod chart;
+pub mod check;
+pub mod demo;
+pub mod devices;
+pub mod doctor;
+pub mod factor;
+pub mod import;
+pub mod init;
+pub mod manual;
+pub mod map;
+pub mod photograph;
+pub mod plan;
+pub mod recommend;
+pub mod reconstruct;
+pub mod render;
+mod said;
+pub mod schema;
+pub mod serve;
+pub mod sim;
+pub mod synthesize;
+mod values;
+
+use nacre_processing::Error;
+use nacre_processing::text::read_text;
+use std::path::Path;
+
+/// Largest description that is read.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// Reads a small TOML file.
+///
+/// # Errors
+/// `Input` with this remedy for what cannot be read or is something else.
+fn toml_file<T: serde::de::DeserializeOwned>(path: &Path, remedy: &str) -> Result<T, Error> {
+    let text = read_text(path, MAX_BYTES, remedy)?;
+    toml::from_str(&text).map_err(|e| Error::file(path, e.message().to_owned(), remedy))
+}

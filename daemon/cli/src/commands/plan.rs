@@ -1,0 +1,100 @@
+//! `nacre plan`.
+
+use super::bench::BenchArgs;
+use crate::console::Console;
+use clap::Subcommand;
+use nacre_capture::Failure;
+use nacre_capture::engine::{Control, Engine};
+use nacre_capture::plan::{Estimate, Least, Limits, Plan};
+use nacre_capture::rig::{Rig, runtime};
+use nacre_capture::run::check_limits;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Commands on plans.
+#[derive(Subcommand)]
+pub enum PlanCommand {
+    /// Check a plan against the limits of a bench.
+    Check(PlanArgs),
+    /// Say how long a session takes and how much disk it needs. Where the exposure is to be metered, it is.
+    Estimate(PlanArgs),
+}
+
+/// Arguments of `nacre plan check` and `estimate`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre plan check plan.toml
+  nacre plan estimate plan.toml --bench bench.toml --json")]
+pub struct PlanArgs {
+    /// The plan (TOML, or JSON by its name).
+    plan: PathBuf,
+    #[command(flatten)]
+    bench: BenchArgs,
+}
+
+/// Runs a command on a plan.
+pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
+    let (PlanCommand::Check(args) | PlanCommand::Estimate(args)) = command;
+    let plan = Plan::read(&args.plan)?;
+    let place = args.bench.described()?;
+    let limits = place.limits()?;
+    check_limits(&plan, &args.plan, &limits)?;
+    let plan = plan.with_fringes(&place.setup(), &limits);
+    match command {
+        PlanCommand::Check(_) => {
+            let (least, frames) = (plan.steps().len(), plan.most_steps().len());
+            let range = if least < frames { format!("{least} to {frames} frames") } else { format!("{frames} frames") };
+            let mut value = serde_json::json!({ "frames": frames, "least_frames": least });
+            let mut text = format!("the plan is sound: {range}");
+            if let Some(reach) = plan.reach(&place.setup(), &limits) {
+                text += &reach.text();
+                value["shortest_um"] = serde_json::json!(reach.shortest_um);
+                value["predicted"] = serde_json::json!(reach.predicted);
+            }
+            console.result(&text, &value);
+        }
+        PlanCommand::Estimate(_) => {
+            let estimate = estimate(&plan, limits, &args.bench, console)?;
+            let metering = estimate.metering_seconds.map_or_else(String::new, |s| {
+                format!(" ({s:.1} s of it metering, which finds {:.2} ms)", 1000.0 * estimate.exposure_s)
+            });
+            let (seconds, megabytes) = (estimate.seconds, estimate.bytes as f64 / 1e6);
+            let [frames, time] = match estimate.least {
+                Some(least) => [
+                    format!("{} to {} frames", least.frames, estimate.frames),
+                    format!("{:.1} to {seconds:.1} s", least.seconds),
+                ],
+                None => [format!("{} frames", estimate.frames), format!("{seconds:.1} s")],
+            };
+            let text = format!("{frames}, about {time} of the devices' time{metering}, at most {megabytes:.1} MB");
+            console.result(&text, &estimate);
+        }
+    }
+    Ok(())
+}
+
+/// What metering will find depends on the sample, so it has to be looked at.
+fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Console) -> Result<Estimate, Failure> {
+    if !plan.is_metered() {
+        let exposure = Duration::from_secs_f64(plan.camera.exposure_ms.unwrap_or(10.0) / 1000.0);
+        return Ok(plan.estimate(exposure, &limits, 0.0));
+    }
+    let (runtime, control) = (runtime()?, Control::default());
+    let mut rig = Rig::open(&runtime, &bench.described()?, console, &console.interrupted())?;
+    let mut engine = Engine {
+        runtime: &runtime,
+        devices: &mut rig.devices,
+        watch: &rig.watch,
+        control: &control,
+        observer: console,
+    };
+    let (metered, timing) = engine.meter(plan)?;
+    let (exposure, plan) = (metered.exposure, plan.clone().with_bracket(metered.bracket_ms));
+    limits.camera.exposure_now_s = exposure.as_secs_f64();
+    let stands_deg = runtime.block_on(rig.devices.stage.position())?;
+    let estimate = plan.estimate(exposure, &limits, stands_deg);
+    let seconds = estimate.seconds + timing.device_s;
+    let least = estimate.least.map(|least| Least { seconds: least.seconds + timing.device_s, ..least });
+    Ok(Estimate { seconds, metering_seconds: Some(timing.device_s), least, ..estimate })
+}

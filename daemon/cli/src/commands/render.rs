@@ -1,0 +1,288 @@
+//! `nacre render`.
+
+use crate::commands::said;
+use crate::console::Console;
+use nacre_capture::Failure;
+use nacre_processing::Error;
+use nacre_processing::image::OutputFolder;
+use nacre_processing::render::{
+    Report, Scene, Settings, exposure, gallery, gallery_scene, gallery_skin, render, write_picture, write_png,
+};
+use nacre_processing::surface::height::{self, Scale};
+use nacre_processing::surface::output::vacant;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `nacre render`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  nacre render cd.toml --out cd.exr
+  nacre render cd.toml --out cd.exr --max-error 0.003 --samples 4096
+  nacre render foil.toml --out foil.exr --keep foil.state.exr          Ctrl-C, and later the same with --resume
+  nacre render foil.toml --out turning --frames 36 --turn light       a folder of 36 pictures
+  nacre render cd.toml --out cd.exr --spectral 10                      with 41 bands from 380 to 780 nm
+  nacre render --gallery gallery                                       scenes to start from, rendered
+  nacre render --gallery gallery --scenes cd,cd-room                   only these
+  nacre render --gallery gallery --skin elaphe.png --pixel-um 0.08 --range-um 0.43
+
+A scene (nacre schema scene):
+  [camera]
+  position = [0, 0, 500]
+  target = [0, 0, 0]
+  fov_deg = 16
+  width = 480
+  height = 480
+  [[shape]]
+  type = \"plane\"
+  size = [100, 100]
+  material = \"foil\"
+  [[light]]
+  type = \"point\"
+  position = [0, 300, 400]
+  sigma_mm = 2
+  [material.foil.diffraction]
+  type = \"grating\"
+  relief = { depth_um = 0.15 }
+  maps = \"orientation.exr\"        # as nacre reconstruct polarization writes it
+  period_um = 1.5
+  reflectance = \"aluminium\"
+
+Writes FILE.exr (R G B, linear sRGB, the standard error of the luminance, and spectra with --spectral) and FILE.png.")]
+pub struct Args {
+    /// The scene (TOML); its files are sought beside it.
+    #[arg(required_unless_present = "gallery")]
+    scene: Option<PathBuf>,
+    /// The picture (EXR); a PNG goes beside it. With --frames, a folder.
+    #[arg(long, value_name = "FILE.exr", required_unless_present = "gallery")]
+    out: Option<PathBuf>,
+    /// Write scenes to start from into this folder, and render them.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["scene", "out", "frames", "keep"])]
+    gallery: Option<PathBuf>,
+    /// With --gallery: only these scenes, such as cd,cd-room.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "gallery")]
+    scenes: Vec<String>,
+    /// With --gallery: the snake once more, with the skin that this height field measures (image, EXR or text, as for nacre brdf map).
+    #[arg(long, value_name = "FILE", requires = "gallery")]
+    skin: Option<PathBuf>,
+    /// Size of its pixels, unless the file says so.
+    #[arg(long, value_name = "UM", requires = "skin")]
+    pixel_um: Option<f64>,
+    /// Height of its white above its black, unless the file says so.
+    #[arg(long, value_name = "UM", requires = "skin")]
+    range_um: Option<f64>,
+    /// Noise at which the picture is done: root mean square of the pixels' standard errors over the mean luminance. If it is given, the exit
+    /// code is 1 when the samples did not suffice.
+    #[arg(long, value_name = "REL")]
+    max_error: Option<f64>,
+    /// Most samples of a pixel, on average over those with light: half go evenly, half where noise is.
+    #[arg(long, default_value_t = 256, value_name = "N")]
+    samples: usize,
+    /// So many wavelengths, evenly spaced in 1/λ, instead of as many as each place needs.
+    #[arg(long, value_name = "N")]
+    wavelengths: Option<usize>,
+    /// Keep what has been done in this file, every ten seconds and at the end.
+    #[arg(long, value_name = "FILE.exr")]
+    keep: Option<PathBuf>,
+    /// Go on from the file of --keep.
+    #[arg(long, requires = "keep")]
+    resume: bool,
+    /// Measure what the sums over orders and wavelengths are off by, against finer ones.
+    #[arg(long)]
+    check: bool,
+    /// So many pictures of a full turn.
+    #[arg(long, value_name = "N", requires = "turn")]
+    frames: Option<usize>,
+    /// What turns, about the z axis.
+    #[arg(long, value_enum, requires = "frames")]
+    turn: Option<Turning>,
+    /// Render on a graphics card; on the processor where there is none, or none that does the scene.
+    #[arg(long)]
+    gpu: bool,
+    /// A spectrum per pixel too, in bands so far apart (1 to 100 nm): channels S0.550,000000nm and so on of the EXR.
+    #[arg(long, value_name = "NM", conflicts_with_all = ["keep", "frames", "gallery", "gpu"])]
+    spectral: Option<f64>,
+    /// Draw light of environments by chance even where it could be summed up once for all pixels, to compare.
+    #[arg(long)]
+    by_chance: bool,
+    /// Replace files that are there.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Turning {
+    /// The lights.
+    Light,
+    /// The camera.
+    View,
+    /// The shapes.
+    Sample,
+}
+
+/// Error without one asked for.
+const MAX_ERROR: f64 = 0.01;
+
+/// Most frames of an animation.
+const MOST_FRAMES: usize = 10_000;
+
+/// Renders.
+pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
+    if let Some(folder) = &args.gallery {
+        return render_gallery(args, folder, console);
+    }
+    let (Some(scene), Some(out)) = (&args.scene, &args.out) else {
+        return Err(Error::input("scene", "is none", "give a scene and --out FILE.exr").into());
+    };
+    let folder = scene.parent().unwrap_or(Path::new("")).to_path_buf();
+    let scene = Scene::read(scene)?;
+    match (args.frames, args.turn) {
+        (Some(frames), Some(turning)) => animation(args, (scene, &folder), out, (frames, turning), console),
+        _ => single(args, &scene, &folder, out, console),
+    }
+}
+
+impl Args {
+    fn settings(&self) -> Settings {
+        Settings {
+            samples: self.samples,
+            max_error: self.max_error.unwrap_or(MAX_ERROR),
+            wavelengths: self.wavelengths,
+            keep: self.keep.clone(),
+            resume: self.resume,
+            check: self.check,
+            gpu: self.gpu,
+            spectral_nm: self.spectral,
+            by_chance: self.by_chance,
+        }
+    }
+
+    /// Fails where the noise is larger than asked for.
+    fn judge(&self, noise: f64) -> Result<(), Failure> {
+        match self.max_error {
+            Some(wanted) if noise > wanted => Err(Failure::Bound(format!(
+                "the noise is {noise:.2e} of the mean, more than the {wanted} asked for: allow more --samples"
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn single(args: &Args, scene: &Scene, folder: &Path, out: &Path, console: &Console) -> Result<(), Failure> {
+    let png = out.with_extension("png");
+    vacant(&[out.to_path_buf(), png.clone()], args.force)?;
+    let (picture, mut report) = render(scene, folder, &args.settings(), console)?;
+    write_picture(out, &picture)?;
+    write_png(&png, &picture, scene.exposure.unwrap_or_else(|| exposure(&picture)))?;
+    report.files = vec![out.to_path_buf(), png];
+    console.result(&summary(&report), &report);
+    args.judge(report.noise)
+}
+
+/// Pictures of a full turn, in a folder, all of the first one's exposure.
+fn animation(
+    args: &Args,
+    (mut scene, folder): (Scene, &Path),
+    out: &Path,
+    (frames, turning): (usize, Turning),
+    console: &Console,
+) -> Result<(), Failure> {
+    if !(1..=MOST_FRAMES).contains(&frames) {
+        let problem = format!("are {frames}");
+        return Err(Error::input("frames", problem, format!("give 1 to {MOST_FRAMES}")).into());
+    }
+    if args.keep.is_some() {
+        return Err(Error::input("keep", "is for one picture", "leave it out").into());
+    }
+    let target = OutputFolder::begin(out, args.force)?;
+    let (start, mut reports, mut noise) = (scene.turn, vec![], 0.0_f64);
+    for k in 0..frames {
+        let turn = 360.0 * k as f64 / frames as f64;
+        scene.turn = start;
+        match turning {
+            Turning::Light => scene.turn.light_deg += turn,
+            Turning::View => scene.turn.view_deg += turn,
+            Turning::Sample => scene.turn.sample_deg += turn,
+        }
+        let (picture, report) = render(&scene, folder, &args.settings(), console)?;
+        let name = |ending: &str| format!("frame_{k:04}.{ending}");
+        write_picture(&target.path(&name("exr")), &picture)?;
+        let shown = *scene.exposure.get_or_insert_with(|| exposure(&picture));
+        write_png(&target.path(&name("png")), &picture, shown)?;
+        noise = noise.max(report.noise);
+        reports.push(report);
+    }
+    target.write_json("report.json", &reports)?;
+    target.commit()?;
+    let text = format!("frames    {frames} in {}\nquality   noise {noise:.2e} of the mean or less", out.display());
+    console.result(&text, &reports);
+    args.judge(noise)
+}
+
+fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), Failure> {
+    let scale = Scale { pixel_um: args.pixel_um, range_um: args.range_um };
+    let skin = args.skin.as_ref().map(|path| height::read(path, &scale)).transpose()?;
+    let target = OutputFolder::begin(folder, args.force)?;
+    let measured = skin.map(|skin| gallery_skin(&target, &skin)).transpose()?;
+    let measured = measured.iter().flatten().map(|name| (*name).to_owned());
+    let scenes: Vec<String> = if args.scenes.is_empty() {
+        // First, so that a skin that is too coarse is refused before the others are rendered.
+        measured.chain(gallery(&target)?).collect()
+    } else {
+        let measured: Vec<String> = measured.collect();
+        for name in args.scenes.iter().filter(|name| !measured.contains(name)) {
+            gallery_scene(&target, name)?;
+        }
+        args.scenes.clone()
+    };
+    let (mut reports, mut text, mut noise) = (vec![], String::new(), 0.0_f64);
+    for name in scenes {
+        let path = target.path(&format!("{name}.toml"));
+        let scene = Scene::read(&path)?;
+        let (picture, report) = render(&scene, &target.path(""), &args.settings(), console)?;
+        write_picture(&target.path(&format!("{name}.exr")), &picture)?;
+        let shown = scene.exposure.unwrap_or_else(|| exposure(&picture));
+        write_png(&target.path(&format!("{name}.png")), &picture, shown)?;
+        let _ =
+            writeln!(text, "{name:24} {} samples, noise {:.2e}, {:.1} s", report.samples, report.noise, report.seconds);
+        noise = noise.max(report.noise);
+        reports.push(serde_json::json!({ "scene": name, "report": report }));
+    }
+    target.write_json("report.json", &reports)?;
+    target.commit()?;
+    let _ = write!(text, "results   {}", folder.display());
+    console.result(&text, &reports);
+    args.judge(noise)
+}
+
+/// The report in a few lines.
+fn summary(report: &Report) -> String {
+    let [width, height] = report.size;
+    let mut text =
+        format!("picture   {width} × {height} pixels, {} samples each, on {}", report.samples, report.device);
+    for (name, notes) in &report.materials {
+        let _ = write!(text, "\nmaterial  {name}: {}", notes.method);
+    }
+    let p = &report.predicted;
+    let _ = write!(text, "\nquality   noise {:.2e} of the mean ({:.2e} expected)", report.noise, p.noise);
+    let measured = report.measured_model_error.map_or("not measured".into(), |e| format!("{e:.2e} measured"));
+    let _ = write!(text, "; sums off by {:.2e} predicted ({measured})", report.predicted_model_error);
+    if let Some(s) = &report.spectral {
+        let [from, to] = s.range_nm;
+        let (bands, seconds) = (s.bands, s.seconds);
+        let noise = s.noise.map_or("unknown noise".into(), |noise| format!("noise {noise:.2e} at most"));
+        let _ = write!(text, "\nspectra   {bands} bands from {from} to {to} nm, {noise}, {seconds:.2} s");
+    }
+    let _ = write!(
+        text,
+        "\n{}time      {:.2} s ({:.2} expected of the passes, {:.2} taken)",
+        said::lines(&[], &report.warnings),
+        report.seconds,
+        p.seconds,
+        report.seconds_of_passes
+    );
+    for file in &report.files {
+        let _ = write!(text, "\nwrote     {}", file.display());
+    }
+    text
+}

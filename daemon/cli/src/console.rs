@@ -1,0 +1,126 @@
+//! What a person or a script sees: text or JSON on standard output, progress and errors on standard error.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use nacre_capture::Failure;
+use nacre_capture::engine::Observer;
+use nacre_capture::session::SoFar;
+use nacre_processing::progress::Progress;
+use serde::Serialize;
+use std::io::{IsTerminal, Write};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Bars appear only when a stage takes longer than this.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Output of one command, and its wish to stop.
+pub struct Console {
+    json: bool,
+    /// How often somebody asked for the end.
+    interrupted: Arc<AtomicU32>,
+    stage: Mutex<Stage>,
+}
+
+struct Stage {
+    name: String,
+    steps: u64,
+    done: u64,
+    begun: Instant,
+    /// Hidden until the stage has taken a while.
+    bar: ProgressBar,
+}
+
+impl Console {
+    /// Catches Ctrl-C and SIGTERM from now on, so that a command can clean up.
+    pub fn new(json: bool) -> Self {
+        let interrupted = Arc::new(AtomicU32::new(0));
+        let count = interrupted.clone();
+        // Fails only when a handler is already set; then the system's default stays, which also ends the program.
+        let _ = ctrlc::set_handler(move || {
+            count.fetch_add(1, Ordering::Relaxed);
+        });
+        Self { json, interrupted, stage: Mutex::new(Stage::new("", 0)) }
+    }
+
+    /// How often Ctrl-C was pressed or SIGTERM came.
+    pub fn interrupted(&self) -> Arc<AtomicU32> {
+        self.interrupted.clone()
+    }
+
+    /// The command's result: `text` for a person, or `value` as JSON.
+    pub fn result(&self, text: &str, value: &impl Serialize) {
+        self.finish_stage();
+        let json = || serde_json::to_string_pretty(value).unwrap_or_default();
+        let line = if self.json { json() } else { text.trim_end().to_owned() };
+        // A reader that went away (`| head`) is no failure of the command.
+        let _ = writeln!(std::io::stdout().lock(), "{line}");
+    }
+
+    /// A note for the person in front of the terminal.
+    pub fn note(&self, text: &str) {
+        let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.bar.suspend(|| {
+            let _ = writeln!(std::io::stderr().lock(), "{text}");
+        });
+    }
+
+    /// Says in other words what is going on.
+    pub fn relabel(&self, name: &str) {
+        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        name.clone_into(&mut stage.name);
+        stage.bar.set_message(name.to_owned());
+    }
+
+    /// Why the command failed.
+    pub fn error(&self, failure: &Failure) {
+        self.finish_stage();
+        self.note(&format!("nacre: {failure}"));
+    }
+
+    fn finish_stage(&self) {
+        self.stage.lock().unwrap_or_else(PoisonError::into_inner).bar.finish_and_clear();
+    }
+}
+
+impl Stage {
+    fn new(name: &str, steps: u64) -> Self {
+        Self { name: name.to_owned(), steps, done: 0, begun: Instant::now(), bar: ProgressBar::hidden() }
+    }
+
+    fn visible_bar(&self) -> ProgressBar {
+        let style = ProgressStyle::with_template("{msg:20} {bar:30} {percent:>3} %  {elapsed} gone, {eta} to go")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
+        ProgressBar::with_draw_target(Some(self.steps), ProgressDrawTarget::stderr())
+            .with_style(style)
+            .with_message(self.name.clone())
+            .with_elapsed(self.begun.elapsed())
+    }
+}
+
+impl Progress for Console {
+    fn stage(&self, name: &str, steps: u64) {
+        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.bar.finish_and_clear();
+        *stage = Stage::new(name, steps);
+    }
+
+    fn step(&self) {
+        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.done += 1;
+        if stage.bar.is_hidden() && stage.begun.elapsed() > PATIENCE && std::io::stderr().is_terminal() {
+            stage.bar = stage.visible_bar();
+        }
+        stage.bar.set_position(stage.done);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed) > 0
+    }
+}
+
+impl Observer for Console {
+    fn so_far(&self, so_far: &SoFar) {
+        self.relabel(&so_far.label());
+    }
+}

@@ -1,0 +1,153 @@
+#![doc = include_str!("../README.md")]
+
+mod commands;
+mod console;
+mod leaks;
+
+use clap::{Parser, Subcommand};
+use console::Console;
+use std::process::ExitCode;
+
+/// Measures how surfaces diffract light: orientation maps of holographic surfaces from polarization photographs, on a
+/// real or a simulated bench.
+#[derive(Parser)]
+#[command(
+    name = "nacre",
+    version,
+    about,
+    after_help = "\
+Examples:
+  nacre demo                                            a simulated session, judged
+  nacre import photos/ --out series                     describe your photographs
+  nacre reconstruct polarization series --out result    orientation map from photographs
+  nacre sim render --sample cd --out session            simulated photographs only
+  nacre chart all --out charts                          how fast, how exact, where it breaks
+
+Exit codes: 0 done; 1 failed (disk, device, a missed bound); 2 bad usage or bad input;
+130 interrupted."
+)]
+struct Cli {
+    /// Print the result as JSON on standard output; everything else goes to standard error.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Simulate a polarization session, reconstruct it and compare with the truth.
+    Demo(commands::demo::Args),
+    /// Take a session's frames as a plan says.
+    Capture(commands::capture::Args),
+    /// Run the service: REST, events and the page.
+    Serve(commands::serve::Args),
+    /// Find the devices and write a configuration.
+    Init(commands::init::Args),
+    /// Make a token for the service.
+    Token(commands::serve::Token),
+    /// What devices there are, and who uses them.
+    Devices(commands::devices::Args),
+    /// Whether this machine is fit for a bench, and what to do if not.
+    Doctor(commands::doctor::Args),
+    /// Move the analyser by hand.
+    #[command(subcommand)]
+    Stage(commands::manual::Stage),
+    /// Take one picture.
+    Snap(commands::manual::Snap),
+    /// Switch the flash.
+    #[command(subcommand)]
+    Flash(commands::manual::FlashCommand),
+    /// Show a pattern on the panel until Ctrl-C.
+    Show(commands::manual::Show),
+    /// Check plans and estimate what they need.
+    #[command(subcommand)]
+    Plan(commands::plan::PlanCommand),
+    /// Verify a session folder.
+    Check(commands::check::Args),
+    /// Find and list session folders.
+    Catalogue(commands::catalogue::Args),
+    /// Turn photographs into maps.
+    #[command(subcommand)]
+    Reconstruct(commands::reconstruct::Reconstruct),
+    /// From the shape of a surface to the light that it diffracts.
+    #[command(subcommand)]
+    Brdf(commands::brdf::Brdf),
+    /// Render a scene: measured and made-up surfaces under any light.
+    Render(commands::render::Args),
+    /// Split a diffraction table into few products, for light from all around.
+    Factor(commands::factor::Args),
+    /// Edit maps of orientation and period, and exchange them.
+    #[command(subcommand)]
+    Map(commands::map::MapCommand),
+    /// New maps of random dots, drawn from a measured foil.
+    Synthesize(commands::synthesize::Args),
+    /// Measure where camera, sample, panel and light are.
+    #[command(subcommand)]
+    Calibrate(commands::calibrate::Calibrate),
+    /// Say which method suits a sample, from one photograph of it.
+    Recommend(commands::recommend::Recommend),
+    /// Chart speed against accuracy, and where each method breaks.
+    Chart(commands::chart::Args),
+    /// Describe photographs taken elsewhere in a frames.json.
+    Import(commands::import::Args),
+    /// The simulated bench.
+    #[command(subcommand)]
+    Sim(commands::sim::Sim),
+    /// Print the JSON Schema of a file format.
+    Schema(commands::schema::Args),
+    /// Hold a flash and see to it that it goes off; started by other commands.
+    #[command(hide = true)]
+    Guardian(commands::manual::Guardian),
+}
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    if let Command::Guardian(args) = &cli.command {
+        return commands::manual::guardian(args);
+    }
+    nacre_processing::numeric::flush_subnormals();
+    let console = Console::new(cli.json);
+    let leaks = leaks::Leaks::watch();
+    let result = match cli.command {
+        Command::Demo(args) => commands::demo::run(&args, &console),
+        Command::Capture(args) => commands::capture::run(&args, &console),
+        Command::Serve(args) => commands::serve::run(&args, &console),
+        Command::Init(args) => commands::init::run(&args, &console),
+        Command::Token(args) => commands::serve::token(&args, &console),
+        Command::Devices(args) => commands::devices::run(&args, &console),
+        Command::Doctor(args) => commands::doctor::run(&args, &console),
+        Command::Stage(args) => commands::manual::stage(&args, &console),
+        Command::Snap(args) => commands::manual::snap(&args, &console),
+        Command::Flash(args) => commands::manual::flash(&args, &console),
+        Command::Show(args) => commands::manual::show(&args, &console),
+        Command::Plan(args) => commands::plan::run(&args, &console),
+        Command::Check(args) => commands::check::run(&args, &console),
+        Command::Catalogue(args) => commands::catalogue::run(&args, &console),
+        Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
+        Command::Brdf(args) => commands::brdf::run(&args, &console),
+        Command::Render(args) => commands::render::run(&args, &console),
+        Command::Factor(args) => commands::factor::run(&args, &console),
+        Command::Map(args) => commands::map::run(&args, &console),
+        Command::Synthesize(args) => commands::synthesize::run(&args, &console),
+        Command::Calibrate(args) => commands::calibrate::run(&args, &console),
+        Command::Recommend(args) => commands::recommend::run(&args, &console),
+        Command::Chart(args) => commands::chart::run(&args, &console),
+        Command::Import(args) => commands::import::run(&args, &console),
+        Command::Sim(args) => commands::sim::run(&args, &console),
+        Command::Schema(args) => commands::schema::run(&args, &console),
+        Command::Guardian(_) => Ok(()),
+    };
+    if let Some(found) = leaks.found() {
+        console.note(&format!("nacre: left behind: {found}"));
+        return ExitCode::from(70);
+    }
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            console.error(&failure);
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! `nacre.toml`: how the service runs. Environment variables `NACRE_SERVE_…` override it.
+
+use figment::Figment;
+use figment::error::Kind;
+use figment::providers::{Env, Format, Serialized, Toml};
+use nacre_capture::setup::BenchSection;
+use nacre_processing::Error;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+/// Configuration of the service.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Address to listen on. Other addresses than loopback need a token.
+    pub listen: SocketAddr,
+    /// Folder for sessions, results, catalogue and jobs.
+    pub data: PathBuf,
+    /// Names by which browsers may reach the service besides its address and localhost.
+    pub hosts: Vec<String>,
+    /// Who may do what; `nacre token` makes them.
+    pub tokens: Vec<Token>,
+    /// The bench.
+    pub bench: BenchSection,
+    /// What is refused.
+    pub limits: LimitsSection,
+}
+
+/// A token, of which only the hash is kept.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Token {
+    /// Whose it is.
+    pub name: String,
+    /// What it allows.
+    pub role: Role,
+    /// SHA-256 of the token in hexadecimal.
+    pub sha256: String,
+}
+
+/// What a token allows; each includes the ones before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Look.
+    View,
+    /// Move devices, take sessions, reconstruct.
+    Operate,
+    /// Delete.
+    Administer,
+}
+
+/// What is refused.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct LimitsSection {
+    /// Largest request in KiB, uploads apart.
+    pub body_kib: usize,
+    /// Largest upload in MiB, all its files together.
+    pub upload_mib: u64,
+    /// A request that takes longer than this many seconds is ended, event streams and uploads apart.
+    pub request_s: u64,
+    /// A client that makes no progress for this many seconds is disconnected: no complete request header, and less than 16 KiB
+    /// sent or received. Event streams may stay idle.
+    pub client_s: u64,
+    /// Requests at once.
+    pub requests: usize,
+    /// Event streams at once.
+    pub subscribers: usize,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            listen: SocketAddr::from(([127, 0, 0, 1], 8465)),
+            data: data_folder(),
+            hosts: vec![],
+            tokens: vec![],
+            bench: BenchSection::default(),
+            limits: LimitsSection::default(),
+        }
+    }
+}
+
+impl Default for LimitsSection {
+    fn default() -> Self {
+        Self { body_kib: 1024, upload_mib: 4096, request_s: 60, client_s: 20, requests: 64, subscribers: 256 }
+    }
+}
+
+fn data_folder() -> PathBuf {
+    let set = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let data = set("XDG_DATA_HOME").or_else(|| Some(set("HOME")?.join(".local/share")));
+    data.map_or_else(|| "nacre-data".into(), |data| data.join("nacre/service"))
+}
+
+/// Where the configuration is unless the user says otherwise.
+pub fn default_path() -> PathBuf {
+    "nacre.toml".into()
+}
+
+impl Config {
+    /// Reads a configuration; without a file its defaults hold. The environment has the last word.
+    ///
+    /// # Errors
+    /// `Input`, naming the key, for anything that is not understood.
+    pub fn read(path: Option<&Path>) -> Result<Self, Error> {
+        let mut figment = Figment::from(Serialized::defaults(Self::default()));
+        if let Some(path) = path {
+            const LIMIT: u64 = 1 << 20;
+            let bad = |problem: String| Error::file(path, problem, "give a configuration that `nacre init` made");
+            let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
+            if size > LIMIT {
+                return Err(bad(format!("has {size} bytes, at most {LIMIT} are read")));
+            }
+            let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
+            figment = figment.merge(Toml::string(&text));
+        }
+        let config: Self =
+            figment.merge(Env::prefixed("NACRE_SERVE_").split("__")).extract().map_err(|e| explain(path, e))?;
+        config.check().map_err(|problem| Error::input(name(path), problem, "`nacre schema config` lists all keys"))?;
+        Ok(config)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let l = &self.limits;
+        for (key, value) in [
+            ("body_kib", l.body_kib as u64),
+            ("upload_mib", l.upload_mib),
+            ("request_s", l.request_s),
+            ("client_s", l.client_s),
+            ("requests", l.requests as u64),
+            ("subscribers", l.subscribers as u64),
+        ] {
+            if !(1..=1 << 30).contains(&value) {
+                return Err(format!("limits.{key} is {value}; give a number from 1 to {}", 1 << 30));
+            }
+        }
+        if let Some(bad) =
+            self.tokens.iter().find(|t| t.sha256.len() != 64 || !t.sha256.bytes().all(|b| b.is_ascii_hexdigit()))
+        {
+            return Err(format!("the sha256 of the token {:?} is no SHA-256; `nacre token` makes one", bad.name));
+        }
+        self.bench.check()
+    }
+
+    /// Others may only reach the service with a token.
+    ///
+    /// # Errors
+    /// `Input` when the address is open and there is no token.
+    pub fn check_access(&self) -> Result<(), Error> {
+        if self.listen.ip().is_loopback() || !self.tokens.is_empty() {
+            return Ok(());
+        }
+        let problem = format!("is {}, which others can reach, but there is no token", self.listen);
+        Err(Error::input("listen", problem, "`nacre token` makes one, or listen on 127.0.0.1"))
+    }
+}
+
+fn name(path: Option<&Path>) -> String {
+    path.map_or_else(|| "environment".into(), |p| p.display().to_string())
+}
+
+/// Says which key, and which one may have been meant.
+fn explain(path: Option<&Path>, error: figment::Error) -> Error {
+    let key = error.path.join(".");
+    let problem = match &error.kind {
+        Kind::UnknownField(found, known) => {
+            let near = known.iter().map(|k| (strsim::jaro_winkler(k, found), *k)).max_by(|a, b| a.0.total_cmp(&b.0));
+            let meant = near
+                .filter(|n| n.0 > 0.7)
+                .map_or_else(|| format!("there are {}", known.join(", ")), |n| format!("did you mean {}?", n.1));
+            let place = if key.is_empty() { String::new() } else { format!(" in {key}") };
+            format!("unknown key {found}{place}; {meant}")
+        }
+        kind if key.is_empty() => kind.to_string(),
+        kind => format!("{key}: {kind}"),
+    };
+    Error::input(name(path), problem, "`nacre schema config` lists all keys")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Config, String> {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), text).unwrap();
+        Config::read(Some(file.path())).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn wrong_keys_are_refused_with_a_suggestion() {
+        for (text, words) in [
+            ("lisen = \"127.0.0.1:1\"", &["lisen", "did you mean listen"][..]),
+            ("limits = { body_kb = 1 }", &["body_kb", "limits", "did you mean body_kib"]),
+            ("listen = \"here\"", &["listen"]),
+            ("limits = { requests = 0 }", &["limits.requests"]),
+            ("tokens = [{ name = \"a\", role = \"view\", sha256 = \"secret\" }]", &["\"a\"", "SHA-256"]),
+            ("tokens = [{ name = \"a\", role = \"king\", sha256 = \"\" }]", &["role", "king"]),
+            ("listen = [", &["nacre", "config"]),
+        ] {
+            let error = read(text).unwrap_err();
+            words.iter().for_each(|w| assert!(error.contains(w), "no {w} in {error}"));
+            assert!(!error.contains("secret"), "{error}");
+        }
+        let open = read("listen = \"0.0.0.0:8465\"").unwrap().check_access().unwrap_err().to_string();
+        assert!(open.contains("no token") && open.contains("nacre token"), "{open}");
+        let config = read("listen = \"127.0.0.1:9\"\nlimits = { requests = 3 }").unwrap();
+        assert_eq!((config.listen.port(), config.limits.requests, config.limits.body_kib), (9, 3, 1024));
+    }
+}

@@ -1,0 +1,154 @@
+//! What is deleted, and how that is confirmed.
+
+use super::problem::{Answer, Kind, Problem};
+use super::{App, At, Params, blocking, charts, files};
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use nacre_capture::session::Session;
+use nacre_store::catalogue::SessionRow;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use utoipa::{IntoParams, ToSchema};
+
+/// What a deletion removes, and the token that confirms it.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Deletion {
+    token: String,
+    bytes: u64,
+    files: usize,
+}
+
+/// Confirms a deletion.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Confirmation {
+    /// The token that `deletion` gave.
+    token: String,
+}
+
+/// What a deletion removes, and the token that confirms it.
+#[utoipa::path(get, path = "/api/v1/sessions/{id}/deletion", tag = "sessions", operation_id = "session_deletion",
+    params(("id" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
+pub async fn of_session(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Deletion>> {
+    let folder = app.existing_session(&id)?;
+    let token = app.deletion_token(&id);
+    let files = blocking(move || Answer::Ok(files::list(&folder))).await?;
+    Ok(Json(Deletion { token, bytes: files.iter().map(|f| f.1).sum(), files: files.len() }))
+}
+
+/// Deletes a session with all its files.
+#[utoipa::path(delete, path = "/api/v1/sessions/{id}", tag = "sessions", operation_id = "delete_session",
+    params(("id" = String, Path), Confirmation),
+    responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn session(
+    State(app): State<Arc<App>>,
+    At(id): At<String>,
+    Params(query): Params<Confirmation>,
+) -> Answer<StatusCode> {
+    let folder = app.existing_session(&id)?;
+    confirmed(&app, &id, &query)?;
+    if app.run(&id).is_some_and(|r| !r.is_over()) {
+        return Err(Problem::new(Kind::Busy, "the session is running").remedy("abort it first"));
+    }
+    let row = SessionRow::read(&folder).ok();
+    blocking(move || {
+        // Nobody else works on it: the session's own lock says so.
+        let session = Session::open(nacre_capture::session::RealDisk, &folder);
+        if session.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::WouldBlock) {
+            return Err(Problem::new(Kind::Busy, "another process works on the session"));
+        }
+        removed(&folder)
+    })
+    .await?;
+    app.runs.remove(&id);
+    if let Some(row) = row {
+        app.catalogue.remove(&row.id).await?;
+    }
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// What a deletion removes, and the token that confirms it. Photographs that were uploaded for it go with the last reconstruction of them.
+#[utoipa::path(get, path = "/api/v1/reconstructions/{id}/deletion", tag = "reconstructions", operation_id = "reconstruction_deletion",
+    params(("id" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
+pub async fn of_reconstruction(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Deletion>> {
+    let folders = folders(&app, &id).await?;
+    let token = app.deletion_token(&id);
+    let files = blocking(move || Answer::Ok(folders.iter().flat_map(|f| files::list(f)).collect::<Vec<_>>())).await?;
+    Ok(Json(Deletion { token, bytes: files.iter().map(|f| f.1).sum(), files: files.len() }))
+}
+
+/// Deletes a reconstruction that has ended, with all its files. Results of a session go with the session.
+#[utoipa::path(delete, path = "/api/v1/reconstructions/{id}", tag = "reconstructions", operation_id = "delete_reconstruction",
+    params(("id" = String, Path), Confirmation),
+    responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn reconstruction(
+    State(app): State<Arc<App>>,
+    At(id): At<String>,
+    Params(query): Params<Confirmation>,
+) -> Answer<StatusCode> {
+    let folders = folders(&app, &id).await?;
+    confirmed(&app, &id, &query)?;
+    // First from the queue, which refuses while it is worked on.
+    app.jobs.remove(&id).await?;
+    blocking(move || folders.iter().try_for_each(|f| removed(f))).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// What a deletion removes, and the token that confirms it.
+#[utoipa::path(get, path = "/api/v1/charts/{folder}/deletion", tag = "charts", operation_id = "charts_deletion",
+    params(("folder" = String, Path)), responses((status = 200, body = Deletion), (status = 404, body = Problem)))]
+pub async fn of_charts(State(app): State<Arc<App>>, At(folder): At<String>) -> Answer<Json<Deletion>> {
+    let (place, name) = (app.config.data.join("charts"), folder.clone());
+    let files = blocking(move || Answer::Ok(files::list(&charts::existing(&place, &name)?))).await?;
+    let token = app.deletion_token(&format!("charts/{folder}"));
+    Ok(Json(Deletion { token, bytes: files.iter().map(|f| f.1).sum(), files: files.len() }))
+}
+
+/// Deletes a folder of charts, with the measurements behind them.
+#[utoipa::path(delete, path = "/api/v1/charts/{folder}", tag = "charts", operation_id = "delete_charts",
+    params(("folder" = String, Path), Confirmation),
+    responses((status = 204), (status = 400, body = Problem), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn charts_folder(
+    State(app): State<Arc<App>>,
+    At(folder): At<String>,
+    Params(query): Params<Confirmation>,
+) -> Answer<StatusCode> {
+    let (place, name) = (app.config.data.join("charts"), folder.clone());
+    let path = blocking(move || charts::existing(&place, &name)).await?;
+    confirmed(&app, &format!("charts/{folder}"), &query)?;
+    blocking(move || removed(&path)).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// Folders that go with a reconstruction.
+async fn folders(app: &App, id: &str) -> Answer<Vec<PathBuf>> {
+    let job = app.job(id).await?;
+    let mut folders = vec![app.result_folder(id)];
+    let light = job.spec.light.as_ref().map(|light| &light.upload);
+    for upload in job.upload.iter().chain(light.filter(|light| job.upload.as_ref() != Some(*light))) {
+        if app.jobs.of_upload(upload).await? <= 1 {
+            folders.push(app.upload_folder(upload)?);
+        }
+    }
+    Ok(folders)
+}
+
+fn confirmed(app: &App, id: &str, given: &Confirmation) -> Answer<()> {
+    if given.token == app.deletion_token(id) {
+        return Ok(());
+    }
+    Err(Problem::new(Kind::Conflict, "the token does not confirm this deletion").remedy("ask /deletion for the token"))
+}
+
+/// A folder that is not there needs no deletion.
+fn removed(folder: &Path) -> Answer<()> {
+    match std::fs::remove_dir_all(folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(Problem::new(Kind::Internal, format!("cannot be deleted: {e}")))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,417 @@
+//! `/api/v1/devices` and `/api/v1/stop`: manual control and the preview.
+
+use super::bench::{Owner, PANEL, Picture};
+use super::problem::{Answer, Problem};
+use super::{App, Body, Params, png};
+use axum::Json;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use nacre_capture::Failure;
+use nacre_drivers::Pattern;
+use nacre_processing::image::encode_png8;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::time::Duration;
+use utoipa::{IntoParams, ToSchema};
+
+/// A preview that takes longer is none.
+const LONGEST_PREVIEW_S: f64 = 2.0;
+
+/// The bench as it is.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct Devices {
+    /// What the devices do: `idle`, `session`, or `manual` while the panel is measured.
+    activity: &'static str,
+    /// The session that has them.
+    session: Option<String>,
+    stage: StageState,
+    camera: CameraState,
+    display: PanelState,
+    flash: Option<FlashState>,
+    /// Door switches and the like.
+    interlocks: Vec<InterlockState>,
+    /// Nothing of this is real.
+    simulated: bool,
+}
+
+#[derive(Clone, Debug, Serialize, ToSchema)]
+struct StageState {
+    id: String,
+    /// Where the analyser was last seen.
+    analyser_deg: Option<f64>,
+    limits_deg: [f64; 2],
+    speed_deg_s: f64,
+    by_hand: bool,
+    /// A movement can be cut short; STOP waits for the end of one that cannot.
+    halts: bool,
+}
+
+#[derive(Clone, Debug, Serialize, ToSchema)]
+struct CameraState {
+    id: String,
+    width: usize,
+    height: usize,
+    /// Of the preview.
+    exposure_ms: f64,
+    /// Of the preview.
+    gain: f64,
+    exposure_range_ms: [f64; 2],
+    gain_range: [f64; 2],
+    black: u16,
+    white: u16,
+    /// What the user should know of it.
+    warnings: Vec<String>,
+}
+
+#[derive(Clone, Debug, Serialize, ToSchema)]
+struct PanelState {
+    id: String,
+    size_mm: [f64; 2],
+    pattern: PatternBody,
+}
+
+#[derive(Clone, Debug, Serialize, ToSchema)]
+struct FlashState {
+    id: String,
+    on: bool,
+    max_on_s: f64,
+}
+
+#[derive(Clone, Debug, Serialize, ToSchema)]
+struct InterlockState {
+    id: String,
+    /// Unknown while a session has the devices, and when it does not answer.
+    holds: Option<bool>,
+}
+
+/// What the panel shows: `"black"`, a white disc, or fringes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum PatternBody {
+    /// Nothing.
+    Black,
+    /// A white disc.
+    Disc {
+        /// Its middle, from the panel's middle to the right and up, in mm.
+        #[schema(min_items = 2, max_items = 2)]
+        center_mm: [f64; 2],
+        /// Its diameter in mm.
+        #[schema(exclusive_minimum = 0.0)]
+        diameter_mm: f64,
+    },
+    /// Stripes over the whole panel, luminance (1 + cos 2π(f · x + phase)) / 2; even light without a frequency.
+    Fringes {
+        /// Frequency to the right and up, in cycles per mm.
+        #[schema(min_items = 2, max_items = 2)]
+        cycles_per_mm: [f64; 2],
+        /// Phase at the panel's middle, in cycles.
+        phase: f64,
+        /// Exponent that the panel is taken to have where nothing better is known.
+        #[schema(minimum = 0.2, maximum = 5)]
+        gamma: f64,
+    },
+}
+
+/// Where to turn the analyser.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Move {
+    #[schema(example = 45.0)]
+    analyser_deg: f64,
+}
+
+/// Exposure and gain of the preview.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraSettings {
+    #[schema(example = 10.0)]
+    exposure_ms: f64,
+    #[schema(example = 1.0)]
+    gain: f64,
+}
+
+/// What to show.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({ "pattern": { "disc": { "center_mm": [0, 0], "diameter_mm": 180 } } }))]
+pub struct ShowBody {
+    pattern: PatternBody,
+}
+
+/// Switches the flash; it goes off by itself after `seconds`, at most its longest on-time.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SwitchBody {
+    on: bool,
+    #[schema(example = 0.1)]
+    seconds: Option<f64>,
+}
+
+/// Nothing.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Nothing {}
+
+/// Width of a picture.
+#[derive(Clone, Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Width {
+    /// Pixels per row, at most.
+    #[param(minimum = 1, maximum = 16384)]
+    pub width: Option<usize>,
+}
+
+/// Numbers of the newest frame.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct Preview {
+    sequence: u64,
+    width: usize,
+    height: usize,
+    /// Pixels in 256 steps from black to white.
+    histogram: Vec<u32>,
+    /// Share of saturated pixels.
+    saturated: f64,
+    /// Mean between black (0) and white (1).
+    mean: f64,
+    analyser_deg: Option<f64>,
+}
+
+/// The bench has been stopped.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct Stopped {
+    stopped: bool,
+}
+
+impl From<Pattern> for PatternBody {
+    fn from(pattern: Pattern) -> Self {
+        match pattern {
+            Pattern::Black => Self::Black,
+            Pattern::Disc { center_mm, diameter_mm } => Self::Disc { center_mm, diameter_mm },
+            Pattern::Fringes { cycles_per_mm, phase, gamma } => Self::Fringes { cycles_per_mm, phase, gamma },
+        }
+    }
+}
+
+impl PatternBody {
+    /// A pattern that fits on the panel.
+    fn checked(self, size_mm: [f64; 2]) -> Answer<Pattern> {
+        let pattern = match self {
+            Self::Black => return Ok(Pattern::Black),
+            Self::Fringes { cycles_per_mm, phase, gamma } => {
+                let sane =
+                    cycles_per_mm.iter().all(|f| f.abs() <= 1.0) && phase.abs() <= 1e6 && (0.2..=5.0).contains(&gamma);
+                let problem =
+                    || Problem::bad("fringes have at most 1 cycle per mm, a finite phase and a gamma of 0.2 to 5");
+                return sane.then_some(Pattern::Fringes { cycles_per_mm, phase, gamma }).ok_or_else(problem);
+            }
+            Self::Disc { center_mm, diameter_mm } => Pattern::Disc { center_mm, diameter_mm },
+        };
+        let reach = pattern.reach_mm();
+        let positive = matches!(self, Self::Disc { diameter_mm, .. } if diameter_mm > 0.0);
+        if !positive || !reach.iter().zip(size_mm).all(|(r, s)| *r <= 0.5 * s) {
+            let [w, h] = size_mm;
+            return Err(Problem::bad(format!("the disc does not fit on the panel of {w} × {h} mm")));
+        }
+        Ok(pattern)
+    }
+}
+
+/// What is known without asking the devices, and the rest.
+fn describe(app: &App, owner: &Owner) -> Devices {
+    Devices { activity: "idle", session: None, ..at_rest(app) }.with(owner)
+}
+
+fn at_rest(app: &App) -> Devices {
+    let (stage, camera, display) = (&app.limits.stage, &app.limits.camera, &app.limits.display);
+    let session = app.bench.session();
+    Devices {
+        activity: if session.as_deref() == Some(PANEL) { "manual" } else { "session" },
+        session: session.filter(|id| id != PANEL),
+        stage: StageState {
+            id: stage.id.clone(),
+            analyser_deg: None,
+            limits_deg: stage.limits_deg,
+            speed_deg_s: stage.speed_deg_s,
+            by_hand: stage.by_hand,
+            halts: stage.halts,
+        },
+        camera: CameraState {
+            id: camera.id.clone(),
+            width: camera.width,
+            height: camera.height,
+            exposure_ms: 1000.0 * camera.exposure_now_s,
+            gain: camera.gain[0],
+            exposure_range_ms: camera.exposure_s.map(|s| 1000.0 * s.min(LONGEST_PREVIEW_S)),
+            gain_range: camera.gain,
+            black: camera.black,
+            white: camera.white,
+            warnings: camera.warnings.clone(),
+        },
+        display: PanelState { id: display.id.clone(), size_mm: display.size_mm, pattern: PatternBody::Black },
+        flash: app.limits.flash.as_ref().map(|f| FlashState { id: f.id.clone(), on: false, max_on_s: f.max_on_s }),
+        interlocks: app.interlocks.iter().map(|id| InterlockState { id: id.clone(), holds: None }).collect(),
+        simulated: app.simulated,
+    }
+}
+
+impl Devices {
+    fn with(mut self, owner: &Owner) -> Self {
+        self.stage.analyser_deg = owner.analyser_deg;
+        (self.camera.exposure_ms, self.camera.gain) = (1000.0 * owner.settings.0.as_secs_f64(), owner.settings.1);
+        self.display.pattern = owner.pattern.into();
+        let levels = owner.runtime.block_on(owner.rig.watch.levels());
+        self.interlocks = levels.into_iter().map(|(id, holds)| InterlockState { id, holds }).collect();
+        if let Some(flash) = &mut self.flash {
+            flash.on = owner.flash_is_on();
+        }
+        self
+    }
+}
+
+/// Does something and tells how the bench is then.
+async fn and_describe(
+    app: &Arc<App>,
+    work: impl FnOnce(&mut Owner) -> Result<(), Failure> + Send + 'static,
+) -> Answer<Json<Devices>> {
+    let for_description = app.clone();
+    let done = app.bench.work(move |owner| {
+        work(owner)?;
+        Ok(describe(&for_description, owner))
+    });
+    Ok(Json(done.await?))
+}
+
+/// The bench as it is.
+#[utoipa::path(get, path = "/api/v1/devices", tag = "devices", operation_id = "devices",
+    responses((status = 200, body = Devices)))]
+pub async fn state(State(app): State<Arc<App>>) -> Json<Devices> {
+    match and_describe(&app, |_| Ok(())).await {
+        Ok(devices) => devices,
+        // A session has them, so nobody but it is told more.
+        Err(_) => Json(at_rest(&app)),
+    }
+}
+
+/// Turns the analyser to an angle, from below.
+#[utoipa::path(post, path = "/api/v1/devices/stage/move", tag = "devices", operation_id = "move_stage",
+    request_body = Move,
+    responses((status = 200, body = Devices), (status = 400, body = Problem), (status = 409, body = Problem)))]
+pub async fn move_stage(State(app): State<Arc<App>>, Body(body): Body<Move>) -> Answer<Json<Devices>> {
+    let [low, high] = app.limits.stage.limits_deg;
+    if !(low..=high).contains(&body.analyser_deg) {
+        return Err(Problem::bad(format!("analyser_deg is {}; give {low} to {high}", body.analyser_deg)));
+    }
+    and_describe(&app, move |owner| owner.turn(Some(body.analyser_deg))).await
+}
+
+/// Finds the stage's mechanical zero.
+#[utoipa::path(post, path = "/api/v1/devices/stage/home", tag = "devices", operation_id = "home_stage",
+    request_body = Nothing,
+    responses((status = 200, body = Devices), (status = 400, body = Problem), (status = 409, body = Problem)))]
+pub async fn home_stage(State(app): State<Arc<App>>, Body(_nothing): Body<Nothing>) -> Answer<Json<Devices>> {
+    and_describe(&app, |owner| owner.turn(None)).await
+}
+
+/// Shows a pattern until told otherwise.
+#[utoipa::path(post, path = "/api/v1/devices/display/show", tag = "devices", operation_id = "show_pattern",
+    request_body = ShowBody,
+    responses((status = 200, body = Devices), (status = 400, body = Problem), (status = 409, body = Problem)))]
+pub async fn show(State(app): State<Arc<App>>, Body(body): Body<ShowBody>) -> Answer<Json<Devices>> {
+    let pattern = body.pattern.checked(app.limits.display.size_mm)?;
+    and_describe(&app, move |owner| owner.show(pattern)).await
+}
+
+/// Sets exposure and gain of the preview.
+#[utoipa::path(post, path = "/api/v1/devices/camera/set", tag = "devices", operation_id = "set_camera",
+    request_body = CameraSettings,
+    responses((status = 200, body = Devices), (status = 400, body = Problem), (status = 409, body = Problem)))]
+pub async fn set_camera(State(app): State<Arc<App>>, Body(body): Body<CameraSettings>) -> Answer<Json<Devices>> {
+    let camera = &app.limits.camera;
+    let (seconds, [shortest, longest], [low, high]) = (body.exposure_ms / 1000.0, camera.exposure_s, camera.gain);
+    let longest = longest.min(LONGEST_PREVIEW_S);
+    if !(shortest..=longest).contains(&seconds) || !(low..=high).contains(&body.gain) {
+        let [a, b] = [shortest, longest].map(|s| 1000.0 * s);
+        return Err(Problem::bad(format!("give an exposure of {a} to {b} ms and a gain of {low} to {high}")));
+    }
+    and_describe(&app, move |owner| {
+        owner.settings = (Duration::from_secs_f64(seconds), body.gain);
+        Ok(())
+    })
+    .await
+}
+
+/// Switches the flash.
+#[utoipa::path(post, path = "/api/v1/devices/flash/switch", tag = "devices", operation_id = "switch_flash",
+    request_body = SwitchBody,
+    responses((status = 200, body = Devices), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 409, body = Problem)))]
+pub async fn switch_flash(State(app): State<Arc<App>>, Body(body): Body<SwitchBody>) -> Answer<Json<Devices>> {
+    let Some(flash) = &app.limits.flash else { return Err(Problem::not_found("flash")) };
+    // A little less than its limit, so that it is us who end it.
+    let seconds = body.seconds.unwrap_or(f64::INFINITY).min(flash.max_on_s - 0.2);
+    if body.on && seconds <= 0.0 {
+        return Err(Problem::bad("seconds must be above 0"));
+    }
+    and_describe(&app, move |owner| owner.flash(body.on.then_some(seconds))).await
+}
+
+/// Aborts whatever runs and switches all light off.
+#[utoipa::path(post, path = "/api/v1/stop", tag = "devices", operation_id = "stop",
+    responses((status = 200, body = Stopped), (status = 409, body = Problem)))]
+pub async fn stop(State(app): State<Arc<App>>) -> Answer<Json<Stopped>> {
+    app.bench.stop().await?;
+    Ok(Json(Stopped { stopped: true }))
+}
+
+/// The newest frame as a grey picture with a display's gamma.
+#[utoipa::path(get, path = "/api/v1/devices/camera/preview.png", tag = "devices", operation_id = "preview_picture",
+    params(Width),
+    responses((status = 200, content_type = "image/png", body = [u8]), (status = 400, body = Problem),
+        (status = 409, body = Problem)))]
+pub async fn preview_picture(State(app): State<Arc<App>>, Params(query): Params<Width>) -> Answer<Response> {
+    let picture = app.bench.work(Owner::preview).await?;
+    let tag = format!("\"{}\"", picture.sequence);
+    let width = super::picture_width(query.width, 1024)?;
+    let body = super::blocking(move || png(grey(&picture, width))).await?;
+    Ok(([(header::ETAG, tag)], body).into_response())
+}
+
+/// Histogram and numbers of the newest frame.
+#[utoipa::path(get, path = "/api/v1/devices/camera/preview", tag = "devices", operation_id = "preview",
+    responses((status = 200, body = Preview), (status = 409, body = Problem)))]
+pub async fn preview(State(app): State<Arc<App>>) -> Answer<Json<Preview>> {
+    let (picture, analyser_deg) = app.bench.work(|owner| Ok((owner.preview()?, owner.analyser_deg))).await?;
+    let mut histogram = vec![0_u32; 256];
+    let (mut sum, mut saturated) = (0.0, 0_u32);
+    for code in &picture.codes {
+        let level = picture.level(*code);
+        histogram[((255.0 * level) as usize).min(255)] += 1;
+        sum += f64::from(level);
+        saturated += u32::from(*code >= picture.range[1]);
+    }
+    let pixels = picture.codes.len().max(1) as f64;
+    Ok(Json(Preview {
+        sequence: picture.sequence,
+        width: picture.width,
+        height: picture.height,
+        histogram,
+        saturated: f64::from(saturated) / pixels,
+        mean: sum / pixels,
+        analyser_deg,
+    }))
+}
+
+impl Picture {
+    /// Level of a code between black (0) and white (1).
+    fn level(&self, code: u16) -> f32 {
+        let [black, white] = self.range.map(f32::from);
+        ((f32::from(code) - black) / (white - black)).clamp(0.0, 1.0)
+    }
+}
+
+/// A picture of at most `width` pixels per row.
+fn grey(picture: &Picture, width: usize) -> std::io::Result<Vec<u8>> {
+    super::maps::grey(picture.width, picture.height, width, &|i| picture.level(picture.codes[i]), &encode_png8)
+}

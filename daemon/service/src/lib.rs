@@ -1,0 +1,362 @@
+#![doc = include_str!("../README.md")]
+// utoipa's macros write the names of parameter types in full.
+#![allow(unused_qualifications)]
+
+mod access;
+mod bench;
+mod charts;
+pub mod config;
+mod connections;
+mod deletion;
+mod devices;
+mod display;
+mod events;
+mod files;
+mod maps;
+mod measure;
+mod methods;
+mod metrics;
+mod plans;
+mod problem;
+mod reconstructions;
+mod renders;
+mod results;
+mod router;
+mod runs;
+mod scenes;
+mod session_data;
+mod sessions;
+mod uploads;
+pub mod view;
+
+use axum::Json;
+use axum::extract::{FromRequest, FromRequestParts, Path as AxumPath, Query, Request};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, header};
+use axum::response::IntoResponse;
+use bench::Bench;
+use config::Config;
+use metrics::Metrics;
+use nacre_capture::Failure;
+use nacre_capture::page::Link;
+use nacre_capture::plan::Limits;
+use nacre_capture::rig::Place;
+use nacre_capture::session::{SESSION_FILE, sha256};
+use nacre_drivers::display::DisplayConfig;
+use nacre_processing::Error;
+use nacre_store::catalogue::{Catalogue, SessionRow};
+use nacre_store::jobs::Jobs;
+use problem::{Answer, Kind, Problem};
+use runs::Run;
+use serde::de::DeserializeOwned;
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::sync::{Semaphore, watch};
+
+pub use router::openapi;
+
+/// Runs that are remembered after their end,
+const KEPT_RUNS: usize = 1000;
+
+/// and those of them with their events and last map.
+const KEPT_WHOLE: usize = 8;
+
+/// Idempotency keys that are remembered.
+const KEPT_KEYS: usize = 1024;
+
+/// Everything that handlers share.
+pub struct App {
+    /// How the service is configured.
+    pub config: Config,
+    /// What the devices can do.
+    pub limits: Limits,
+    /// Identities of the interlocks.
+    pub interlocks: Vec<String>,
+    /// The bench.
+    pub bench: Bench,
+    /// How the panel is configured.
+    pub display: Option<DisplayConfig>,
+    /// The newest measurement of the panel.
+    pub measurement: Mutex<Option<Arc<measure::Measuring>>>,
+    /// Index of sessions.
+    pub catalogue: Catalogue,
+    /// Reconstructions.
+    pub jobs: Jobs,
+    /// The picture that is being rendered.
+    pub renders: Arc<renders::Renders>,
+    /// Runs of sessions.
+    pub runs: Runs,
+    /// The pattern page.
+    pub link: Arc<Link>,
+    /// Nothing of the bench is real.
+    pub simulated: bool,
+    /// Places for event streams.
+    pub subscribers: Arc<Semaphore>,
+    /// Places for requests.
+    pub requests: Arc<Semaphore>,
+    /// The service ends.
+    pub stopping: watch::Sender<bool>,
+    /// What is counted.
+    pub metrics: Metrics,
+    keys: Mutex<VecDeque<(String, String)>>,
+    /// Makes deletion tokens that nobody can guess, new with each start.
+    secret: String,
+}
+
+/// The runs of sessions in this process.
+#[derive(Default)]
+pub struct Runs(Mutex<VecDeque<Arc<Run>>>);
+
+impl Runs {
+    fn locked(&self) -> std::sync::MutexGuard<'_, VecDeque<Arc<Run>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds a run; returns the one that it takes the place of.
+    pub fn insert(&self, run: Arc<Run>) -> Option<Arc<Run>> {
+        let mut runs = self.locked();
+        let before = runs.iter().position(|r| r.id == run.id).and_then(|at| runs.remove(at));
+        runs.push_back(run);
+        let older = runs.len().saturating_sub(KEPT_WHOLE);
+        runs.iter().take(older).filter(|r| r.is_over()).for_each(|r| r.forget());
+        if runs.len() > KEPT_RUNS {
+            runs.pop_front();
+        }
+        before
+    }
+
+    /// Puts back what a run that never began took the place of.
+    pub fn restore(&self, id: &str, before: Option<Arc<Run>>) {
+        self.remove(id);
+        if let Some(before) = before {
+            self.insert(before);
+        }
+    }
+
+    /// Forgets a run.
+    pub fn remove(&self, id: &str) {
+        self.locked().retain(|r| r.id != id);
+    }
+}
+
+impl App {
+    async fn open(config: Config, place: Place) -> Result<Arc<Self>, Failure> {
+        for folder in ["sessions", "reconstructions", "uploads"] {
+            let path = config.data.join(folder);
+            std::fs::create_dir_all(&path).map_err(|e| Error::output(&path, e))?;
+        }
+        let simulated = place.simulated.is_some() && !place.section.has_real_device();
+        let link = Arc::new(Link::default());
+        let place = Place { page: Some(link.clone()), ..place };
+        let display = place.section.display.clone();
+        let catalogue = Catalogue::open(&config.data.join("catalogue.db")).await?;
+        let rebuilt = catalogue.rebuild(&[config.data.join("sessions")], &nacre_processing::progress::Silent).await?;
+        tracing::info!(sessions = rebuilt.sessions, "catalogue rebuilt");
+        let renders = Arc::new(renders::Renders::default());
+        let jobs = Jobs::open(&config.data, methods::work(config.data.clone(), renders.clone())).await?;
+        let bench = Bench::open(place).await?;
+        let found =
+            bench.work(|owner| Ok((owner.rig.devices.limits(), owner.runtime.block_on(owner.rig.watch.ids())))).await;
+        let (limits, interlocks) = found.map_err(|p| Error::input("bench", p.detail(), "restart the service"))?;
+        Ok(Arc::new(Self {
+            limits,
+            interlocks,
+            bench,
+            display,
+            measurement: Mutex::default(),
+            catalogue,
+            jobs,
+            renders,
+            runs: Runs::default(),
+            link,
+            simulated,
+            subscribers: Arc::new(Semaphore::new(config.limits.subscribers)),
+            requests: Arc::new(Semaphore::new(config.limits.requests)),
+            stopping: watch::Sender::new(false),
+            metrics: Metrics::default(),
+            keys: Mutex::default(),
+            secret: new_id() + &new_id(),
+            config,
+        }))
+    }
+
+    /// Folder of a session, whether it exists or not.
+    ///
+    /// # Errors
+    /// `not-found` for what is no id.
+    pub fn session_folder(&self, id: &str) -> Answer<PathBuf> {
+        check_id(id)?;
+        Ok(self.config.data.join("sessions").join(id))
+    }
+
+    /// Folder of a session.
+    ///
+    /// # Errors
+    /// `not-found` when there is none.
+    pub fn existing_session(&self, id: &str) -> Answer<PathBuf> {
+        let folder = self.session_folder(id)?;
+        match (folder.join(SESSION_FILE).exists(), self.run(id)) {
+            (true, _) => Ok(folder),
+            (false, Some(_)) => Err(Problem::new(Kind::Conflict, "the session has no files yet")
+                .remedy("wait until its first frame is taken")),
+            (false, None) => Err(Problem::not_found(format!("session {id}"))),
+        }
+    }
+
+    /// The run of a session in this process.
+    pub fn run(&self, id: &str) -> Option<Arc<Run>> {
+        self.runs.locked().iter().find(|r| r.id == id).cloned()
+    }
+
+    /// Brings the catalogue up to date with a session.
+    pub async fn note(&self, folder: &Path) {
+        let owned = folder.to_path_buf();
+        let read = blocking(move || Ok(SessionRow::read(&owned)?)).await;
+        match read {
+            Ok(row) => {
+                if let Err(e) = self.catalogue.put(&row).await {
+                    tracing::warn!("not catalogued: {e}");
+                }
+            }
+            Err(e) => tracing::debug!("nothing to catalogue: {}", e.detail()),
+        }
+    }
+
+    /// The `Idempotency-Key` of a request that makes a `what`, in a form that can be kept.
+    pub fn key(what: &str, headers: &HeaderMap) -> Option<String> {
+        headers.get("idempotency-key").map(|k| sha256(&[what.as_bytes(), b" ", k.as_bytes()].concat()))
+    }
+
+    /// What a request with this key made.
+    pub fn remembered(&self, key: Option<&String>) -> Option<String> {
+        let keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
+        keys.iter().find(|k| Some(&k.0) == key).map(|k| k.1.clone())
+    }
+
+    /// Remembers what a request with this key made.
+    pub fn remember(&self, key: Option<String>, id: &str) {
+        let Some(key) = key else { return };
+        let mut keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
+        keys.retain(|k| k.0 != key);
+        keys.push_back((key, id.to_owned()));
+        if keys.len() > KEPT_KEYS {
+            keys.pop_front();
+        }
+    }
+
+    /// What confirms the deletion of a session or reconstruction.
+    pub fn deletion_token(&self, id: &str) -> String {
+        sha256(format!("{}{id}", self.secret).as_bytes()).chars().take(24).collect()
+    }
+}
+
+/// Serves until `stop`; the light is off and everything is stored afterwards.
+///
+/// # Errors
+/// The bench, the data folder or the address cannot be used.
+pub async fn serve(
+    mut config: Config,
+    place: Place,
+    ready: impl FnOnce(std::net::SocketAddr),
+    stop: impl Future<Output = ()>,
+) -> Result<(), Failure> {
+    let listen = config.listen;
+    let most = connections::fit(&mut config.limits);
+    let patience = Duration::from_secs(config.limits.client_s);
+    let app = App::open(config, place).await?;
+    let bind = |e: std::io::Error| Error::input(listen, format!("cannot be listened on: {e}"), "give another --listen");
+    let listener = connections::listen(listen).map_err(bind)?;
+    ready(listener.local_addr().map_err(bind)?);
+    let closing = app.clone();
+    let graceful = async move {
+        stop.await;
+        closing.stopping.send_replace(true);
+        // First of all the light, and a session in progress, which survives that.
+        let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;
+    };
+    connections::serve(listener, router::router(&app), most, patience, graceful).await;
+    app.jobs.shutdown().await;
+    app.catalogue.close().await;
+    Ok(())
+}
+
+/// Ids are ULIDs, so that no other path is ever made of them.
+///
+/// # Errors
+/// `not-found` for anything else.
+pub fn check_id(id: &str) -> Answer<()> {
+    let plain = id.len() == 26 && id.bytes().all(|b| b.is_ascii_digit() || b.is_ascii_uppercase());
+    if plain { Ok(()) } else { Err(Problem::not_found("such thing")) }
+}
+
+/// A new id; later ones sort after earlier ones.
+pub fn new_id() -> String {
+    ulid::Ulid::generate().to_string()
+}
+
+/// Runs what computes or reads files apart from the requests.
+///
+/// # Errors
+/// As the work answers.
+pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> Answer<T> + Send + 'static) -> Answer<T> {
+    let done = tokio::task::spawn_blocking(work).await;
+    done.unwrap_or_else(|_| Err(Problem::new(Kind::Internal, "the work ended unexpectedly")))
+}
+
+/// The width of a picture, as asked for or as usual.
+///
+/// # Errors
+/// `bad-request` for a width that no picture has.
+pub fn picture_width(asked: Option<usize>, usual: usize) -> Answer<usize> {
+    match asked.unwrap_or(usual) {
+        width @ 1..=16_384 => Ok(width),
+        width => Err(Problem::bad(format!("width is {width}; give 1 to 16384"))),
+    }
+}
+
+/// A PNG as an answer.
+///
+/// # Errors
+/// `bad-request` when it cannot be made of these numbers.
+pub fn png(encoded: std::io::Result<Vec<u8>>) -> Answer<impl IntoResponse> {
+    let bytes = encoded.map_err(|e| Problem::bad(e.to_string()))?;
+    Ok(([(header::CONTENT_TYPE, "image/png")], bytes))
+}
+
+/// A JSON body; what is wrong with it is a problem.
+pub struct Body<T>(pub T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Body<T> {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
+        Ok(Self(Json::<T>::from_request(request, state).await?.0))
+    }
+}
+
+/// Query parameters.
+pub struct Params<T>(pub T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Params<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        Ok(Self(Query::<T>::from_request_parts(parts, state).await?.0))
+    }
+}
+
+/// Path parameters; what is no such path is not there.
+pub struct At<T>(pub T);
+
+impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for At<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        match AxumPath::<T>::from_request_parts(parts, state).await {
+            Ok(path) => Ok(Self(path.0)),
+            Err(_) => Err(Problem::not_found("such thing")),
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! `/api/v1/plans`.
+
+use super::problem::{Answer, Problem};
+use super::{App, Body};
+use axum::Json;
+use axum::extract::State;
+use nacre_capture::plan::Plan;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::time::Duration;
+use utoipa::ToSchema;
+
+/// A plan, as JSON or as the text of a plan.toml.
+#[derive(Clone, Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({ "plan": {
+    "kind": "polarization", "name": "first look", "camera": { "exposure_ms": 5 },
+    "analyser": { "angles_deg": [0, 60, 120] }, "reconstruct": { "method": "polarization" }
+} }))]
+pub struct PlanBody {
+    /// The plan; its JSON Schema is at `/api/v1/plans/schema`.
+    #[schema(value_type = Option<Object>)]
+    plan: Option<serde_json::Value>,
+    /// The plan as TOML.
+    toml: Option<String>,
+}
+
+/// Whether a plan makes sense on the bench.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Checked {
+    /// Nothing is wrong with it.
+    sound: bool,
+    /// Frames that it takes, at most.
+    frames: usize,
+    /// Frames that it takes in any case; fewer for a series that ends by its σ.
+    least_frames: usize,
+    /// What it asks too much.
+    problems: Vec<String>,
+    /// The plan as JSON, however it came.
+    #[schema(value_type = Object)]
+    plan: Plan,
+}
+
+/// Time and disk that a session needs.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Estimated {
+    /// Frames stored.
+    frames: usize,
+    /// Time in seconds, without metering.
+    seconds: f64,
+    /// Exposure time in seconds.
+    exposure_s: f64,
+    /// The exposure will be metered; the preview's was assumed.
+    exposure_assumed: bool,
+    /// Largest size of the frames in bytes.
+    bytes: u64,
+    /// Frames stored in any case: for a series that ends by its σ, where everything above is the most.
+    least_frames: usize,
+    /// Time in seconds for these.
+    least_seconds: f64,
+}
+
+impl PlanBody {
+    /// The plan, checked in itself.
+    ///
+    /// # Errors
+    /// `bad-request`, naming the key.
+    pub fn plan(self) -> Answer<Plan> {
+        let plan: Plan = match (self.plan, self.toml) {
+            (Some(value), None) => serde_path_to_error::deserialize(value)
+                .map_err(|e| Problem::bad(format!("plan.{}: {}", e.path(), e.inner())))?,
+            (None, Some(text)) => toml::from_str(&text).map_err(|e| Problem::bad(format!("toml: {e}")))?,
+            _ => return Err(Problem::bad("give either plan (JSON) or toml (text)")),
+        };
+        plan.check_values().map_err(|problem| Problem::bad(problem).remedy("see /api/v1/plans/schema"))?;
+        Ok(plan)
+    }
+}
+
+/// The JSON Schema of a plan.
+#[utoipa::path(get, path = "/api/v1/plans/schema", tag = "plans", operation_id = "plan_schema",
+    responses((status = 200, description = "JSON Schema", body = Object)))]
+pub async fn schema() -> Json<serde_json::Value> {
+    Json(serde_json::to_value(schemars::schema_for!(Plan)).unwrap_or_default())
+}
+
+/// Checks a plan against the limits of the bench.
+#[utoipa::path(post, path = "/api/v1/plans/check", tag = "plans", operation_id = "check_plan", request_body = PlanBody,
+    responses((status = 200, body = Checked), (status = 400, body = Problem), (status = 409, body = Problem)))]
+pub async fn check(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> Answer<Json<Checked>> {
+    let plan = body.plan()?;
+    let problems = plan.check_limits(&app.limits);
+    Ok(Json(Checked {
+        sound: problems.is_empty(),
+        frames: plan.most_steps().len(),
+        least_frames: plan.steps().len(),
+        problems,
+        plan,
+    }))
+}
+
+/// Says how long a session takes and how much disk it needs.
+#[utoipa::path(post, path = "/api/v1/plans/estimate", tag = "plans", operation_id = "estimate_plan",
+    request_body = PlanBody,
+    responses((status = 200, body = Estimated), (status = 400, body = Problem), (status = 409, body = Problem)))]
+pub async fn estimate(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -> Answer<Json<Estimated>> {
+    let plan = body.plan()?;
+    let metered = plan.is_metered();
+    let assumed = match plan.camera.exposure_ms {
+        Some(ms) => Duration::from_secs_f64(ms / 1000.0),
+        // While a session runs the preview's setting is as good as any.
+        None if metered => app.bench.work(|owner| Ok(owner.settings.0)).await.unwrap_or(Duration::from_millis(40)),
+        None => Duration::from_millis(10),
+    };
+    let estimate = plan.estimate(assumed, &app.limits, 0.0);
+    Ok(Json(Estimated {
+        frames: estimate.frames,
+        seconds: estimate.seconds,
+        exposure_s: estimate.exposure_s,
+        exposure_assumed: metered,
+        bytes: estimate.bytes,
+        least_frames: estimate.least.map_or(estimate.frames, |l| l.frames),
+        least_seconds: estimate.least.map_or(estimate.seconds, |l| l.seconds),
+    }))
+}

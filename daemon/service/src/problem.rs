@@ -1,0 +1,209 @@
+//! Errors as `application/problem+json` (RFC 9457) with stable types.
+
+use axum::extract::rejection::{BytesRejection, JsonRejection, PathRejection, QueryRejection};
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use nacre_capture::Failure;
+use nacre_capture::fields::fields;
+use nacre_drivers::Class;
+use nacre_processing::Error;
+use nacre_store::jobs::Refusal;
+use serde::Serialize;
+use std::path::Path;
+use utoipa::ToSchema;
+
+/// What went wrong, for a program and for a person.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct Problem {
+    /// Stable name of the kind of problem, as a URI.
+    #[serde(rename = "type")]
+    kind: String,
+    /// The kind in words.
+    title: &'static str,
+    /// HTTP status.
+    status: u16,
+    /// What exactly went wrong.
+    detail: String,
+    /// What to do about it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    remedy: Option<String>,
+}
+
+/// Kinds of problems.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Something in the request cannot be used.
+    BadRequest,
+    /// There is no such thing.
+    NotFound,
+    /// It does not fit the state.
+    Conflict,
+    /// Somebody else has the devices.
+    Busy,
+    /// The request is larger than what is taken.
+    TooLarge,
+    /// The request comes too slowly.
+    Slow,
+    /// More at once than what is served.
+    TooMany,
+    /// No or no valid token.
+    Unauthorized,
+    /// The token's role does not allow it, or the request comes from elsewhere.
+    Forbidden,
+    /// A device did not do what it was asked to.
+    Device,
+    /// The method is not meant for this path.
+    Method,
+    /// Our own fault, or the disk's.
+    Internal,
+}
+
+impl Kind {
+    fn parts(self) -> (StatusCode, &'static str, &'static str) {
+        match self {
+            Self::BadRequest => (StatusCode::BAD_REQUEST, "bad-request", "The request cannot be used"),
+            Self::NotFound => (StatusCode::NOT_FOUND, "not-found", "There is no such thing"),
+            Self::Conflict => (StatusCode::CONFLICT, "conflict", "It does not fit the state"),
+            Self::Busy => (StatusCode::CONFLICT, "busy", "The devices are in use"),
+            Self::TooLarge => (StatusCode::PAYLOAD_TOO_LARGE, "too-large", "Too large"),
+            Self::Slow => (StatusCode::REQUEST_TIMEOUT, "slow", "Too slow"),
+            Self::TooMany => (StatusCode::TOO_MANY_REQUESTS, "too-many", "Too many at once"),
+            Self::Unauthorized => (StatusCode::UNAUTHORIZED, "unauthorized", "A token is needed"),
+            Self::Forbidden => (StatusCode::FORBIDDEN, "forbidden", "Not allowed"),
+            Self::Device => (StatusCode::CONFLICT, "device", "A device did not do what it was asked to"),
+            Self::Method => (StatusCode::METHOD_NOT_ALLOWED, "method", "The method is not meant for this path"),
+            Self::Internal => (StatusCode::INTERNAL_SERVER_ERROR, "internal", "Something went wrong here"),
+        }
+    }
+}
+
+/// Result of a handler.
+pub type Answer<T> = Result<T, Problem>;
+
+impl Problem {
+    /// A problem of a kind.
+    pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
+        let (status, slug, title) = kind.parts();
+        let kind = format!("https://nacre.invalid/problems/{slug}");
+        Self { kind, title, status: status.as_u16(), detail: detail.into(), remedy: None }
+    }
+
+    /// Says what to do.
+    pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
+        self.remedy = Some(remedy.into());
+        self
+    }
+
+    /// There is no such thing.
+    pub fn not_found(what: impl std::fmt::Display) -> Self {
+        Self::new(Kind::NotFound, format!("there is no {what}"))
+    }
+
+    /// Something in the request.
+    pub fn bad(detail: impl Into<String>) -> Self {
+        Self::new(Kind::BadRequest, detail)
+    }
+
+    /// What exactly went wrong.
+    pub fn detail(&self) -> &str {
+        &self.detail
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let body = serde_json::to_string(&self).unwrap_or_default();
+        let mut response = (status, [(header::CONTENT_TYPE, "application/problem+json")], body).into_response();
+        if matches!(status, StatusCode::TOO_MANY_REQUESTS | StatusCode::REQUEST_TIMEOUT) {
+            // A connection that is kept takes memory too.
+            response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
+        }
+        response
+    }
+}
+
+impl std::fmt::Display for Problem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.detail)?;
+        self.remedy.iter().try_for_each(|remedy| write!(f, "; {remedy}"))
+    }
+}
+
+/// The folder of a file belongs to the machine, not to whoever asks.
+fn file_name(path: &Path) -> std::borrow::Cow<'_, str> {
+    match path.file_name() {
+        Some(name) if path.is_absolute() => name.to_string_lossy(),
+        _ => path.to_string_lossy(),
+    }
+}
+
+impl From<Error> for Problem {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Input { subject, problem, remedy } => {
+                let subject = fields(&file_name(Path::new(&subject)));
+                Self::bad(format!("{subject}: {}", fields(&problem))).remedy(fields(&remedy))
+            }
+            Error::Cancelled => Self::new(Kind::Conflict, "stopped before it was done"),
+            Error::Output { path, source, remedy } => {
+                Self::new(Kind::Internal, format!("{} cannot be written: {source}", file_name(&path))).remedy(remedy)
+            }
+        }
+    }
+}
+
+impl From<Failure> for Problem {
+    fn from(failure: Failure) -> Self {
+        match failure {
+            Failure::Processing(error) => error.into(),
+            Failure::Device(e) => {
+                let kind = if e.class == Class::Setup { Kind::BadRequest } else { Kind::Device };
+                let detail = format!("{}: {}: expected {}, got {}", e.device, e.command, e.expected, e.got);
+                Self::new(kind, detail).remedy(e.remedy)
+            }
+            Failure::Step { step, failure } => {
+                let mut problem = Self::from(*failure);
+                problem.detail = format!("{step}: {}", problem.detail);
+                problem
+            }
+            Failure::Bound(text) => Self::new(Kind::Conflict, text),
+        }
+    }
+}
+
+impl From<Refusal> for Problem {
+    fn from(refusal: Refusal) -> Self {
+        match refusal {
+            Refusal::Queue(error) => error.into(),
+            Refusal::Unknown(id) => Self::not_found(format!("reconstruction {id}")),
+            Refusal::State { .. } => Self::new(Kind::Conflict, refusal.to_string()),
+        }
+    }
+}
+
+impl From<BytesRejection> for Problem {
+    fn from(rejection: BytesRejection) -> Self {
+        let kind = if rejection.status() == StatusCode::PAYLOAD_TOO_LARGE { Kind::TooLarge } else { Kind::BadRequest };
+        Self::new(kind, rejection.body_text())
+    }
+}
+
+impl From<JsonRejection> for Problem {
+    fn from(rejection: JsonRejection) -> Self {
+        // The size was checked when the body was received.
+        Self::bad(rejection.body_text())
+    }
+}
+
+impl From<PathRejection> for Problem {
+    fn from(rejection: PathRejection) -> Self {
+        Self::bad(rejection.body_text())
+    }
+}
+
+impl From<QueryRejection> for Problem {
+    fn from(rejection: QueryRejection) -> Self {
+        Self::bad(rejection.body_text())
+    }
+}

@@ -1,0 +1,375 @@
+//! `/api/v1/reconstructions`: jobs, and what they found.
+
+use super::problem::{Answer, Kind, Problem};
+use super::{App, At, Body, Params, blocking, events, methods};
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use nacre_capture::fields::fields;
+use nacre_capture::plan::Method;
+use nacre_capture::session::SESSION_FILE;
+use nacre_processing::polarimetry::{Oblique, PeriodMethod, Smoothing};
+use nacre_processing::render::SoFar;
+use nacre_store::jobs::{Job, JobState, LightUpload, Spec};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use std::sync::Arc;
+use utoipa::{IntoParams, ToSchema};
+
+/// What to reconstruct.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// A session.
+    session: Option<String>,
+    /// Or uploaded photographs.
+    upload: Option<String>,
+    /// Of `lut`: photographs of the mirror image of a light that is no point, uploaded by themselves; the table is spread with it.
+    light: Option<LightUpload>,
+    /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots`, `brdf`, `flash`, `foil`, `calibrate`, `map` or `render`.
+    method: Option<Method>,
+    /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
+    /// "recover", "align": "auto" | "off"}`. Of `lut`, of which wavelength and scale or geometry are needed unless the photographs say
+    /// them: `{"wavelength_nm": 680 | [610, 540, 460], "scale": 0.002, "geometry": {"camera_mm", "flash_mm", "baseline_mm",
+    /// "pixel_um"}, "center": [x, y], "size": 1024, "extent": 1, "warp": 1, "illuminant": "D65", "observer": "1931" | "1964",
+    /// "exponent": 4, "max_error": 0.01, "method": "auto" | {"rays": 1} | {"single": 0.5} | {"fixed": 5}}`. Of `bokeh`,
+    /// of which `psf` is needed: `{"psf": {"sigma": 2.5}, "light": "blue", "crop": [x, y, w, h], "rotate_deg": 90, "iterations": {"auto":
+    /// 500} | {"count": 30}, "scale": {"pixel": 2.5} | {"lines": {"per_mm": 50}}, "lens": {"focal_mm", "f_number", "distance_m"},
+    /// "wavelength_nm": 450, "known": {"shape": "blazed", "depth_um": 0.4}, "calibration": {"gain_um", "offset"}, "slice": [x0, y0, x1,
+    /// y1], "slice_width": 15}`. Of `spots`: `{"geometry": {…as in geometry.json}, "wavelength_nm":
+    /// 560, "wavelength_sigma_nm": 1, "panel_mm": [520, 320], "aperture_mm": 10, "periods_um": [0.7, 4], "mirror_deg": 0.2}`. Of `brdf`, for uploaded height fields: `{"pixel_um": 0.08, "range_um": 0.4, "level": false, "size": 512,
+    /// "settings": {"light_deg": [30, 0], "method": "auto", "coherence_um": 65, "max_error": 0.01, "normalisation": "brdf" | "relative",
+    /// "reflectance": "perfect" | "schlick=0.04" | "gold", "shadowing": false, "illuminant": "D65", "observer": "1931"}}`. Of
+    /// `flash`, of which `tiles` and `size_mm`, or `reference_px`, are needed: `{"tiles": [10, 8], "size_mm": [297, 210], "reference_px": [x,
+    /// y, w, h], "geometry": {…}, "corners_px": [[x, y], …], "camera_mm": 500, "light_height_mm": 200, "wavelength_nm": 560, "period_um":
+    /// [1.2, 2.4], "orientation": "half" | "image", "period": "auto" | "sample" | "pixel"}`. Of `foil`: `{"geometry": {…},
+    /// "period_um": [0.8, 1.5], "bins": [180, 64], "depth_um": 0.08, "light_height_mm": 300}`. Of `calibrate`, for uploaded photographs of a
+    /// board: `{"board": [9, 6], "square_mm": 25, "sample_corners_px": [[x, y], …], "sample_mm": [120, 80], "wavelength_nm": 532}`; or, for
+    /// photographs of the light in a mirror (or for none at all), to go on from an earlier calibration: `{"geometry": {…as in geometry.json},
+    /// "highlights": [{"file": "mirror.png" | "pixel": [x, y], "height_mm": 50, "tilt_deg": [0, 0]}, …], "light_height_mm": [300, 5],
+    /// "wavelength_nm": 532, "wavelength_sigma_nm": 0.5, "lamp": "A", "filter": [[nm, share], …], "response": [[nm, share], …]}`. Of `map`, for
+    /// a session's maps or uploaded ones: `{"rotate_deg": 30, "resample": 2, "tile": [4, 3], "size": [w, h], "layout": "repeat" | "mirror" |
+    /// "brick", "orientation_offset_deg": 5, "period": {"quadratic": [0.8, 1.6]} | {"sine_squared": [0.8, 1.6]} | {"table": [[deg, um],
+    /// …]}, "scale": 1.05, "offset_um": -0.02, "clamp_um": [0.7, 2]}`. Of `render`, for an uploaded scene: `{"samples": 256, "max_error":
+    /// 0.01, "wavelengths": null, "check": false, "spectral_nm": 10}`.
+    #[schema(value_type = Option<Object>)]
+    options: Option<serde_json::Value>,
+    /// `plain` (Stokes, angle and degree of linear polarization), or a model of gratings: `auto`, `sinusoid`, `prenormalized`, `circle` or
+    /// `curve`. Default: `auto` for sessions, `plain` for uploads.
+    model: Option<String>,
+    /// Whether what oblique incidence does to polarization is taken out: `off` (the default), or `auto`, where the photographs say
+    /// where the camera stood and the points are likelier then.
+    #[schema(value_type = Option<String>, example = "off")]
+    oblique: Option<Oblique>,
+    /// Added to every orientation.
+    offset_deg: Option<f64>,
+    /// Smoothing of orientations in pictures and in the map `smoothed`: `none`, `light` (default), `strong` or a number of rounds.
+    #[schema(value_type = Option<String>, example = "light")]
+    smooth: Option<Smoothing>,
+    /// Smooth the map itself and its σ as well.
+    smooth_maps: Option<bool>,
+    /// Also make the map `smoothed`: the smoothed orientations at full size (default: false).
+    smoothed_exr: Option<bool>,
+    /// Makes a map of periods: `{"from": "brightness", "range_um": [0.7, 2.0]}` (heuristic), or `{"from": "contrast",
+    /// "range_um": [1.2, 3.0], "depth_um": 0.1, "metal": "aluminium", "index_above": 1, "wavelength_nm": 560}` (for an assumed
+    /// surface; the last three can be left out).
+    #[schema(value_type = Option<Object>)]
+    period: Option<PeriodMethod>,
+}
+
+/// A reconstruction.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct Reconstruction {
+    id: String,
+    session: Option<String>,
+    upload: Option<String>,
+    /// The photographs of its light, where there are any.
+    light: Option<LightUpload>,
+    method: Method,
+    /// Its options, for methods other than polarization.
+    #[schema(value_type = Option<Object>)]
+    options: Option<serde_json::Value>,
+    /// `queued`, `running`, `done`, `failed`, `cancelled` or `set_aside`.
+    #[schema(value_type = String)]
+    state: JobState,
+    attempts: u32,
+    /// 0 to 1.
+    progress: f64,
+    stage: String,
+    /// Of a rendering under way: `{"passes": 12, "of": 40, "noise": 0.02, "seconds_left": 31.5}`; noise is null after one pass.
+    #[schema(value_type = Option<Object>)]
+    so_far: Option<SoFar>,
+    error: Option<String>,
+    /// When it was asked for, in Unix seconds.
+    created: u64,
+    /// What was found: the contents of report.json.
+    #[schema(value_type = Option<Object>)]
+    report: Option<serde_json::Value>,
+}
+
+/// One page of reconstructions, newest first.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ReconstructionPage {
+    items: Vec<Reconstruction>,
+    next: Option<String>,
+}
+
+/// Which page.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct PageQuery {
+    /// Most items in the page.
+    #[param(minimum = 1, maximum = 1000)]
+    limit: Option<u32>,
+    /// The `next` of the page before.
+    #[param(pattern = "^[0-9A-Z]{26}$")]
+    cursor: Option<String>,
+}
+
+/// Where a reconstruction's results and photographs are.
+pub struct Place {
+    /// The maps.
+    pub results: PathBuf,
+    /// The photographs.
+    pub input: PathBuf,
+}
+
+impl App {
+    /// A job.
+    ///
+    /// # Errors
+    /// `not-found` when there is none.
+    pub async fn job(&self, id: &str) -> Answer<Job> {
+        super::check_id(id)?;
+        self.jobs.get(id).await?.ok_or_else(|| Problem::not_found(format!("reconstruction {id}")))
+    }
+
+    /// Of a job, or of a session with its own results.
+    ///
+    /// # Errors
+    /// `not-found` when there is none.
+    pub async fn place(&self, id: &str) -> Answer<Place> {
+        super::check_id(id)?;
+        let session = self.session_folder(id)?;
+        if session.join(SESSION_FILE).exists() {
+            return Ok(Place { results: session.join("results"), input: session });
+        }
+        let job = self.job(id).await?;
+        Ok(Place { results: self.result_folder(id), input: self.input_of(&job.spec)? })
+    }
+
+    /// Folder of the results of a job.
+    pub fn result_folder(&self, id: &str) -> PathBuf {
+        self.config.data.join("reconstructions").join(id)
+    }
+
+    /// Folder of the photographs of a job.
+    ///
+    /// # Errors
+    /// `not-found` when the job names none.
+    pub fn input_of(&self, spec: &Spec) -> Answer<PathBuf> {
+        match (&spec.session, &spec.upload) {
+            (Some(id), _) => self.session_folder(id),
+            (None, Some(id)) => Ok(self.upload_folder(id)?),
+            // What is calibrated without photographs has its results alone.
+            _ if spec.method == Method::Calibrate => Ok(self.result_folder(&spec.id)),
+            _ => Err(Problem::not_found("input")),
+        }
+    }
+
+    fn describe(&self, job: Job, with_report: bool) -> Reconstruction {
+        let report = self.result_folder(&job.id).join("report.json");
+        let so_far = if job.state == JobState::Running { self.renders.of(&job.id).map(|g| g.so_far) } else { None };
+        let report = if with_report && job.state == JobState::Done { std::fs::read(report).ok() } else { None };
+        Reconstruction {
+            id: job.id,
+            session: job.session,
+            upload: job.upload,
+            light: job.spec.light,
+            method: job.spec.method,
+            options: job.spec.options,
+            state: job.state,
+            attempts: job.attempts,
+            progress: job.progress,
+            stage: job.stage,
+            so_far,
+            error: job.error.as_deref().map(fields),
+            created: job.created,
+            report: report.and_then(|bytes| serde_json::from_slice(&bytes).ok()),
+        }
+    }
+
+    /// A session's own results as a reconstruction.
+    fn own_results(&self, id: &str) -> Answer<Option<Reconstruction>> {
+        let folder = self.session_folder(id)?;
+        let Ok(bytes) = std::fs::read(folder.join("results/report.json")) else { return Ok(None) };
+        let session = nacre_capture::session::SessionFile::read(&folder).ok();
+        Ok(Some(Reconstruction {
+            id: id.to_owned(),
+            session: Some(id.to_owned()),
+            upload: None,
+            light: None,
+            method: session.as_ref().and_then(|f| f.plan.reconstruct.as_ref()).map(|r| r.method).unwrap_or_default(),
+            options: None,
+            state: JobState::Done,
+            attempts: 1,
+            progress: 1.0,
+            stage: "done".into(),
+            so_far: None,
+            error: None,
+            created: session.map_or(0, |f| f.created),
+            report: serde_json::from_slice(&bytes).ok(),
+        }))
+    }
+}
+
+/// Asks for a reconstruction.
+#[utoipa::path(post, path = "/api/v1/reconstructions", tag = "reconstructions", operation_id = "reconstruct",
+    request_body = Request, params(("Idempotency-Key" = Option<String>, Header, description = "Ask once only")),
+    responses((status = 202, body = Reconstruction, headers(("Location" = String, description = "The reconstruction"))),
+        (status = 400, body = Problem), (status = 404, body = Problem)))]
+pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): Body<Request>) -> Answer<Response> {
+    let offset_deg = body.offset_deg.unwrap_or(0.0);
+    let nothing = body.session.is_none() && body.upload.is_none() && body.method == Some(Method::Calibrate);
+    if body.session.is_some() == body.upload.is_some() && !nothing {
+        return Err(Problem::bad("give either a session or an upload"));
+    }
+    for id in body.session.iter().chain(&body.upload).chain(body.light.as_ref().map(|light| &light.upload)) {
+        super::check_id(id)?;
+    }
+    let key = App::key("reconstruction", &headers);
+    if let Some(id) = app.remembered(key.as_ref()) {
+        let job = app.job(&id).await?;
+        return Ok(accepted(app.describe(job, false)));
+    }
+    let spec = Spec {
+        id: super::new_id(),
+        method: body.method.unwrap_or_default(),
+        session: body.session,
+        upload: body.upload,
+        light: body.light,
+        options: body.options,
+        model: body.model.unwrap_or_default(),
+        oblique: body.oblique.unwrap_or_default(),
+        offset_deg,
+        smooth: body.smooth.unwrap_or_default(),
+        smooth_maps: body.smooth_maps.unwrap_or(false),
+        smoothed_exr: body.smoothed_exr.unwrap_or(false),
+        period: body.period,
+    };
+    let input = app.input_of(&spec)?;
+    // Refused here rather than by the job, so that whoever asks learns it at once.
+    let (asked, uploads) = (spec.clone(), app.config.data.join("uploads"));
+    blocking(move || methods::check(&asked, &input, &uploads)).await?;
+    let job = app.jobs.submit(spec).await?;
+    app.remember(key, &job.id);
+    Ok(accepted(app.describe(job, false)))
+}
+
+fn accepted(doc: Reconstruction) -> Response {
+    let location = format!("/api/v1/reconstructions/{}", doc.id);
+    (StatusCode::ACCEPTED, [(header::LOCATION, location)], Json(doc)).into_response()
+}
+
+/// Reconstructions, newest first.
+#[utoipa::path(get, path = "/api/v1/reconstructions", tag = "reconstructions", operation_id = "reconstructions",
+    params(PageQuery), responses((status = 200, body = ReconstructionPage), (status = 400, body = Problem)))]
+pub async fn list(State(app): State<Arc<App>>, Params(query): Params<PageQuery>) -> Answer<Json<ReconstructionPage>> {
+    let limit = query.limit.unwrap_or(50);
+    if !(1..=1000).contains(&limit) {
+        return Err(Problem::bad(format!("limit is {limit}; give 1 to 1000")));
+    }
+    if let Some(cursor) = &query.cursor {
+        super::check_id(cursor).map_err(|_| Problem::bad("cursor is no cursor"))?;
+    }
+    let (jobs, next) = app.jobs.list(limit, query.cursor.as_deref()).await?;
+    Ok(Json(ReconstructionPage { items: jobs.into_iter().map(|j| app.describe(j, false)).collect(), next }))
+}
+
+/// A reconstruction, or a session's own results by the session's id.
+#[utoipa::path(get, path = "/api/v1/reconstructions/{id}", tag = "reconstructions", operation_id = "reconstruction",
+    params(("id" = String, Path)), responses((status = 200, body = Reconstruction), (status = 404, body = Problem)))]
+pub async fn get(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Json<Reconstruction>> {
+    super::check_id(&id)?;
+    if let Some(own) = app.own_results(&id)? {
+        return Ok(Json(own));
+    }
+    let job = app.job(&id).await?;
+    Ok(Json(app.describe(job, true)))
+}
+
+/// Cancels a reconstruction that is not done.
+#[utoipa::path(post, path = "/api/v1/reconstructions/{id}/cancel", tag = "reconstructions",
+    operation_id = "cancel_reconstruction", params(("id" = String, Path)),
+    responses((status = 202, body = Reconstruction), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn cancel(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Response> {
+    let job = app.job(&id).await?;
+    if !matches!(job.state, JobState::Queued | JobState::Running) {
+        return Err(Problem::new(Kind::Conflict, "the reconstruction has ended already"));
+    }
+    app.jobs.cancel(&id).await?;
+    Ok(accepted(app.describe(app.job(&id).await?, false)))
+}
+
+/// Tries a reconstruction again that did not succeed.
+#[utoipa::path(post, path = "/api/v1/reconstructions/{id}/retry", tag = "reconstructions",
+    operation_id = "retry_reconstruction", params(("id" = String, Path)),
+    responses((status = 202, body = Reconstruction), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn retry(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Response> {
+    let job = app.job(&id).await?;
+    if !matches!(job.state, JobState::Failed | JobState::Cancelled | JobState::SetAside) {
+        return Err(Problem::new(Kind::Conflict, "the reconstruction has not failed"));
+    }
+    app.jobs.retry(&id).await?;
+    Ok(accepted(app.describe(app.job(&id).await?, false)))
+}
+
+/// What happened to a reconstruction, line by line.
+#[utoipa::path(get, path = "/api/v1/reconstructions/{id}/log", tag = "reconstructions",
+    operation_id = "reconstruction_log", params(("id" = String, Path)),
+    responses((status = 200, content_type = "text/plain", body = String), (status = 404, body = Problem)))]
+pub async fn log(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<String> {
+    app.job(&id).await?;
+    Ok(app.jobs.log(&id).await?.as_deref().map(fields).unwrap_or_default())
+}
+
+/// States of a reconstruction, as server-sent events: `state`.
+#[utoipa::path(get, path = "/api/v1/reconstructions/{id}/events", tag = "reconstructions",
+    operation_id = "reconstruction_events", params(("id" = String, Path)),
+    responses((status = 200, content_type = "text/event-stream", body = String), (status = 404, body = Problem),
+        (status = 429, body = Problem)))]
+pub async fn job_events(State(app): State<Arc<App>>, At(id): At<String>, headers: HeaderMap) -> Answer<Response> {
+    super::check_id(&id)?;
+    let log = Arc::new(events::EventLog::default());
+    if let Some(own) = app.own_results(&id)? {
+        log.push("state", &Reconstruction { report: None, ..own });
+        log.close();
+        return Ok(events::stream(&app, &headers, log)?.into_response());
+    }
+    let mut job = app.job(&id).await?;
+    let mut changes = app.jobs.changes();
+    let stream = events::stream(&app, &headers, log.clone())?;
+    let weak = Arc::downgrade(&log);
+    drop(log);
+    tokio::spawn(async move {
+        // Ends with the job, or when nobody listens any more.
+        while let Some(log) = weak.upgrade() {
+            let over = !matches!(job.state, JobState::Queued | JobState::Running);
+            log.push("state", &app.describe(job.clone(), false));
+            if over {
+                log.close();
+                break;
+            }
+            drop(log);
+            let changed = async { while changes.recv().await.is_ok_and(|changed| changed != id) {} };
+            let _ = tokio::time::timeout(std::time::Duration::from_secs(2), changed).await;
+            match app.job(&id).await {
+                Ok(now) => job = now,
+                Err(_) => break,
+            }
+        }
+    });
+    Ok(stream.into_response())
+}

@@ -1,0 +1,261 @@
+//! `/api/v1/uploads`: photographs taken elsewhere, streamed to the disk.
+
+use super::connections::Activity;
+use super::problem::{Answer, Kind, Problem};
+use super::{App, scenes};
+use axum::extract::multipart::{Field, MultipartRejection};
+use axum::extract::{Multipart, State};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use axum::{Extension, Json};
+use nacre_capture::import::from_names;
+use nacre_processing::frames::{FILE_NAME, load};
+use nacre_processing::image::{EXTENSIONS, info};
+use nacre_processing::map::Maps;
+use nacre_processing::surface::height;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tokio::io::AsyncWriteExt;
+use utoipa::ToSchema;
+
+/// Most photographs of one upload.
+const MAX_FILES: usize = 4096;
+
+/// What was uploaded.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Uploaded {
+    id: String,
+    files: usize,
+    bytes: u64,
+}
+
+/// Photographs as form parts `file` with their names, and their description as the part `frames` (a frames.json);
+/// without it the analyser's angles are read from the names, as `045.png`, and colour files' green is used. Where the part
+/// `kind`, which comes first, is `photographs`, they stand for themselves: exposures of one view, or single photographs. With `surface`
+/// there is one part `file`: a height field, which may be a grid of numbers as text as well. With `maps` they are `orientation.exr`,
+/// `period.exr` or both. With `scene` they are one scene (TOML) and the files that it names, beside each other; or `gallery` names a scene to
+/// start from; or `result` names a reconstruction or session whose orientation.exr, period.exr and lut.exr are put beside the scene, or laid on
+/// a sheet if there is none.
+#[derive(ToSchema)]
+#[allow(dead_code, reason = "describes the form")]
+pub struct Form {
+    /// `polarization` (the default), `photographs`, `surface`, `maps` or `scene`.
+    kind: Option<String>,
+    /// Of the kind `scene`: `cd`, `phone`, `tv`, `star-paper`, `kinematic-tile`, `logo`, `emblem`, `spiral-foil`, `rolled` or `snake`, or one of
+    /// them with `-room` for an environment instead of small lights.
+    gallery: Option<String>,
+    /// Of the kind `scene`: an id.
+    result: Option<String>,
+    /// A frames.json.
+    frames: Option<String>,
+    #[schema(value_type = Vec<String>, format = Binary)]
+    file: Vec<Vec<u8>>,
+}
+
+impl App {
+    /// Folder of an upload.
+    ///
+    /// # Errors
+    /// `not-found` for what is no id.
+    pub fn upload_folder(&self, id: &str) -> Answer<PathBuf> {
+        super::check_id(id)?;
+        Ok(self.config.data.join("uploads").join(id))
+    }
+}
+
+/// Uploads photographs; `POST /api/v1/reconstructions` then makes maps of them.
+#[utoipa::path(post, path = "/api/v1/uploads", tag = "reconstructions", operation_id = "upload",
+    request_body(content = Form, content_type = "multipart/form-data"),
+    responses((status = 201, body = Uploaded), (status = 400, body = Problem), (status = 413, body = Problem)))]
+pub async fn upload(
+    State(app): State<Arc<App>>,
+    Extension(activity): Extension<Arc<Activity>>,
+    form: Result<Multipart, MultipartRejection>,
+) -> Answer<Response> {
+    let form = form.map_err(|e| Problem::bad(e.body_text()))?;
+    let id = super::new_id();
+    let target = app.upload_folder(&id)?;
+    let refused = |e: std::io::Error| Problem::new(Kind::Internal, format!("the upload cannot be stored: {e}"));
+    // Half an upload is none: the folder goes with this request unless all of it came.
+    let folder = tempfile::Builder::new().prefix(".upload-").tempdir_in(app.config.data.join("uploads"));
+    let folder = folder.map_err(refused)?;
+    let (files, bytes) = receive(&app, &activity, form, folder.path()).await?;
+    std::fs::rename(folder.path(), &target).map_err(refused)?;
+    // It is not there under this name any more.
+    let _ = folder.keep();
+    Ok((StatusCode::CREATED, Json(Uploaded { id, files, bytes })).into_response())
+}
+
+async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
+    let most = app.config.limits.upload_mib << 20;
+    let (mut files, mut bytes, mut what, mut begun) = (0, 0, What::Polarization, false);
+    loop {
+        let Some(field) =
+            form.next_field().await.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))?
+        else {
+            break;
+        };
+        match field.name() {
+            Some("kind") => {
+                what = kind(&word(field).await?)?;
+                continue;
+            }
+            Some(part @ ("gallery" | "result")) if what == What::Scene => {
+                if std::mem::replace(&mut begun, true) {
+                    return Err(Problem::bad("a scene begins with more than one gallery or result").remedy("give one"));
+                }
+                let part = part.to_owned();
+                let word = word(field).await?;
+                let _work = activity.work();
+                scenes::begin(app, &part, word, folder).await?;
+                continue;
+            }
+            _ => {}
+        }
+        let name = file_name(&field, what)?;
+        files += usize::from(name != FILE_NAME);
+        if files > MAX_FILES {
+            return Err(Problem::new(Kind::TooLarge, format!("more than {MAX_FILES} photographs")));
+        }
+        if what == What::Surface && files > 1 {
+            return Err(Problem::bad("more than one height field").remedy("send one part named file"));
+        }
+        bytes += store(field, &folder.join(&name), most.saturating_sub(bytes)).await?;
+    }
+    if files == 0 && what != What::Scene {
+        return Err(Problem::bad("the form holds no photograph").remedy("send parts named file with file names"));
+    }
+    let folder = folder.to_path_buf();
+    // All of it is here: it counts among the requests that are worked on, and waits for its turn.
+    let _work = activity.work();
+    let _place = app.requests.acquire().await;
+    super::blocking(move || {
+        match what {
+            What::Polarization => describe(&folder)?,
+            What::Photographs => decodable(&folder)?,
+            // Its scale is not known before it is asked for a BRDF, which reads it.
+            What::Surface => {}
+            What::Maps => Maps::read(&folder).map(drop)?,
+            What::Scene => return scenes::complete(&folder),
+        }
+        Ok((files, bytes))
+    })
+    .await
+}
+
+/// What an upload holds.
+#[derive(Clone, Copy, PartialEq)]
+enum What {
+    /// Photographs at angles of an analyser, with or without their description.
+    Polarization,
+    /// Photographs that stand for themselves.
+    Photographs,
+    /// A height field.
+    Surface,
+    /// Maps of orientation and period.
+    Maps,
+    /// A scene with its files.
+    Scene,
+}
+
+/// Plain names of photographs only, or of height fields, so that nothing is written elsewhere.
+fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
+    match field.name() {
+        Some("frames") if matches!(what, What::Photographs | What::Polarization) => return Ok(FILE_NAME.into()),
+        Some("file") => {}
+        _ => return Err(Problem::bad("a part is neither file nor frames, nor another one that belongs to its kind")),
+    }
+    let name = field.file_name().unwrap_or_default();
+    let extension = Path::new(name).extension().map(|e| e.to_string_lossy().to_lowercase());
+    let (of, endings) = match what {
+        What::Surface => ("height field", height::EXTENSIONS),
+        What::Maps => ("map", &["exr"][..]),
+        What::Scene => ("file of a scene", scenes::EXTENSIONS),
+        What::Photographs | What::Polarization => ("photograph", EXTENSIONS),
+    };
+    let known = extension.is_some_and(|e| endings.contains(&e.as_str()));
+    let plain =
+        name.chars().all(|c| c.is_alphanumeric() || "._- +()=,°\u{2212}\u{2013}".contains(c)) && !name.starts_with('.');
+    if known && plain && name.len() <= 200 {
+        return Ok(name.to_owned());
+    }
+    Err(Problem::bad(format!("{:?} is no name of a {of} ({})", clip(name), endings.join(", "))))
+}
+
+async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
+    let refused = |e: std::io::Error| Problem::new(Kind::Internal, format!("the upload cannot be stored: {e}"));
+    let new = tokio::fs::OpenOptions::new().write(true).create_new(true).open(path).await;
+    let mut file = new.map_err(|e| match e.kind() {
+        std::io::ErrorKind::AlreadyExists => Problem::bad("two files have one name"),
+        _ => refused(e),
+    })?;
+    let mut bytes = 0;
+    loop {
+        let Some(chunk) =
+            field.chunk().await.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))?
+        else {
+            break;
+        };
+        bytes += chunk.len() as u64;
+        if bytes > most {
+            return Err(Problem::new(Kind::TooLarge, "the upload is larger than limits.upload_mib allows"));
+        }
+        file.write_all(&chunk).await.map_err(refused)?;
+    }
+    file.flush().await.map_err(refused)?;
+    Ok(bytes)
+}
+
+/// A short text.
+async fn word(mut field: Field<'_>) -> Answer<String> {
+    let mut word = vec![];
+    while word.len() < 80 {
+        match field.chunk().await.map_err(|e| Problem::bad(format!("the form is damaged: {}", e.body_text())))? {
+            Some(chunk) => word.extend_from_slice(&chunk),
+            None => break,
+        }
+    }
+    Ok(String::from_utf8_lossy(&word).into_owned())
+}
+
+fn kind(word: &str) -> Answer<What> {
+    match word {
+        "photographs" => Ok(What::Photographs),
+        "polarization" => Ok(What::Polarization),
+        "surface" => Ok(What::Surface),
+        "maps" => Ok(What::Maps),
+        "scene" => Ok(What::Scene),
+        other => {
+            let said = clip(other);
+            Err(Problem::bad(format!("kind is {said:?}; give photographs, polarization, surface, maps or scene")))
+        }
+    }
+}
+
+fn clip(text: &str) -> String {
+    text.chars().take(80).collect()
+}
+
+/// Photographs that stand for themselves: each must be one.
+fn decodable(folder: &Path) -> Answer<()> {
+    if folder.join(FILE_NAME).exists() {
+        load(folder)?;
+    }
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|e| e.path()).filter(|p| p.file_name() != Some(FILE_NAME.as_ref())).try_for_each(|path| {
+        info(&path)?;
+        Ok(())
+    })
+}
+
+/// Makes the description if there is none, and checks the whole as a reconstruction does.
+fn describe(folder: &Path) -> Answer<()> {
+    let path = folder.join(FILE_NAME);
+    if !path.exists() {
+        let text = from_names(folder, false).or_else(|_| from_names(folder, true))?;
+        std::fs::write(&path, text).map_err(|e| Problem::new(Kind::Internal, format!("cannot be stored: {e}")))?;
+    }
+    load(folder)?;
+    Ok(())
+}

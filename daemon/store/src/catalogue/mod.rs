@@ -1,0 +1,237 @@
+//! The catalogue: an index of session folders that can be searched. The folders are the truth; the catalogue can be
+//! deleted and rebuilt from them at any time.
+
+mod row;
+mod search;
+mod survey;
+
+pub use row::{SessionRow, State};
+pub use search::{Cursor, Page, Query};
+
+use crate::sqlite::{BUSY, CORRUPT, ERROR, FULL, NOT_A_DATABASE, is_new, primary_code};
+use nacre_capture::Failure;
+use nacre_processing::Error;
+use nacre_processing::progress::Progress;
+use serde::Serialize;
+use sqlx::Connection;
+use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// How long one process waits for another.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Marks the file as a catalogue ("Nacr"); the same numbers stand in `SCHEMA`.
+const APPLICATION: i64 = 0x4e61_6372;
+const VERSION: i64 = 1;
+/// `seq` grows with every change of a row and is never used twice; `id` belongs to the folder and outlives a rebuild.
+const SCHEMA: &str = "
+    CREATE TABLE session (
+        seq INTEGER PRIMARY KEY AUTOINCREMENT,
+        id TEXT NOT NULL UNIQUE,
+        folder TEXT NOT NULL,
+        name TEXT NOT NULL,
+        sample TEXT NOT NULL,
+        operator TEXT NOT NULL,
+        notes TEXT NOT NULL,
+        kind TEXT NOT NULL,
+        state TEXT NOT NULL,
+        frames_planned INTEGER NOT NULL,
+        frames_committed INTEGER NOT NULL,
+        created INTEGER NOT NULL,
+        bytes INTEGER NOT NULL,
+        words TEXT NOT NULL
+    ) STRICT;
+    CREATE INDEX session_newest ON session (created, id);
+    PRAGMA application_id = 0x4e616372;
+    PRAGMA user_version = 1;";
+const REBUILD: &str = "give another --catalogue, or delete it and run `nacre catalogue rebuild DIR`";
+
+/// An open catalogue. Several processes can use one at a time.
+pub struct Catalogue {
+    path: PathBuf,
+    pool: SqlitePool,
+}
+
+/// What a rebuild found.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Rebuilt {
+    /// Sessions in the catalogue now.
+    pub sessions: usize,
+    /// Folders that were left out, and why.
+    pub warnings: Vec<String>,
+}
+
+impl Catalogue {
+    /// Opens a catalogue; makes it and its folder where there is none.
+    ///
+    /// # Errors
+    /// `Input` when the file is no catalogue of this version; `Output` when it cannot be made or used.
+    pub async fn open(path: &Path) -> Result<Self, Error> {
+        // An absolute path is never taken for one of SQLite's special names, such as `:memory:`.
+        let path = std::path::absolute(path).map_err(|e| Error::file(path, e, "give another --catalogue"))?;
+        if let Some(parent) = path.parent() {
+            std::fs::create_dir_all(parent).map_err(|e| unusable(&path, e))?;
+        }
+        let options = SqliteConnectOptions::new()
+            .filename(&path)
+            .create_if_missing(true)
+            .busy_timeout(PATIENCE)
+            .synchronous(SqliteSynchronous::Normal);
+        let pool = SqlitePoolOptions::new().max_connections(4).connect_lazy_with(options);
+        let catalogue = Self { path, pool };
+        catalogue.prepare().await?;
+        Ok(catalogue)
+    }
+
+    /// Makes the tables in a new file and refuses a file that is something else.
+    async fn prepare(&self) -> Result<(), Error> {
+        let end = Instant::now() + PATIENCE;
+        let (application, version) = loop {
+            match self.make_tables().await {
+                // SQLite does not wait for the lock that the change to WAL takes.
+                Err(e) if primary_code(&e) == Some(BUSY) && Instant::now() < end => {
+                    tokio::time::sleep(Duration::from_millis(20)).await;
+                }
+                other => break other.map_err(|e| self.fault(e))?,
+            }
+        };
+        match (application, version) {
+            (APPLICATION, VERSION) => Ok(()),
+            (APPLICATION, v) => {
+                let problem = format!("has version {v} of the catalogue; this program reads version {VERSION}");
+                Err(Error::file(&self.path, problem, REBUILD))
+            }
+            _ => Err(Error::file(&self.path, "is the database of another program", REBUILD)),
+        }
+    }
+
+    /// Makes the tables in a new file; returns whose file it is and its version.
+    async fn make_tables(&self) -> sqlx::Result<(i64, i64)> {
+        let mut connection = self.pool.acquire().await?;
+        if is_new(&mut connection).await? {
+            sqlx::raw_sql("PRAGMA journal_mode = WAL").execute(&mut *connection).await?;
+            let mut transaction = connection.begin_with("BEGIN IMMEDIATE").await?;
+            // Another process may have been faster.
+            if is_new(&mut transaction).await? {
+                sqlx::raw_sql(SCHEMA).execute(&mut *transaction).await?;
+            }
+            transaction.commit().await?;
+        }
+        let header = "SELECT application_id, user_version FROM pragma_application_id, pragma_user_version";
+        sqlx::query_as(header).fetch_one(&mut *connection).await
+    }
+
+    /// Adds a session, or replaces what is known of it.
+    ///
+    /// # Errors
+    /// `Input` when the catalogue is damaged, `Output` when it cannot be written.
+    pub async fn put(&self, row: &SessionRow) -> Result<(), Error> {
+        self.try_put(row).await.map_err(|e| self.fault(e))
+    }
+
+    async fn try_put(&self, row: &SessionRow) -> sqlx::Result<()> {
+        let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
+        sqlx::query("DELETE FROM session WHERE id = ?1").bind(&row.id).execute(&mut *transaction).await?;
+        row.insert(&mut transaction).await?;
+        transaction.commit().await
+    }
+
+    /// Replaces the whole catalogue by the sessions under these folders, at most eight levels deep; symbolic links are
+    /// not followed. Sessions that are put meanwhile stay.
+    ///
+    /// # Errors
+    /// `Input` when a root is no folder or the catalogue is damaged, `Output` when it cannot be written, `Cancelled`;
+    /// the catalogue is then as before.
+    pub async fn rebuild(&self, roots: &[PathBuf], progress: &dyn Progress) -> Result<Rebuilt, Error> {
+        let newest = sqlx::query_scalar("SELECT COALESCE(MAX(seq), 0) FROM session").fetch_one(&self.pool);
+        let newest: i64 = newest.await.map_err(|e| self.fault(e))?;
+        let (sessions, warnings) = survey::survey(roots, progress).await?;
+        self.replace(newest, &sessions).await.map_err(|e| self.fault(e))?;
+        Ok(Rebuilt { sessions: sessions.len(), warnings })
+    }
+
+    /// Replaces all rows up to `newest`.
+    async fn replace(&self, newest: i64, sessions: &[SessionRow]) -> sqlx::Result<()> {
+        let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
+        sqlx::query("DELETE FROM session WHERE seq <= ?1").bind(newest).execute(&mut *transaction).await?;
+        for row in sessions {
+            row.insert(&mut transaction).await?;
+        }
+        transaction.commit().await
+    }
+
+    /// Forgets a session.
+    ///
+    /// # Errors
+    /// `Input` when the catalogue is damaged, `Output` when it cannot be written.
+    pub async fn remove(&self, id: &str) -> Result<(), Error> {
+        let removed = sqlx::query("DELETE FROM session WHERE id = ?1").bind(id).execute(&self.pool).await;
+        removed.map(drop).map_err(|e| self.fault(e))
+    }
+
+    /// Waits until everything is stored and closes the file.
+    pub async fn close(&self) {
+        self.pool.close().await;
+    }
+
+    /// What SQLite's answer means to the user.
+    fn fault(&self, error: sqlx::Error) -> Error {
+        match (primary_code(&error), &error) {
+            // The statements are fixed, so an error in one of them is an unexpected table.
+            (Some(ERROR | CORRUPT | NOT_A_DATABASE), _) | (_, sqlx::Error::ColumnDecode { .. }) => {
+                Error::file(&self.path, format!("is no intact catalogue: {error}"), REBUILD)
+            }
+            (Some(FULL), _) => unusable(&self.path, io::ErrorKind::StorageFull.into()),
+            _ => unusable(&self.path, io::Error::other(error)),
+        }
+    }
+}
+
+fn unusable(path: &Path, source: io::Error) -> Error {
+    let remedy = match source.kind() {
+        io::ErrorKind::StorageFull => "free some space",
+        _ => "check the disk, or give another place with --catalogue",
+    };
+    Error::Output { path: path.into(), source, remedy }
+}
+
+/// Where the catalogue is unless the user says otherwise: `NACRE_CATALOGUE`, or in the user's data folder.
+///
+/// # Errors
+/// `Input` when the environment names no such folder.
+pub fn default_path() -> Result<PathBuf, Error> {
+    let set = |name| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let data = || set("XDG_DATA_HOME").filter(|path| path.is_absolute());
+    let home = || Some(set("HOME")?.join(".local/share"));
+    set("NACRE_CATALOGUE")
+        .or_else(|| Some(data().or_else(home)?.join("nacre/catalogue.db")))
+        .ok_or_else(|| Error::input("catalogue", "has no place, as HOME is not set", "set NACRE_CATALOGUE"))
+}
+
+/// Opens a catalogue for one piece of work, on a runtime of its own; not to be called from asynchronous code.
+///
+/// # Errors
+/// As the catalogue and the work answer.
+pub fn with_catalogue<T>(path: &Path, work: impl AsyncFnOnce(&Catalogue) -> Result<T, Error>) -> Result<T, Error> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_time()
+        .build()
+        .map_err(|e| Error::input("tokio", format!("cannot start: {e}"), "free some memory"))?;
+    runtime.block_on(async {
+        let catalogue = Catalogue::open(path).await?;
+        let result = work(&catalogue).await;
+        catalogue.close().await;
+        result
+    })
+}
+
+/// Puts a session into the default catalogue; not to be called from asynchronous code.
+///
+/// # Errors
+/// As reading the session and writing the catalogue answer; the session itself is not touched.
+pub fn note_session(folder: &Path) -> Result<(), Failure> {
+    let row = SessionRow::read(folder)?;
+    with_catalogue(&default_path()?, async |catalogue| catalogue.put(&row).await)?;
+    Ok(())
+}

@@ -1,0 +1,295 @@
+//! The database: jobs in `nacre_job`, deliveries in the tables of `apalis`.
+
+use super::record::Record;
+use super::row::{append, job, read};
+use super::{Job, JobState, Refusal, Spec};
+use crate::sqlite::{CORRUPT, ERROR, FULL, NOT_A_DATABASE, is_new, primary_code};
+use apalis::prelude::{TaskBuilder, TaskId};
+use apalis_sqlite::{SqliteStorage, queries::push_tasks};
+use nacre_processing::Error;
+use sqlx::migrate::MigrateError;
+use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{Connection, SqliteConnection};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+use ulid::{Generator, Ulid};
+
+/// The name of our deliveries among those of `apalis`.
+pub(super) const QUEUE: &str = "nacre";
+/// Marks the file as a job queue ("NacJ"); the same number stands in `SCHEMA`.
+const APPLICATION: i64 = 0x4e61_634a;
+const VERSION: i64 = 1;
+const SCHEMA: &str = "
+    CREATE TABLE nacre_job (
+        id TEXT PRIMARY KEY,
+        spec TEXT NOT NULL,
+        state TEXT NOT NULL,
+        attempts INTEGER NOT NULL,
+        progress REAL NOT NULL,
+        stage TEXT NOT NULL,
+        error TEXT,
+        cancel INTEGER NOT NULL,
+        log TEXT NOT NULL DEFAULT ''
+    ) STRICT;
+    CREATE INDEX nacre_job_open ON nacre_job (state, id);
+    PRAGMA application_id = 0x4e61634a;
+    PRAGMA user_version = 1;";
+const COLUMNS: &str = "id, spec, state, attempts, progress, stage, error, cancel";
+const PATIENCE: Duration = Duration::from_secs(5);
+/// A delivery is tried again until the database lets the job begin.
+const ALWAYS: usize = i32::MAX as usize;
+pub(super) const AWAY: &str = "move it away; the queue then begins empty";
+
+pub(super) struct Store {
+    path: PathBuf,
+    pool: SqlitePool,
+    /// Ids of deliveries grow, and with them goes the order of the queue.
+    ids: Mutex<Generator>,
+}
+
+impl Store {
+    /// Opens the file, and makes its tables where there are none.
+    pub async fn open(path: &Path) -> Result<Self, Error> {
+        let options = SqliteConnectOptions::new()
+            .filename(path)
+            .create_if_missing(true)
+            .busy_timeout(PATIENCE)
+            // Unlike the catalogue, a queue cannot be rebuilt.
+            .synchronous(SqliteSynchronous::Full);
+        let pool = SqlitePoolOptions::new().max_connections(4).connect_lazy_with(options);
+        let store = Self { path: path.into(), pool, ids: Mutex::new(Generator::new()) };
+        match store.make_tables().await.map_err(|e| store.fault(e))? {
+            (APPLICATION, VERSION) => {}
+            (APPLICATION, v) => {
+                let problem = format!("has version {v} of the job queue; this program reads version {VERSION}");
+                return Err(Error::file(path, problem, AWAY));
+            }
+            _ => return Err(Error::file(path, "is the database of another program", AWAY)),
+        }
+        let damage: String =
+            sqlx::query_scalar("PRAGMA quick_check(1)").fetch_one(&store.pool).await.map_err(|e| store.fault(e))?;
+        if damage != "ok" {
+            return Err(Error::file(path, format!("is no intact job queue: {damage}"), AWAY));
+        }
+        // Not `setup()`, which also turns off waiting for the disk.
+        SqliteStorage::migrations().run(&store.pool).await.map_err(|e| match e {
+            MigrateError::Execute(e) | MigrateError::ExecuteMigration(e, _) => store.fault(e),
+            other => Error::file(path, format!("has deliveries of another version: {other}"), AWAY),
+        })?;
+        Ok(store)
+    }
+
+    /// Makes our tables in a new file; returns whose file it is and its version.
+    async fn make_tables(&self) -> sqlx::Result<(i64, i64)> {
+        let mut connection = self.pool.acquire().await?;
+        if is_new(&mut connection).await? {
+            sqlx::raw_sql("PRAGMA journal_mode = WAL").execute(&mut *connection).await?;
+            let mut transaction = connection.begin_with("BEGIN IMMEDIATE").await?;
+            sqlx::raw_sql(SCHEMA).execute(&mut *transaction).await?;
+            transaction.commit().await?;
+        }
+        let header = "SELECT application_id, user_version FROM pragma_application_id, pragma_user_version";
+        sqlx::query_as(header).fetch_one(&mut *connection).await
+    }
+
+    pub fn pool(&self) -> &SqlitePool {
+        &self.pool
+    }
+
+    pub async fn close(&self) {
+        self.pool.close().await;
+    }
+
+    /// Adds a job and its delivery.
+    pub async fn insert(&self, spec: Spec) -> Result<Job, Error> {
+        let bad = |problem: &str| Error::input(format!("job {}", spec.id), problem, "give a new ULID");
+        let Ok(id) = Ulid::from_string(&spec.id) else { return Err(bad("has no ULID")) };
+        if id.to_string() != spec.id {
+            return Err(bad("has a ULID that is not in capitals"));
+        }
+        if !spec.offset_deg.is_finite() {
+            // JSON has no word for it.
+            return Err(Error::input("offset_deg", "is no finite number", "give one in degrees"));
+        }
+        let text = serde_json::to_string(&spec).map_err(|e| bad(&e.to_string()))?;
+        let insert = async {
+            let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
+            let fresh = "INSERT INTO nacre_job (id, spec, state, attempts, progress, stage, cancel)
+                VALUES (?1, ?2, 'queued', 0, 0.0, '', 0) ON CONFLICT DO NOTHING";
+            if sqlx::query(fresh).bind(&spec.id).bind(text).execute(&mut *transaction).await?.rows_affected() == 0 {
+                return Ok(None);
+            }
+            let record = Record::submitted(job(spec.clone(), id));
+            self.store(&mut transaction, &record).await?;
+            transaction.commit().await?;
+            Ok(Some(record.job))
+        };
+        insert.await.map_err(|e| self.fault(e))?.ok_or_else(|| bad("exists already"))
+    }
+
+    /// Changes a job in one transaction, with its log and its delivery; `None` when there is no such job. An error of the
+    /// change leaves all as it was.
+    pub async fn change(
+        &self,
+        id: &str,
+        change: impl FnOnce(&mut Record) -> Result<(), Refusal>,
+    ) -> Result<Option<Result<Job, Refusal>>, Error> {
+        let apply = async {
+            let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
+            let query = format!("SELECT {COLUMNS} FROM nacre_job WHERE id = ?1");
+            let query = sqlx::query(sqlx::AssertSqlSafe(query)).bind(id);
+            let Some(row) = query.fetch_optional(&mut *transaction).await? else { return Ok(None) };
+            let mut record = read(&row)?;
+            if let Err(refusal) = change(&mut record) {
+                return Ok(Some(Err(refusal)));
+            }
+            self.store(&mut transaction, &record).await?;
+            transaction.commit().await?;
+            Ok(Some(Ok(record.job)))
+        };
+        apply.await.map_err(|e| self.fault(e))
+    }
+
+    /// Writes a changed job, its log lines and its delivery.
+    async fn store(&self, transaction: &mut SqliteConnection, record: &Record) -> sqlx::Result<()> {
+        let job = &record.job;
+        let update =
+            "UPDATE nacre_job SET state = ?2, attempts = ?3, progress = ?4, stage = ?5, error = ?6, cancel = ?7
+            WHERE id = ?1";
+        sqlx::query(update)
+            .bind(&job.id)
+            .bind(job.state.word())
+            .bind(job.attempts)
+            .bind(job.progress)
+            .bind(&job.stage)
+            .bind(&job.error)
+            .bind(record.cancel)
+            .execute(&mut *transaction)
+            .await?;
+        for line in &record.lines {
+            append(transaction, &job.id, line).await?;
+        }
+        if record.deliver {
+            self.deliver(transaction, &job.id).await?;
+        }
+        Ok(())
+    }
+
+    async fn deliver(&self, transaction: &mut SqliteConnection, id: &str) -> sqlx::Result<()> {
+        let payload = serde_json::to_vec(id).map_err(|e| sqlx::Error::Encode(e.into()))?;
+        let next = {
+            let mut ids = self.ids.lock().unwrap_or_else(PoisonError::into_inner);
+            ids.generate().unwrap_or_else(|overflow| overflow.commit_overflow_increment())
+        };
+        // At the beginning of time, so that a clock that is set back delays nothing.
+        let task = TaskBuilder::new(payload)
+            .task_id(TaskId::from_string(next.to_string()))
+            .run_at_timestamp(0)
+            .max_attempts(ALWAYS)
+            .build();
+        push_tasks(transaction, QUEUE, &[task]).await.map_err(|e| match e {
+            apalis_sqlite::Error::Database(e) => e,
+            other => sqlx::Error::Encode(Box::new(other)),
+        })
+    }
+
+    /// Replaces all deliveries by one for each queued job, in the order of submission. For when no worker is running.
+    pub async fn deliver_all(&self) -> Result<(), Error> {
+        let apply = async {
+            let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
+            sqlx::raw_sql("DELETE FROM Jobs; DELETE FROM Workers").execute(&mut *transaction).await?;
+            for id in in_state(&mut transaction, JobState::Queued).await? {
+                self.deliver(&mut transaction, &id).await?;
+            }
+            transaction.commit().await
+        };
+        apply.await.map_err(|e| self.fault(e))
+    }
+
+    /// Takes the jobs back that an earlier process was working on when it ended.
+    pub async fn recover(&self) -> Result<(), Error> {
+        let running = async { in_state(&mut *self.pool.acquire().await?, JobState::Running).await };
+        for id in running.await.map_err(|e| self.fault(e))? {
+            self.change(&id, Record::cut_off).await?;
+        }
+        Ok(())
+    }
+
+    pub async fn get(&self, id: &str) -> Result<Option<Job>, Error> {
+        let query = format!("SELECT {COLUMNS} FROM nacre_job WHERE id = ?1");
+        let row = sqlx::query(sqlx::AssertSqlSafe(query)).bind(id).fetch_optional(&self.pool).await;
+        let row = row.map_err(|e| self.fault(e))?;
+        row.map(|row| read(&row)).transpose().map(|found| found.map(|record| record.job)).map_err(|e| self.fault(e))
+    }
+
+    /// A page of jobs, newest first, and where the next one begins.
+    pub async fn list(&self, limit: u32, after: Option<&str>) -> Result<(Vec<Job>, Option<String>), Error> {
+        // ULIDs grow with time. One row more shows whether there is another page.
+        let query = format!("SELECT {COLUMNS} FROM nacre_job WHERE ?1 IS NULL OR id < ?1 ORDER BY id DESC LIMIT ?2");
+        let query = sqlx::query(sqlx::AssertSqlSafe(query)).bind(after).bind(limit + 1);
+        let rows = query.fetch_all(&self.pool).await.map_err(|e| self.fault(e))?;
+        let more = rows.len() > limit as usize;
+        let jobs = rows.iter().take(limit as usize).map(|row| Ok(read(row)?.job));
+        let jobs = jobs.collect::<sqlx::Result<Vec<_>>>().map_err(|e| self.fault(e))?;
+        let next = jobs.last().filter(|_| more).map(|job| job.id.clone());
+        Ok((jobs, next))
+    }
+
+    /// Deletes a job that has ended; deliveries that are left of it find no job.
+    pub async fn remove(&self, id: &str) -> Result<(), Refusal> {
+        let apply = async {
+            let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
+            let query = format!("SELECT {COLUMNS} FROM nacre_job WHERE id = ?1");
+            let query = sqlx::query(sqlx::AssertSqlSafe(query)).bind(id);
+            let Some(row) = query.fetch_optional(&mut *transaction).await? else { return Ok(None) };
+            let state = read(&row)?.job.state;
+            if !matches!(state, JobState::Queued | JobState::Running) {
+                sqlx::query("DELETE FROM nacre_job WHERE id = ?1").bind(id).execute(&mut *transaction).await?;
+                transaction.commit().await?;
+            }
+            Ok(Some(state))
+        };
+        match apply.await.map_err(|e| self.fault(e))? {
+            None => Err(Refusal::Unknown(id.into())),
+            Some(state @ (JobState::Queued | JobState::Running)) => {
+                Err(Refusal::State { id: id.into(), state, wish: "deleted; cancel it first" })
+            }
+            Some(_) => Ok(()),
+        }
+    }
+
+    pub async fn of_upload(&self, upload: &str) -> Result<u32, Error> {
+        let query = "SELECT count(*) FROM nacre_job WHERE ?1 IN (json_extract(spec, '$.upload'), json_extract(spec, '$.light.upload'))";
+        sqlx::query_scalar(query).bind(upload).fetch_one(&self.pool).await.map_err(|e| self.fault(e))
+    }
+
+    pub async fn log(&self, id: &str) -> Result<Option<String>, Error> {
+        let query = sqlx::query_scalar("SELECT log FROM nacre_job WHERE id = ?1").bind(id);
+        query.fetch_optional(&self.pool).await.map_err(|e| self.fault(e))
+    }
+
+    /// What SQLite's answer means to the user.
+    fn fault(&self, error: sqlx::Error) -> Error {
+        match (primary_code(&error), &error) {
+            // The statements are fixed, so an error in one of them is an unexpected table.
+            (Some(ERROR | CORRUPT | NOT_A_DATABASE), _) | (_, sqlx::Error::ColumnDecode { .. }) => {
+                Error::file(&self.path, format!("is no intact job queue: {error}"), AWAY)
+            }
+            (_, sqlx::Error::PoolClosed) => Error::Cancelled,
+            (Some(FULL), _) => self.unusable(io::ErrorKind::StorageFull.into(), "free some space"),
+            _ => self.unusable(io::Error::other(error), "check the disk, or give another folder"),
+        }
+    }
+
+    fn unusable(&self, source: io::Error, remedy: &'static str) -> Error {
+        Error::Output { path: self.path.clone(), source, remedy }
+    }
+}
+
+async fn in_state(connection: &mut SqliteConnection, state: JobState) -> sqlx::Result<Vec<String>> {
+    // Rows grow with every submission; ULIDs of one millisecond, or of a clock that was set back, do not.
+    let query = sqlx::query_scalar("SELECT id FROM nacre_job WHERE state = ?1 ORDER BY rowid").bind(state.word());
+    query.fetch_all(connection).await
+}

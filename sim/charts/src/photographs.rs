@@ -1,0 +1,119 @@
+//! A series photographed on the bench and reconstructed as a user's is: from files to files.
+
+use nacre_drivers::Pattern;
+use nacre_processing::chart::Outcome;
+use nacre_processing::chart::polarimetry::judge;
+use nacre_processing::frames::{Frame, FrameSet, Geometry, Kind, save};
+use nacre_processing::image::{read_exr, write_png16_gray};
+use nacre_processing::polarimetry::{NoiseModel, Options, reconstruct};
+use nacre_processing::progress::Silent;
+use nacre_processing::{Error, Result};
+use nacre_sim::BenchConfig;
+use nacre_sim::{Bench, Shining};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Analyser angles: twelve over 180°.
+const ANGLES: usize = 12;
+
+/// Brightest code over white.
+const EXPOSED: f64 = 0.8;
+
+/// Photographs `config` in a folder of its own, reconstructs it and judges the map; the clock runs for the reconstruction, files
+/// included.
+pub(super) fn outcome(config: &BenchConfig, options: &Options) -> Result<Outcome> {
+    let folder = tempfile::tempdir().map_err(|e| Error::output(&std::env::temp_dir(), e))?;
+    let bench = Bench::new(config, &Silent)?;
+    let (input, out) = (folder.path(), folder.path().join("result"));
+    // A wedge shifts the light and leaves it as bright; without one it is rendered once.
+    let mut straight = config.clone();
+    (straight.analyser.wedge_px, straight.analyser.jitter_px) = (0.0, 0.0);
+    let exposure_s = metered(Bench::new(&straight, &Silent)?);
+    let truth = photograph(bench, exposure_s, input)?;
+    let begun = Instant::now();
+    reconstruct(input, &out, options, &Silent)?;
+    let seconds = begun.elapsed().as_secs_f64();
+    let path = out.join("orientation.exr");
+    let mut map = read_exr(&path)?;
+    let (orientation, sigma) = (map.take("orientation", &path)?, map.take("sigma", &path)?);
+    // Where there is no grating there is no truth to miss.
+    let known: Vec<usize> = (0..truth.len()).filter(|i| truth[*i].is_finite()).collect();
+    let of = |plane: &[f32]| -> Vec<f32> { known.iter().map(|i| plane[*i]).collect() };
+    Ok(judge(&of(&orientation), &of(&sigma), &of(&truth), seconds))
+}
+
+/// Writes photographs and `frames.json` into `folder`; returns the true orientations.
+fn photograph(mut bench: Bench, exposure_s: f64, folder: &Path) -> Result<Vec<f32>> {
+    let config = bench.config().clone();
+    let (camera, geometry) = (&config.camera, &config.geometry);
+    let [black, white] = levels(&config);
+    let angles: Vec<f64> = (0..ANGLES).map(|k| 180.0 * k as f64 / ANGLES as f64).collect();
+    light(&mut bench);
+    let mut frames = vec![];
+    for (k, angle) in angles.iter().enumerate() {
+        let late = || Error::input("camera", "sends no frame in time", "report this");
+        let codes = codes(&mut bench, *angle, exposure_s).ok_or_else(late)?;
+        let file = format!("{k:02}.png");
+        write_png16_gray(&folder.join(&file), camera.width as usize, camera.height as usize, &codes)?;
+        frames.push(Frame { analyser_deg: Some(*angle), exposure_s: Some(exposure_s), ..Frame::new(file) });
+    }
+    let set = FrameSet {
+        black: Some(black),
+        white: Some(white),
+        noise: Some(NoiseModel { full_scale_e: camera.well_e, read_noise_e: camera.read_noise_e }),
+        wavelength_nm: Some(config.filter.wavelength_nm),
+        geometry: Some(Geometry {
+            distance_mm: geometry.distance_mm,
+            baseline_mm: geometry.baseline_mm,
+            pixel_um: Some(bench.pixel_um()),
+            camera_px: None,
+        }),
+        ..FrameSet::new(Kind::Polarization, frames)
+    };
+    let path = folder.join("frames.json");
+    std::fs::write(&path, save(&set)).map_err(|e| Error::output(&path, e))?;
+    // Shifts are told against their mean.
+    let shifts: Vec<[f64; 2]> = angles.iter().map(|a| config.shift_px(*a)).collect();
+    let mean = [0, 1].map(|k| shifts.iter().map(|s| s[k]).sum::<f64>() / shifts.len() as f64);
+    Ok(bench.truth_shifted(mean)?.orientation)
+}
+
+/// Switches the panel's disc on.
+fn light(bench: &mut Bench) {
+    let pattern = Pattern::Disc { center_mm: [0.0; 2], diameter_mm: bench.config().disc_mm() };
+    bench.shine(Shining { pattern, flash: false, covered: false }, Duration::ZERO);
+}
+
+/// Codes of black and white.
+fn levels(config: &BenchConfig) -> [f64; 2] {
+    [f64::from(config.camera.black_level), f64::from((1u32 << config.camera.bits) - 1)]
+}
+
+/// Exposure in s that puts the brightest pixel of a few angles below white.
+fn metered(mut bench: Bench) -> f64 {
+    let ([black, white], mut exposure_s) = (levels(bench.config()), 1e-3);
+    light(&mut bench);
+    for _ in 0..4 {
+        let angles = [0.0, 45.0, 90.0, 135.0].into_iter();
+        let brightest = angles.filter_map(|a| codes(&mut bench, a, exposure_s)?.into_iter().max()).max().unwrap_or(0);
+        let level = (f64::from(brightest) - black).max(1.0) / (white - black);
+        exposure_s *= (EXPOSED / level).clamp(0.1, 20.0);
+    }
+    exposure_s
+}
+
+/// One photograph at this angle: the first that begins when the analyser stands, with this exposure.
+fn codes(bench: &mut Bench, angle_deg: f64, exposure_s: f64) -> Option<Vec<u16>> {
+    bench.set_camera(exposure_s, 1.0);
+    let settled = bench.turn_analyser(angle_deg);
+    // The stage and the camera's lag take tens of frames at most.
+    for _ in 0..100_000 {
+        bench.advance_to(bench.next_frame_at());
+        while let Some(frame) = bench.take_frame() {
+            if frame.start >= settled && frame.settings.exposure_s == exposure_s {
+                return Some(bench.codes(&frame));
+            }
+        }
+    }
+    None
+}
