@@ -10,7 +10,7 @@
 //!
 //! Programs call [`numeric::flush_subnormals`] once at their start, so that dark photographs take no longer than bright ones.
 
-pub use nacre_base::{Error, Result, error, numeric, progress, text};
+pub use nacre_base::{Error, Result, error, numeric, progress, statistics, text};
 pub use nacre_brdf as surface;
 pub use nacre_frames as frames;
 pub use nacre_frames::hdr;

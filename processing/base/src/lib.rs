@@ -2,6 +2,7 @@
 
 pub mod error;
 pub mod guard;
+pub mod least_squares;
 pub mod memory;
 pub mod numeric;
 pub mod progress;

@@ -1,5 +1,40 @@
 //! Quantiles of samples and of distributions.
 
+use std::cmp::Ordering;
+
+/// Floating-point numbers, ordered as by `total_cmp`.
+pub trait Real: Copy {
+    /// The order of two numbers.
+    fn order(&self, other: &Self) -> Ordering;
+}
+
+impl Real for f32 {
+    fn order(&self, other: &Self) -> Ordering {
+        self.total_cmp(other)
+    }
+}
+
+impl Real for f64 {
+    fn order(&self, other: &Self) -> Ordering {
+        self.total_cmp(other)
+    }
+}
+
+/// Median, the upper one of an even number of values; None without values. Reorders the values; linear time.
+pub fn median<T: Real>(mut values: impl AsMut<[T]>) -> Option<T> {
+    let values = values.as_mut();
+    nth(values, values.len() / 2)
+}
+
+/// The value that a share of all values (0 to 1) lies below: of rank ⌊share · (n - 1)⌋. None without values. Reorders the values.
+pub fn quantile<T: Real>(values: &mut [T], share: f64) -> Option<T> {
+    nth(values, (share * values.len().saturating_sub(1) as f64) as usize)
+}
+
+fn nth<T: Real>(values: &mut [T], rank: usize) -> Option<T> {
+    (rank < values.len()).then(|| *values.select_nth_unstable_by(rank, T::order).1)
+}
+
 /// Median of χ² (Wilson and Hilferty's cube).
 pub fn median_chi_square(freedom: usize) -> f64 {
     chi_square_quantile(freedom, 0.0)
@@ -16,6 +51,16 @@ pub fn chi_square_quantile(freedom: usize, z: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn ranks_of_samples() {
+        assert_eq!(median([3.0, 1.0, 2.0_f64]), Some(2.0));
+        assert_eq!(median(vec![4.0, 1.0, 3.0, 2.0_f32]), Some(3.0));
+        assert_eq!(quantile(&mut [4.0, 1.0, 3.0, 2.0_f32], 0.5), Some(2.0));
+        assert_eq!(quantile(&mut [4.0, 1.0, 3.0, 2.0_f64], 1.0), Some(4.0));
+        assert_eq!(median(Vec::<f64>::new()), None);
+        assert_eq!(quantile::<f32>(&mut [], 0.5), None);
+    }
 
     #[test]
     fn chi_square_quantiles_match_tables() {

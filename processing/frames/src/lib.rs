@@ -69,7 +69,7 @@ pub struct FrameSet {
     pub band_nm: Option<f64>,
     /// Where sample, light and camera stood.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub geometry: Option<Geometry>,
+    pub geometry: Option<Distances>,
     /// Width and height of the panel in mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub panel_mm: Option<[f64; 2]>,
@@ -181,7 +181,7 @@ pub enum Channel {
 /// Distances on the bench.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Geometry {
+pub struct Distances {
     /// Sample to camera and to the plane of the light, in mm.
     pub distance_mm: f64,
     /// Camera to the middle of the light, in mm.

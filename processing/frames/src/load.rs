@@ -1,6 +1,6 @@
 //! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
 
-use super::{FILE_NAME, FrameSet, Fringes, GAMMAS, Geometry, Kind, SESSION_FILE, Spot, Transfer};
+use super::{Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, SESSION_FILE, Spot, Transfer};
 use nacre_base::text::read_text;
 use nacre_base::{Error, Result};
 use nacre_image::{Info, info};
@@ -191,7 +191,7 @@ fn check_values(path: &Path, set: &FrameSet, by: By) -> Result<()> {
     if let Some(sigma) = set.angle_sigma_deg.filter(|v| !(0.0..=45.0).contains(v)) {
         return bad("angle_sigma_deg", format!("{sigma} is no accuracy"), "give degrees from 0 to 45, or leave it out");
     }
-    if let Some(Geometry { distance_mm, baseline_mm, pixel_um, camera_px }) = set.geometry {
+    if let Some(Distances { distance_mm, baseline_mm, pixel_um, camera_px }) = set.geometry {
         positive("geometry.distance_mm", Some(distance_mm))?;
         positive("geometry.pixel_um", pixel_um)?;
         let near = |v: f64| v.abs() <= 1e6;

@@ -1,8 +1,8 @@
 //! How alike two fields are for every shift, where both are known.
 
 use super::convolution::good_size;
+use super::fourier::Fourier;
 use num_complex::Complex32;
-use rustfft::{FftDirection, FftPlanner};
 
 /// Complex values of an image; 0 with a mask of 0 where unknown.
 #[derive(Clone, Debug)]
@@ -40,6 +40,7 @@ impl Correlation {
     pub fn of(a: &Field, b: &Field) -> Self {
         let width = good_size(a.width + b.width);
         let height = good_size(a.height + b.height);
+        let fourier = Fourier::new([width, height]);
         let transformed = |field: &Field, value: &dyn Fn(usize) -> Complex32| {
             let mut plane = vec![Complex32::default(); width * height];
             for y in 0..field.height {
@@ -47,7 +48,7 @@ impl Correlation {
                     plane[y * width + x] = value(y * field.width + x);
                 }
             }
-            transform(plane, width, height, FftDirection::Forward)
+            fourier.forward(plane)
         };
         let parts = |field: &Field| {
             [
@@ -59,7 +60,7 @@ impl Correlation {
         let (of_a, of_b) = (parts(a), parts(b));
         let product = |p: usize, q: usize| {
             let both = of_a[p].iter().zip(&of_b[q]).map(|(a, b)| a * b.conj()).collect();
-            let back = transform(both, width, height, FftDirection::Inverse);
+            let back: Vec<Complex32> = fourier.inverse(both);
             back.into_iter().map(|v| v.re / (width * height) as f32).collect::<Vec<f32>>()
         };
         let (same, power_a, power_b, overlap) = (product(0, 0), product(1, 2), product(2, 1), product(2, 2));
@@ -99,14 +100,6 @@ impl Correlation {
             dy as f64 + off(self.at([dx, dy - 1]), self.at([dx, dy + 1])),
         ]
     }
-}
-
-fn transform(mut plane: Vec<Complex32>, width: usize, height: usize, direction: FftDirection) -> Vec<Complex32> {
-    let mut planner = FftPlanner::new();
-    planner.plan_fft(width, direction).process(&mut plane);
-    let mut turned: Vec<Complex32> = (0..width * height).map(|i| plane[i % height * width + i / height]).collect();
-    planner.plan_fft(height, direction).process(&mut turned);
-    (0..width * height).map(|i| turned[i % width * height + i / width]).collect()
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@
 
 use super::kernel::Weight;
 use super::plane::{to_coefficients, weights};
+use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_image::Convolution;
 use nacre_optics::color::{linear_srgb, xyz_of_linear_srgb};
@@ -70,8 +71,8 @@ impl Light {
             );
         }
         let sums: Vec<f32> = (0..width * height).map(|i| planes.iter().map(|p| p[i]).sum()).collect();
-        let background = median(&sums);
-        let noise = 1.4826 * median(&sums.iter().map(|v| (v - background).abs()).collect::<Vec<f32>>());
+        let background = median(sums.clone()).unwrap_or(0.0);
+        let noise = 1.4826 * median(sums.iter().map(|v| (v - background).abs()).collect::<Vec<f32>>()).unwrap_or(0.0);
         let top = sums.iter().copied().fold(0.0, f32::max) - background;
         let least = background + (SIGMAS * noise).max(LEAST * top);
         let lit: Vec<usize> = (0..sums.len()).filter(|i| sums[*i] > least).collect();
@@ -83,7 +84,7 @@ impl Light {
             return bad("ends within the light", "show all of it, with a dark border");
         }
         let part = |plane: &Vec<f32>| {
-            let dark = median(plane);
+            let dark = median(plane.to_vec()).unwrap_or(0.0);
             let mut part = vec![0.0; plane.len()];
             lit.iter().for_each(|i| part[*i] = (plane[*i] - dark).max(0.0));
             let all: f32 = part.iter().sum();
@@ -186,12 +187,6 @@ impl Light {
         }
         Ok(())
     }
-}
-
-fn median(values: &[f32]) -> f32 {
-    let mut all = values.to_vec();
-    let middle = all.len() / 2;
-    *all.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Maps of one sample by several methods, each against the first.
 
 use super::asset::{Kind, Map, Maps};
+use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_image::{Correlation, Field};
 use num_complex::Complex32;
@@ -114,7 +115,9 @@ fn described(name: &str, maps: &Maps) -> Compared {
             let sigma = f64::from(map.sigma[i]);
             if kind == Kind::Period { sigma / f64::from(map.value[i]) } else { sigma.to_degrees() }
         };
-        median((0..map.value.len()).filter(|i| map.mask[*i] > 0.0).map(of).filter(|s| s.is_finite()).collect())
+        median(
+            (0..map.value.len()).filter(|i| map.mask[*i] > 0.0).map(of).filter(|s| s.is_finite()).collect::<Vec<_>>(),
+        )
     };
     let known = maps.maps.values().map(Map::known).max().unwrap_or(0) as f64 / (maps.width * maps.height) as f64;
     Compared {
@@ -241,10 +244,10 @@ fn agreement(first: &Map, other: &Map, kind: Kind) -> Option<Agreement> {
         0.0
     };
     let from = |d: f64| if kind == Kind::Orientation { fold((d - about).to_radians()).to_degrees() } else { d };
-    let offset = about + median(off.iter().map(|d| from(d[0])).collect())?;
+    let offset = about + median(off.iter().map(|d| from(d[0])).collect::<Vec<_>>())?;
     let left =
         |d: f64| if kind == Kind::Orientation { fold((d - offset).to_radians()).to_degrees() } else { d - offset };
-    let scatter = median(off.iter().map(|d| left(d[0]).abs()).collect())?;
+    let scatter = median(off.iter().map(|d| left(d[0]).abs()).collect::<Vec<_>>())?;
     let sigmas: Vec<f64> = off.iter().map(|[d, s]| d.abs() / s).filter(|z| z.is_finite()).collect();
     let beyond = sigmas.iter().filter(|z| **z > BEYOND).count() as f64 / sigmas.len().max(1) as f64;
     let beyond = (!sigmas.is_empty()).then_some(beyond);
@@ -256,12 +259,4 @@ fn agreement(first: &Map, other: &Map, kind: Kind) -> Option<Agreement> {
 /// A turn the short way around, in rad.
 fn fold(turn: f64) -> f64 {
     (turn + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return None;
-    }
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

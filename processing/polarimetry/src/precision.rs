@@ -6,6 +6,7 @@ use crate::orient;
 use crate::running::noise_of_bracket;
 use crate::{Design, FrameNoise, MASK_SNR, NoiseSource, Running, StokesMaps};
 use nacre_base::Result;
+use nacre_base::statistics::quantile;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -114,8 +115,7 @@ impl Precision {
     fn quantile(&self, factor: f64) -> Option<f64> {
         let scaled = self.sigma.iter().zip(&self.maps.s0).filter(|(_, s0)| **s0 > 0.0).map(|(s, _)| s * factor as f32);
         let mut carrying: Vec<f32> = scaled.filter(|s| *s <= 0.5 / MASK_SNR).collect();
-        let at = (QUANTILE * carrying.len().checked_sub(1)? as f64) as usize;
-        Some(f64::from(*carrying.select_nth_unstable_by(at, f32::total_cmp).1))
+        quantile(&mut carrying, QUANTILE).map(f64::from)
     }
 
     /// Which of these analyser angles (rad) would lower σ most: the mean over the pixels of the variance that it leaves,

@@ -3,7 +3,7 @@
 use nacre_drivers::Pattern;
 use nacre_processing::chart::Outcome;
 use nacre_processing::chart::polarimetry::judge;
-use nacre_processing::frames::{Frame, FrameSet, Geometry, Kind, save};
+use nacre_processing::frames::{Distances, Frame, FrameSet, Kind, save};
 use nacre_processing::image::{read_exr, write_png16_gray};
 use nacre_processing::polarimetry::{NoiseModel, Options, reconstruct};
 use nacre_processing::progress::Silent;
@@ -62,7 +62,7 @@ fn photograph(mut bench: Bench, exposure_s: f64, folder: &Path) -> Result<Vec<f3
         white: Some(white),
         noise: Some(NoiseModel { full_scale_e: camera.well_e, read_noise_e: camera.read_noise_e }),
         wavelength_nm: Some(config.filter.wavelength_nm),
-        geometry: Some(Geometry {
+        geometry: Some(Distances {
             distance_mm: geometry.distance_mm,
             baseline_mm: geometry.baseline_mm,
             pixel_um: Some(bench.pixel_um()),

@@ -7,6 +7,7 @@ use crate::plan::{BracketPlan, Plan, Role, State, light_on_s};
 use nacre_drivers::{CameraInfo, DeviceError, Frame};
 use nacre_processing::polarimetry::{Design, Fit};
 use nacre_processing::progress::Progress;
+use nacre_processing::statistics::quantile;
 use std::time::Duration;
 
 /// Metering aims at this share of white for the brightest pixels.
@@ -199,8 +200,7 @@ async fn level(hands: &mut Hands<'_>, light: &State, camera: &CameraInfo) -> Res
     } else {
         lit(hands, light.flash).await?.codes.iter().map(linear).collect()
     };
-    let at = ((values.len().saturating_sub(1)) as f64 * BRIGHT) as usize;
-    Ok(f64::from(*values.select_nth_unstable_by(at, f32::total_cmp).1))
+    Ok(f64::from(quantile(&mut values, BRIGHT).unwrap_or(0.0)))
 }
 
 /// A fresh frame, under the flash if need be, which is on for no longer than that.

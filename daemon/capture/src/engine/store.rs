@@ -6,7 +6,7 @@ use crate::plan::{Added, Plan, PlanKind, Role, Step};
 use crate::session::{self, Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
 use nacre_drivers::CameraInfo;
 use nacre_processing::Error;
-use nacre_processing::frames::{self, FrameSet, Fringes, Geometry, Kind, Spot};
+use nacre_processing::frames::{self, Distances, FrameSet, Fringes, Kind, Spot};
 use nacre_processing::image::{Averaging, encode_png16_gray};
 use nacre_processing::polarimetry::NoiseModel;
 use std::path::PathBuf;
@@ -204,11 +204,11 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<fra
 }
 
 /// The same distances, with the place of the camera over the region of interest.
-fn over(geometry: Geometry, plan: &Plan, camera: &CameraInfo) -> Geometry {
+fn over(geometry: Distances, plan: &Plan, camera: &CameraInfo) -> Distances {
     let (Some([left, top, ..]), Some(pixel_um)) = (plan.camera.roi, geometry.pixel_um) else { return geometry };
     let middle = [camera.width, camera.height].map(|side| 0.5 * side as f64);
     let below = middle[0] - 500.0 * geometry.baseline_mm / pixel_um;
-    Geometry { camera_px: Some([below - f64::from(left), middle[1] - f64::from(top)]), ..geometry }
+    Distances { camera_px: Some([below - f64::from(left), middle[1] - f64::from(top)]), ..geometry }
 }
 
 impl Commit {

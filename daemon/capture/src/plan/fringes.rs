@@ -313,7 +313,7 @@ mod tests {
         let devices = nacre_sim::describe(&bench);
         let display = nacre_drivers::DisplayInfo { size_mm: [520.0, 320.0], ..devices.display.clone() };
         let limits = Limits { stage: devices.stage, camera: devices.camera, display, flash: None };
-        let geometry = nacre_processing::frames::Geometry {
+        let geometry = nacre_processing::frames::Distances {
             distance_mm: 250.0,
             baseline_mm: 0.0,
             pixel_um: None,

@@ -13,7 +13,7 @@ use nacre_drivers::{
     StageHandle,
 };
 use nacre_processing::Error;
-use nacre_processing::frames::Geometry;
+use nacre_processing::frames::Distances;
 use nacre_processing::progress::Progress;
 use nacre_sim::socket::RemoteBench;
 use nacre_sim::{Bench, BenchConfig, Devices as Simulated, SharedBench, SimDevice, describe};
@@ -101,7 +101,7 @@ impl Place {
             Some(SimulatedBench::Here { config, .. }) if !self.section.has_real_device() => Setup {
                 wavelength_nm: Some(config.filter.wavelength_nm),
                 band_nm: Some(config.filter.band_nm).filter(|b| *b > 0.0),
-                geometry: Some(Geometry {
+                geometry: Some(Distances {
                     distance_mm: config.geometry.distance_mm,
                     baseline_mm: config.geometry.baseline_mm,
                     pixel_um: None,
@@ -185,7 +185,7 @@ fn setup(simulated: &Simulated) -> Setup {
     Setup {
         wavelength_nm: Some(bench.filter.wavelength_nm),
         band_nm: Some(bench.filter.band_nm).filter(|b| *b > 0.0),
-        geometry: Some(Geometry {
+        geometry: Some(Distances {
             distance_mm: bench.geometry.distance_mm,
             baseline_mm: bench.geometry.baseline_mm,
             pixel_um: Some(simulated.pixel_um),

@@ -4,7 +4,7 @@ mod section;
 
 pub use section::{BenchSection, Optics, lock_name};
 
-use nacre_processing::frames::Geometry;
+use nacre_processing::frames::Distances;
 use serde::{Deserialize, Serialize};
 
 /// What the frames were taken with, as far as it is known.
@@ -18,7 +18,7 @@ pub struct Setup {
     pub band_nm: Option<f64>,
     /// Where sample, light and camera stand.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub geometry: Option<Geometry>,
+    pub geometry: Option<Distances>,
     /// Width and height of the panel in mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub panel_mm: Option<[f64; 2]>,

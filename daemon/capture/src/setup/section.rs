@@ -6,7 +6,7 @@ use nacre_drivers::display::{DisplayConfig, DisplayDriver};
 use nacre_drivers::flash::{FlashConfig, FlashDriver};
 use nacre_drivers::stage::{StageConfig, StageDriver};
 use nacre_drivers::{DeviceLock, DeviceResult};
-use nacre_processing::frames::Geometry;
+use nacre_processing::frames::Distances;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -86,7 +86,7 @@ impl Optics {
     pub fn setup(&self) -> Setup {
         let geometry = match (self.distance_mm, self.baseline_mm) {
             (Some(distance_mm), Some(baseline_mm)) => {
-                Some(Geometry { distance_mm, baseline_mm, pixel_um: self.pixel_um, camera_px: None })
+                Some(Distances { distance_mm, baseline_mm, pixel_um: self.pixel_um, camera_px: None })
             }
             _ => None,
         };

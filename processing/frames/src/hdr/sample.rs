@@ -2,7 +2,7 @@
 
 use super::coding::{Coding, Entry, Scatter};
 use crate::Frame;
-use nacre_base::statistics::median_chi_square;
+use nacre_base::statistics::{median, median_chi_square};
 use nacre_image::{Raster, Samples};
 
 /// Most pixels, and most values of all exposures together, whatever their number.
@@ -126,10 +126,8 @@ impl Comparison {
             }
             chi2.push(square / median_chi_square(freedom));
         }
-        let middle = chi2.len() / 2;
-        let median = (!chi2.is_empty()).then(|| *chi2.select_nth_unstable_by(middle, f64::total_cmp).1);
         let gain = |(product, square): (f64, f64)| (square > 0.0).then(|| [product / square, square.recip().sqrt()]);
-        Agreement { chi2: median, gains: gains.into_iter().map(gain).collect() }
+        Agreement { chi2: median(&mut chi2), gains: gains.into_iter().map(gain).collect() }
     }
 
     /// Exposures that show a sample: which, weight · light, weight.

@@ -5,11 +5,10 @@
 //! average, and its correlation over frames has one sharp peak, where that of the brightness may have none.
 
 use super::windows::Windows;
+use crate::Fourier;
 use nacre_base::vectors::vectorised;
 use num_complex::Complex;
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
-use std::sync::Arc;
 
 /// Largest shift that is looked for, in pixels; a quarter of the window where that is less.
 const REACH: usize = 32;
@@ -45,7 +44,7 @@ pub(super) fn peaks(windows: &Windows, height: f64) -> Vec<Peak> {
 }
 
 fn peaks_of(windows: &Windows, few: &[usize]) -> Vec<Peak> {
-    let fourier = Fourier::new(windows.side);
+    let fourier = Fourier::new([windows.side; 2]);
     let spectra = |frame: usize| -> Vec<Image> {
         let edges = |w: &usize| fourier.forward(edges(windows.get(frame, *w), windows.side));
         few.par_iter().map(edges).collect()
@@ -80,7 +79,7 @@ fn peaks_of(windows: &Windows, few: &[usize]) -> Vec<Peak> {
             // Of frames that have nothing in common, phases are random.
             let power = cross.iter().map(|c| 0.5 * f64::from(c.norm_sqr())).sum::<f64>();
             let deviation = UNDER_HANN * power.sqrt();
-            peak(&fourier.backward(cross), windows.side, deviation)
+            peak(&fourier.inverse(cross), windows.side, deviation)
         })
         .collect()
 }
@@ -127,47 +126,4 @@ fn peak(correlation: &[Complex<f32>], side: usize, deviation: f64) -> Peak {
     let fraction = [vertex(at(x - 1, y), at(x + 1, y)), vertex(at(x, y - 1), at(x, y + 1))];
     let shift = [x as f64 + fraction[0], y as f64 + fraction[1]];
     Peak { shift, height: if deviation > 0.0 { at(x, y) / deviation } else { 0.0 } }
-}
-
-/// Transforms of square images; spectra are transposed.
-struct Fourier {
-    side: usize,
-    forward: Arc<dyn Fft<f32>>,
-    backward: Arc<dyn Fft<f32>>,
-}
-
-impl Fourier {
-    fn new(side: usize) -> Self {
-        let mut planner = FftPlanner::new();
-        Self { side, forward: planner.plan_fft_forward(side), backward: planner.plan_fft_inverse(side) }
-    }
-
-    fn forward(&self, image: Image) -> Image {
-        self.both_sides(image, &*self.forward)
-    }
-
-    fn backward(&self, spectrum: Image) -> Image {
-        self.both_sides(spectrum, &*self.backward)
-    }
-
-    fn both_sides(&self, mut image: Image, fft: &dyn Fft<f32>) -> Image {
-        fft.process(&mut image);
-        transpose(&mut image, self.side);
-        fft.process(&mut image);
-        image
-    }
-}
-
-/// Turns rows into columns, block by block so that neither falls out of the cache.
-fn transpose(image: &mut Image, side: usize) {
-    const BLOCK: usize = 16;
-    for top in (0..side).step_by(BLOCK) {
-        for left in (0..=top).step_by(BLOCK) {
-            for y in top..(top + BLOCK).min(side) {
-                for x in left..(left + BLOCK).min(y) {
-                    image.swap(y * side + x, x * side + y);
-                }
-            }
-        }
-    }
 }

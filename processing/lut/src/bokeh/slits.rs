@@ -82,46 +82,69 @@ fn model(p: &Values, x: f64) -> f64 {
     dark + (bright - dark) * [-2.0, -1.0, 0.0, 1.0, 2.0].map(one).iter().sum::<f64>()
 }
 
-/// Least squares by Levenberg and Marquardt: the parameters, the normal matrix there, and the sum of squares.
-fn fit(values: &[f64], start: Values) -> Option<(Values, SMatrix<f64, N, N>, f64)> {
-    let square = |p: &Values| values.iter().enumerate().map(|(i, v)| (v - model(p, i as f64)).powi(2)).sum::<f64>();
-    let system = |p: &Values| {
+/// Steps of the numerical derivatives: dark, bright, middle, spacing, width, softness.
+const DIFFERENCES: [f64; N] = [1e-6, 1e-6, 1e-4, 1e-5, 1e-4, 1e-4];
+
+/// Damping of the fit.
+const DAMPING: Damping = Damping { first: 1e-3, down: 0.3, least: 0.0, up: 10.0, most: 1e10 };
+
+/// The fit ends when the sum of squares falls by less than this part.
+const CONVERGED: f64 = 1e-10;
+
+/// Light along a line, one value per pixel.
+struct Line<'a>(&'a [f64]);
+
+/// The damped normal matrix has no inverse.
+struct Singular;
+
+impl Line<'_> {
+    fn normal(&self, p: &Values) -> (SMatrix<f64, N, N>, Values) {
         let (mut normal, mut right) = (SMatrix::<f64, N, N>::zeros(), Values::zeros());
-        let steps = Values::from([1e-6, 1e-6, 1e-4, 1e-5, 1e-4, 1e-4]);
-        for (i, v) in values.iter().enumerate() {
+        for (i, v) in self.0.iter().enumerate() {
             let x = i as f64;
             let slope = Values::from_fn(|k, _| {
                 let (mut up, mut down) = (*p, *p);
-                up[k] += steps[k];
-                down[k] -= steps[k];
-                (model(&up, x) - model(&down, x)) / (2.0 * steps[k])
+                up[k] += DIFFERENCES[k];
+                down[k] -= DIFFERENCES[k];
+                (model(&up, x) - model(&down, x)) / (2.0 * DIFFERENCES[k])
             });
             normal += slope * slope.transpose();
             right += slope * (v - model(p, x));
         }
         (normal, right)
-    };
-    let (mut p, mut best, mut damping) = (start, square(&start), 1e-3);
-    for _ in 0..STEPS {
-        let (normal, right) = system(&p);
-        let mut damped = normal;
-        (0..N).for_each(|k| damped[(k, k)] *= 1.0 + damping);
-        let next = p + damped.try_inverse()? * right;
-        let now = square(&next);
-        if now < best {
-            let done = best - now < 1e-10 * best;
-            (p, best, damping) = (next, now, damping * 0.3);
-            if done {
-                break;
-            }
-        } else {
-            damping *= 10.0;
-            if damping > 1e10 {
-                break;
-            }
-        }
     }
-    best.is_finite().then(|| (p, system(&p).0, best))
+
+    fn squares(&self, p: &Values) -> f64 {
+        self.0.iter().enumerate().map(|(i, v)| (v - model(p, i as f64)).powi(2)).sum()
+    }
+}
+
+impl Problem for Line<'_> {
+    /// Parameters and their sum of squares.
+    type State = (Values, f64);
+    type Error = Singular;
+
+    fn cost(&self, (_, squares): &(Values, f64)) -> f64 {
+        *squares
+    }
+
+    fn step(&self, (p, _): &(Values, f64), damping: f64) -> Result<Step<(Values, f64)>, Singular> {
+        let (mut normal, right) = self.normal(p);
+        (0..N).for_each(|k| normal[(k, k)] *= 1.0 + damping);
+        let next = p + normal.try_inverse().ok_or(Singular)? * right;
+        Ok(Step::Trial((next, self.squares(&next))))
+    }
+
+    fn accept(&self, (_, before): &(Values, f64), (_, after): &mut (Values, f64)) -> bool {
+        before - *after < CONVERGED * before
+    }
+}
+
+/// Least squares: the parameters, the normal matrix there, and the sum of squares.
+fn fit(values: &[f64], start: Values) -> Option<(Values, SMatrix<f64, N, N>, f64)> {
+    let line = Line(values);
+    let (p, best) = levenberg_marquardt(&line, (start, line.squares(&start)), DAMPING, STEPS).ok()?;
+    best.is_finite().then(|| (p, line.normal(&p).0, best))
 }
 
 #[cfg(test)]

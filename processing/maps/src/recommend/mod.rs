@@ -9,6 +9,7 @@ mod repeats;
 pub use repeats::Repeats;
 
 use crate::{Kind, Maps};
+use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_image::Gray;
 use nacre_image::{Canvas, Field};
@@ -204,8 +205,7 @@ fn without_lighting(gray: &Gray) -> Field {
     };
     let mut values: Vec<Complex32> = (0..w * h).map(value).collect();
     let mut sizes: Vec<f32> = values.iter().map(|v| v.re.abs()).collect();
-    let (_, usual, _) = sizes.select_nth_unstable_by(w * h / 2, f32::total_cmp);
-    let most = FAR * *usual;
+    let most = FAR * median(&mut sizes).unwrap_or(0.0);
     values.iter_mut().for_each(|v| v.re = v.re.clamp(-most, most));
     Field { width: w, height: h, values, mask: vec![1.0; w * h] }.centered()
 }

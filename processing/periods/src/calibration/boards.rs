@@ -2,12 +2,12 @@
 
 use super::corners::{Board, View, find};
 use super::fit::{Fit, Seen, fit};
-use super::homography::homography;
 use super::sample::CameraCovariance;
 use super::start;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_image::Gray;
+use nacre_image::homography;
 use nacre_image::{info, photographs};
 use nacre_optics::geometry::{Camera, Pose};
 use rayon::prelude::*;

@@ -1,5 +1,6 @@
 //! The camera and the poses that explain all corners best (Levenberg and Marquardt), and how well they are known.
 
+use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_optics::geometry::{Camera, Pose};
@@ -57,50 +58,70 @@ struct Sums {
     pose_right: Vector6<f64>,
 }
 
+/// Damping of the fit.
+const DAMPING: Damping = Damping { first: 1e-3, down: 0.1, least: 1e-12, up: 10.0, most: 1e12 };
+
+/// The fit ends when a step lowers the sum of squares by less than this part, or is not expected to lower it by the other.
+const CONVERGED: f64 = 1e-12;
+const HOPELESS: f64 = 1e-14;
+
 /// Fits.
 ///
 /// # Errors
 /// `Input` when the photographs do not tell the camera; `Cancelled`.
 pub(super) fn fit(camera: Camera, seen: &[Seen], places: &[[f64; 2]], progress: &dyn Progress) -> Result<Fit> {
-    let mut camera = camera;
-    let mut poses: Vec<Pose> = seen.iter().map(|s| s.pose).collect();
-    let mut sums = all(&camera, &poses, seen, places);
-    let mut cost = total(&sums);
-    let mut damping = 1e-3;
-    for _ in 0..STEPS {
-        progress.check()?;
-        let Some((next, moved, predicted)) = step(&camera, &poses, &sums, damping) else {
-            damping *= 10.0;
-            if damping > 1e12 {
-                break;
-            }
-            continue;
-        };
-        let tried = all(&next, &moved, seen, places);
-        let new = total(&tried);
-        if new < cost {
-            let gain = (cost - new) / cost.max(f64::MIN_POSITIVE);
-            (camera, poses, sums, cost) = (next, moved, tried, new);
-            damping = (damping * 0.1).max(1e-12);
-            if gain < 1e-12 {
-                break;
-            }
-        } else if predicted < 1e-14 * cost || damping > 1e12 {
-            break;
-        } else {
-            damping *= 10.0;
-        }
-    }
+    let boards = Boards { seen, places, progress };
+    let start = boards.at(camera, seen.iter().map(|s| s.pose).collect());
+    let Found { camera, poses, sums } = levenberg_marquardt(&boards, start, DAMPING, STEPS)?;
     finished(camera, poses, &sums, places.len())
 }
 
-fn all(camera: &Camera, poses: &[Pose], seen: &[Seen], places: &[[f64; 2]]) -> Vec<Option<Sums>> {
-    poses.par_iter().zip(seen).map(|(pose, seen)| Sums::of(camera, pose, &seen.pixels, places)).collect()
+/// Photographs of the board, and where its corners are on it.
+struct Boards<'a> {
+    seen: &'a [Seen],
+    places: &'a [[f64; 2]],
+    progress: &'a dyn Progress,
 }
 
-/// Sum of squares; infinite where a corner cannot be seen at all.
-fn total(sums: &[Option<Sums>]) -> f64 {
-    sums.iter().map(|s| s.as_ref().map_or(f64::INFINITY, |s| s.squares)).sum()
+/// A camera and poses, with the sums over the corners of each photograph.
+struct Found {
+    camera: Camera,
+    poses: Vec<Pose>,
+    sums: Vec<Option<Sums>>,
+}
+
+impl Boards<'_> {
+    fn at(&self, camera: Camera, poses: Vec<Pose>) -> Found {
+        let of = |(pose, seen): (&Pose, &Seen)| Sums::of(&camera, pose, &seen.pixels, self.places);
+        let sums = poses.par_iter().zip(self.seen).map(of).collect();
+        Found { camera, poses, sums }
+    }
+}
+
+impl Problem for Boards<'_> {
+    type State = Found;
+    type Error = Error;
+
+    /// Infinite where a corner cannot be seen at all.
+    fn cost(&self, found: &Found) -> f64 {
+        found.sums.iter().map(|s| s.as_ref().map_or(f64::INFINITY, |s| s.squares)).sum()
+    }
+
+    fn step(&self, from: &Found, damping: f64) -> Result<Step<Found>> {
+        self.progress.check()?;
+        let Some((camera, poses, gain)) = step(&from.camera, &from.poses, &from.sums, damping) else {
+            return Ok(Step::Singular);
+        };
+        if gain < HOPELESS * self.cost(from) {
+            return Ok(Step::End);
+        }
+        Ok(Step::Trial(self.at(camera, poses)))
+    }
+
+    fn accept(&self, from: &Found, to: &mut Found) -> bool {
+        let cost = self.cost(from);
+        cost - self.cost(to) < CONVERGED * cost.max(f64::MIN_POSITIVE)
+    }
 }
 
 impl Sums {

@@ -1,6 +1,7 @@
 //! A first camera from homographies (Zhang 2000, section 3.1), to be refined.
 
-use super::homography::{homography, pose, straightened};
+use super::plane::{pose, straightened};
+use nacre_image::homography;
 use nacre_optics::geometry::{Camera, Pose};
 use nalgebra::{DMatrix, Matrix3, Vector6};
 

@@ -1,6 +1,7 @@
 //! Corners of a sheet that is brighter or darker than what it lies on.
 
 use super::photographs::Photograph;
+use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 
 /// Least part of the picture that a sheet takes up.
@@ -28,8 +29,9 @@ pub(super) fn find(room: &Photograph) -> Result<[[f64; 2]; 4]> {
     let border = (0..width)
         .flat_map(|x| [at(x, 0), at(x, height - 1)])
         .chain((0..height).flat_map(|y| [at(0, y), at(width - 1, y)]));
-    let ground = median(border.filter(|v| v.is_finite()).collect()).ok_or_else(lost)?;
-    let bright_level = median(room.light.iter().copied().filter(|v| *v > parted).collect()).ok_or_else(lost)?;
+    let ground = median(border.filter(|v| v.is_finite()).collect::<Vec<_>>()).ok_or_else(lost)?;
+    let bright_level =
+        median(room.light.iter().copied().filter(|v| *v > parted).collect::<Vec<_>>()).ok_or_else(lost)?;
     let threshold = ground + RISE * (bright_level - ground);
     let bright = |x: usize, y: usize| at(x, y) > threshold;
     let count = room.light.iter().filter(|v| **v > threshold).count();
@@ -74,11 +76,6 @@ fn edge(length: usize, [ground, threshold]: [f32; 2], profile: &dyn Fn(usize) ->
     let inside = (first..length).find(|k| profile(*k) >= half)?;
     let (outer, inner) = (profile(inside.checked_sub(1)?), profile(inside));
     Some(inside as f64 - f64::from((inner - half) / (inner - outer).max(f32::MIN_POSITIVE)))
-}
-
-fn median(mut values: Vec<f32>) -> Option<f32> {
-    values.sort_by(f32::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 /// The level that parts dark from bright best (Otsu 1979).

@@ -3,6 +3,7 @@
 use super::lobe::Lobe;
 use super::solve::{Copy, Prior, Solution, cost_at, solve};
 use super::view::Half;
+use nacre_base::statistics::median;
 
 /// The order zero is left out within so many standard deviations.
 pub(super) const SPECULAR: f64 = 5.5;
@@ -105,8 +106,7 @@ pub(super) fn copies(observed: &[Observed], lobe: &Lobe) -> Result<Vec<Copy>, Wh
     let all: Vec<_> = outside.collect();
     let brightest = all.iter().max_by(|a, b| a.2.total_cmp(&b.2)).ok_or(Why::Unseen)?;
     let mut lights: Vec<f64> = all.iter().map(|c| c.2).collect();
-    let middle = lights.len() / 2;
-    let (_, median, _) = lights.select_nth_unstable_by(middle, f64::total_cmp);
+    let median = median(&mut lights).ok_or(Why::Unseen)?;
     // Where most copies are as bright, it is stray light.
     let top = brightest.2;
     if top <= LIT * brightest.3.sqrt() || (all.len() > 8 && top < 4.0 * *median) {

@@ -1,6 +1,7 @@
 //! Least squares for one grating: its vector, the light of its orders, and stray light.
 
 use super::lobe::Shape;
+use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nalgebra::{SMatrix, SVector};
 
 /// Orders to each side that are fitted.
@@ -12,8 +13,14 @@ const UNKNOWNS: usize = 3 + ORDERS;
 /// Lobes end where they are 1e-6 of their peak.
 const FAR: f64 = 28.0;
 
-/// Steps of Levenberg and Marquardt.
+/// Steps of the fit.
 const STEPS: usize = 30;
+
+/// Damping of the fit.
+const DAMPING: Damping = Damping { first: 1e-3, down: 0.2, least: 0.0, up: 8.0, most: 1e8 };
+
+/// The fit ends when χ² falls by less.
+const CONVERGED: f64 = 1e-3;
 
 /// Light that is said of an order or of stray light without evidence, over the brightest copy: standard deviation.
 const VAGUE: f64 = 6.0;
@@ -162,28 +169,54 @@ pub(super) fn cost_at(copies: &[Copy], vector: [f64; 2], prior: &Prior) -> f64 {
     normal(copies, &p, prior).2
 }
 
-/// The nearest least squares to a vector (Levenberg and Marquardt).
-pub(super) fn solve(copies: &[Copy], vector: [f64; 2], prior: &Prior) -> Option<Solution> {
-    let mut p = clamped(with_light(copies, vector, prior), prior);
-    let mut damping = 1e-3;
-    let (mut a, mut b, mut cost) = normal(copies, &p, prior);
-    for _ in 0..STEPS {
-        let damped = a + Matrix::from_diagonal(&a.diagonal().map(|d| damping * d.max(1e-12)));
-        let trial = clamped(p + damped.cholesky()?.solve(&b), prior);
-        let (ta, tb, tried) = normal(copies, &trial, prior);
-        if tried <= cost {
-            let small = cost - tried < 1e-3;
-            (p, a, b, cost, damping) = (trial, ta, tb, tried, damping * 0.2);
-            if small {
-                break;
-            }
-        } else {
-            damping *= 8.0;
-            if damping > 1e8 {
-                break;
-            }
-        }
+/// The copies of one grating and what is known of it beforehand.
+struct Lobes<'a> {
+    copies: &'a [Copy],
+    prior: &'a Prior,
+}
+
+/// Unknowns with their normal equations.
+struct Tried {
+    unknowns: Vector,
+    matrix: Matrix,
+    right: Vector,
+    cost: f64,
+}
+
+/// The damped normal matrix has no inverse.
+struct Singular;
+
+impl Lobes<'_> {
+    fn at(&self, unknowns: Vector) -> Tried {
+        let (matrix, right, cost) = normal(self.copies, &unknowns, self.prior);
+        Tried { unknowns, matrix, right, cost }
     }
+}
+
+impl Problem for Lobes<'_> {
+    type State = Tried;
+    type Error = Singular;
+
+    fn cost(&self, tried: &Tried) -> f64 {
+        tried.cost
+    }
+
+    fn step(&self, from: &Tried, damping: f64) -> Result<Step<Tried>, Singular> {
+        let damped = from.matrix + Matrix::from_diagonal(&from.matrix.diagonal().map(|d| damping * d.max(1e-12)));
+        let step = damped.cholesky().ok_or(Singular)?.solve(&from.right);
+        Ok(Step::Trial(self.at(clamped(from.unknowns + step, self.prior))))
+    }
+
+    fn accept(&self, from: &Tried, to: &mut Tried) -> bool {
+        from.cost - to.cost < CONVERGED
+    }
+}
+
+/// The nearest least squares to a vector.
+pub(super) fn solve(copies: &[Copy], vector: [f64; 2], prior: &Prior) -> Option<Solution> {
+    let lobes = Lobes { copies, prior };
+    let start = lobes.at(clamped(with_light(copies, vector, prior), prior));
+    let Tried { unknowns: p, matrix: a, cost, .. } = levenberg_marquardt(&lobes, start, DAMPING, STEPS).ok()?;
     // A little damping where nothing tells the vector: its variance is then huge, as it should be.
     let inverse = (a + Matrix::identity() * 1e-9).cholesky()?.inverse();
     Some(Solution {

@@ -2,8 +2,9 @@
 
 use super::settings::Settings;
 use nacre_base::{Error, Result};
+use nacre_image::homography;
 use nacre_optics::geometry::Geometry;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Matrix3, Vector3};
 
 /// From places on the sheet (mm, right and up of its middle) to pixels, and what is seen there.
 pub(super) struct View {
@@ -21,8 +22,8 @@ const CORNER_PX: f64 = 1.0;
 
 enum Map {
     Calibrated(Box<Geometry>),
-    /// `(x w, y w, w)` of `(X, Y, 1)`, row by row, w = 1 at the origin.
-    Flat([f64; 9]),
+    /// From places to pixels; w = 1 at the origin.
+    Flat(Matrix3<f64>),
 }
 
 /// Light on a place and towards the camera.
@@ -64,7 +65,8 @@ impl View {
             let remedy = "give top left, top right, bottom right, bottom left as x,y";
             return Err(Error::input("--corners", format!("{corners:?} is no sheet seen from above"), remedy));
         }
-        let map = homography(places, corners).ok_or_else(|| {
+        let in_front = |map: &Matrix3<f64>| places.iter().all(|p| project(map, *p).is_some());
+        let map = homography(&places, &corners).filter(in_front).ok_or_else(|| {
             Error::input("--corners", format!("{corners:?} is no perspective of a sheet"), "correct the corners")
         })?;
         let relative = "the camera was taken to stand over the middle of the picture, without distortion".to_owned();
@@ -92,11 +94,7 @@ impl View {
     pub fn point(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         match &self.map {
             Map::Calibrated(geometry) => geometry.point(pixel).map(|[x, y, _]| [x, y]),
-            Map::Flat(m) => {
-                let inverse = SMatrix::<f64, 3, 3>::from_row_slice(m).try_inverse()?;
-                let flat: Vec<f64> = inverse.transpose().iter().copied().collect();
-                project(&flat.try_into().ok()?, pixel)
-            }
+            Map::Flat(m) => project(&m.try_inverse()?, pixel),
         }
     }
 
@@ -141,27 +139,9 @@ pub(super) fn half(viewer: [f64; 3], [x, y]: [f64; 2], light: [f64; 3]) -> Half 
     }
 }
 
-fn project(m: &[f64; 9], [x, y]: [f64; 2]) -> Option<[f64; 2]> {
-    let row = |k: usize| m[3 * k] * x + m[3 * k + 1] * y + m[3 * k + 2];
-    let w = row(2);
-    (w > 1e-9).then(|| [row(0) / w, row(1) / w])
-}
-
-/// The perspective that takes four places to four others.
-fn homography(from: [[f64; 2]; 4], to: [[f64; 2]; 4]) -> Option<[f64; 9]> {
-    let mut a = SMatrix::<f64, 8, 8>::zeros();
-    let mut b = SVector::<f64, 8>::zeros();
-    for k in 0..4 {
-        let ([x, y], [u, v]) = (from[k], to[k]);
-        let rows = [[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y], [0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y]];
-        for (j, row) in rows.iter().enumerate() {
-            (0..8).for_each(|c| a[(2 * k + j, c)] = row[c]);
-            b[2 * k + j] = to[k][j];
-        }
-    }
-    let m = a.lu().solve(&b)?;
-    let map = std::array::from_fn(|k| if k < 8 { m[k] } else { 1.0 });
-    from.iter().all(|p| project(&map, *p).is_some()).then_some(map)
+fn project(m: &Matrix3<f64>, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+    let seen = m * Vector3::new(x, y, 1.0);
+    (seen.z > 1e-9).then(|| [seen.x / seen.z, seen.y / seen.z])
 }
 
 /// The view that the settings and a geometry beside the photographs say; corners must be known by then.

@@ -6,11 +6,11 @@
 
 use super::answer::{Grating, Verdict};
 use super::optics::{Optics, Place};
-use super::reconstruct::median;
 use super::scan::{Found, Points};
 use super::signals::frame_noise;
 use nacre_base::Result;
 use nacre_base::progress::Progress;
+use nacre_base::statistics::median;
 use nacre_frames::{Frame, Linearizer, LoadedFrames, Spot};
 use nalgebra::{Matrix2, Vector2};
 use rayon::prelude::*;

@@ -4,8 +4,8 @@
 //! both do, the offset follows; where fringes leave two gratings, the one that polarization agrees with is taken.
 
 use super::answer::Verdict;
-use super::reconstruct::median;
 use super::scan::Found;
+use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_image::read_exr;
 use serde::Serialize;
@@ -64,8 +64,8 @@ impl Orientations {
         // Mean of lines, then the median about it.
         let (sin, cos) = offsets.iter().fold((0.0, 0.0), |(s, c), o| (s + (2.0 * o).sin(), c + (2.0 * o).cos()));
         let about = 0.5 * f64::atan2(sin, cos);
-        let middle = about + median(offsets.iter().map(|o| fold(o - about)).collect())?;
-        let spread = median(offsets.iter().map(|o| fold(o - middle).abs()).collect())?;
+        let middle = about + median(offsets.iter().map(|o| fold(o - about)).collect::<Vec<_>>())?;
+        let spread = median(offsets.iter().map(|o| fold(o - middle).abs()).collect::<Vec<_>>())?;
         let mut helped = Helped {
             offset_deg: fold(middle).to_degrees(),
             spread_deg: spread.to_degrees(),

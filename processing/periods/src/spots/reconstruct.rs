@@ -13,6 +13,7 @@ use super::settings::Settings;
 use super::signals::{Carrier, Signals, carriers};
 use super::solve::MAX_CARRIERS;
 use nacre_base::progress::Progress;
+use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_frames::load;
 use nacre_image::OutputFolder;
@@ -81,7 +82,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     output.write(&folder)?;
     let resolved =
         || (0..width * height).filter(|i| found.verdicts[*i] == Verdict::Resolved).filter_map(|i| found.gratings[i]);
-    let offset = [0, 1].map(|axis| median(resolved().map(|g| g.mirror_offset[axis].to_degrees()).collect()));
+    let offset = [0, 1].map(|axis| median(resolved().map(|g| g.mirror_offset[axis].to_degrees()).collect::<Vec<_>>()));
     let mut report = Report {
         method: "spots",
         warnings: vec![],
@@ -94,12 +95,12 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
         periods_um: settings.periods_um,
         shortest_um: reachable(&optics),
         pixels: counts(&found),
-        orientation_sigma_deg: median(resolved().map(|g| g.orientation_sigma.to_degrees()).collect()),
-        period_sigma: median(resolved().map(|g| g.period_sigma_um / g.period_um).collect()),
+        orientation_sigma_deg: median(resolved().map(|g| g.orientation_sigma.to_degrees()).collect::<Vec<_>>()),
+        period_sigma: median(resolved().map(|g| g.period_sigma_um / g.period_um).collect::<Vec<_>>()),
         period_scale_sigma: scale_sigma,
         orientation_common_sigma_deg: turn_sigma.to_degrees(),
         mirror_offset_deg: offset[0].zip(offset[1]).map(|(x, y)| [x, y]),
-        residual: median(resolved().map(|g| g.residual).collect()),
+        residual: median(resolved().map(|g| g.residual).collect::<Vec<_>>()),
         aperture_mm: optics.aperture_mm,
         response: signals.response,
         discs,
@@ -208,12 +209,4 @@ fn warnings(report: &Report, settings: &Settings, alias: f64) -> Vec<String> {
         ));
     }
     all
-}
-
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

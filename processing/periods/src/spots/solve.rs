@@ -7,6 +7,7 @@
 use super::answer::{Answer, Demands, Grating, Solution, Verdict};
 use super::carriers::Search;
 use super::optics::{Landing, Optics, Place};
+use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nalgebra::{SMatrix, SVector};
 
 /// Highest order.
@@ -20,6 +21,12 @@ pub const MAX_CARRIERS: usize = 31;
 /// Steps of refinement of each candidate and of the best.
 const QUICK_STEPS: usize = 2;
 const STEPS: usize = 10;
+/// Damping of the refinement.
+const DAMPING: Damping = Damping { first: 1e-3, down: 0.2, least: 1e-9, up: 20.0, most: f64::INFINITY };
+/// Refinement ends when χ² falls by less: a hundredth of one standard deviation.
+const CONVERGED: f64 = 0.01;
+/// Largest change of the mirror offset and of q in one step.
+const LARGEST_STEPS: [f64; 2] = [0.01, 0.02];
 /// Hypotheses that are refined at first, and in the end.
 const REFINED: usize = 4;
 const KEPT: usize = 2;
@@ -61,6 +68,50 @@ struct State {
 struct Normal {
     matrix: SMatrix<f64, UNKNOWNS, UNKNOWNS>,
     right: SVector<f64, UNKNOWNS>,
+}
+
+/// The refinement of one pixel's hypothesis.
+struct Refinement<'a> {
+    solver: &'a Solver<'a>,
+    place: &'a Place,
+    answer: &'a Answer,
+    sigma: f64,
+}
+
+/// A hypothesis that no grating can have, or whose normal equations have no solution.
+struct Impossible;
+
+impl Problem for Refinement<'_> {
+    type State = (State, Model);
+    type Error = Impossible;
+
+    fn cost(&self, (state, _): &(State, Model)) -> f64 {
+        state.chi2
+    }
+
+    fn step(&self, (state, model): &(State, Model), damping: f64) -> Result<Step<(State, Model)>, Impossible> {
+        let Self { solver, place, answer, sigma } = *self;
+        let Normal { mut matrix, right } = solver.normal(model, answer, sigma, state);
+        for i in 0..UNKNOWNS {
+            matrix[(i, i)] *= 1.0 + damping;
+        }
+        let step = matrix.cholesky().ok_or(Impossible)?.solve(&right);
+        let mut next = *state;
+        for i in 0..2 {
+            next.offset[i] += step[i].clamp(-LARGEST_STEPS[0], LARGEST_STEPS[0]);
+            next.q[i] += step[2 + i].clamp(-LARGEST_STEPS[1], LARGEST_STEPS[1]);
+        }
+        if !solver.is_possible(next.q) {
+            return Err(Impossible);
+        }
+        let model = solver.model(place, &next);
+        solver.weigh(&model, answer, sigma, &mut next).ok_or(Impossible)?;
+        Ok(Step::Trial((next, model)))
+    }
+
+    fn accept(&self, (from, _): &(State, Model), (to, _): &mut (State, Model)) -> bool {
+        from.chi2 - to.chi2 < CONVERGED
+    }
 }
 
 impl Solver<'_> {
@@ -188,40 +239,11 @@ impl Solver<'_> {
         (self.demands.periods_um[0]..=self.demands.periods_um[1]).contains(&period)
     }
 
-    /// Gauss-Newton with steps that shrink where they do not help (Levenberg and Marquardt), weights kept positive.
+    /// Refines a hypothesis by Levenberg and Marquardt's method, weights kept positive.
     fn refined(&self, place: &Place, answer: &Answer, sigma: f64, start: State, steps: usize) -> Option<State> {
-        let (mut state, mut model) = (start, self.model(place, &start));
-        let mut damping = 1e-3;
-        for _ in 0..steps {
-            let normal = self.normal(&model, answer, sigma, &state);
-            let mut matrix = normal.matrix;
-            for i in 0..UNKNOWNS {
-                matrix[(i, i)] *= 1.0 + damping;
-            }
-            let step = matrix.cholesky()?.solve(&normal.right);
-            let mut next = state;
-            for i in 0..2 {
-                next.offset[i] += step[i].clamp(-0.01, 0.01);
-                next.q[i] += step[2 + i].clamp(-0.02, 0.02);
-            }
-            if !self.is_possible(next.q) {
-                return None;
-            }
-            let next_model = self.model(place, &next);
-            self.weigh(&next_model, answer, sigma, &mut next)?;
-            if next.chi2 <= state.chi2 {
-                let gained = state.chi2 - next.chi2;
-                (state, model) = (next, next_model);
-                damping = (damping * 0.2).max(1e-9);
-                // A hundredth of what σ itself is worth.
-                if gained < 0.01 {
-                    break;
-                }
-            } else {
-                damping *= 20.0;
-            }
-        }
-        Some(state)
+        let refinement = Refinement { solver: self, place, answer, sigma };
+        let start = (start, self.model(place, &start));
+        levenberg_marquardt(&refinement, start, DAMPING, steps).ok().map(|(state, _)| state)
     }
 
     /// Where the orders of a hypothesis land, and what they answer.

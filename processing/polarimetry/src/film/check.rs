@@ -4,6 +4,7 @@
 
 use crate::film::cloud::CloudPoint;
 use crate::{OrientationMaps, StokesMaps};
+use nacre_base::statistics::{median, quantile};
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
@@ -103,8 +104,7 @@ pub fn check_circle(maps: &StokesMaps, map: &OrientationMaps) -> Option<CircleCh
     let spread = distance_of(0.8, &points, (center, radius)) / 1.2816 / radius;
     // σ(θ) is half the relative error across the modulation, which is about that along it.
     let mut sigma: Vec<f32> = valid.iter().map(|&i| map.sigma[i]).collect();
-    let middle = sigma.len() / 2;
-    let spread_of_noise = 2.0 * f64::from(*sigma.select_nth_unstable_by(middle, f32::total_cmp).1);
+    let spread_of_noise = 2.0 * f64::from(median(&mut sigma)?);
     let gap_deg = gap(&points, center);
     let bias_deg = (spread < NO_RING_SPREAD).then(|| bias(&points, center));
     Some(CircleCheck { center, radius, spread, spread_of_noise, gap_deg, bias_deg })
@@ -157,8 +157,7 @@ fn distance(p: &[f64; 2], (c, r): Circle) -> f64 {
 /// points.
 fn distance_of(share: f64, points: &[[f64; 2]], circle: Circle) -> f64 {
     let mut distances: Vec<f64> = points.iter().map(|p| distance(p, circle)).collect();
-    let at = (share * (distances.len() - 1) as f64) as usize;
-    *distances.select_nth_unstable_by(at, f64::total_cmp).1 + 1e-9 * circle.1
+    quantile(&mut distances, share).unwrap_or(0.0) + 1e-9 * circle.1
 }
 
 /// Widest run of 10° sectors about the centre that hold less than 0.1 % of the points, in degrees of orientation.

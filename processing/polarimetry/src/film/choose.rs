@@ -284,7 +284,7 @@ fn made_likeliest(
 fn typical_sigma(candidate: &Candidate, points: &[CloudPoint]) -> f64 {
     let path = Path::new(candidate.curve);
     let mut all: Vec<f64> = thinned(points, SAMPLE).iter().map(|p| orientation(candidate, &path, p).1).collect();
-    crate::fit::repeats::median(&mut all).unwrap_or(0.0)
+    nacre_base::statistics::median(&mut all).unwrap_or(0.0)
 }
 
 /// A circle about the origin explains everything.

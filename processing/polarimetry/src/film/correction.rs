@@ -8,7 +8,7 @@ use crate::film::models::Model;
 pub use crate::film::oblique::{Incidence, Material, curve_at};
 use crate::film::search::{Begin, refitted};
 use crate::reconstruct::Asked;
-use nacre_frames::Geometry;
+use nacre_frames::Distances;
 use num_complex::Complex;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -115,7 +115,7 @@ pub struct Stand {
 impl Stand {
     /// From the distances on the bench, for photographs of this size in which a pixel of the maps is `block` pixels wide; None
     /// when the size of a pixel is not known.
-    pub fn new(geometry: &Geometry, [width, height]: [usize; 2], block: usize) -> Option<Self> {
+    pub fn new(geometry: &Distances, [width, height]: [usize; 2], block: usize) -> Option<Self> {
         let pixel_mm = geometry.pixel_um? / 1000.0;
         let middle = [0.5 * width as f64, 0.5 * height as f64];
         // The sample lies half-way between the camera and the light, which stands to the right of the camera.
@@ -336,7 +336,7 @@ mod tests {
     fn points_come_back_to_normal_incidence() {
         let film = Film { ln_r: 0.05, zeta: 2.9, retardance: 0.17, axis: 0.4, ..Film::NONE };
         let (size, pixel_um) = (200, 500.0);
-        let geometry = Geometry { distance_mm: 500.0, baseline_mm: 170.0, pixel_um: Some(pixel_um), camera_px: None };
+        let geometry = Distances { distance_mm: 500.0, baseline_mm: 170.0, pixel_um: Some(pixel_um), camera_px: None };
         let stand = Stand::new(&geometry, [size, size], 1).unwrap();
         let material = Material::default();
         assert!((14.0..17.0).contains(&stand.largest_sin2.sqrt().asin().to_degrees()));
@@ -365,7 +365,7 @@ mod tests {
         let film = Film { ln_r: 0.05, zeta: 2.9, retardance: 0.17, axis: 0.4, ..Film::NONE };
         let (size, sigma, material) = (200, 0.002, Material::default());
         for baseline_mm in [100.0, 170.0, 300.0] {
-            let geometry = Geometry { distance_mm: 500.0, baseline_mm, pixel_um: Some(500.0), camera_px: None };
+            let geometry = Distances { distance_mm: 500.0, baseline_mm, pixel_um: Some(500.0), camera_px: None };
             let stand = Stand::new(&geometry, [size, size], 1).unwrap();
             let theta = |pixel: usize| PI * uniform(3, pixel as u64);
             let point = |pixel: usize| {

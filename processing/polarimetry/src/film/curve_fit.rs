@@ -5,6 +5,7 @@ use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
 use crate::film::foot::{Foot, Path, SIDE_BY_SIDE, feet, scale_of};
 use crate::film::normal::{Lanes, Normal};
+use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nacre_base::vectors::vectorised;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -16,6 +17,9 @@ pub const CAUCHY: f64 = 3.0;
 /// A step that makes the points so little likelier is the last, one that is expected to is not made: -2 ln likelihood, in which 1 is one
 /// standard deviation.
 const CONVERGED: f64 = 0.01;
+
+/// Damping of the fit.
+const DAMPING: Damping = Damping { first: 1e-3, down: 0.2, least: 1e-9, up: 6.0, most: 1e9 };
 
 /// What [`mean cost`](Fitted::cost) is when the points lie on the curve to their noise: `E[9 ln(1 + z²/9)]`.
 pub const COST_OF_NOISE: f64 = 0.8735;
@@ -84,57 +88,86 @@ pub struct Fitted {
     pub information: DMatrix<f64>,
 }
 
+/// The fit of a family to points.
+struct Search<'a> {
+    family: &'a Family<'a>,
+    points: &'a [CloudPoint],
+}
+
+/// Parameters of a search, with what is computed at them.
+struct Tried {
+    at: Vec<f64>,
+    feet: Vec<Foot>,
+    /// Unit of distances, in standard deviations: far points count fully at first, and less and less as the curve comes near.
+    scale: f64,
+    cost: f64,
+    /// Normal matrix and right side; made when the parameters are accepted.
+    normal: Option<(DMatrix<f64>, DVector<f64>)>,
+}
+
+/// The points tell nothing.
+struct Nothing;
+
+impl Search<'_> {
+    fn at(&self, at: Vec<f64>) -> Tried {
+        let feet = feet(self.points, (self.family.curve)(&at));
+        let scale = scale_of(&feet);
+        let mut tried = Tried { at, feet, scale, cost: f64::NAN, normal: None };
+        self.complete(&mut tried);
+        tried
+    }
+
+    fn complete(&self, tried: &mut Tried) {
+        tried.cost = self.family.cost(&tried.feet, &tried.at, tried.scale);
+        tried.normal = Some(self.family.normal(&tried.at, &tried.feet, tried.scale));
+    }
+}
+
+impl Problem for Search<'_> {
+    type State = Tried;
+    type Error = Nothing;
+
+    fn cost(&self, tried: &Tried) -> f64 {
+        tried.cost
+    }
+
+    fn step(&self, from: &Tried, damping: f64) -> Result<Step<Tried>, Nothing> {
+        let Some((information, slope)) = &from.normal else { return Ok(Step::End) };
+        let mut damped = information.clone();
+        for k in 0..from.at.len() {
+            damped[(k, k)] += damping * information[(k, k)].max(1e-12);
+        }
+        // A gauge is a direction that the points say nothing about: only damping makes a step there.
+        let Some(factors) = damped.cholesky() else {
+            return if damping * DAMPING.up > DAMPING.most { Err(Nothing) } else { Ok(Step::Singular) };
+        };
+        let step = factors.solve(slope);
+        if step.dot(slope) < CONVERGED {
+            return Ok(Step::End);
+        }
+        let limited = from.at.iter().zip(step.iter()).zip(self.family.limits);
+        let at: Vec<f64> = limited.map(|((a, s), l)| (a + s).clamp(-l, *l)).collect();
+        let feet = feet(self.points, (self.family.curve)(&at));
+        let cost = self.family.cost(&feet, &at, from.scale);
+        Ok(Step::Trial(Tried { at, feet, scale: from.scale, cost, normal: None }))
+    }
+
+    fn accept(&self, from: &Tried, to: &mut Tried) -> bool {
+        let small = from.cost - to.cost < CONVERGED;
+        let tighter = scale_of(&to.feet);
+        let settled = tighter > 0.9 * from.scale;
+        to.scale = tighter.min(from.scale);
+        self.complete(to);
+        small && settled
+    }
+}
+
 impl Family<'_> {
     /// Fits from a start; None when the points tell nothing.
     pub fn fit(&self, points: &[CloudPoint], start: &[f64], iterations: usize) -> Option<Fitted> {
-        let mut at = start.to_vec();
-        let mut feet = feet(points, (self.curve)(&at));
-        let mut scale = scale_of(&feet);
-        let mut cost = self.cost(&feet, &at, scale);
-        let mut damping = 1e-3;
-        let mut normal = self.normal(&at, &feet, scale);
-        for _ in 0..iterations {
-            let (information, slope) = &normal;
-            let mut damped = information.clone();
-            for k in 0..at.len() {
-                damped[(k, k)] += damping * information[(k, k)].max(1e-12);
-            }
-            // A gauge is a direction that the points say nothing about: only damping makes a step there.
-            let Some(factors) = damped.cholesky() else {
-                damping *= 6.0;
-                if damping > 1e9 {
-                    return None;
-                }
-                continue;
-            };
-            let step = factors.solve(slope);
-            if step.dot(slope) < CONVERGED {
-                break;
-            }
-            let next: Vec<f64> =
-                at.iter().zip(step.iter()).zip(self.limits).map(|((a, s), l)| (a + s).clamp(-l, *l)).collect();
-            let next_feet = self::feet(points, (self.curve)(&next));
-            let next_cost = self.cost(&next_feet, &next, scale);
-            if next_cost.is_finite() && next_cost < cost {
-                let small = cost - next_cost < CONVERGED;
-                (at, feet) = (next, next_feet);
-                let tighter = scale_of(&feet);
-                let settled = tighter > 0.9 * scale;
-                scale = tighter.min(scale);
-                cost = self.cost(&feet, &at, scale);
-                damping = (damping * 0.2).max(1e-9);
-                normal = self.normal(&at, &feet, scale);
-                if small && settled {
-                    break;
-                }
-            } else {
-                damping *= 6.0;
-                if damping > 1e9 {
-                    break;
-                }
-            }
-        }
-        self.fitted(at, &feet)
+        let search = Search { family: self, points };
+        let found = levenberg_marquardt(&search, search.at(start.to_vec()), DAMPING, iterations).ok()?;
+        self.fitted(found.at, &found.feet)
     }
 
     /// What a fit that ends at these parameters is; None when the points tell nothing.

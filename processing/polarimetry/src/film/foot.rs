@@ -2,6 +2,7 @@
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
+use nacre_base::statistics::median;
 use nacre_base::vectors::vectorised;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -231,11 +232,7 @@ pub fn feet(points: &[CloudPoint], curve: Curve) -> Vec<Foot> {
 /// Typical distance in standard deviations, at least 1.
 pub fn scale_of(feet: &[Foot]) -> f64 {
     let mut distances: Vec<f64> = feet.iter().map(|f| f.distance.abs()).collect();
-    let middle = distances.len() / 2;
-    if distances.is_empty() {
-        return 1.0;
-    }
-    (1.4826 * *distances.select_nth_unstable_by(middle, f64::total_cmp).1).clamp(1.0, 1e12)
+    median(&mut distances).map_or(1.0, |median| (1.4826 * median).clamp(1.0, 1e12))
 }
 
 #[cfg(test)]

@@ -6,15 +6,15 @@ use crate::film::curve::Curve;
 use crate::film::curve_fit::{Family, Fitted};
 use crate::film::foot::feet;
 use crate::film::mixture::{Pulls, pulls};
+use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nalgebra::{DMatrix, DVector};
+use std::convert::Infallible;
 
 /// Steps at most that are tried.
 const STEPS: usize = 10;
 
-/// Damping of the first step, relative to what is known of each parameter, and by what it changes.
-const DAMPING: f64 = 1e-3;
-const EASED: f64 = 0.1;
-const STIFFENED: f64 = 10.0;
+/// Damping of the search.
+const DAMPING: Damping = Damping { first: 1e-3, down: 0.1, least: 0.0, up: 10.0, most: f64::INFINITY };
 
 /// A step that makes the points so little likelier is the last, one that is expected to is not tried: -2 ln likelihood, which the weights of the
 /// sample leave open to a few.
@@ -27,21 +27,7 @@ const CONVERGED: f64 = 2.0;
 pub(crate) fn likeliest(family: &Family<'_>, fit: &Fitted, points: &[CloudPoint]) -> Fitted {
     let few = thinned(points, SAMPLE);
     let objective = Objective { family, points, few: &few, scale: points.len() as f64 / few.len().max(1) as f64 };
-    let mut best = objective.at(fit.parameters.clone());
-    let mut damping = DAMPING;
-    for _ in 0..STEPS {
-        let Some(step) = best.step(damping).filter(|step| step.dot(&best.slope) > CONVERGED) else { break };
-        let at = best.parameters.iter().zip(step.iter()).zip(family.limits);
-        let next = objective.at(at.map(|((a, s), l)| (a + s).clamp(-l, *l)).collect());
-        let gained = best.score - next.score;
-        damping *= if gained > 0.0 { EASED } else { STIFFENED };
-        if gained > 0.0 {
-            best = next;
-        }
-        if (0.0..CONVERGED).contains(&gained) {
-            break;
-        }
-    }
+    let Ok(best) = levenberg_marquardt(&objective, objective.at(fit.parameters.clone()), DAMPING, STEPS);
     family.at(points, best.parameters).unwrap_or_else(|| fit.clone())
 }
 
@@ -99,14 +85,27 @@ impl Objective<'_> {
     }
 }
 
-impl Tried {
-    /// Where the slope and what is known of the parameters lead (Levenberg and Marquardt).
-    fn step(&self, damping: f64) -> Option<DVector<f64>> {
-        let mut information = self.information.clone();
+impl Problem for Objective<'_> {
+    type State = Tried;
+    type Error = Infallible;
+
+    fn cost(&self, tried: &Tried) -> f64 {
+        tried.score
+    }
+
+    fn step(&self, from: &Tried, damping: f64) -> Result<Step<Tried>, Infallible> {
+        let mut information = from.information.clone();
         // A gauge is a direction that the points say nothing about: only damping makes a step there.
-        for k in 0..self.parameters.len() {
+        for k in 0..from.parameters.len() {
             information[(k, k)] += damping * information[(k, k)].max(1e-12);
         }
-        Some(information.cholesky()?.solve(&self.slope))
+        let step = information.cholesky().map(|factors| factors.solve(&from.slope));
+        let Some(step) = step.filter(|step| step.dot(&from.slope) > CONVERGED) else { return Ok(Step::End) };
+        let limited = from.parameters.iter().zip(step.iter()).zip(self.family.limits);
+        Ok(Step::Trial(self.at(limited.map(|((a, s), l)| (a + s).clamp(-l, *l)).collect())))
+    }
+
+    fn accept(&self, from: &Tried, to: &mut Tried) -> bool {
+        from.score - to.score < CONVERGED
     }
 }

@@ -12,7 +12,7 @@ use crate::film::foot::Path;
 use crate::film::places::{Places, Rows};
 use crate::film::spots::Spots;
 use crate::film::weights::Weights;
-use crate::fit::repeats::median;
+use nacre_base::statistics::median;
 use rayon::prelude::*;
 
 /// Points per task.

@@ -17,6 +17,7 @@ use crate::film::curve_fit::{COST_OF_NOISE, Expected, Family, Fitted};
 use crate::film::evidence;
 use crate::film::foot::Path;
 use crate::film::mixture;
+use nacre_base::statistics::median;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -227,8 +228,7 @@ fn mean(points: &[CloudPoint]) -> [f64; 2] {
 /// Median distance from a centre.
 fn radius(points: &[CloudPoint], center: [f64; 2]) -> f64 {
     let mut distances: Vec<f64> = points.iter().map(|p| (p.at[0] - center[0]).hypot(p.at[1] - center[1])).collect();
-    let middle = distances.len() / 2;
-    if distances.is_empty() { 1.0 } else { *distances.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    median(&mut distances).unwrap_or(1.0)
 }
 
 /// The orientation of a point under a candidate and its σ, both in rad.

@@ -6,7 +6,7 @@ use crate::fit::sample::{AREA, Half, SIDE, Sample};
 use crate::fit::views::View;
 use crate::orient;
 use crate::{Design, FrameNoise, angle_difference};
-use nacre_base::statistics::median_chi_square;
+use nacre_base::statistics::{median, median_chi_square};
 use nacre_frames::LoadedFrames;
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -250,11 +250,6 @@ pub(crate) fn compare_halves(
 
 /// Median of the square of a normal deviate.
 const MEDIAN_OF_SQUARE: f64 = 0.454_936;
-
-pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
-}
 
 #[cfg(test)]
 mod tests {

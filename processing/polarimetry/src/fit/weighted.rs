@@ -1,7 +1,7 @@
 //! The streaming fit where variances differ from pixel to pixel: least squares weighted by their inverse.
 
 use crate::{Design, StokesMaps};
-use nacre_base::statistics::median_chi_square;
+use nacre_base::statistics::{median, median_chi_square};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -152,9 +152,7 @@ pub(crate) fn variance_factor(maps: &StokesMaps, design: &Design) -> Option<f64>
     if design.freedom() == 0 || chi_square.len() < 64 {
         return None;
     }
-    let middle = chi_square.len() / 2;
-    let (_, median, _) = chi_square.select_nth_unstable_by(middle, f32::total_cmp);
-    Some((f64::from(*median) / median_chi_square(design.freedom())).max(f64::from(f32::MIN_POSITIVE)))
+    Some((f64::from(median(&mut chi_square)?) / median_chi_square(design.freedom())).max(f64::from(f32::MIN_POSITIVE)))
 }
 
 /// Multiplies the variances behind weighted maps.

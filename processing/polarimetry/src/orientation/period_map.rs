@@ -1,6 +1,7 @@
 //! The map of periods that a reconstruction makes when it is asked to, and what its report says of it.
 
 use crate::{OrientationMaps, PeriodMaps, PeriodScale, StokesMaps, polarization_of, relative_period};
+use nacre_base::statistics::quantile;
 use nacre_base::{Error, Result};
 use nacre_optics::rcwa::{ALUMINIUM, Grating, ratio};
 use num_complex::Complex;
@@ -224,8 +225,7 @@ impl PeriodReport {
     fn new(method: &PeriodMethod, found: &PeriodMaps, orientation: &OrientationMaps) -> Self {
         let median = |plane: &[f32]| {
             let mut known: Vec<f32> = plane.iter().copied().filter(|v| v.is_finite()).collect();
-            let middle = known.len().checked_sub(1)? / 2;
-            Some(f64::from(*known.select_nth_unstable_by(middle, f32::total_cmp).1))
+            quantile(&mut known, 0.5).map(f64::from)
         };
         let count = |plane: &[f32]| plane.iter().filter(|v| v.is_finite()).count();
         let valid = count(&found.period_um);

@@ -5,10 +5,10 @@ use crate::film::choose::Choice;
 use crate::film::cloud::{CloudPoint, cloud};
 use crate::film::foot::Path;
 use crate::film::models::{Candidate, orientation};
-use crate::fit::repeats::median;
 use crate::fit::sample::{AREA, SIDE, Sample};
 use crate::fit::views::View;
 use crate::{Alignment, Design, FrameNoise, MASK_SNR, StokesMaps, angle_difference};
+use nacre_base::statistics::median;
 use nacre_frames::LoadedFrames;
 use serde::Serialize;
 

@@ -222,7 +222,7 @@ fn misregistration_is_carried_through() {
         squares.iter_mut().zip(&errors).for_each(|(s, e)| *s += e * e / DRAWS as f64);
         let answers = answers(&maps, &design, &noise, None);
         let said = of_registration(&answers, &maps, &design, &Shifts { known: shifts, sigma: 0.0 }).unwrap();
-        let actual = crate::fit::repeats::median(&mut errors.iter().map(|e| e.abs()).collect::<Vec<_>>()).unwrap();
+        let actual = nacre_base::statistics::median(&mut errors.iter().map(|e| e.abs()).collect::<Vec<_>>()).unwrap();
         assert!((1.0 / FACTOR..FACTOR).contains(&(said / actual)), "{said} {actual}");
     }
     let still = shifted(&[[0.0; 2]; 6], &angles);
@@ -230,6 +230,6 @@ fn misregistration_is_carried_through() {
     let maps = still.solve(&blocks, &kept, &design);
     let answers = answers(&maps, &design, &noise, None);
     let said = of_registration(&answers, &maps, &design, &Shifts { known: vec![], sigma: 0.2 }).unwrap();
-    let actual = crate::fit::repeats::median(&mut squares.iter().map(|s| s.sqrt()).collect::<Vec<_>>()).unwrap();
+    let actual = nacre_base::statistics::median(&mut squares.iter().map(|s| s.sqrt()).collect::<Vec<_>>()).unwrap();
     assert!((1.0 / FACTOR..FACTOR).contains(&(said / actual)), "{said} {actual}");
 }

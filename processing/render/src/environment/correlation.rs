@@ -8,11 +8,10 @@
 use super::cosines::slices;
 use nacre_base::Result;
 use nacre_base::progress::Progress;
+use nacre_image::Fourier;
 use nacre_image::catmull_rom;
 use rayon::prelude::*;
 use rustfft::num_complex::Complex64;
-use rustfft::{Fft, FftPlanner};
-use std::sync::Arc;
 
 /// Light of the cells of the disc of direction cosines, y upwards: sums over a cell of radiance times solid angle times powers of z.
 pub(crate) type Moments = Vec<[f64; 5]>;
@@ -94,7 +93,7 @@ pub(crate) fn correlate(
     progress: &dyn Progress,
 ) -> Result<Reflected> {
     let side = 2 * size;
-    let fourier = Fourier::new(side);
+    let fourier = Fourier::new([side; 2]);
     let mut cells = vec![[[0.0_f32; 5]; 3]; size * size];
     // ωi + ωo of cells a and b is 2(a + b + 1)/size - 2.
     let half_vector = |i: usize| [i % side, i / side].map(|k| 2.0 * (k as f64 + 1.0) / size as f64 - 2.0);
@@ -102,11 +101,8 @@ pub(crate) fn correlate(
     for channel in 0..3 {
         let light = light(channel);
         progress.check()?;
-        let tables = [0, 1, 2].map(|power| {
-            let mut plane: Vec<_> = entries.iter().map(|e| Complex64::new(e[power][channel], 0.0)).collect();
-            fourier.run(&mut plane, false);
-            plane
-        });
+        let tables = [0, 1, 2]
+            .map(|power| fourier.forward(entries.iter().map(|e| Complex64::new(e[power][channel], 0.0)).collect()));
         // Coefficients are real, so that two share a transform back: the second is its imaginary part.
         let mut sums = [const { vec![] }; 3].map(|mut plane: Vec<Complex64>| {
             plane.resize(side * side, Complex64::default());
@@ -118,7 +114,7 @@ pub(crate) fn correlate(
             for (row, light) in plane.chunks_exact_mut(side).zip(light.chunks_exact(size)) {
                 row.iter_mut().zip(light).for_each(|(to, m)| to.re = m[moment]);
             }
-            fourier.run(&mut plane, false);
+            let plane = fourier.forward(plane);
             for (power, _, coefficient, times) in TERMS.into_iter().filter(|term| term.1 == moment) {
                 let unit = if coefficient % 2 == 0 { Complex64::new(1.0, 0.0) } else { Complex64::i() };
                 let unit = unit * (0.25 * times);
@@ -126,10 +122,10 @@ pub(crate) fn correlate(
                 all.for_each(|((sum, table), light)| *sum += unit * table * light.conj());
             }
         }
-        for (pair, plane) in sums.iter_mut().enumerate() {
-            fourier.run(plane, true);
+        for (pair, spectrum) in sums.into_iter().enumerate() {
+            let plane = fourier.inverse(spectrum);
             for (i, cell) in cells.iter_mut().enumerate() {
-                let found = plane[i / size * side + i % size];
+                let found = plane[i / size * side + i % size] / (side * side) as f64;
                 cell[channel][2 * pair] = found.re as f32;
                 if pair < 2 {
                     cell[channel][2 * pair + 1] = found.im as f32;
@@ -173,36 +169,5 @@ impl Reflected {
             }
         }
         sum.map(|c| polynomial(c, z))
-    }
-}
-
-/// Transforms of squares.
-struct Fourier {
-    side: usize,
-    forward: Arc<dyn Fft<f64>>,
-    inverse: Arc<dyn Fft<f64>>,
-}
-
-impl Fourier {
-    fn new(side: usize) -> Self {
-        let mut planner = FftPlanner::new();
-        Self { side, forward: planner.plan_fft_forward(side), inverse: planner.plan_fft_inverse(side) }
-    }
-
-    /// In place; forth and back gives what there was.
-    fn run(&self, square: &mut [Complex64], back: bool) {
-        let (n, plan) = (self.side, if back { &self.inverse } else { &self.forward });
-        for _ in 0..2 {
-            square.par_chunks_mut(n).for_each(|row| plan.process(row));
-            for y in 0..n {
-                for x in 0..y {
-                    square.swap(y * n + x, x * n + y);
-                }
-            }
-        }
-        if back {
-            let scale = 1.0 / (n * n) as f64;
-            square.par_iter_mut().for_each(|v| *v *= scale);
-        }
     }
 }

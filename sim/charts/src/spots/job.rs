@@ -1,11 +1,12 @@
 //! A mosaic of periods on the bench, photographed under fringes and reconstructed as a user's is: from files to files.
 
 use nacre_drivers::Pattern;
-use nacre_processing::frames::{Frame, FrameSet, Fringes, Geometry, Kind, save};
+use nacre_processing::frames::{Distances, Frame, FrameSet, Fringes, Kind, save};
 use nacre_processing::image::{read_exr, write_png16_gray};
 use nacre_processing::polarimetry::{NoiseModel, angle_difference};
 use nacre_processing::progress::Silent;
 use nacre_processing::spots::{Report, Settings, frequencies, reconstruct};
+use nacre_processing::statistics::median;
 use nacre_processing::{Error, Result};
 use nacre_sim::BenchConfig;
 use nacre_sim::Truth;
@@ -133,23 +134,19 @@ pub(super) fn judged_as_told(
         }
         promised.push(sigmas[0]);
     }
+    let middle = |values: Vec<f64>| median(values).unwrap_or(f64::NAN);
     let [period_errors, turn_errors] = errors;
     let answered = promised.len() as f64;
     Ok(Judged {
-        period: median(period_errors),
-        orientation_deg: median(turn_errors).to_degrees(),
+        period: middle(period_errors),
+        orientation_deg: middle(turn_errors).to_degrees(),
         masked: 1.0 - answered / count as f64,
         wrong: wrong as f64 / count as f64,
-        calibration: calibration.map(median),
-        promised: median(promised),
+        calibration: calibration.map(middle),
+        promised: middle(promised),
         seconds,
         report,
     })
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Writes photographs of fringes and `frames.json`, which says that they are of the bench `config`, into `folder`.
@@ -190,7 +187,7 @@ pub fn photograph(bench: &mut Bench, config: &BenchConfig, shown: &Shown, folder
         noise: Some(NoiseModel { full_scale_e: camera.well_e, read_noise_e: camera.read_noise_e }),
         wavelength_nm: Some(config.filter.wavelength_nm),
         band_nm: Some(config.filter.band_nm).filter(|b| *b > 0.0),
-        geometry: Some(Geometry {
+        geometry: Some(Distances {
             distance_mm: config.geometry.distance_mm,
             baseline_mm: config.geometry.baseline_mm,
             pixel_um: Some(bench.pixel_um()),

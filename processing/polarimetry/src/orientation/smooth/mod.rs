@@ -32,6 +32,7 @@ use crate::orientation::orient::fold;
 use kernel::{Field, Filter, Round};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
+use nacre_base::statistics::median;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -187,8 +188,7 @@ fn filtered<const PLANES: usize>(
 fn reliabilities(map: &OrientationMaps) -> (Vec<f32>, f32) {
     let valid = |i: &usize| map.orientation[*i].is_finite();
     let mut sigmas: Vec<f32> = (0..map.sigma.len()).filter(valid).step_by(13).map(|i| map.sigma[i]).collect();
-    let middle = sigmas.len() / 2;
-    let median = if sigmas.is_empty() { 1.0 } else { *sigmas.select_nth_unstable_by(middle, f32::total_cmp).1 };
+    let median = median(&mut sigmas).unwrap_or(1.0);
     let square = median.max(f32::MIN_POSITIVE.sqrt()).powi(2);
     let reliability = |(theta, sigma): (&f32, &f32)| {
         let relative = square / sigma.powi(2).max(square / MOST_RELIABLE);

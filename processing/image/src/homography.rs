@@ -1,6 +1,5 @@
-//! A plane seen by a camera without a lens: homographies, and poses from them.
+//! Homographies: a plane seen by a camera without a lens.
 
-use nacre_optics::geometry::{Camera, Pose};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// The homography from places on a plane to places in a picture, from four pairs or more; none when they lie on a line.
@@ -52,24 +51,6 @@ fn evened(points: &[[f64; 2]]) -> Option<Matrix3<f64>> {
 pub fn mapped(h: &Matrix3<f64>, [x, y]: [f64; 2]) -> [f64; 2] {
     let v = h * Vector3::new(x, y, 1.0);
     [v[0] / v[2], v[1] / v[2]]
-}
-
-/// Pose of a plane z = 0 in front of a camera, from a homography of it in units of the focal length, lens undone.
-pub(super) fn pose(h: &Matrix3<f64>) -> Option<Pose> {
-    let (a, b) = (h.column(0), h.column(1));
-    let scale = 1.0 / (a.norm() * b.norm()).sqrt();
-    // The plane lies in front of the camera.
-    let scale = if h[(2, 2)] < 0.0 { -scale } else { scale };
-    let (a, b, t) = (a * scale, b * scale, h.column(2) * scale);
-    let rough = Matrix3::from_columns(&[a, b, a.cross(&b)]);
-    let svd = rough.svd(true, true);
-    let turn = svd.u? * svd.v_t?;
-    (scale.is_finite() && turn.determinant() > 0.0).then(|| Pose::of(turn, t.into()))
-}
-
-/// Directions of pixels in units of the focal length, lens undone; none where the lens has none.
-pub(super) fn straightened(camera: &Camera, pixels: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
-    pixels.iter().map(|p| camera.ray(*p).map(|r| [r[0] / r[2], r[1] / r[2]])).collect()
 }
 
 #[cfg(test)]
