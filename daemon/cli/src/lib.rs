@@ -8,13 +8,12 @@ use clap::{Parser, Subcommand};
 use console::Console;
 use std::process::ExitCode;
 
-/// Measures how surfaces diffract light: orientation maps of holographic surfaces from polarization photographs, on a
-/// real or a simulated bench.
+/// The command line of this process.
 #[derive(Parser)]
 #[command(
     name = "nacre",
     version,
-    about,
+    about = "Measures how surfaces diffract light: capture, reconstruction and simulation in one program",
     after_help = "\
 Examples:
   nacre demo                                            a simulated session, judged
