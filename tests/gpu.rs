@@ -2,11 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-mod gpu {
-    pub mod scenes;
-}
+mod scenes;
 
-use gpu::scenes::{Chance, LONG, MATERIALS, Material, scene};
 use nacre_processing::image::read_exr;
 use nacre_processing::progress::Silent;
 use nacre_processing::render::difference;
@@ -14,6 +11,7 @@ use nacre_processing::render::gpu::{Kept, Prepared, adapter, timed};
 use nacre_tests::chromium::Browser;
 use nacre_tests::http::{Service, begin, finished, plan};
 use nacre_tests::{Place, nacre};
+use scenes::{Chance, LONG, MATERIALS, Material, scene};
 use std::path::Path;
 use std::process::Command;
 use std::sync::{Mutex, PoisonError};

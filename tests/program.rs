@@ -1,0 +1,35 @@
+//! The program as a user runs it. One executable for all of it: linking takes longer than most tests.
+//!
+//! `cargo test -p nacre-tests --test program kills::` runs one file.
+
+mod assets;
+mod bad_input;
+mod bokeh;
+mod brdf;
+mod browser;
+mod capture;
+mod catalogue;
+mod chart;
+mod command_line;
+mod connections;
+mod emulated;
+mod faults;
+mod flash;
+mod gpu;
+mod guardian;
+mod hdr;
+mod kills;
+mod limits;
+mod lut;
+mod manual;
+mod outside;
+mod page;
+mod panel;
+mod periods;
+mod render;
+mod renders;
+mod resume;
+mod service;
+mod spots;
+mod until;
+mod viewer;
