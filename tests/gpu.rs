@@ -164,7 +164,7 @@ fn a_card_renders_what_the_processor_renders() {
     match chosen().as_slice() {
         [material] => {
             let dir = tempfile::tempdir().unwrap();
-            gpu::scenes::files(dir.path());
+            scenes::files(dir.path());
             compared(material, dir.path(), &mut Chance(seed()));
         }
         _ => all_in_processes("a_card_renders_what_the_processor_renders"),
@@ -183,7 +183,7 @@ fn long_sums_are_for_cards_that_are_no_software() {
     };
     let _alone = PICTURES.lock().unwrap_or_else(PoisonError::into_inner);
     let dir = tempfile::tempdir().unwrap();
-    gpu::scenes::files(dir.path());
+    scenes::files(dir.path());
     let mut chance = Chance(seed());
     for material in &LONG {
         if SOFTWARE.iter().any(|software| name.contains(software)) {
@@ -199,7 +199,7 @@ fn long_sums_are_for_cards_that_are_no_software() {
 #[test]
 fn the_command_renders_on_a_card() {
     let dir = tempfile::tempdir().unwrap();
-    gpu::scenes::files(dir.path());
+    scenes::files(dir.path());
     let text = scene(MATERIALS[0], 16, &mut Chance(1));
     let (card, report) = rendered(dir.path(), &text, &["16", "--gpu"]);
     match adapter() {
@@ -215,7 +215,7 @@ fn the_command_renders_on_a_card() {
 #[test]
 fn scenes_that_cards_do_not_do_go_to_the_processor() {
     let dir = tempfile::tempdir().unwrap();
-    gpu::scenes::files(dir.path());
+    scenes::files(dir.path());
     let text = scene(MATERIALS[0], 16, &mut Chance(1))
         .replace("fov_deg = 14", "fov_deg = 14\naperture_mm = 2\nfocus_mm = 500");
     let (_, report) = rendered(dir.path(), &text, &["16", "--gpu"]);
@@ -292,7 +292,7 @@ fn browsers_draw_every_kind_of_sample_by_webgpu_and_webgl2() {
     browser.open(&format!("http://{}/#/calibrate", service.address));
     browser.run(DRAW);
     let dir = tempfile::tempdir().unwrap();
-    gpu::scenes::files(dir.path());
+    scenes::files(dir.path());
     let mut ways: Ways = [("webgpu", vec![]), ("webgl2", vec![])];
     let chosen = chosen();
     for (k, material) in chosen.iter().enumerate() {
@@ -360,8 +360,8 @@ fn the_browser_shows_what_the_processor_renders() {
         let values = (0..16).fold(serde_json::Value::Null, |_, _| browser.run(&add));
         let values: Vec<f32> = values.as_array().unwrap().iter().map(|v| v.as_f64().unwrap() as f32).collect();
         let browsers: Picture = values.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
-        let turned = |v| gpu::scenes::turned(v, tilt, pan);
-        let light = gpu::scenes::around(azimuth, elevation, 490.0);
+        let turned = |v| scenes::turned(v, tilt, pan);
+        let light = scenes::around(azimuth, elevation, 490.0);
         let text = of_result(dir.path(), turned([0.0, 0.0, 1.0]), turned([0.0, 1.0, 0.0]), light);
         let (processor, _) = rendered(dir.path(), &text, &["4096"]);
         let found = difference(&processor, &browsers);

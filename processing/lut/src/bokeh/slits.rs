@@ -2,6 +2,7 @@
 //! slits are fitted to a photograph as the lens blurred it, which leaves their width at half height where it is.
 
 use super::period::Lines;
+use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 

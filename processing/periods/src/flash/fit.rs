@@ -109,7 +109,7 @@ pub(super) fn copies(observed: &[Observed], lobe: &Lobe) -> Result<Vec<Copy>, Wh
     let median = median(&mut lights).ok_or(Why::Unseen)?;
     // Where most copies are as bright, it is stray light.
     let top = brightest.2;
-    if top <= LIT * brightest.3.sqrt() || (all.len() > 8 && top < 4.0 * *median) {
+    if top <= LIT * brightest.3.sqrt() || (all.len() > 8 && top < 4.0 * median) {
         return Err(Why::Dark);
     }
     let copy = |&(half, shape, light, variance): &([f64; 2], _, f64, f64)| {

@@ -73,7 +73,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     progress.stage("writing", 1);
     let wavelength_nm = 1000.0 * optics.wavelength_um;
     let by_wavelength = bench.wavelength_sigma_nm.map_or(0.0, |s| s / wavelength_nm);
-    let periods = found.gratings.iter().flatten().map(|g| g.period_um).collect();
+    let periods: Vec<f64> = found.gratings.iter().flatten().map(|g| g.period_um).collect();
     let by_geometry = median(periods).and_then(|um| of_geometry(&optics, &bench.geometry.sigma, um));
     let [scale_sigma, turn_sigma] =
         by_geometry.map_or([by_wavelength, 0.0], |[scale, turn]| [by_wavelength.hypot(scale), turn]);

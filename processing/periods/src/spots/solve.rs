@@ -74,7 +74,7 @@ struct Normal {
 struct Refinement<'a> {
     solver: &'a Solver<'a>,
     place: &'a Place,
-    answer: &'a Answer,
+    answer: &'a Answer<'a>,
     sigma: f64,
 }
 
