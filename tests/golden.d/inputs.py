@@ -72,6 +72,18 @@ steps = [
 ]
 """
 
+BOKEH_PLAN = """kind = "flash"
+exposures_ms = [2, 8]
+extras = ["display_black"]
+reconstruct = { method = "bokeh", bokeh = { psf = { sigma = 1.5 }, iterations = { count = 3 } } }
+"""
+
+LUT_PLAN = """kind = "flash"
+exposures_ms = [2, 8]
+extras = ["display_black"]
+reconstruct = { method = "lut", lut = { wavelength_nm = 550, scale = 0.01, size = 32, center = [30, 20], max_error = 1 } }
+"""
+
 SPOTS_PLAN = """kind = "spots"
 name = "mosaic of periods"
 spots = { fringes = { count = 8, phases = 4 } }
@@ -144,6 +156,43 @@ relief = { depth_um = 0.1 }
 coherence_um = 20
 """
 
+def scene(shapes, materials, light):
+    """A scene of shapes, each with one material, before a camera 300 mm away."""
+    camera = "[camera]\nposition = [0, 0, 300]\ntarget = [0, 0, 0]\nfov_deg = 20\nwidth = 24\nheight = 18\n"
+    tables = "".join(f"[[shape]]\n{shape}\n" for shape in shapes) + "".join(f"[[light]]\n{one}\n" for one in light)
+    return camera + tables + "".join(f"[material.{name}]\n{text}\n" for name, text in materials.items())
+
+
+SPOT = 'type = "spot"\nposition = [0, 100, 280]\ntarget = [0, 0, 0]\nbeam_deg = 30\nsigma_mm = 3'
+SUN = 'type = "directional"\ndirection = [0, -0.3, -1]\nsigma_deg = 0.3\nspectrum = "A"'
+WINDOW = 'type = "rectangle"\ncenter = [50, 80, 200]\nsize = [40, 40]\nnormal = [0, -0.3, -1]'
+SKY = 'type = "environment"\nfile = "sky.hdr"\nturn_deg = 30'
+SHEET = 'type = "plane"\nsize = [80, 60]\nmaterial = "sheet"'
+
+SHAPES_SCENE = scene([
+    'type = "disc"\ncenter = [-25, 15, 0]\nouter = 14\ninner = 4\nmaterial = "disc"',
+    'type = "sphere"\ncenter = [10, 15, 0]\nradius = 12\nmaterial = "slits"',
+    'type = "cylinder"\ncenter = [-15, -15, 0]\nradius = 10\nlength = 18\narc_deg = [0, 300]\nmaterial = "lattice"',
+    'type = "mesh"\nfile = "quad.obj"\nposition = [15, -15, 0]\nrotation_deg = [0, 20, 0]\nmaterial = "heights"',
+], {
+    "disc": 'diffraction = { type = "cd", period_um = 1.6, relief = { depth_um = 0.12, profile = { rectangular = { duty = 0.4 } } } }',
+    "slits": 'base = { albedo = [0.2, 0.1, 0.1] }\ncoverage = 0.7\ndiffraction = { type = "multislit", count = 5 }',
+    "lattice": 'blend = "fresnel"\nbase = { roughness = 0.5 }\n'
+               'diffraction = { type = "lattice", period_um = [4, 6], aperture_um = [2, 3], coherence_um = 20 }',
+    "heights": 'diffraction = { type = "heightfield", file = "heights.txt", pixel_um = 0.09, range_um = 0.1, coherence_um = 6 }',
+}, [SPOT, SUN])
+
+MAPS_SCENE = scene([SHEET], {
+    "sheet": 'diffraction = { type = "grating", maps = "squares", relief = { depth_um = 0.1, profile = "blazed" }, coherence_um = 20, '
+             'reflectance = "aluminium" }',
+}, [WINDOW])
+
+TABLE_SCENE = scene([SHEET], {
+    "sheet": 'base = { albedo = [0.1, 0.1, 0.1] }\ncoverage = 0.5\ndiffraction = { type = "table", file = "table/lut.exr", albedo = 0.8 }',
+}, [SKY])
+
+QUAD = "v -10 -10 0\nv 10 -10 0\nv 10 10 2\nv -10 10 2\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n"
+
 HEIGHTS = "\n".join(" ".join(f"{((x * x + 3 * y * x + 7 * y) % 23) / 100:.2f}" for x in range(24)) for y in range(24)) + "\n"
 SECTION = "x_um,height_um\n0,0\n0.5,0.1\n1.25,0.2\n2,0.05\n2.5,0\n"
 LAMP = "wavelength_nm,power\n500,0\n540,1\n560,1\n600,0\n"
@@ -158,24 +207,47 @@ def lazy(make, *arguments):
     return lambda: make(*arguments)
 
 
-def png(width, height, rows, bits=8):
-    """Encodes grey rows of integers as PNG."""
+def png(width, height, rows, bits=8, color=False, exif=None):
+    """Encodes rows of integers (grey, or red, green, blue one after another) as PNG, with an Exif block if given."""
     def chunk(name, data):
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
     row = "B" if bits == 8 else "H"
-    data = b"".join(b"\0" + struct.pack(f">{width}{row}", *values) for values in rows)
-    header = struct.pack(">2I5B", width, height, bits, 0, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b"")
+    data = b"".join(b"\0" + struct.pack(f">{len(values)}{row}", *values) for values in rows)
+    header = chunk(b"IHDR", struct.pack(">2I5B", width, height, bits, 2 if color else 0, 0, 0, 0))
+    tags = chunk(b"eXIf", exif) if exif else b""
+    return b"\x89PNG\r\n\x1a\n" + header + tags + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b"")
 
 
-def analysed(angle_index):
+def environment(width=32, height=16):
+    """A lat-long environment as Radiance HDR, not compressed: a bright window in a gradient."""
+    def pixel(x, y):
+        exponent = 131 if 8 <= x < 12 and 3 <= y < 7 else 127
+        return bytes([100 + 3 * x, 120 + 4 * y, 200 - 2 * x, exponent])
+    header = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
+    return header + b"".join(pixel(x, y) for y in range(height) for x in range(width))
+
+
+def exif(numerator, denominator, iso):
+    """An Exif block with exposure time and sensitivity (TIFF 6.0, little endian)."""
+    def field(tag, kind, value):
+        return struct.pack("<2H2I", tag, kind, 1, value)
+
+    pointer = struct.pack("<H", 1) + field(0x8769, 4, 26) + struct.pack("<I", 0)
+    tags = struct.pack("<H", 2) + field(0x829A, 5, 56) + field(0x8827, 3, iso) + struct.pack("<I", 0)
+    return b"II*\0" + struct.pack("<I", 8) + pointer + tags + struct.pack("<2I", numerator, denominator)
+
+
+def analysed(angle_index, color=False):
     """A photograph behind an analyser at 0, 45, 90 or 135 degrees: Malus' law with sines that are whole thousandths."""
     def code(x, y):
         cosine, sine = [(800, 600), (600, -800), (-280, 960), (-960, 280)][(x // 16 + y // 12) % 4]
         wave = [cosine, sine, -cosine, -sine][angle_index]
         return 90 + 4 * (x % 8) + wave * (20 + y) // 1000
-    return png(64, 48, [[code(x, y) for x in range(64)] for y in range(48)])
+    rows = [[code(x, y) for x in range(64)] for y in range(48)]
+    if color:
+        rows = [[part for grey in row for part in (grey // 2, grey, grey // 3)] for row in rows]
+    return png(64, 48, rows, color=color)
 
 
 def sensor():
@@ -186,14 +258,24 @@ def sensor():
     return png(64, 48, [[code(x, y) for x in range(64)] for y in range(48)], 16)
 
 
-def bracket(exposure):
+def bracket(exposure, tags=None):
     """A grey wedge at an exposure, saturated where it is bright."""
-    return png(128, 32, [[min(255, (x * x + 40 + (x * 31 + y * 17) % 5) * exposure // 256) for x in range(128)] for y in range(32)])
+    return png(128, 32, exif=tags, rows=[[min(255, (x * x + 40 + (x * 31 + y * 17) % 5) * exposure // 256) for x in range(128)] for y in range(32)])
 
 
 def exposures_json(exposures):
     frames = ", ".join(f'{{ "file": "{k}.png", "exposure_s": {time} }}' for k, time in enumerate(exposures))
     return f'{{ "kind": "exposures", "transfer": "linear", "frames": [{frames}] }}\n'
+
+
+def orders(width=64):
+    """Orders on a square lattice around a zero order, in three colours whose orders lie apart."""
+    def code(x, y, pitch):
+        u, v = x - width // 2, y - width // 2
+        m, n = (2 * u + pitch) // (2 * pitch), (2 * v + pitch) // (2 * pitch)
+        square = (u - m * pitch) ** 2 + (v - n * pitch) ** 2
+        return 60000 // ((1 + 2 * (m * m + n * n)) * (1 + square) ** 2)
+    return png(width, width, [[code(x, y, pitch) for x in range(width) for pitch in (12, 11, 9)] for y in range(width)], 16, True)
 
 
 def highlight(cx, cy, width=320, height=240):

@@ -1,4 +1,4 @@
-"""Records of outputs, and their comparison: by content on machines that round alike, by numbers on others."""
+"""Records of outputs, and their comparison: by bytes on machines that round alike, by numbers on others."""
 
 import difflib
 import hashlib
@@ -7,6 +7,7 @@ import os
 import platform
 import re
 from collections import Counter
+from dataclasses import dataclass
 
 import images
 from volatile import normalised
@@ -17,11 +18,22 @@ TEXTS = {".json", ".toml", ".csv", ".txt", ".svg", ".html", ".jsonl", ""}
 # Values of a channel that are stored besides its statistics.
 SAMPLES = 12
 
-# Tolerances between machines that round differently. Printed numbers may also differ by one in their last digit.
-RELATIVE = 0.01
-ABSOLUTE = 1e-9
-# Part of single samples, and of the numbers of a text, that may be outside: a decision between two equal candidates can flip.
-FLIPPED = 0.1
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Numbers agree within relative * the larger one + absolute. Printed ones may also differ by one in their last digit."""
+
+    relative: float
+    absolute: float
+    # Part of single samples, and of the numbers of a text, that may be outside.
+    outside: float
+
+
+# Between machines that round differently. A decision between two equal candidates can flip there.
+OTHER_MACHINE = Tolerance(relative=0.01, absolute=1e-9, outside=0.1)
+# On one machine, for sums over threads, whose order depends on which thread is idle first.
+REORDERED_SUMS = Tolerance(relative=1e-9, absolute=1e-15, outside=0)
 
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
@@ -79,57 +91,60 @@ def _short(value):
     return float(f"{value:.6g}")
 
 
-def near(a, b, scale=0.0):
-    return abs(a - b) <= ABSOLUTE + RELATIVE * max(abs(a), abs(b), scale)
+def near(a, b, tolerance, scale=0.0):
+    return abs(a - b) <= tolerance.absolute + tolerance.relative * max(abs(a), abs(b), scale)
 
 
-def apart(expected, found):
-    """Differences between two statistics, as texts; none where they agree within the tolerances."""
+def apart(expected, found, tolerance):
+    """Differences between two statistics, as texts; none where they agree within the tolerance."""
     lines = []
     if expected[0] != found[0]:
         return [f"{expected[0]} values before, {found[0]} now"]
-    if abs(expected[1] - found[1]) > RELATIVE * expected[0]:
+    if abs(expected[1] - found[1]) > tolerance.relative * expected[0]:
         lines.append(f"{expected[1]} finite values before, {found[1]} now")
     scale = expected[5]
     for name, a, b in zip(("least", "mean", "greatest", "root mean square"), expected[2:6], found[2:6]):
-        if not near(a, b, scale):
+        if not near(a, b, tolerance, scale):
             lines.append(f"{name} {a} before, {b} now")
     # Samples are of the finite values, which move where their number differs.
     if expected[1] == found[1]:
-        off = [(a, b) for a, b in zip(expected[6], found[6]) if not near(a, b, scale)]
-        if len(off) > FLIPPED * SAMPLES:
+        off = [(a, b) for a, b in zip(expected[6], found[6]) if not near(a, b, tolerance, scale)]
+        if len(off) > tolerance.outside * SAMPLES:
             lines.append(f"{len(off)} of {len(expected[6])} samples, such as {off[0][0]} before, {off[0][1]} now")
     return lines
 
 
-def compare_text(name, expected, found, by_numbers):
-    """Lines of the difference between two texts; none where they agree."""
-    if expected == found or by_numbers and _alike(expected, found):
+def compare(name, expected, found, tolerance):
+    """Lines of the difference between two records; none where they agree. Without a tolerance, bytes are compared."""
+    (kind, before), (now_kind, now) = expected, found
+    if kind != now_kind:
+        return [f"is stored in another way now: texts above {LARGEST_TEXT} characters are stored as a hash"]
+    if kind == "text":
+        return [] if before == now or tolerance and _alike(before, now, tolerance) else _diff(name, before, now)
+    if before["sha256"] == now["sha256"]:
         return []
-    diff = difflib.unified_diff(expected.splitlines(), found.splitlines(), f"{name} (expected)", f"{name} (found)", "", "", 2, "")
-    return list(diff) or ["only line ends differ"]
+    channels, now_channels = before["numbers"], now["numbers"]
+    if channels.keys() != now_channels.keys():
+        return [f"channels {', '.join(channels)} before, {', '.join(now_channels)} now"]
+    used = tolerance or OTHER_MACHINE
+    lines = [f"{channel}: {line}" for channel in channels for line in apart(channels[channel], now_channels[channel], used)]
+    return lines or ([] if tolerance else ["bytes differ; all statistics agree within 1 %"])
 
 
-def _alike(expected, found):
+def _diff(name, expected, found):
+    lines = [text.splitlines() for text in (expected, found)]
+    return list(difflib.unified_diff(*lines, f"{name} (expected)", f"{name} (found)", "", "", 2, "")) or ["only line ends differ"]
+
+
+def _alike(expected, found, tolerance):
+    """Whether two texts differ in numbers only, and those agree."""
     if NUMBER.sub("#", expected) != NUMBER.sub("#", found):
         return False
     pairs = list(zip(NUMBER.findall(expected), NUMBER.findall(found)))
-    off = [pair for pair in pairs if not near(*map(float, pair)) and abs(float(pair[0]) - float(pair[1])) > 1.01 * _last_digit(pair[0])]
-    return len(off) <= FLIPPED * len(pairs)
+    off = [(a, b) for a, b in pairs if not near(float(a), float(b), tolerance) and abs(float(a) - float(b)) > 1.01 * _last_digit(a)]
+    return len(off) <= tolerance.outside * len(pairs)
 
 
 def _last_digit(number):
     mantissa, _, exponent = number.lower().partition("e")
     return 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
-
-
-def compare_numbers(expected, found, by_numbers):
-    """Lines of the difference between two records of numbers; none where they agree."""
-    if expected["sha256"] == found["sha256"]:
-        return []
-    if expected["numbers"].keys() != found["numbers"].keys():
-        return [f"channels {', '.join(expected['numbers'])} before, {', '.join(found['numbers'])} now"]
-    lines = [f"{channel}: {line}" for channel, numbers in expected["numbers"].items() for line in apart(numbers, found["numbers"][channel])]
-    if not lines and not by_numbers:
-        lines = [f"bytes differ; {'all statistics agree within 1 %' if expected['numbers'] else 'no numbers recorded'}"]
-    return lines

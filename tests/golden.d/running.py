@@ -17,6 +17,8 @@ class Nacre:
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("NACRE_", "XDG_"))}
         self.environment = {**kept, "HOME": str(folder), "LC_ALL": "C.UTF-8", "TZ": "UTC", "NO_COLOR": "1"}
         self.environment.pop("COLUMNS", None)
+        # `brdf` chooses its method by the time that it predicts for as many threads as there are.
+        self.environment.setdefault("RAYON_NUM_THREADS", "2")
 
     def run(self, arguments, code=0):
         """Returns standard output; raises RuntimeError for another exit code."""

@@ -8,6 +8,7 @@ KEYS = {
     "seconds_of_passes": "duration of the computation",
     "engine_s": "time that the engine added",
     "wall_s": "duration of the session",
+    "results_after_s": "time that the reconstruction took after the last frame",
     "created": "when the session was begun",
     "begun": "when the session was begun",
     "time_ms": "when the journal's line was written",
