@@ -85,7 +85,7 @@ CASES = [
     Case("bokeh", {"scene.toml": i.BOKEH_SCENE}, [
         "sim photograph bokeh --scene scene.toml --out photo",
         "reconstruct bokeh photo/photograph.png --psf-sigma 2 --pixel-um 2.5 --out result",
-        "reconstruct bokeh photo/photograph.png --psf-sigma 2 --lines-per-mm 25 --lens-focal-mm 250 --f-number 5.6 --distance-m 0.85 --known-shape blazed --known-depth-um 0.4 --iterations 8 --no-accelerate --out known",
+        "reconstruct bokeh photo/photograph.png --psf-sigma 2 --lines-per-mm 25 --lens-focal-mm 250 --f-number 5.6 --distance-m 0.85 --known-shape sinusoid --known-depth-um 0.4 --iterations 8 --no-accelerate --out known",
         "reconstruct bokeh photo/photograph.png --psf-sigma 2 --pixel-um 2.5 --calibration known/calibration.json --crop 40,20,80,80 --rotate 90 --noise 20000,8 --out height",
     ]),
     Case("foil", {"scene.toml": i.FOIL_SCENE, "periods.csv": i.PERIODS, "maps.toml": i.MAPS_SCENE}, [
@@ -122,14 +122,14 @@ CASES = [
     Case("brdf", {"heights.txt": i.HEIGHTS, "section.csv": i.SECTION}, [
         "brdf surface blazed --period-um 2.5 --depth-um 0.3 --pixels 64 --out blazed.exr",
         "brdf surface sinusoid --period-um 2 --depth-um 0.1 --pixels 48 --pixel-um 0.1 --angle 20 --out sinusoid.exr",
-        "brdf surface sinusoid --period-um 2 --depth-um 0.1 --pixels 48 --out whole.exr",
+        "brdf surface sinusoid --period-um 2 --depth-um 0.1 --pixels 48 --angle 90 --out whole.exr",
         "brdf surface rectangular --period-um 2 --depth-um 0.1 --duty 0.3 --pixels 48 --out rectangular.exr",
         "brdf surface cd --period-um 1.6 --depth-um 0.12 --pixels 64 --pixel-um 0.1 --out cd.exr",
         "brdf surface two-regions --period-um 1.6 --depth-um 0.12 --pixels 64 --pixel-um 0.1 --out two.exr",
         "brdf surface fingers --period-um 1.15 --depth-um 0.4 --pixels 64 --pixel-um 0.09 --angle 20 --out fingers.exr",
         "brdf map blazed.exr --size 48 --coherence-um 10 --out map.exr",
         "brdf map heights.txt --pixel-um 0.1 --range-um 0.2 --level --light 30,90 --size 32 --coherence-um 10 --illuminant D65 --material silicon --shadowing --normalisation relative --out text.exr",
-        *[f"brdf map whole.exr --method {method} --size 16 --coherence-um 8 --max-error 0.5 --zoom 4 --center 0.2,0 --out {method}.exr{code}"
+        *[f"brdf map whole.exr --method {method} --size 16 --coherence-um 8 --max-error 0.5 --zoom 4 --center 0,0.2 --out {method}.exr{code}"
           for method, code in (("reference", ""), ("taylor", ""), ("chebyshev", ""), ("fft", ""), ("nmm", ""), ("pq", " # code 1"), ("pq-linear", " # code 1"))],
         "brdf slice blazed.exr --light 75,0 --wavelengths 450:650:50 --views=-90:90:5 --coherence-um 10 --out slice.csv",
         "brdf orders --period-um 2.5 --depth-um 0.3 --profile blazed --light 30 --wavelengths 450:650:50 --out orders.csv",

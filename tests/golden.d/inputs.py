@@ -101,7 +101,7 @@ coherence_um = 3
 """
 
 BOKEH_SCENE = """seed = 4
-profile = "blazed"
+profile = "sinusoid"
 width = 160
 height = 120
 highlight_px = 90
