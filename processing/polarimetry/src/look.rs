@@ -1,9 +1,9 @@
 //! Looks at a reconstruction: the maps so far while frames still arrive, and one pixel with all that was measured.
 
+use crate::fit::bracket::{noise_of_bracket, read};
 use crate::fit::merge::Merge;
 use crate::fit::views::{View, brackets, views};
 use crate::orient;
-use crate::running::{noise_of_bracket, read};
 use crate::{Design, Running};
 use nacre_base::text::read_text;
 use nacre_base::{Error, Result};

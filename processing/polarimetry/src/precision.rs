@@ -1,9 +1,9 @@
 //! How well the orientations are known while a series goes on, and which analyser angle would help most.
 
+use crate::fit::bracket::noise_of_bracket;
 use crate::fit::merge::{Merge, clear_of_white};
 use crate::fit::noise::Covariance;
 use crate::orient;
-use crate::running::noise_of_bracket;
 use crate::{Design, FrameNoise, MASK_SNR, NoiseSource, Running, StokesMaps};
 use nacre_base::Result;
 use nacre_base::statistics::quantile;

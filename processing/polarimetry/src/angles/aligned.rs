@@ -2,45 +2,13 @@
 
 use crate::FrameNoise;
 use crate::angles::angle_error::Misses;
-use crate::fit::merge::Merge;
-use crate::fit::sample::Sample;
 use crate::fit::views::View;
-use crate::running::{Running, Sums, noise_of_bracket, read, sampled};
-use nacre_base::Result;
-use nacre_base::progress::Progress;
 use nacre_frames::LoadedFrames;
 use nacre_image::registration::{Alignment, Registrar, Resampler};
 
 /// Which shifts the photographs have; `None` for sensors that take all angles at once.
 pub(crate) fn alignment(registrar: Option<&Registrar>, angles: &[f64]) -> Option<Alignment> {
     Some(registrar?.polarized(angles).into())
-}
-
-/// Reads all photographs again and folds them into new sums, each moved back by its view's shift.
-pub(crate) fn fit_moved_back(
-    running: &Running,
-    shifts: &[[f64; 2]],
-    progress: &dyn Progress,
-) -> Result<(Sums, Sample)> {
-    let Running { frames, linearizer, brackets, views, .. } = running;
-    let (width, height) = (frames.info.width, frames.info.height);
-    progress.stage("moving photographs back", views.len() as u64);
-    let mut sums = running.sums.emptied(width, height);
-    let mut sample = running.sample.emptied();
-    for (view, shift) in views.iter().zip(shifts) {
-        progress.check()?;
-        let bracket = &brackets[view.bracket];
-        let photographs = read(frames, linearizer, bracket)?;
-        let back = Resampler::new(*shift, width, height);
-        let merge = Merge::new(noise_of_bracket(frames, linearizer, bracket)).scaled(back.noise_factor());
-        let row = |k: usize, y: usize, values: &mut [f32], bad: &mut [u8]| {
-            back.row(y, |y, v, b| photographs[k].row(y, v, b), values, bad);
-        };
-        sums.add(view.angle, &merge, row);
-        sampled(&mut sample, photographs.len(), &merge, row);
-        progress.step();
-    }
-    Ok((sums, sample))
 }
 
 /// Errors beyond this in degrees are outside the reach of the linearised fit, which finds their presence but not their size.
@@ -83,30 +51,6 @@ impl AngleErrors {
              angle_sigma_deg in frames.json, and the angles are corrected"
         ))
     }
-}
-
-/// Estimates analyser-angle errors from the residuals. They are corrected, and the photographs fitted anew, where a capture session turned the
-/// analyser or where `angle_sigma_deg` states that angles may be wrong: elsewhere other causes, such as a drifting lamp, are as likely.
-pub(crate) fn correct_analyser_angles(
-    running: &mut Running,
-    alignment: Option<&Alignment>,
-    progress: &dyn Progress,
-) -> Result<Option<AngleErrors>> {
-    // Edges of photographs that are shifted against each other look like wrong angles.
-    if alignment.is_some_and(Alignment::is_left) {
-        return Ok(None);
-    }
-    let stated = running.frames.set.angle_sigma_deg.map(f64::to_radians);
-    let Some(errors) = running.sample.misses(&running.views, stated) else { return Ok(None) };
-    if stated.is_none() && !running.frames.from_session {
-        return Ok(Some(AngleErrors::Kept(errors)));
-    }
-    running.views.iter_mut().zip(&errors.errors).for_each(|(view, error)| view.angle += error);
-    match alignment.filter(|a| a.corrected) {
-        Some(moved) => (running.sums, running.sample) = fit_moved_back(running, &moved.shifts_px, progress)?,
-        None => running.fit_anew(progress)?,
-    }
-    Ok(Some(AngleErrors::Corrected(errors)))
 }
 
 /// What resampling leaves of the noise that a camera is said to have.

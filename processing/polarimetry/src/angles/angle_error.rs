@@ -8,8 +8,8 @@
 //! with sin 2(ψ - φ) and light with cos 2(ψ - φ), as these together change all light's polarization alike (boosts of the cone of [1, cos 2ψ,
 //! sin 2ψ]). So before angles are put right, both are told together, each expected to be as large as the rest of its kind is.
 
+use crate::angles::sample::AREA;
 use crate::film::cloud::CloudPoint;
-use crate::fit::sample::AREA;
 use crate::{Design, StokesMaps};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::f64::consts::PI;

@@ -2,3 +2,5 @@
 
 pub(crate) mod aligned;
 pub(crate) mod angle_error;
+pub(crate) mod repeats;
+pub(crate) mod sample;

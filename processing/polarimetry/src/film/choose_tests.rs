@@ -1,11 +1,12 @@
 //! The chosen model against the truth, on series that the paper's method cannot do.
 
+use crate::film::asked::Asked;
 use crate::film::choose::{Choice, choose};
 use crate::film::cloud::{CloudPoint, cloud};
 use crate::film::foot::Path;
 use crate::film::models::{Candidate, Model, orientation};
 use crate::film::search::Begin;
-use crate::reconstruct::{Asked, orient_with, solve_model};
+use crate::solve::{orient_with, solve_model};
 use crate::synthetic::{Series, Spread, Synthetic, even_angles, uniform};
 use crate::{MASK_SNR, OrientationMaps, angle_difference};
 use num_complex::Complex;

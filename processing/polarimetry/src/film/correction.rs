@@ -1,5 +1,6 @@
 //! Takes out of the points (S1/S0, S2/S0) what oblique incidence does to them, so that one curve holds for all pixels.
 
+use crate::film::asked::Asked;
 use crate::film::choose::{Choice, choose, difference_of};
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::{Curve, Film};
@@ -7,7 +8,6 @@ use crate::film::locate::{Table, distance2};
 use crate::film::models::Model;
 pub use crate::film::oblique::{Incidence, Material, curve_at};
 use crate::film::search::{Begin, refitted};
-use crate::reconstruct::Asked;
 use nacre_frames::Distances;
 use num_complex::Complex;
 use schemars::JsonSchema;

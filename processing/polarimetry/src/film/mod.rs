@@ -1,6 +1,7 @@
 //! Models of films on gratings: the curve of points (S1/S0, S2/S0), its fit to a sample of pixels, the choice among models, and the
 //! orientation of every pixel under the chosen one.
 
+pub(crate) mod asked;
 pub(crate) mod check;
 pub(crate) mod choose;
 #[cfg(test)]

@@ -5,13 +5,13 @@
 //! and with all N frames in memory 4 N + 20 (frames in, five maps out), since the sums of a pixel never leave the caches.
 //! Measured: docs/charts.md, "Speed".
 
+pub(crate) mod bracket;
 pub(crate) mod design;
 mod kernel;
 pub(crate) mod merge;
 pub(crate) mod noise;
-pub(crate) mod repeats;
-pub(crate) mod sample;
 mod stack;
+pub(crate) mod sums;
 #[cfg(test)]
 mod tests;
 pub(crate) mod views;

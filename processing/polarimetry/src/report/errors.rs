@@ -1,11 +1,11 @@
 //! How wrong a typical orientation is, term by term: noise, and what is no noise.
 
 use crate::angles::angle_error::{Misses, angle_sigma};
+use crate::angles::sample::{AREA, SIDE, Sample};
 use crate::film::choose::Choice;
 use crate::film::cloud::{CloudPoint, cloud};
 use crate::film::foot::Path;
 use crate::film::models::{Candidate, orientation};
-use crate::fit::sample::{AREA, SIDE, Sample};
 use crate::fit::views::View;
 use crate::{Alignment, Design, FrameNoise, MASK_SNR, StokesMaps, angle_difference};
 use nacre_base::statistics::median;

@@ -1,7 +1,7 @@
 //! Errors that are no noise, against series in which they are known.
 
 use crate::angles::angle_error::{angle_sigma, misses as found};
-use crate::fit::sample::{AREA, Sample};
+use crate::angles::sample::{AREA, Sample};
 use crate::reconstruct;
 use crate::report::errors::{Shifts, answers, of_angles, of_registration};
 use crate::synthetic::normal;

@@ -2,8 +2,8 @@
 
 use crate::film::choose::Choice;
 use crate::orientation::smooth::SPACE_SIGMA_PX;
-use crate::reconstruct::Solved;
 use crate::report::errors::Systematic;
+use crate::solve::Solved;
 use crate::{
     Alignment, CircleCheck, Design, ErrorReport, FrameNoise, Model, ModelReport, NoiseSource, ObliqueReport, Options,
     PeriodReport, RepeatsReport, Smoothing,

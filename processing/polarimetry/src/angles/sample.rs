@@ -2,6 +2,7 @@
 //! other and about their fit needs no more, and memory does not grow with the size of the photographs.
 
 use crate::angles::angle_error::{Misses, misses};
+use crate::fit::merge::Merge;
 use crate::fit::views::View;
 use crate::{Design, Fit, StokesMaps};
 use rayon::prelude::*;
@@ -139,6 +140,19 @@ impl Sample {
         }
         fit.solve(design)
     }
+}
+
+/// Takes a view into the sample. `row(k, y, values, bad)` yields a row of its `k`-th photograph.
+pub(crate) fn sampled(
+    sample: &mut Sample,
+    photographs: usize,
+    merge: &Merge,
+    row: impl Fn(usize, usize, &mut [f32], &mut [u8]) + Sync,
+) {
+    sample.add(|y, light, bad| match photographs {
+        1 => row(0, y, light, bad),
+        _ => merge.row(|k, light, bad| row(k, y, light, bad), light, &mut vec![0.0; light.len()], bad),
+    });
 }
 
 #[cfg(test)]

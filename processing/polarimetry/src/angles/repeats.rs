@@ -1,8 +1,8 @@
 //! Views at angles 180° apart, or at the same one, show the same: their differences are noise, whatever is in view and whatever
 //! the model. They tell how large noise is, and whether σ is what two measurements of one thing differ by.
 
+use crate::angles::sample::{AREA, Half, SIDE, Sample};
 use crate::fit::noise::line_above;
-use crate::fit::sample::{AREA, Half, SIDE, Sample};
 use crate::fit::views::View;
 use crate::orient;
 use crate::{Design, FrameNoise, angle_difference};

@@ -1,0 +1,77 @@
+//! Options of a reconstruction.
+
+use crate::{Align, Model, Oblique, PeriodMethod, Smoothing};
+use nacre_base::{Error, Result};
+use nacre_frames::LoadedFrames;
+
+/// What the user may choose.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The model; [`Options::model_for`] says which one is the default.
+    pub model: Option<Model>,
+    /// Whether photographs are moved back onto each other.
+    pub align: Align,
+    /// Whether oblique incidence is taken out.
+    pub oblique: Oblique,
+    /// Added to every orientation, to fix the gauge (degrees).
+    pub offset_deg: f64,
+    /// How orientations are smoothed in pictures.
+    pub smooth: Smoothing,
+    /// Smooth the map itself as well.
+    pub smooth_maps: bool,
+    /// Also write `smoothed.exr`, the smoothed orientations at full size.
+    pub smoothed_exr: bool,
+    /// Makes a map of periods, too.
+    pub period: Option<PeriodMethod>,
+    /// Replace results that are already there.
+    pub overwrite: bool,
+}
+
+impl Options {
+    /// The model asked for. By default [`Model::Auto`] for photographs of a capture session, which shows gratings lit by its panel;
+    /// [`Model::Plain`] for others, whose scene nobody declared.
+    pub fn model_for(&self, frames: &LoadedFrames) -> Model {
+        self.model.unwrap_or(if frames.from_session { Model::Auto } else { Model::Plain })
+    }
+
+    /// Refuses what makes no sense, before anything is done; returns how periods are told, with the photographs' wavelength.
+    ///
+    /// # Errors
+    /// `Input`, for numbers that make no sense and for a wavelength that nothing says.
+    pub fn check(&self, frames: &LoadedFrames) -> Result<Option<PeriodMethod>> {
+        if !self.offset_deg.is_finite() {
+            return Err(Error::input(
+                "--offset-deg",
+                format!("{} is no angle", self.offset_deg),
+                "give finite degrees",
+            ));
+        }
+        if (self.smooth_maps || self.smoothed_exr) && self.smooth == Smoothing::NONE {
+            let problem = "a smoothed map was asked for, but the smoothing is none";
+            return Err(Error::input("--smooth", problem, "choose light, strong or a number of rounds"));
+        }
+        if self.model_for(frames) == Model::Plain {
+            self.check_plain()?;
+        }
+        self.period.as_ref().map(|p| p.completed(frames.set.wavelength_nm)).transpose()
+    }
+
+    /// Refuses options that plain polarimetry has no use for.
+    fn check_plain(&self) -> Result<()> {
+        let of_gratings = [
+            ("--offset-deg", self.offset_deg != 0.0),
+            ("--oblique", self.oblique != Oblique::Off),
+            ("--smooth-maps", self.smooth_maps),
+            ("--smoothed-exr", self.smoothed_exr),
+            ("--contrast-period", matches!(self.period, Some(PeriodMethod::Contrast { .. }))),
+            ("--relative-period", matches!(self.period, Some(PeriodMethod::Brightness { .. }))),
+        ];
+        match of_gratings.into_iter().find(|(_, given)| *given) {
+            Some((option, _)) => {
+                let problem = "belongs to models of gratings, and the model is plain";
+                Err(Error::input(option, problem, "leave it out, or add --model auto if this is a grating"))
+            }
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! The end of a reconstruction as a pipeline: register, correct angles, solve intensities, estimate noise, solve orientations, tell periods,
+//! smooth, report, write.
+
+use super::Running;
+use super::light::{Photographed, check_light, divide_by_flat, noise_of};
+use super::moved::correct_analyser_angles;
+use crate::angles::aligned::{AngleErrors, correlated};
+use crate::angles::repeats::{compare_halves, pairs};
+use crate::angles::sample::Sample;
+use crate::film::correction::Stand;
+use crate::fit::views::View;
+use crate::report::disk::Disk;
+use crate::report::errors::{Angles, systematic};
+use crate::report::json::Pixels;
+use crate::report::output::Writer;
+use crate::solve::{Solved, solve_with};
+use crate::{
+    Align, Alignment, Asked, Design, FrameNoise, Model, NoiseSource, ObliqueReport, Options, RepeatsReport, Report,
+    StokesMaps, smooth,
+};
+use nacre_base::progress::Progress;
+use nacre_base::{Error, Result};
+use nacre_frames::{Linearizer, LoadedFrames};
+use nacre_image::OutputFolder;
+use std::time::Instant;
+
+impl Running {
+    /// Solves and writes maps, pictures and report into `folder`.
+    ///
+    /// # Errors
+    /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`. Nothing is left behind.
+    pub fn finish(mut self, folder: OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
+        let period = options.check(&self.frames)?;
+        let model = options.model_for(&self.frames);
+        let corrections = self.correct(options.align, progress)?;
+        let start = Instant::now();
+        let (fitted, mut maps) = self.solve_intensities(corrections)?;
+        let writer = Writer { folder: &folder, frames: &fitted.frames, options, model, progress };
+        let disk = Disk::new();
+        progress.stage("solving and writing maps", 5);
+        let mut solved = fitted.solve_orientations(&mut maps, &writer, &disk)?;
+        // From the pixels as measured: their σ is that of the polarization, too.
+        let periods = period.map(|p| p.tell(&maps, &solved.map)).transpose()?;
+        progress.check()?;
+        if options.smooth_maps {
+            solved.map = smooth(&solved.map, options.smooth, fitted.shared_noise(), progress)?;
+        }
+        let mut report = fitted.report((options, model), &maps, &solved);
+        let solve_s = start.elapsed().as_secs_f64();
+        if let Some((found, said, warnings)) = periods {
+            writer.periods(&found, &said.method)?;
+            report.warnings.extend(warnings);
+            report.period = Some(said);
+        }
+        // The report has these terms one by one.
+        solved.tell_systematic(model, fitted.apart_px());
+        writer.maps(maps, &solved.map, &disk)?;
+        report.took(fitted.read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
+        folder.write_json("report.json", &report)?;
+        progress.check()?;
+        folder.commit()?;
+        Ok(report)
+    }
+
+    /// Registers the photographs and corrects the analyser's angles.
+    fn correct(&mut self, align: Align, progress: &dyn Progress) -> Result<Corrections> {
+        if self.added != self.brackets.len() {
+            let problem = format!("only {} of its {} photographs were taken", self.added(), self.frames().len());
+            return Err(Error::file(&self.frames.path, problem, "take the rest first"));
+        }
+        let (begun, before) = (Instant::now(), self.read_and_fit_s);
+        let alignment = self.align(align, progress)?;
+        let angle_errors = correct_analyser_angles(self, alignment.as_ref(), progress)?;
+        self.read_and_fit_s = before + begun.elapsed().as_secs_f64();
+        Ok(Corrections { alignment, angle_errors })
+    }
+
+    /// Stokes parameters of all pixels, and the noise of every view.
+    fn solve_intensities(self, corrections: Corrections) -> Result<(Fitted, StokesMaps)> {
+        let design = self.design()?;
+        let Self { frames, linearizer, brackets, views, sums, sample, read_and_fit_s, .. } = self;
+        let Corrections { alignment, angle_errors } = corrections;
+        linearizer.rest();
+        let mut maps = sums.solve(&design);
+        check_light(&frames, &maps, &linearizer)?;
+        let taken = Photographed {
+            frames: &frames,
+            linearizer: &linearizer,
+            brackets: &brackets,
+            views: &views,
+            sample: &sample,
+            shifts: shifts(alignment.as_ref()),
+        };
+        let noise = noise_of(&taken, &mut maps, &design);
+        let corrected = angle_errors.as_ref().and_then(AngleErrors::corrected);
+        let angles = corrected.map_or_else(|| Angles::of(&frames, &sample, &views), Angles::corrected);
+        let fitted = Fitted {
+            frames,
+            linearizer,
+            brackets,
+            views,
+            sample,
+            design,
+            noise,
+            angles,
+            alignment,
+            angle_errors,
+            read_and_fit_s,
+        };
+        Ok((fitted, maps))
+    }
+}
+
+/// What was found about the photographs' places and angles.
+struct Corrections {
+    alignment: Option<Alignment>,
+    angle_errors: Option<AngleErrors>,
+}
+
+/// Shifts in pixels that were undone.
+fn shifts(alignment: Option<&Alignment>) -> Option<&[[f64; 2]]> {
+    alignment.filter(|a| a.corrected).map(|a| a.shifts_px.as_slice())
+}
+
+/// A series whose intensities are solved.
+struct Fitted {
+    frames: LoadedFrames,
+    linearizer: Linearizer,
+    brackets: Vec<Vec<usize>>,
+    views: Vec<View>,
+    sample: Sample,
+    design: Design,
+    /// Of every view, and its source.
+    noise: (Vec<FrameNoise>, NoiseSource),
+    angles: Angles,
+    alignment: Option<Alignment>,
+    angle_errors: Option<AngleErrors>,
+    read_and_fit_s: f64,
+}
+
+impl Fitted {
+    /// Orientations of all pixels. Maps that no model changes are written meanwhile.
+    fn solve_orientations(&self, maps: &mut StokesMaps, writer: &Writer, disk: &Disk) -> Result<Solved> {
+        let asked = self.request(writer.options, writer.model);
+        let residual = std::mem::take(&mut maps.residual);
+        let has_flat = self.frames.set.flat.is_some();
+        let early = || if has_flat { Ok(()) } else { writer.light(maps) };
+        let (written, solved) = disk.beside(early, || solve_with(maps, residual, &self.design, &self.noise.0, &asked));
+        written?;
+        if has_flat {
+            divide_by_flat(&self.frames, &self.linearizer, maps)?;
+            writer.light(maps)?;
+        }
+        Ok(solved)
+    }
+
+    /// What the user wants of these photographs.
+    fn request(&self, options: &Options, model: Model) -> Asked {
+        let Self { frames, views, angles, .. } = self;
+        let size = [frames.info.width, frames.info.height];
+        let stand = frames.set.geometry.and_then(|g| Stand::new(&g, size, views.first().map_or(1, |v| v.block)));
+        Asked {
+            offset: options.offset_deg.to_radians(),
+            stand: stand.map(|stand| (stand, frames.set.material.unwrap_or_default())),
+            oblique: options.oblique,
+            angle_sigma: angles.sigma.unwrap_or(0.0),
+            ..Asked::of(model)
+        }
+    }
+
+    /// How much larger the variance of a mean over many pixels is than their own noise says, as resampled pixels share it.
+    fn shared_noise(&self) -> f64 {
+        let size = [self.frames.info.width, self.frames.info.height];
+        shifts(self.alignment.as_ref()).map_or(1.0, |shifts| correlated(shifts, size))
+    }
+
+    /// Pixels that photographs still lie apart.
+    fn apart_px(&self) -> f64 {
+        self.alignment.as_ref().map_or(0.0, Alignment::left_px)
+    }
+
+    /// The report, but for what took how long and for periods.
+    fn report(&self, options: (&Options, Model), maps: &StokesMaps, solved: &Solved) -> Report {
+        let Self { frames, brackets, views, sample, design, alignment, angle_errors, angles, .. } = self;
+        let (noise, source) = &self.noise;
+        let pixels = Pixels::count(maps, &solved.map, solved.without_grating);
+        let mut report = Report::new(frames, options, design, (noise, *source), pixels, solved);
+        let corrected = angle_errors.as_ref().and_then(AngleErrors::corrected);
+        report.analyser_errors_deg = corrected.map(|m| m.errors.iter().map(|e| e.to_degrees()).collect());
+        report.warnings.extend(angle_errors.iter().filter_map(|errors| errors.warning(frames, brackets, views)));
+        report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
+        report.with(systematic(sample, views, noise, solved.choice.as_ref(), alignment.as_ref(), angles));
+        report.warnings.extend(alignment.iter().filter_map(Alignment::warning));
+        report.registration.clone_from(alignment);
+        let repeats = compare_halves(sample, &pairs(frames, views, sample.views()), views, noise);
+        report.warnings.extend(repeats.iter().filter_map(RepeatsReport::warning));
+        report.warnings.extend(report.oblique.iter().filter_map(ObliqueReport::warning).collect::<Vec<_>>());
+        report.repeats = repeats;
+        report
+    }
+}

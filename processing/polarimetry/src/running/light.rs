@@ -1,0 +1,105 @@
+//! Between the fit and its solution: usable light, its noise, and uneven illumination.
+
+use crate::angles::aligned::smoothed_noise;
+use crate::angles::repeats::{calibrate, pairs};
+use crate::angles::sample::Sample;
+use crate::fit::bracket::noise_of_bracket;
+use crate::fit::merge::Merge;
+use crate::fit::views::View;
+use crate::fit::weighted::{scale_variances, variance_factor};
+use crate::{Design, FrameNoise, NoiseSource, StokesMaps, estimate_noise};
+use nacre_base::{Error, Result};
+use nacre_frames::{Linearizer, LoadedFrames};
+
+/// Refuses sets in which no pixel can be used at all.
+pub(super) fn check_light(frames: &LoadedFrames, maps: &StokesMaps, linearizer: &Linearizer) -> Result<()> {
+    let usable = maps.s0.iter().filter(|v| v.is_finite()).count();
+    if usable == 0 {
+        return Err(Error::file(
+            &frames.path,
+            "every pixel is saturated at one angle at least",
+            "expose less, or correct \"white\"",
+        ));
+    }
+    let scale = frames.set.frames.iter().map(|f| f.scale()).fold(f64::INFINITY, f64::min);
+    let one_code = (linearizer.step() * scale) as f32;
+    if !maps.s0.iter().any(|&s0| 0.5 * s0 > one_code) {
+        return Err(Error::file(
+            &frames.path,
+            "no pixel is brighter than black in these photographs",
+            "expose longer, or correct \"black\"",
+        ));
+    }
+    Ok(())
+}
+
+/// Photographs that were taken in.
+pub(super) struct Photographed<'a> {
+    pub frames: &'a LoadedFrames,
+    pub linearizer: &'a Linearizer,
+    pub brackets: &'a [Vec<usize>],
+    pub views: &'a [View],
+    pub sample: &'a Sample,
+    /// Shifts in pixels that were undone, which smooths.
+    pub shifts: Option<&'a [[f64; 2]]>,
+}
+
+/// Noise of every view: as given, or from repeats, or from the residuals, or assumed. Maps of merged exposures know their
+/// variances, which are corrected by the residuals where no noise is given.
+pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
+    let Photographed { frames, linearizer, brackets, views, sample, shifts } = taken;
+    let of_camera = || {
+        let view = |v: &View| Merge::together(&noise_of_bracket(frames, linearizer, &brackets[v.bracket]));
+        let mut noise: Vec<FrameNoise> = views.iter().map(view).collect();
+        if let Some(shifts) = shifts {
+            smoothed_noise(&mut noise, shifts, [maps.width, maps.height]);
+        }
+        noise
+    };
+    if frames.set.noise.is_some() {
+        return (of_camera(), NoiseSource::Given);
+    }
+    if !maps.covariance.is_empty() {
+        let Some(factor) = variance_factor(maps, design) else { return (of_camera(), NoiseSource::Assumed) };
+        let scaled = |n: FrameNoise| FrameNoise { shot: n.shot * factor, floor: n.floor * factor };
+        let noise = of_camera().into_iter().map(scaled).collect();
+        scale_variances(maps, factor);
+        return (noise, NoiseSource::Estimated);
+    }
+    let step = linearizer.step() * frames.set.transfer.slope(1.0);
+    let all = &frames.set.frames;
+    let scale = all.iter().map(|f| f.scale()).sum::<f64>() / all.len() as f64;
+    let quantisation = (step * scale).powi(2) / 12.0;
+    let black = linearizer.lowest().map_or(f64::NEG_INFINITY, |v| v * scale);
+    if let Some(noise) = calibrate(sample, &pairs(frames, views, sample.views()), black, quantisation) {
+        return (vec![noise; views.len()], NoiseSource::Repeats);
+    }
+    match estimate_noise(maps, design) {
+        Some(mut noise) => {
+            noise.floor = noise.floor.max(quantisation);
+            (vec![noise; views.len()], NoiseSource::Estimated)
+        }
+        None => (of_camera(), NoiseSource::Assumed),
+    }
+}
+
+/// Evens out illumination and vignetting: a common factor per pixel that no orientation depends on.
+pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<()> {
+    let Some(flat) = &frames.set.flat else { return Ok(()) };
+    let light = linearizer.plane(&frames.file(flat))?;
+    let (block, width) = (frames.info.width / maps.width, frames.info.width);
+    let mean = light.iter().map(|&v| f64::from(v)).sum::<f64>() / light.len() as f64;
+    if mean <= 0.0 {
+        return Err(Error::file(&frames.file(flat), "is black", "give a photograph of an evenly lit white surface"));
+    }
+    let area = (block * block) as f32 * mean as f32;
+    for i in 0..maps.s0.len() {
+        let (x, y) = (i % maps.width * block, i / maps.width * block);
+        let sum: f32 = (0..block).flat_map(|j| light[(y + j) * width + x..][..block].iter()).sum();
+        let factor = if sum > 0.0 { area / sum } else { f32::NAN };
+        for plane in [&mut maps.s0, &mut maps.s1, &mut maps.s2] {
+            plane[i] *= factor;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,93 @@
+//! From intensities to orientations under one model, or the one that the points prefer.
+
+use crate::angles::angle_error::distorted;
+use crate::film::asked::Asked;
+use crate::film::choose::Choice;
+use crate::film::cloud::cloud;
+use crate::film::correction::{Corrected, choose_corrected};
+use crate::film::locate::{Lens, locate};
+use crate::orientation::edges::{widen_at_edges, widen_where_apart};
+use crate::orientation::orient::phases;
+use crate::{
+    CircleCheck, Design, FrameNoise, MASK_SNR, Model, ObliqueReport, OrientationMaps, StokesMaps, check_circle,
+};
+use nacre_base::vectors::vectorised;
+use rayon::prelude::*;
+
+/// Orientations under the chosen model.
+pub(crate) struct Solved {
+    pub map: OrientationMaps,
+    /// Pixels of metal without a grating.
+    pub without_grating: usize,
+    pub circle: Option<CircleCheck>,
+    pub choice: Option<Choice>,
+    /// What was done about oblique incidence.
+    pub oblique: Option<ObliqueReport>,
+}
+
+/// Pixels that a thread works on in one go.
+const CHUNK: usize = 1 << 14;
+
+impl Solved {
+    /// σ of noise becomes that of noise, of the model, of what the lens mixes at edges, and of photographs that are left so many pixels apart.
+    /// Plain polarimetry has no model that could be wrong, and light that a lens mixes has the polarization of the mixture.
+    pub fn tell_systematic(&mut self, model: Model, apart_px: f64) {
+        widen_where_apart(&mut self.map, apart_px as f32);
+        if model == Model::Plain {
+            return;
+        }
+        let systematic = self.choice.as_ref().map_or(0.0, |c| c.systematic) as f32;
+        let square = systematic * systematic;
+        self.map.sigma.par_chunks_mut(CHUNK).for_each(|sigma| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    for s in &mut *sigma {
+                        *s = (*s * *s + square).sqrt().min(std::f32::consts::FRAC_PI_2);
+                    }
+                },
+            );
+        });
+        widen_at_edges(&mut self.map);
+    }
+}
+
+/// Orientations alone: for charts.
+pub fn orient_with(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> OrientationMaps {
+    let mut solved = solve_model(maps, design, noise, asked);
+    solved.tell_systematic(asked.model, 0.0);
+    solved.map
+}
+
+/// From intensities to orientations. Consumes the residual map: σ takes its place in memory.
+pub(crate) fn solve_model(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> Solved {
+    let residual = std::mem::take(&mut maps.residual);
+    solve_with(maps, residual, design, noise, asked)
+}
+
+/// The same while others read the maps.
+pub(crate) fn solve_with(
+    maps: &StokesMaps,
+    residual: Vec<f32>,
+    design: &Design,
+    noise: &[FrameNoise],
+    asked: &Asked,
+) -> Solved {
+    if asked.model == Model::Plain {
+        let map = phases(maps, residual, design, noise, 0.0);
+        return Solved { map, without_grating: 0, circle: None, choice: None, oblique: None };
+    }
+    let mut points = cloud(maps, design, noise, asked.pixels);
+    points.retain(|p| p.snr >= f64::from(MASK_SNR));
+    let distorted = distorted(&points, maps, design, asked.angle_sigma);
+    let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked, distorted) else {
+        let map = phases(maps, residual, design, noise, asked.offset);
+        return Solved { circle: check_circle(maps, &map), map, without_grating: 0, choice: None, oblique: None };
+    };
+    let chosen = &choice.candidates[choice.chosen];
+    let lens = Lens { design, noise, model: chosen, correction: correction.as_ref(), offset: asked.offset };
+    let (map, without_grating) = locate(maps, residual, &lens);
+    // The check looks at the points as they are.
+    let circle = if correction.is_none() { check_circle(maps, &map) } else { None };
+    Solved { map, without_grating, circle, choice: Some(choice), oblique: report }
+}
