@@ -167,7 +167,7 @@ fn drawn(seed: u64) -> Synthetic {
 fn auto_is_nearly_the_best_of_its_models() {
     let number = |name: &str| std::env::var(name).ok().and_then(|n| n.parse::<u64>().ok());
     let count = number("NACRE_DRAWS").unwrap_or(12);
-    let seed = number("NACRE_SEED").unwrap_or(u64::from(std::process::id()));
+    let seed = number("NACRE_SEED").unwrap_or(1);
     println!("seed {seed}");
     let (mut bad, mut lies) = (0, 0);
     let first = number("NACRE_FIRST").unwrap_or(0);
