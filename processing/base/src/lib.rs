@@ -5,6 +5,7 @@ pub mod guard;
 pub mod least_squares;
 pub mod memory;
 pub mod numeric;
+pub mod parallel;
 pub mod progress;
 pub mod random;
 pub mod statistics;

@@ -9,14 +9,11 @@ use super::lattice::Lattice;
 use super::measured::measured;
 use super::pq::{Pq, interpolation_error, repeats};
 use super::reference::Reference;
-use super::settings::{Method, Settings};
+use super::settings::{FAINTEST, Method, Settings};
 use super::transform::Real;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use serde::Serialize;
-
-/// Lobes with this part of the light are to be as exact as asked for: an amplitude that is off by δ makes one of η off by 2δ/√η.
-pub(super) const FAINTEST: f64 = 1e-3;
 
 /// Parts of the wanted error: an expansion's truncation and its rounding, window, wavelengths.
 const EXPANSION: [f64; 2] = [0.125; 2];

@@ -1,10 +1,9 @@
 //! What a method is off by, against direct sums.
 
-use super::choose::FAINTEST;
 use super::engine::{Memory, Model, Request};
 use super::height::HeightField;
 use super::reference::Reference;
-use super::settings::Method;
+use super::settings::{FAINTEST, Method};
 
 /// Places that are compared at one q.
 const GROUP: usize = 8;

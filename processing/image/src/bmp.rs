@@ -3,8 +3,9 @@
 use ::image::codecs::bmp::BmpDecoder;
 use ::image::{ColorType, ImageDecoder};
 
-use super::png::fault;
-use super::read::{Decoded, Depth, Fault, Info, Raster, Samples, Source, keep_channels, zeroed};
+use super::fault::{Decoded, Fault};
+use super::raster::{Depth, Info, Raster, Samples, keep_channels, zeroed};
+use super::source::Source;
 
 pub(super) fn info(source: Source) -> Decoded<Info> {
     open(source).map(|(_, info, _)| info)
@@ -14,12 +15,12 @@ pub(super) fn read(source: Source) -> Decoded<Raster> {
     let (decoder, info, stored) = open(source)?;
     let bytes = usize::try_from(decoder.total_bytes()).map_err(Fault::damaged)?;
     let mut buffer = zeroed::<u8>(bytes)?;
-    decoder.read_image(&mut buffer).map_err(fault)?;
+    decoder.read_image(&mut buffer)?;
     info.raster(Samples::U8(keep_channels(buffer, stored, info.channels)))
 }
 
 fn open(source: Source) -> Decoded<(BmpDecoder<Source>, Info, usize)> {
-    let decoder = BmpDecoder::new(source).map_err(fault)?;
+    let decoder = BmpDecoder::new(source)?;
     let color = decoder.color_type();
     let channels = match color {
         ColorType::L8 => 1,

@@ -8,8 +8,9 @@ use std::io::{BufRead, ErrorKind, Read, Seek, SeekFrom};
 use ::image::ImageDecoder;
 use ::image::codecs::jpeg::JpegDecoder;
 
-use super::png::fault;
-use super::read::{Decoded, Depth, Fault, Info, Raster, Samples, Source, zeroed};
+use super::fault::{Decoded, Fault};
+use super::raster::{Depth, Info, Raster, Samples, zeroed};
+use super::source::Source;
 
 const END_OF_IMAGE: u8 = 0xd9;
 
@@ -33,12 +34,12 @@ pub(super) fn read(mut source: Source) -> Decoded<Raster> {
         return Err(Fault::damaged("no picture data before the end marker"));
     }
     source.seek(SeekFrom::Start(0))?;
-    let decoder = JpegDecoder::new(source).map_err(fault)?;
+    let decoder = JpegDecoder::new(source)?;
     if decoder.total_bytes() != info.len() as u64 {
         return Err(Fault::damaged("the decoder and the header disagree about the size"));
     }
     let mut samples = zeroed(info.len())?;
-    decoder.read_image(&mut samples).map_err(fault)?;
+    decoder.read_image(&mut samples)?;
     info.raster(Samples::U8(samples))
 }
 

@@ -8,6 +8,7 @@ mod canvas;
 mod convolution;
 mod correlation;
 mod exif;
+mod fault;
 mod folder;
 mod fourier;
 mod gray;
@@ -20,8 +21,10 @@ mod openexr;
 mod picture;
 mod png;
 mod radiance;
+mod raster;
 mod read;
 pub mod registration;
+mod source;
 #[cfg(test)]
 mod tests;
 mod tif;
@@ -43,7 +46,8 @@ pub use openexr::{ExrMap, read_exr};
 pub use picture::{
     MASKED, hsv, orientation_color, orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis, wheel,
 };
-pub use read::{Depth, EXTENSIONS, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, info, read, read_into, size};
+pub use raster::{Depth, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples};
+pub use read::{EXTENSIONS, info, read, read_into, size};
 pub use write::{
     Attribute, Precision, encode_png8, encode_png16_gray, write_exr, write_exr_as, write_png8, write_png16_gray,
 };

@@ -14,7 +14,9 @@ use exr::meta::header::Header;
 use exr::prelude::f16;
 use rayon::prelude::*;
 
-use super::read::{Decoded, Depth, Fault, Info, Raster, Samples, Source, check_size, decode, open, zeroed};
+use super::fault::{Decoded, Fault};
+use super::raster::{Depth, Info, Raster, Samples, check_size, zeroed};
+use super::source::{Source, decode, open};
 use nacre_base::guard::guarded;
 use nacre_base::{Error, Result};
 

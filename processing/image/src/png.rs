@@ -1,9 +1,11 @@
 //! PNG: 8 and 16 bits, grey or RGB; palettes and smaller depths are expanded to 8 bits.
 
 use ::image::codecs::png::PngDecoder;
-use ::image::{ColorType, ImageDecoder, ImageError, Limits};
+use ::image::{ColorType, ImageDecoder, Limits};
 
-use super::read::{Decoded, Depth, Fault, Info, Raster, Samples, Source, keep_channels, zeroed};
+use super::fault::{Decoded, Fault};
+use super::raster::{Depth, Info, Raster, Samples, keep_channels, zeroed};
+use super::source::Source;
 
 /// Memory for everything but the pixels: one row, text and colour profile chunks.
 const SIDE_BYTES: u64 = 64 << 20;
@@ -19,13 +21,13 @@ pub(super) fn read(source: Source, spare: Vec<u16>) -> Decoded<Raster> {
     let samples = match info.depth {
         Depth::U8 => {
             let mut buffer = zeroed::<u8>(bytes)?;
-            decoder.read_image(&mut buffer).map_err(fault)?;
+            decoder.read_image(&mut buffer)?;
             Samples::U8(keep_channels(buffer, stored, info.channels))
         }
         _ => {
             // Decoded in place: memory that is new to the program takes time, a second buffer a twentieth of the decoding.
             let mut buffer = if spare.len() == bytes / 2 { spare } else { zeroed::<u16>(bytes / 2)? };
-            decoder.read_image(bytemuck::cast_slice_mut(&mut buffer)).map_err(fault)?;
+            decoder.read_image(bytemuck::cast_slice_mut(&mut buffer))?;
             Samples::U16(keep_channels(buffer, stored, info.channels))
         }
     };
@@ -36,7 +38,7 @@ pub(super) fn read(source: Source, spare: Vec<u16>) -> Decoded<Raster> {
 fn open(source: Source) -> Decoded<(PngDecoder<Source>, Info, usize)> {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(SIDE_BYTES);
-    let decoder = PngDecoder::with_limits(source, limits).map_err(fault)?;
+    let decoder = PngDecoder::with_limits(source, limits)?;
     let color = decoder.color_type();
     let (channels, depth) = match color {
         ColorType::L8 | ColorType::La8 => (1, Depth::U8),
@@ -49,13 +51,4 @@ fn open(source: Source) -> Decoded<(PngDecoder<Source>, Info, usize)> {
     let per_pixel = u64::from(color.bytes_per_pixel());
     let info = Info::checked([width.into(), height.into()], channels, depth, 1, per_pixel)?;
     Ok((decoder, info, usize::from(color.channel_count())))
-}
-
-/// The decoder's error in our words; shared with JPEG.
-pub(super) fn fault(error: ImageError) -> Fault {
-    match error {
-        ImageError::IoError(error) => error.into(),
-        ImageError::Unsupported(error) => Fault::unsupported(format!("cannot be decoded: {error}")),
-        other => Fault::damaged(other),
-    }
 }

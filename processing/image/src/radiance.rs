@@ -1,6 +1,8 @@
 //! Radiance HDR (RGBE) pictures in.
 
-use super::read::{Decoded, Depth, Fault, Info, Raster, Samples, Source, zeroed};
+use super::fault::{Decoded, Fault};
+use super::raster::{Depth, Info, Raster, Samples, zeroed};
+use super::source::Source;
 use ::image::ImageDecoder;
 use ::image::codecs::hdr::HdrDecoder;
 

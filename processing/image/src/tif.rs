@@ -4,7 +4,9 @@ use tiff::TiffError;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{SampleFormat, Tag};
 
-use super::read::{Decoded, Depth, Fault, Info, MAX_BYTES, Raster, Samples, Source, keep_channels};
+use super::fault::{Decoded, Fault};
+use super::raster::{Depth, Info, MAX_BYTES, Raster, Samples, keep_channels};
+use super::source::Source;
 
 pub(super) fn info(source: Source) -> Decoded<Info> {
     open(source).map(|(_, info, _)| info)

@@ -13,7 +13,7 @@ use half::f16;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::read::MAX_SIDE;
+use super::raster::MAX_SIDE;
 use nacre_base::write_whole;
 use nacre_base::{Error, Result};
 

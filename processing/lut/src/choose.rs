@@ -348,7 +348,9 @@ pub(super) fn check(kernels: &[(Kernel, &Source)], grid: &Grid, table: &[Weight]
     };
     let add = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|c| a[c] + b[c]);
     let all = |places: &(dyn Fn(usize) -> [usize; 2] + Sync), shift: f32| {
-        (0..CHECKED).into_par_iter().map(|k| of(places(k), shift)).reduce(|| [0.0; 3], add)
+        // Added in order, so that the result does not depend on the number of threads.
+        let each: Vec<[f64; 3]> = (0..CHECKED).into_par_iter().map(|k| of(places(k), shift)).collect();
+        each.into_iter().fold([0.0; 3], add)
     };
     let mean = |from: usize, bands: bool| {
         let far = |i: usize| {

@@ -2,7 +2,7 @@
 
 use super::geometry::{Arrangement, Placement};
 use super::light::Light;
-use super::lookup::Photograph;
+use super::photograph::Photograph;
 use super::settings::{LightPhotograph, Settings, Wavelength};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};

@@ -3,6 +3,7 @@
 use super::choose::{Choice, check, choose, given};
 use super::kernel::{Kernel, Weight, Window};
 use super::light::{Light, LightReport};
+use super::photograph::Photograph;
 use super::plane::Plane;
 use super::rays::Fineness;
 use super::settings::{MethodChoice, Settings, Wavelength};
@@ -20,17 +21,6 @@ pub(super) const UNKNOWN: f32 = 0.01;
 
 /// How often a table that is worse than asked for is made anew.
 const TRIES: usize = 3;
-
-/// One channel of a photograph.
-#[derive(Clone, Debug)]
-pub struct Photograph {
-    /// Linear light, row by row from the top; NaN is unknown.
-    pub light: Vec<f32>,
-    /// Pixels of a row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-}
 
 /// A table.
 pub struct Table {

@@ -5,6 +5,7 @@ use super::report::Coverage;
 use super::settings::Settings;
 use super::table::Grid;
 use nacre_base::Result;
+use nacre_base::parallel::sum_in_order;
 use nacre_image::{Attribute, OutputFolder, scalar_picture, write_exr, write_png8};
 use nacre_optics::color::{Illuminant, displayed};
 use rayon::prelude::*;
@@ -19,6 +20,9 @@ const KEY: f32 = 0.4;
 
 /// Rings of the radial profile.
 const RINGS: usize = 256;
+
+/// Entries whose coverage is summed at a time: fixed, so that the mean does not depend on the number of threads.
+const SUMMED: usize = 1 << 14;
 
 /// A table with what it was asked for.
 pub(super) struct Output<'a> {
@@ -42,8 +46,9 @@ impl Output<'_> {
         let share = |count: usize| count as f64 / all;
         let counted =
             |keep: &(dyn Fn(f32) -> bool + Sync)| self.table.entries.par_iter().filter(|e| keep(e[3])).count();
+        let of_block = |entries: &[[f32; 4]]| entries.iter().map(|e| f64::from(e[3].min(1.0))).sum::<f64>();
         Coverage {
-            mean: self.table.entries.par_iter().map(|e| f64::from(e[3].min(1.0))).sum::<f64>() / all,
+            mean: sum_in_order(self.table.entries.par_chunks(SUMMED).map(of_block)) / all,
             full: share(counted(&|c| c >= FULL)),
             none: share(counted(&|c| c < UNKNOWN)),
         }

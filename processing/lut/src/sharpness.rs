@@ -1,6 +1,6 @@
 //! Whether a photograph's pixels are fine enough for what they show.
 
-use super::lookup::Photograph;
+use super::photograph::Photograph;
 use super::plane::Plane;
 
 /// Most pixels that are looked at.

@@ -9,53 +9,39 @@
 //! make them, summed up over as many wavelengths as their displacement needs; under environments, they are sums over orders and wavelengths.
 //! Height fields and tables are evaluated as they are, and under environments drawn by multiple importance sampling.
 
-mod allot;
-mod base;
-mod compare;
-mod describe;
-mod diffraction;
-pub mod environment;
-mod eye;
-mod files;
-mod flat;
-mod folder;
-mod gallery;
-mod gallery_patterns;
-mod gallery_shapes;
-pub mod gpu;
-mod grating;
-mod job;
-mod light;
-mod lobes;
-mod material;
-mod mesh;
-mod mesh_file;
-mod norm;
-mod output;
-mod picture;
-mod ready;
-mod relief;
+// Description of a scene, as users write it.
 mod scene;
-mod shape;
-mod slits;
-mod spectral;
-mod spectrum;
-mod sums;
-mod table;
-#[cfg(test)]
-mod tests;
-mod texture;
+mod settings;
 mod vector;
 
-pub use compare::{Difference, difference};
-pub use folder::{Glimpse, Options, check_folder, render_folder};
+// Parts of a scene, ready for rays.
+pub mod environment;
+mod light;
+mod material;
+mod shape;
+
+// From a prepared scene to pictures and files.
+pub mod gpu;
+mod job;
+mod picture;
+mod prepared_scene;
+
+// Example scenes.
+mod gallery;
+
+#[cfg(test)]
+mod tests;
+
 pub use gallery::{GALLERY, gallery, gallery_scene, gallery_skin, scene_of_maps};
-pub use grating::{BalancedOrder, BalancedOrders};
-pub use job::{Prediction, Report, Settings, SoFar, render, render_watched};
-pub use material::Notes;
-pub use output::{bytes, exposure, png, read_picture, write_picture, write_png};
-pub use picture::{Band, Picture, Pixel, SAMPLES};
+pub use job::{
+    Glimpse, Options, Prediction, Report, SoFar, SpectralReport, check_folder, render, render_folder, render_watched,
+};
+pub use material::diffraction::grating::{BalancedOrder, BalancedOrders};
+pub use material::{Notes, SAMPLES};
+pub use picture::{
+    Band, Difference, Picture, Pixel, bytes, difference, exposure, png, read_picture, write_picture, write_png,
+};
 pub use scene::{
     Base, Blend, Camera, Color, Diffraction, Light, Material, Relief, Scene, Shape, Spectrum, Turn, Value,
 };
-pub use spectral::SpectralReport;
+pub use settings::Settings;

@@ -1,6 +1,6 @@
 //! Vectors in space.
 
-use super::scene::REMEDY;
+use crate::scene::REMEDY;
 use nacre_base::{Error, Result};
 use nalgebra::Vector3;
 

@@ -1,7 +1,8 @@
 //! A folder of charts: one subfolder per study with its raw measurements, tables and pictures, and a page that shows all.
 
 use super::page::{Entry, html};
-use super::runner::{Plan, measure};
+use super::plan::Plan;
+use super::runner::measure;
 use super::summary::{Summary, summarize};
 use super::{Study, overview, picture, png_from_svg, tables};
 use nacre_base::progress::Progress;

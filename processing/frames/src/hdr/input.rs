@@ -1,11 +1,16 @@
 //! What is merged: a `frames.json`, or a folder of photographs whose times are in their tags.
 
-use super::reconstruct::{BATCH, KEPT};
 use crate::{FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, load};
 use nacre_base::{Error, Result};
 use nacre_image::budget;
 use nacre_image::{Depth, exposure, photographs};
 use std::path::Path;
+
+/// Exposures that are decoded and merged at a time.
+pub(super) const BATCH: usize = 4;
+
+/// Decoded exposures up to so many bytes are kept for when they are needed again.
+pub(super) const KEPT: usize = 256 << 20;
 
 /// Whether there is something to merge, without a look at any pixel.
 ///

@@ -2,7 +2,7 @@
 
 use super::align::{Aligner, add_moved};
 use super::coding::{Coding, Curve};
-use super::input::bracket;
+use super::input::{BATCH, KEPT, bracket};
 use super::merge::{Exposed, Sums};
 use super::outcome::Outcome;
 use super::output::Merged;
@@ -20,12 +20,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// Exposures that are decoded and merged at a time.
-pub(super) const BATCH: usize = 4;
-
-/// Decoded exposures up to so many bytes are kept for when they are needed again.
-pub(super) const KEPT: usize = 256 << 20;
 
 /// What the user may choose.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,7 +1,8 @@
 //! All shifts at once, to a few thousandths of a pixel: those with which the scene's model explains the frames best.
 
 use super::scene::Scene;
-use super::tile::{Sums, Tile};
+use super::sums::Sums;
+use super::tile::Tile;
 use super::windows::Windows;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;

@@ -11,6 +11,7 @@ mod coarse;
 mod joint;
 mod resample;
 mod scene;
+mod sums;
 #[cfg(test)]
 mod tests;
 mod tile;

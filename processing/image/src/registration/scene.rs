@@ -1,6 +1,6 @@
 //! What may change in a scene between frames, besides its place.
 
-use super::tile::Sums;
+use super::sums::Sums;
 use nacre_base::vectors::vectorised;
 use nalgebra::{DMatrix, Matrix3, Matrix3xX};
 

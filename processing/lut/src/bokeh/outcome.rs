@@ -3,8 +3,8 @@
 use super::deconvolution::{Deconvolved, Iterations};
 use super::height::Calibration;
 use super::lens::Cutoff;
+use super::options::Options;
 use super::period::Lines;
-use super::reconstruct::Options;
 use super::report::{
     Deconvolution, Heights, LinesReport, NoiseReport, Report, Scale, Seconds, SliceReport, SlitsReport,
 };

@@ -2,6 +2,7 @@
 
 use super::optics::carrier;
 use super::response::Response;
+use nacre_base::parallel::sum_in_order;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_frames::NoiseModel;
@@ -241,7 +242,7 @@ fn mean_light(decoded: &LinearFrame<'_>, width: usize, height: usize) -> f64 {
         decoded.row(y, &mut light, &mut bad);
         light.iter().map(|v| f64::from(*v)).sum::<f64>()
     };
-    (0..height).into_par_iter().map(row).sum::<f64>() / (width * height) as f64
+    sum_in_order((0..height).into_par_iter().map(row)) / (width * height) as f64
 }
 
 /// Variance of a frame's light per light, and without light, as a part of white.

@@ -2,6 +2,7 @@
 //! distribution, by expectation and maximization.
 
 use crate::film::places::{LANES, Row, Rows, Run};
+use nacre_base::parallel::sum_in_order;
 use nacre_base::vectors::vectorised;
 use rayon::prelude::*;
 
@@ -124,7 +125,7 @@ impl Weights {
         let mut search = Search::new(chunks, places, mirrors);
         // Places that are all alike may be what holds best, once what strays is known.
         (0..2).for_each(|_| _ = search.round(1.0, false));
-        let judged = |weights: &Self| others.par_iter().map(|rows| rows.likelihood(weights)).sum::<f64>();
+        let judged = |weights: &Self| sum_in_order(others.par_iter().map(|rows| rows.likelihood(weights)));
         let (mut best, mut weights, mut worse) = (judged(&search.weights), search.weights.clone(), 0);
         for _ in 0..CYCLES {
             search.cycle();

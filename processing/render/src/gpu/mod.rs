@@ -4,6 +4,7 @@
 //! tables over half vectors, height fields and lattices, and a rough base. They take nothing but uniforms and textures ([`Prepared`]), so that naga's translation runs in WebGL2 as well.
 //! What is physics is computed here, by the processor's own code; where both differ, the processor is right.
 
+mod alias;
 #[cfg(feature = "gpu")]
 mod card;
 #[cfg(not(feature = "gpu"))]
@@ -12,13 +13,14 @@ mod card;
 mod prepared;
 mod repeating;
 mod speed;
+mod texture;
 mod textures;
 mod under;
 
 pub(super) use card::Card;
 pub use prepared::{NAMES, Prepared};
 pub use speed::{Frames, Kept, Rates, Timed, frames, rates, timed};
-pub use textures::Texture;
+pub use texture::Texture;
 
 /// What the best graphics card is called and how it is reached.
 ///
@@ -29,7 +31,7 @@ pub fn adapter() -> Result<String, String> {
 }
 
 /// A card with a scene on it, or why there is none.
-pub(super) fn card(ready: &super::ready::Ready) -> Result<Card, String> {
+pub(super) fn card(ready: &crate::prepared_scene::PreparedScene) -> Result<Card, String> {
     Card::new(Prepared::of(ready, usize::MAX)?)
 }
 

@@ -1,18 +1,19 @@
 //! A scene as the shaders take it.
 
-use super::super::diffraction::Diffraction;
-use super::super::grating::{BALANCED, Grating, ROUNDS};
-use super::super::light::{Kind, Lamp, Sky};
-use super::super::lobes::Accuracy;
-use super::super::material::Material;
-use super::super::ready::{Camera, Ready};
-use super::super::scene::Scene;
-use super::super::shape::Form;
-use super::super::spectrum::RANGE;
-use super::super::texture::Over;
 use super::repeating::{Cells, Field};
-use super::textures::{self, Texture};
-use super::under;
+use super::texture::Texture;
+use super::{textures, under};
+use crate::light::viewer::RANGE;
+use crate::light::{Kind, Lamp, Sky};
+use crate::material::Material;
+use crate::material::diffraction::Diffraction;
+use crate::material::diffraction::grating::{BALANCED, Grating, ROUNDS};
+use crate::material::shading::Accuracy;
+use crate::material::texture::Over;
+use crate::prepared_scene::PreparedScene;
+use crate::prepared_scene::camera::Camera;
+use crate::scene::Scene;
+use crate::shape::Form;
 use nacre_base::progress::{Progress, Silent};
 use nacre_base::{Error, Result};
 use nacre_brdf::Slits;
@@ -73,12 +74,12 @@ impl Prepared {
     /// # Errors
     /// `Input` for what makes no sense, and for scenes that the shaders do not do.
     pub fn new(scene: &Scene, folder: &Path, error: f64, most: usize, progress: &dyn Progress) -> Result<Self> {
-        let ready = Ready::new(scene, folder, Accuracy::new(error, None), progress)?;
+        let ready = PreparedScene::new(scene, folder, Accuracy::new(error, None), progress)?;
         Self::of(&ready, most).map_err(|why| Error::input("scene", why, "render it with `nacre render`"))
     }
 
     /// Of a scene made ready, or why the shaders do not do it.
-    pub(in super::super) fn of(ready: &Ready, most: usize) -> std::result::Result<Self, String> {
+    pub(in super::super) fn of(ready: &PreparedScene, most: usize) -> std::result::Result<Self, String> {
         let [shape] = ready.shapes.as_slice() else {
             return Err(format!("it has {} shapes, not one", ready.shapes.len()));
         };
@@ -251,7 +252,7 @@ impl Values {
     fn material(
         &mut self,
         material: &Material,
-        ready: &Ready,
+        ready: &PreparedScene,
         field: Option<&Field>,
     ) -> std::result::Result<(), String> {
         let Over::Same([coverage]) = material.coverage else {

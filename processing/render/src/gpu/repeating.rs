@@ -1,9 +1,9 @@
 //! What repeats in two directions, as the shader `field.wgsl` looks it up: height fields by the terms of their expansion.
 
-use super::super::relief::Relief;
-use super::super::spectrum::RANGE;
-use super::textures::Texture;
-use super::under::draws;
+use super::alias::draws;
+use super::texture::Texture;
+use crate::light::viewer::RANGE;
+use crate::material::diffraction::relief::Relief;
 use nacre_base::progress::Progress;
 use nacre_brdf::TermSet;
 use num_complex::Complex32;
@@ -32,7 +32,7 @@ pub(super) struct Field {
     pub terms: Texture,
     /// Functions of X of pairs of terms, row by row.
     pub phases: Texture,
-    /// [`super::super::norm::Norm`], in tiles.
+    /// [`AlbedoNormalisation`](crate::material::diffraction::albedo_normalisation::AlbedoNormalisation), in tiles.
     pub norm: Texture,
     /// Frequencies to each side of the middle.
     pub reach: [usize; 2],

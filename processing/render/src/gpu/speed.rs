@@ -1,11 +1,12 @@
 //! How fast a card renders, against the processor and against what it can do at best.
 
-use super::super::job::{self, Settings};
-use super::super::lobes::Accuracy;
-use super::super::picture::{Picture, SAMPLES};
-use super::super::ready::Ready;
-use super::super::scene::Scene;
 use super::{Card, Prepared, SHADER, Texture, card};
+use crate::material::SAMPLES;
+use crate::material::shading::Accuracy;
+use crate::picture::Picture;
+use crate::prepared_scene::PreparedScene;
+use crate::scene::Scene;
+use crate::settings::Settings;
 use nacre_base::progress::Silent;
 use nacre_base::{Error, Result};
 use serde::Serialize;
@@ -135,7 +136,7 @@ pub struct Kept(Option<Card>);
 
 impl Kept {
     /// The card with a scene on it, or why there is none that does it.
-    fn with(&mut self, ready: &Ready) -> std::result::Result<&mut Card, String> {
+    fn with(&mut self, ready: &PreparedScene) -> std::result::Result<&mut Card, String> {
         match &mut self.0 {
             Some(card) => card.load(Prepared::of(ready, usize::MAX)?)?,
             none => *none = Some(card(ready)?),
@@ -150,8 +151,8 @@ impl Kept {
 /// # Errors
 /// `Input` for what makes no sense, and for the card where there is none that does the scene.
 pub fn timed(scene: &Scene, folder: &Path, samples: usize, error: f64, card: Option<&mut Kept>) -> Result<Timed> {
-    job::check(&Settings { samples, ..Settings::default() })?;
-    let ready = Ready::new(scene, folder, Accuracy::new(error, None), &Silent)?;
+    Settings { samples, ..Settings::default() }.check()?;
+    let ready = PreparedScene::new(scene, folder, Accuracy::new(error, None), &Silent)?;
     let passes = (samples / SAMPLES).max(1);
     if let Some(kept) = card {
         let card = kept.with(&ready).map_err(refused)?;

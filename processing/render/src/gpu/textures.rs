@@ -1,14 +1,15 @@
 //! Numbers that shaders look up.
 
-use super::super::base;
-use super::super::diffraction::Diffraction;
-use super::super::grating::{Grating, STEP};
-use super::super::light::Lamp;
-use super::super::mesh::Mesh;
-use super::super::spectrum::RANGE;
-use super::super::table::{Table, VIEWS};
-use super::super::texture::Grooves;
 use super::repeating::Field;
+use super::texture::Texture;
+use crate::light::Lamp;
+use crate::light::viewer::RANGE;
+use crate::material::base;
+use crate::material::diffraction::Diffraction;
+use crate::material::diffraction::grating::{Grating, STEP};
+use crate::material::diffraction::table::{Table, VIEWS};
+use crate::material::texture::{Grooves, Picture};
+use crate::shape::mesh::Mesh;
 use nacre_brdf::Reflectance;
 
 /// Most rows of the orders' powers: every card has textures of this height.
@@ -17,33 +18,6 @@ const ROWS: usize = 2048;
 /// Cosines and wave numbers at which the reflectance is known.
 const COSINES: usize = 256;
 const NUMBERS: usize = 64;
-
-/// A texture of 32-bit floats, row by row, the first row at 0.
-#[derive(Clone, Debug)]
-pub struct Texture {
-    /// What the shader calls it.
-    pub name: &'static str,
-    /// Texels of a row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// One or four numbers of a texel.
-    pub channels: usize,
-    /// The numbers.
-    pub values: Vec<f32>,
-}
-
-impl Texture {
-    pub(super) fn new(name: &'static str, width: usize, channels: usize, values: Vec<f32>) -> Self {
-        Self { name, width, height: values.len() / (width * channels).max(1), channels, values }
-    }
-
-    /// One that is not looked at.
-    pub(super) fn none(name: &'static str, channels: usize) -> Self {
-        // Rows are interpolated between: two of them.
-        Self::new(name, 2, channels, vec![0.0; 4 * channels])
-    }
-}
 
 /// All textures but those of environments and meshes, in the order of their bindings; and what there is to know of a height field.
 pub(super) fn all(
@@ -102,7 +76,7 @@ fn maps(of: &Grooves, most: usize) -> Texture {
     for y in (0..any.height).step_by(step) {
         for x in (0..any.width).step_by(step) {
             let k = y * any.width + x;
-            let at = |p: &Option<super::super::texture::Picture<1>>| p.as_ref().map_or(0.0, |p| p.values[k][0]);
+            let at = |p: &Option<Picture<1>>| p.as_ref().map_or(0.0, |p| p.values[k][0]);
             let (orientation, period) = (at(&of.orientation), at(&of.period));
             let sigma = of.sigma.as_ref().and_then(|s| s.get(k)).copied().filter(|s| s.is_finite()).unwrap_or(0.0);
             if orientation.is_finite() && period.is_finite() {

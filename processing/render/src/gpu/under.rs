@@ -1,18 +1,19 @@
 //! What a sample shows of an environment. Every place of a flat one has the same frame, so that what tables and bases show depends on the direction
 //! of view alone: tables by the exact correlation ([`planar`]), the base by the processor's own samples. On other shapes light is drawn by chance.
 
-use super::super::diffraction::Diffraction;
-use super::super::light::Sky;
-use super::super::lobes::Above;
-use super::super::material::{Base, Material, Place, add};
-use super::super::shape::Form;
-use super::super::spectrum::RANGE;
-use super::super::table::Table;
-use super::super::texture::Over;
-use super::super::vector::V3;
+use super::alias::draws;
 use super::repeating::Cells;
-use super::textures::Texture;
+use super::texture::Texture;
 use crate::environment::{self, Frame, planar};
+use crate::light::Sky;
+use crate::light::viewer::RANGE;
+use crate::material::diffraction::Diffraction;
+use crate::material::diffraction::table::Table;
+use crate::material::shading::{Above, Place, add};
+use crate::material::texture::Over;
+use crate::material::{Base, Material};
+use crate::shape::Form;
+use crate::vector::V3;
 use nacre_base::random::Stream;
 use nacre_optics::color::linear_srgb;
 use rayon::prelude::*;
@@ -79,21 +80,6 @@ fn picture(sky: &Sky) -> Texture {
         .into_iter()
         .flat_map(|(share, other)| [share as f32, (other % width) as f32, (other / width) as f32, 0.0]);
     Texture::new("sky", width, 4, light.chain(draws).collect())
-}
-
-/// Of shares whose mean is 1, by number: how much of it stays, and which one the rest goes to (Walker 1977; Vose 1991).
-pub(super) fn draws(mut shares: Vec<f64>) -> Vec<(f64, usize)> {
-    let mut found: Vec<(f64, usize)> = (0..shares.len()).map(|k| (1.0, k)).collect();
-    let (mut poor, mut rich): (Vec<usize>, Vec<usize>) = (0..shares.len()).partition(|k| shares[*k] < 1.0);
-    while let (Some(k), Some(from)) = (poor.pop(), rich.last().copied()) {
-        found[k] = (shares[k], from);
-        shares[from] -= 1.0 - shares[k];
-        if shares[from] < 1.0 {
-            rich.pop();
-            poor.push(from);
-        }
-    }
-    found
 }
 
 /// X, Y, Z per wave number of red, green and blue, a row for each.

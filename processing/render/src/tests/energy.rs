@@ -166,7 +166,7 @@ fn steep_grooves_are_told() {
             "[material.a.diffraction]\ntype = \"grating\"\nperiod_um = 1.6\norientation_deg = 0\nrelief = {{ {relief} }}\n{SKY}"
         );
         let scene = Scene::parse(&plane(0.0, 0.0, &text)).unwrap();
-        Ready::new(&scene, Path::new(""), Accuracy::new(0.01, None), &Silent).unwrap().notes["a"].clone()
+        PreparedScene::new(&scene, Path::new(""), Accuracy::new(0.01, None), &Silent).unwrap().notes["a"].clone()
     };
     // 0.3 ⟨h'²⟩ / cos 45° of a sinusoid.
     let shallow = notes("depth_um = 0.1");

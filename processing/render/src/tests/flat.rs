@@ -1,9 +1,8 @@
 //! Tables on flat samples, whose reflection of a sky is summed up once.
 
-use super::super::diffraction::Diffraction;
-use super::super::flat::Flat;
-use super::super::table::Table;
 use super::*;
+use crate::material::diffraction::Diffraction;
+use crate::material::diffraction::table::Table;
 use std::f64::consts::PI;
 
 /// A sky with a lamp of some 10° that is not alike to any side.
@@ -113,8 +112,9 @@ fn white_skies_are_those_of_plain_sums() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
     let text = plane(0.0, 30.0, &format!("{LUT}lossless = true\n{SKY}"));
-    let ready = Ready::new(&Scene::parse(&text).unwrap(), dir.path(), Accuracy::new(1e-3, None), &Silent).unwrap();
-    let flats = [64, 128, 256].map(|size| Flat::new(&ready, 0, size, &Silent).unwrap().unwrap());
+    let ready =
+        PreparedScene::new(&Scene::parse(&text).unwrap(), dir.path(), Accuracy::new(1e-3, None), &Silent).unwrap();
+    let flats = [64, 128, 256].map(|size| ready.flat(0, size, &Silent).unwrap().unwrap());
     let Some(Diffraction::Table(table)) = &ready.materials[0].diffraction else { panic!("no table") };
     // Farthest off: by cells, and what the table is divided by.
     let mut worst = [0.0_f64; 4];

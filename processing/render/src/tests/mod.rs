@@ -1,16 +1,16 @@
 //! Pictures against closed forms, energy, symmetry, and input that makes no sense.
 
-mod allot;
+mod adaptive_sampling;
 mod bad_input;
 mod energy;
 mod flat;
 mod folder;
 mod spectral;
 
-use super::grating::{Grating, Groove, Scratch};
-use super::lobes::Accuracy;
-use super::ready::Ready;
 use super::*;
+use crate::material::diffraction::grating::{Grating, Groove, Scratch};
+use crate::material::shading::Accuracy;
+use crate::prepared_scene::PreparedScene;
 use nacre_base::progress::Silent;
 use nacre_base::random::Stream;
 use nacre_brdf::height::Profile;
@@ -119,7 +119,7 @@ fn a_point_lights_picture_is_the_brdf_pixel_by_pixel() {
                 [[light]]\ntype = \"directional\"\ndirection = [0.3, 0.02, 0.9]\nspectrum = \"E\"\n";
     let text = "[camera]\nposition = [0, 0, 100]\ntarget = [0, 0, 0]\nfov_deg = 70\nwidth = 24\nheight = 24\n[[shape]]\ntype = \"plane\"\nsize = [1e4, 1e4]\nmaterial = \"a\"\n".to_owned() + more;
     let scene = Scene::parse(&text).unwrap();
-    let ready = Ready::new(&scene, Path::new(""), Accuracy::new(1e-5, None), &Silent).unwrap();
+    let ready = PreparedScene::new(&scene, Path::new(""), Accuracy::new(1e-5, None), &Silent).unwrap();
     let section = Section::Formula { profile: Profile::Sinusoid, depth_um: 0.2 };
     let window = nacre_brdf::Window::new(20.0).unwrap();
     let grating = Grating::new(&section, period, window.sigma, Reflectance::Perfect, 1e-6);
@@ -174,7 +174,7 @@ fn a_height_fields_picture_is_its_brdf() {
         }
         seen += 1;
         let scene = Scene::parse(&text).unwrap();
-        let ready = Ready::new(&scene, dir.path(), Accuracy::new(1e-3, None), &Silent).unwrap();
+        let ready = PreparedScene::new(&scene, dir.path(), Accuracy::new(1e-3, None), &Silent).unwrap();
         let found = ready.at([0.5, 0.5], &mut Stream::new(0, 0), &mut Default::default());
         for c in 0..3 {
             let truth = f64::from(truth[c]) * b;

@@ -1,0 +1,70 @@
+//! Why a file cannot be decoded, before its path is known.
+
+use std::fmt;
+use std::io;
+use std::path::Path;
+
+use ::image::ImageError;
+use nacre_base::Error;
+
+/// Remedy for a damaged file.
+pub(super) const RENEW: &str = "copy or export the file again";
+
+/// Why a decoder gave up; becomes an [`Error::Input`] once the path is known.
+#[derive(Debug)]
+pub(super) struct Fault {
+    problem: String,
+    remedy: &'static str,
+}
+
+/// Result of a decoder.
+pub(super) type Decoded<T> = Result<T, Fault>;
+
+impl Fault {
+    /// The content contradicts itself or ends early.
+    pub(super) fn damaged(words: impl fmt::Display) -> Self {
+        Self { problem: format!("is truncated or damaged: {words}"), remedy: RENEW }
+    }
+
+    /// A valid file of a kind that is not read.
+    pub(super) fn unsupported(words: impl fmt::Display) -> Self {
+        Self { problem: words.to_string(), remedy: "convert it to an 8 or 16-bit grey or RGB PNG or TIFF" }
+    }
+
+    /// An image beyond the size limits.
+    pub(super) fn too_large(problem: String) -> Self {
+        Self { problem, remedy: "crop or scale it down" }
+    }
+
+    /// A file that cannot be opened as an image.
+    pub(super) fn unusable(problem: impl fmt::Display, remedy: &'static str) -> Self {
+        Self { problem: problem.to_string(), remedy }
+    }
+
+    /// The error that a user sees.
+    pub(super) fn at(self, path: &Path) -> Error {
+        Error::file(path, self.problem, self.remedy)
+    }
+}
+
+impl From<io::Error> for Fault {
+    fn from(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::NotFound => Self::unusable("does not exist", "check the path"),
+            io::ErrorKind::UnexpectedEof => Self::damaged("the file ends too early"),
+            // What decoders say through an I/O error about content, rather than what the system says.
+            io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput | io::ErrorKind::Other => Self::damaged(error),
+            _ => Self::unusable(format!("cannot be read: {error}"), "check the path, its permissions and the disk"),
+        }
+    }
+}
+
+impl From<ImageError> for Fault {
+    fn from(error: ImageError) -> Self {
+        match error {
+            ImageError::IoError(error) => error.into(),
+            ImageError::Unsupported(error) => Self::unsupported(format!("cannot be decoded: {error}")),
+            other => Self::damaged(other),
+        }
+    }
+}

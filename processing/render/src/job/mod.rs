@@ -1,0 +1,165 @@
+//! Renders a scene: passes over a picture until its error is met, a report, and the same as a job on folders.
+
+mod flats;
+mod folder;
+mod report;
+mod spectral;
+mod sums;
+
+pub use folder::{Glimpse, Options, check_folder, render_folder};
+pub use report::{Prediction, Report, SoFar};
+pub use spectral::SpectralReport;
+
+use crate::gpu::{self, Card};
+use crate::material::SAMPLES;
+use crate::picture::{FEWEST, Picture, Pilot, digest, keep, resumed};
+use crate::scene::Scene;
+use crate::settings::Settings;
+use nacre_base::progress::Progress;
+use nacre_base::{Error, Result};
+use std::path::Path;
+use std::time::Instant;
+use sums::Sums;
+
+/// Seconds between two states that are kept.
+const KEEP: f64 = 10.0;
+
+const ASSUMPTIONS: [&str; 4] = [
+    "light is reflected once: surfaces do not light each other, but shade each other",
+    "gratings: scalar theory, unpolarised light, orders balanced so that none gain or lose light",
+    "colours are linear sRGB of the observer's X, Y, Z without adaptation: D65 is white",
+    "linear sRGB of environments stands for spectra that are mixtures of three parts of D65",
+];
+
+/// Renders a scene whose files are sought in a folder.
+///
+/// # Errors
+/// `Input` for what makes no sense; `Cancelled`; `Output` when the state cannot be kept.
+pub fn render(scene: &Scene, folder: &Path, settings: &Settings, progress: &dyn Progress) -> Result<(Picture, Report)> {
+    render_watched(scene, folder, settings, progress, &mut |_, _| {})
+}
+
+/// The same, and shows the picture after each pass; rendering waits meanwhile.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_watched(
+    scene: &Scene,
+    folder: &Path,
+    settings: &Settings,
+    progress: &dyn Progress,
+    watch: &mut dyn FnMut(&Picture, &SoFar),
+) -> Result<(Picture, Report)> {
+    let begun = Instant::now();
+    settings.check()?;
+    settings.spectral_nm.map_or(Ok(()), |step| spectral::check(scene, step))?;
+    let mut sums = Sums::new(scene, folder, settings, progress)?;
+    let digest = digest(scene, settings);
+    let mut picture = Picture::new(sums.ready.size());
+    if let Some(path) = settings.keep.as_ref().filter(|_| settings.resume) {
+        picture = resumed(path, &digest, sums.ready.size())?;
+    }
+    let most = (settings.samples / SAMPLES).max(1);
+    let (mut card, refused) = match settings.gpu.then(|| gpu::card(&sums.ready)) {
+        Some(Ok(card)) => (Some(card), None),
+        Some(Err(why)) => (None, Some(format!("rendered on the processor: {why}"))),
+        None => (None, None),
+    };
+    let pilot = match &mut card {
+        Some(card) => first_passes(card, &mut picture, most, progress)?,
+        None => sums.pilot(settings, most, progress)?,
+    };
+    let ready = &sums.ready;
+    let passes = pilot.passes(settings.max_error, most);
+    let predicted = Prediction {
+        passes,
+        noise: pilot.noise(passes),
+        seconds: pilot.seconds_of_a_pass * passes.saturating_sub(picture.passes) as f64,
+    };
+    let measured = if settings.check { Some(sums.checked(scene, folder, progress)?) } else { None };
+    let passing = Instant::now();
+    progress.stage("passes", passes as u64);
+    let (mut kept, first, mut noise) = (Instant::now(), picture.passes, picture.error());
+    while !picture.is_enough(most, settings.max_error) {
+        match &mut card {
+            Some(card) => on_card(card, &mut picture, progress)?,
+            None => picture.add(ready, progress)?,
+        }
+        progress.step();
+        noise = picture.error();
+        let of = match picture.passes < 2 * FEWEST {
+            true => passes.max(picture.passes),
+            false => expected(&picture, noise, settings.max_error, most),
+        };
+        let pace = passing.elapsed().as_secs_f64() / (picture.passes - first) as f64;
+        let seconds_left = pace * of.saturating_sub(picture.passes) as f64;
+        watch(&picture, &SoFar { passes: picture.passes, of, noise, seconds_left });
+        if let Some(path) = settings.keep.as_ref().filter(|_| kept.elapsed().as_secs_f64() > KEEP) {
+            keep(path, &picture, &digest)?;
+            kept = Instant::now();
+        }
+    }
+    if let Some(path) = &settings.keep {
+        keep(path, &picture, &digest)?;
+    }
+    let mut warnings = ready.warnings.clone();
+    warnings.extend(refused);
+    warnings.extend(sums.warning());
+    if picture.pixels.iter().all(|p| p.luminance <= 0.0) {
+        warnings.push("nothing is lit".into());
+    }
+    let (device, seconds_of_passes) =
+        (card.map_or_else(|| "processor".into(), |card| card.name().to_owned()), passing.elapsed().as_secs_f64());
+    let (size, materials) = (ready.size(), ready.notes.clone());
+    let mut spectral = None;
+    if let Some(step) = settings.spectral_nm {
+        let (bands, about) = spectral::spectra(sums.ready, (scene, folder), step, settings, progress)?;
+        (picture.bands, spectral) = (bands, Some(about));
+    }
+    let report = Report {
+        method: "passes of 4 samples per pixel, most where noise is; exact orders in closed lobes under small lights, sums over orders and wavelengths or \
+                 multiple importance sampling under environments",
+        device,
+        size,
+        samples: picture.passes * SAMPLES,
+        noise: if picture.passes > 1 { noise } else { predicted.noise },
+        predicted_model_error: sums.error,
+        measured_model_error: measured,
+        spectral,
+        predicted,
+        materials,
+        warnings,
+        assumptions: ASSUMPTIONS.to_vec(),
+        seconds: begun.elapsed().as_secs_f64(),
+        seconds_of_passes,
+        files: vec![],
+    };
+    Ok((picture, report))
+}
+
+/// Passes that an error takes when so many have this one: it falls with their root.
+fn expected(picture: &Picture, noise: f64, wanted: f64, most: usize) -> usize {
+    let passes = (picture.passes as f64 * (noise / wanted).powi(2)).ceil();
+    if passes.is_finite() { (passes as usize).clamp(picture.passes, most) } else { most }
+}
+
+/// Adds a pass of a card's.
+fn on_card(card: &mut Card, picture: &mut Picture, progress: &dyn Progress) -> Result<()> {
+    progress.check()?;
+    let pixels = card
+        .pass(picture.passes * SAMPLES, SAMPLES)
+        .map_err(|why| Error::input("gpu", why, "leave --gpu out to render on the processor"))?;
+    picture.add_pixels(&pixels);
+    Ok(())
+}
+
+/// The first passes of a card tell what the others will be like.
+fn first_passes(card: &mut Card, picture: &mut Picture, most: usize, progress: &dyn Progress) -> Result<Pilot> {
+    let begun = Instant::now();
+    let before = picture.passes;
+    while picture.passes < FEWEST.min(most) {
+        on_card(card, picture, progress)?;
+    }
+    let seconds = begun.elapsed().as_secs_f64() / (picture.passes - before).max(1) as f64;
+    Ok(Pilot::of(&picture.pixels, seconds, true))
+}

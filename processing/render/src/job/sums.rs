@@ -1,0 +1,112 @@
+//! Sums over orders and wavelengths that are exact enough for what is in view, which a look at some pixels tells.
+//!
+//! What a sum leaves out is known of whole lobes. A picture may hold nothing but the far flanks of lobes, where the same rest is all
+//! that there is, or lobes under an environment, where it is next to nothing; so sums are compared with finer ones where they are looked at.
+
+use super::flats;
+use crate::material::shading::Accuracy;
+use crate::picture::{Pilot, compared};
+use crate::prepared_scene::PreparedScene;
+use crate::scene::Scene;
+use crate::settings::Settings;
+use nacre_base::Result;
+use nacre_base::progress::Progress;
+use std::path::Path;
+
+/// Part of the wanted error that sums may take.
+const MODEL: f64 = 0.25;
+
+/// Part of the noise that samples would leave that what is summed up instead may be off by: the same as of a wanted error.
+const BETTER: f64 = 0.25;
+
+/// Finer sums are asked for this part of the error, and for finer ones still so many times. A sixteenth left flanks out that both sums did not
+/// follow: errors were 2.4 times as large as was said, once.
+const FINER: f64 = 1.0 / 64.0;
+const TRIES: usize = 4;
+
+/// Pixels that are looked at.
+const LOOKED_AT: usize = 1024;
+
+/// What a check looks at, and how much finer its sums are.
+const CHECKED: usize = 4096;
+const CHECK: f64 = 1e-2;
+
+/// A scene whose sums are exact enough.
+pub(crate) struct Sums {
+    pub ready: PreparedScene,
+    /// What they are off by: root mean square over some pixels, over their mean luminance; 0 in the dark.
+    pub error: f64,
+    /// What they were allowed.
+    pub allowed: f64,
+}
+
+impl Sums {
+    /// The coarsest sums whose error is allowed, or the finest that are tried. Sums over given wavelengths are taken as they are.
+    ///
+    /// # Errors
+    /// As [`PreparedScene::new`].
+    pub(crate) fn new(scene: &Scene, folder: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Self> {
+        let allowed = MODEL * settings.max_error;
+        let ready =
+            |error: f64, wavelengths| PreparedScene::new(scene, folder, Accuracy::new(error, wavelengths), progress);
+        let mut asked = allowed;
+        let mut coarse = ready(asked, settings.wavelengths)?;
+        for left in (0..TRIES).rev() {
+            if !coarse.sums() {
+                return Ok(Self { ready: coarse, error: 0.0, allowed });
+            }
+            let fine = ready(asked * FINER, None)?;
+            let error = compared(&coarse, &fine, LOOKED_AT, progress)?;
+            // What is dark may be a flank that neither has followed so far.
+            if error.is_some_and(|e| e <= allowed) || left == 0 || settings.wavelengths.is_some() {
+                return Ok(Self { ready: coarse, error: error.unwrap_or(0.0), allowed });
+            }
+            (coarse, asked) = (fine, asked * FINER);
+        }
+        Ok(Self { ready: coarse, error: f64::NAN, allowed })
+    }
+
+    /// A look ahead; what flat samples reflect is summed up first where that takes less than it says.
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub(crate) fn pilot(&mut self, settings: &Settings, most: usize, progress: &dyn Progress) -> Result<Pilot> {
+        let pilot = Pilot::new(&self.ready, progress)?;
+        if settings.by_chance {
+            return Ok(pilot);
+        }
+        let passes = pilot.passes(settings.max_error, most);
+        // Where samples do not suffice, what is summed up may be off by more, as long as it is off by less than they.
+        let left = pilot.noise(passes);
+        let better = if left > settings.max_error { BETTER * left } else { 0.0 };
+        let Some(error) = flats::sum_up(&mut self.ready, &pilot, passes, (self.allowed, better), progress)? else {
+            return Ok(pilot);
+        };
+        self.error = self.error.hypot(error);
+        Pilot::new(&self.ready, progress)
+    }
+
+    /// The same error, against much finer sums of more pixels.
+    ///
+    /// # Errors
+    /// As [`PreparedScene::new`].
+    pub(crate) fn checked(&self, scene: &Scene, folder: &Path, progress: &dyn Progress) -> Result<f64> {
+        let mut fine =
+            PreparedScene::new(scene, folder, Accuracy::new(CHECK * self.ready.accuracy.error, None), progress)?;
+        flats::sum_up_finer(&mut fine, &self.ready, progress)?;
+        Ok(compared(&self.ready, &fine, CHECKED, progress)?.unwrap_or(0.0))
+    }
+
+    /// What to know of them.
+    pub(crate) fn warning(&self) -> Option<String> {
+        // Next to what is allowed is near enough: it is a part of the whole error only.
+        (self.error > 2.0 * self.allowed).then(|| {
+            format!(
+                "sums over orders, wavelengths and skies are off by {:.2} %, {:.2} % are allowed: what is in view is far from any order, or light and \
+                 pattern are too sharp",
+                100.0 * self.error,
+                100.0 * self.allowed
+            )
+        })
+    }
+}

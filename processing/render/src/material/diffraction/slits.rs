@@ -1,0 +1,249 @@
+//! Slits (2017 TOG, Eq. 16) and lattices of rectangles that alone reflect.
+
+use crate::light::spectrum::Seen;
+use crate::light::viewer::RANGE;
+use crate::material::diffraction::grating::{Grating, Groove, Scratch};
+use crate::material::diffraction::lobes::{Blur, along, half_cos, under};
+use crate::material::shading::{Above, Accuracy};
+use nacre_base::{Error, Result};
+use nacre_brdf::{Reflectance, Slits, Window};
+use std::f64::consts::{PI, TAU};
+
+/// Orders of rectangles that samples of an environment are drawn from, to each side.
+const ORDERS: i32 = 24;
+
+fn sinc_square(x: f64) -> f64 {
+    let x = PI * x;
+    if x.abs() < 1e-6 { 1.0 - x * x / 3.0 } else { (x.sin() / x).powi(2) }
+}
+
+/// Slits on a surface: parallel, or around the middle of a disc.
+pub(crate) struct Comb {
+    pub slits: Slits,
+    /// Their orders, which are balanced as those of any grating.
+    pub orders: Grating,
+    pub across: [f64; 2],
+    pub disc: bool,
+    /// Standard deviation along the slits, 1/µm.
+    sigma: f64,
+}
+
+impl Comb {
+    /// Of slits.
+    ///
+    /// # Errors
+    /// `Input` for what makes no sense.
+    pub(crate) fn new(slits: Slits, orientation: f64, disc: bool) -> Result<Self> {
+        slits.check()?;
+        if slits.spacing_um > 200.0 {
+            return Err(Error::input("spacing_um", format!("is {}", slits.spacing_um), "give at most 200"));
+        }
+        let share = slits.width_um / slits.spacing_um;
+        let most = (2.0 * slits.spacing_um * RANGE[1]).ceil() as usize + 1;
+        let powers: Vec<f64> = (0..=most).map(|m| share * sinc_square(m as f64 * share)).collect();
+        // As wide as all of them together.
+        let sigma = Window::new((slits.spacing_um * slits.count as f64).clamp(1.0, 1e4))?.sigma;
+        let orders = Grating::of_powers(&powers, sigma, Reflectance::Perfect);
+        Ok(Self { slits, orders, across: [orientation.cos(), orientation.sin()], disc, sigma })
+    }
+
+    /// The grating vector at a place.
+    fn groove(&self, uv: [f64; 2]) -> Option<Groove> {
+        let across = if self.disc { radial(uv)? } else { self.across };
+        Some(Groove { across, period_um: self.slits.spacing_um })
+    }
+
+    /// Part of the surface that reflects.
+    pub(crate) fn share(&self) -> f64 {
+        self.slits.width_um / self.slits.spacing_um
+    }
+
+    /// BRDF under a small light, summed up over its spectrum: X, Y, Z. `f = share · S(f) · N(f along) · ν²`, with
+    /// `S = N w · sinc² · (D_N/N)²`, whose integral over all f is 1, times what balance makes of the nearest order.
+    pub(crate) fn lit(
+        &self,
+        uv: [f64; 2],
+        [view, light]: [[f64; 3]; 2],
+        (width, seen): (f64, &Seen),
+        accuracy: &Accuracy,
+        scratch: &mut Scratch,
+    ) -> [f64; 3] {
+        let Some(groove) = self.groove(uv) else { return [0.0; 3] };
+        let t = [view[0] + light[0], view[1] + light[1]];
+        let [c, s] = groove.across;
+        let (across, beside) = (t[0] * c + t[1] * s, t[1] * c - t[0] * s);
+        // A light of some width is averaged over the slits' sharp function along its direction across them.
+        let blur = width * (1.0 - (light[0] * c + light[1] * s).powi(2)).max(0.0).sqrt();
+        let narrow = self.sigma.hypot(RANGE[0] * width);
+        if beside.abs() * RANGE[0] > accuracy.reach * self.sigma.hypot(RANGE[1] * width) {
+            return [0.0; 3];
+        }
+        // The sum over slits has no faster part than N of their distance.
+        let fast = 0.5 / (self.slits.count as f64 * self.slits.spacing_um) / across.abs().max(1e-9);
+        let step = fast.min(narrow / beside.abs().max(1e-9));
+        let norm = self.slits.count as f64 * self.slits.width_um;
+        let mut kept: (f64, Vec<(i32, f64)>) = (f64::INFINITY, vec![]);
+        let exact = Accuracy { step: 1.0, ..*accuracy };
+        let points: [(f64, f64); 5] = [(-2.0, 0.0545), (-1.0, 0.2442), (0.0, 0.4026), (1.0, 0.2442), (2.0, 0.0545)];
+        along(seen, seen.range(), step, &exact, |number| {
+            let sigma = self.sigma.hypot(number * width);
+            let off = beside * number / sigma;
+            let window = (-0.5 * off * off).exp() / (TAU.sqrt() * sigma);
+            if window * sigma < 1e-7 {
+                return 0.0;
+            }
+            let nm = 1e3 / number;
+            let density: f64 = if blur * number * self.slits.spacing_um * (self.slits.count as f64) < 0.05 {
+                self.slits.at(across, nm)
+            } else {
+                points.iter().map(|(p, w)| w * self.slits.at(across + p * blur, nm)).sum()
+            };
+            if (number - kept.0).abs() > 0.02 * number {
+                kept.0 = number;
+                kept.1.clear();
+                let orders = &mut kept.1;
+                self.orders.orders(view, groove, number, scratch, |o| {
+                    let theory = self.orders.power(o.order, 0.0);
+                    orders.push((o.order, o.power / theory.max(1e-12)));
+                });
+            }
+            let nearest = (across * number * self.slits.spacing_um).round() as i32;
+            let factor = kept.1.iter().find(|o| o.0 == nearest).map_or(0.0, |o| o.1);
+            self.share() * norm * density * window * factor * number * number
+        })
+    }
+
+    /// Light of an environment that is seen: X, Y, Z.
+    pub(crate) fn under(
+        &self,
+        above: &Above,
+        (uv, view): ([f64; 2], [f64; 3]),
+        u: [f64; 4],
+        accuracy: &Accuracy,
+        scratch: &mut Scratch,
+    ) -> [f64; 3] {
+        let Some(groove) = self.groove(uv) else { return [0.0; 3] };
+        under(above, (&self.orders, groove), view, u, accuracy, scratch).map(|v| v * self.share())
+    }
+}
+
+/// The direction away from the middle of (u, v); none in the middle.
+pub(crate) fn radial([u, v]: [f64; 2]) -> Option<[f64; 2]> {
+    let (x, y) = (u - 0.5, v - 0.5);
+    let r = x.hypot(y);
+    (r > 1e-9).then(|| [x / r, y / r])
+}
+
+/// Rectangles in rows and columns.
+pub(crate) struct Lattice {
+    pub period: [f64; 2],
+    pub aperture: [f64; 2],
+    pub turn: [f64; 2],
+    pub sigma: f64,
+    pub reflectance: Reflectance,
+    /// Running sum over the orders' powers along each axis.
+    pub running: [Vec<f64>; 2],
+}
+
+impl Lattice {
+    /// Of rectangles.
+    ///
+    /// # Errors
+    /// `Input` for what makes no sense.
+    pub(crate) fn new(
+        key: &str,
+        period: [f64; 2],
+        aperture: [f64; 2],
+        orientation: f64,
+        (coherence_um, reflectance): (f64, Reflectance),
+    ) -> Result<Self> {
+        for (aperture, period) in aperture.iter().zip(period) {
+            if !(*aperture > 0.0 && *aperture <= period && (1.0..=1e4).contains(&period)) {
+                let problem = format!("has apertures of {aperture} µm at distances of {period} µm");
+                return Err(Error::input(
+                    key,
+                    problem,
+                    "give distances of 1 to 10000, apertures above 0 and no larger",
+                ));
+            }
+        }
+        let running = [0, 1].map(|k| {
+            let share = aperture[k] / period[k];
+            let mut sum = 0.0;
+            (-ORDERS..=ORDERS)
+                .map(|m| {
+                    sum += share * sinc_square(f64::from(m) * share);
+                    sum
+                })
+                .collect()
+        });
+        let sigma = Window::new(coherence_um)?.sigma;
+        Ok(Self { period, aperture, turn: [orientation.cos(), orientation.sin()], sigma, reflectance, running })
+    }
+
+    /// Part of the surface that reflects.
+    pub(crate) fn share(&self) -> f64 {
+        self.aperture[0] * self.aperture[1] / (self.period[0] * self.period[1])
+    }
+
+    fn own(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let [cos, sin] = self.turn;
+        [cos * x + sin * y, cos * y - sin * x, z]
+    }
+
+    /// BRDF under a small light, summed up over its spectrum: X, Y, Z. Orders lie near to the mirror direction, where scalar theory's gain is 1
+    /// and nothing is to be balanced.
+    pub(crate) fn lit(
+        &self,
+        [view, light]: [[f64; 3]; 2],
+        (width, seen): (f64, &Seen),
+        accuracy: &Accuracy,
+    ) -> [f64; 3] {
+        let (view, light) = (self.own(view), self.own(light));
+        let t = [view[0] + light[0], view[1] + light[1]];
+        let blur = Blur::new(self.sigma, width, light);
+        let cos = half_cos(view, light);
+        let deviation = self.sigma.hypot(width * RANGE[0]) / t[0].hypot(t[1]).max(1e-9);
+        let share = self.share();
+        let reach = accuracy.reach * self.sigma.hypot(width * RANGE[1]);
+        along(seen, seen.range(), deviation, accuracy, |number| {
+            let f = [t[0] * number, t[1] * number];
+            // Orders whose lobes reach so far; between them it is dark.
+            let near = [0, 1].map(|k| {
+                let [low, high] = [f[k] - reach, f[k] + reach].map(|v| v * self.period[k]);
+                low.ceil() as i64..=high.floor() as i64
+            });
+            let mut sum = 0.0;
+            for m in near[0].clone() {
+                let x = m as f64 / self.period[0];
+                let wide = sinc_square(self.aperture[0] * x);
+                for n in near[1].clone() {
+                    let y = n as f64 / self.period[1];
+                    let high = sinc_square(self.aperture[1] * y);
+                    sum += wide * high * blur.at([f[0] - x, f[1] - y], number);
+                }
+            }
+            // Powers of all orders add up to 1.
+            sum * share * share * number * number * self.reflectance.at(cos, 1e3 / number)
+        })
+    }
+
+    /// Where light comes from at a wave number, for two numbers from 0 to 1 that choose an order by its power, and two that blur it. What would
+    /// come from below the horizon comes from the mirror direction.
+    pub(crate) fn sample(&self, view: [f64; 3], number: f64, u: [f64; 4]) -> ([f64; 3], f64) {
+        let own = self.own(view);
+        let order = [0, 1].map(|k| {
+            let all = self.running[k][self.running[k].len() - 1];
+            self.running[k].partition_point(|r| *r <= u[k] * all) as i32 - ORDERS
+        });
+        let radius = self.sigma * (-2.0 * u[2].max(1e-12).ln()).sqrt();
+        let blur = [radius * (TAU * u[3]).cos(), radius * (TAU * u[3]).sin()];
+        let s = [0, 1].map(|k| (f64::from(order[k]) / self.period[k] + blur[k]) / number - own[k]);
+        let square = s[0] * s[0] + s[1] * s[1];
+        let s = if square < 1.0 { s } else { [-own[0], -own[1]] };
+        let [cos, sin] = self.turn;
+        let z = (1.0 - s[0] * s[0] - s[1] * s[1]).max(0.0).sqrt();
+        let light = [cos * s[0] - sin * s[1], sin * s[0] + cos * s[1], z];
+        (light, self.share() * self.reflectance.at(half_cos(view, light), 1e3 / number))
+    }
+}

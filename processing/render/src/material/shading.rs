@@ -1,0 +1,97 @@
+//! Shading of one place: its environment, multiple importance sampling, and the accuracy of sums over light.
+
+use crate::light::Sky;
+use crate::light::viewer::RANGE;
+use crate::vector::V3;
+use nacre_base::random::Stream;
+use std::f64::consts::PI;
+
+/// Samples of a pixel in a pass: two by two places within it.
+pub const SAMPLES: usize = 4;
+
+/// Accuracy of sums over orders and wave numbers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Accuracy {
+    /// Error asked for of each sum, relative.
+    pub error: f64,
+    /// Distance of wave numbers in standard deviations of a lobe: the trapezoid rule on a Gaussian is off by `2 exp(-2π²/step²)`.
+    pub step: f64,
+    /// How far a lobe is followed, in standard deviations.
+    pub reach: f64,
+    /// Distance of wave numbers, if it is given: n bins over the spectrum.
+    pub fixed: Option<f64>,
+}
+
+impl Accuracy {
+    pub(crate) fn new(error: f64, bins: Option<usize>) -> Self {
+        let e = error.clamp(1e-9, 0.5);
+        Self {
+            error: e,
+            step: PI * (2.0 / (2.0 / e).ln()).sqrt(),
+            reach: (-2.0 * (0.5 * e).ln()).sqrt(),
+            fixed: bins.map(|n| (RANGE[1] - RANGE[0]) / n.max(1) as f64),
+        }
+    }
+}
+
+/// A place that is looked at.
+pub(crate) struct Place {
+    pub uv: [f64; 2],
+    /// Direction of view in the place's frame.
+    pub view: [f64; 3],
+}
+
+/// Adds a part.
+pub(crate) fn add(sum: &mut [f64; 3], part: [f64; 3], weight: f64) {
+    sum.iter_mut().zip(part).for_each(|(s, p)| *s += p * weight);
+}
+
+/// How a place sees an environment.
+pub(crate) struct Above<'a> {
+    pub sky: &'a Sky,
+    /// The place's frame.
+    pub frame: &'a [V3; 3],
+    /// Whether the sky is seen in a direction.
+    pub open: &'a (dyn Fn(V3) -> bool + Sync),
+    /// What a table reflects of it towards the place's view, if that has been summed up (see [`crate::prepared_scene::flat`]).
+    pub summed: Option<[f64; 3]>,
+}
+
+impl Above<'_> {
+    /// A direction of the frame in the scene.
+    pub(crate) fn direction(&self, local: [f64; 3]) -> V3 {
+        self.frame[0] * local[0] + self.frame[1] * local[1] + self.frame[2] * local[2]
+    }
+
+    /// Radiance from a direction of the frame, linear sRGB.
+    pub(crate) fn radiance(&self, local: [f64; 3]) -> [f64; 3] {
+        let towards = self.direction(local);
+        if (self.open)(towards) { self.sky.radiance(towards) } else { [0.0; 3] }
+    }
+}
+
+/// An environment by multiple importance sampling with the balance heuristic (Veach and Guibas 1995): a direction of the environment's, and one of
+/// the surface's own. `value` is BRDF times cosine times radiance.
+pub(crate) fn both_ways(
+    above: &Above,
+    random: &mut Stream,
+    mut value: impl FnMut([f64; 3], [f64; 3]) -> [f64; 3],
+    drawn: Option<[f64; 3]>,
+    density: impl Fn([f64; 3]) -> f64,
+) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    let (towards, rgb, bright) = above.sky.sample(random.numbers());
+    let local = above.frame.map(|f| f.dot(&towards));
+    let all = bright + density(local);
+    if local[2] > 0.0 && all > 0.0 && (above.open)(towards) {
+        add(&mut sum, value(local, rgb), 1.0 / all);
+    }
+    if let Some(local) = drawn {
+        let own = density(local);
+        let all = own + above.sky.density(above.direction(local));
+        if own > 0.0 && all > 0.0 {
+            add(&mut sum, value(local, above.radiance(local)), 1.0 / all);
+        }
+    }
+    sum
+}

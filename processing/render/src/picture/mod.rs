@@ -1,0 +1,137 @@
+//! Passes over a picture, and how far it is from its limit.
+
+mod adaptive_sampling;
+mod compare;
+mod output;
+mod pilot;
+mod pixel;
+
+pub use compare::{Difference, difference};
+pub use output::{bytes, exposure, png, read_picture, write_picture, write_png};
+pub(crate) use output::{digest, keep, resumed};
+pub(crate) use pilot::{Pilot, compared};
+pub(crate) use pixel::FEWEST;
+pub use pixel::Pixel;
+
+use crate::material::diffraction::memory::Memory;
+use crate::prepared_scene::PreparedScene;
+use adaptive_sampling::adaptive_passes;
+use nacre_base::Result;
+use nacre_base::progress::Progress;
+use nacre_optics::color::xyz_of_linear_srgb;
+use pixel::pass;
+use rayon::prelude::*;
+
+/// Pixels that a thread takes at once.
+const TILE: usize = 64;
+
+/// A picture that gets better with each pass.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Picture {
+    /// Pixels of a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Rounds of passes that are in it: as many passes each as there are pixels with light.
+    pub passes: usize,
+    /// Row by row from the top.
+    pub pixels: Vec<Pixel>,
+    /// A spectrum per pixel, if it was asked for.
+    pub bands: Vec<Band>,
+}
+
+/// What a band of the spectrum sees of a picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Band {
+    /// Its wavelength, in nm.
+    pub nm: f64,
+    /// Mean spectral radiance, per nm, in units in which a light's luminance is the observer's Y; row by row from the top.
+    pub radiance: Vec<f32>,
+}
+
+/// Root mean square of the standard errors over the mean luminance; 0 in the dark.
+fn relative(squares: impl Iterator<Item = f64>, luminances: impl Iterator<Item = f64>) -> f64 {
+    let (mut square, mut light, mut count) = (0.0, 0.0, 0.0_f64);
+    for (s, l) in squares.zip(luminances) {
+        square += s;
+        light += l;
+        count += 1.0;
+    }
+    if light <= 0.0 { 0.0 } else { (square / count.max(1.0)).sqrt() / (light / count.max(1.0)) }
+}
+
+impl Picture {
+    /// A picture before its first pass.
+    pub(crate) fn new([width, height]: [usize; 2]) -> Self {
+        Self { width, height, passes: 0, pixels: vec![Pixel::default(); width * height], bands: vec![] }
+    }
+
+    /// Adds a round of passes: one to each pixel at first, then more where noise is.
+    ///
+    /// # Errors
+    /// `Cancelled` when it is to stop; the picture is then of no use.
+    pub(crate) fn add(&mut self, ready: &PreparedScene, progress: &dyn Progress) -> Result<()> {
+        let counts = match self.passes < FEWEST {
+            true => vec![1; self.pixels.len()],
+            false => adaptive_passes(&self.pixels, self.width, self.passes),
+        };
+        self.add_passes(ready, &counts, progress)
+    }
+
+    /// Adds so many passes to each pixel.
+    pub(crate) fn add_passes(&mut self, ready: &PreparedScene, counts: &[u8], progress: &dyn Progress) -> Result<()> {
+        let tiles = self.pixels.par_chunks_mut(TILE).zip(counts.par_chunks(TILE)).enumerate();
+        tiles.for_each_init(Memory::default, |memory, (tile, (pixels, counts))| {
+            for (k, (pixel, count)) in pixels.iter_mut().zip(counts).enumerate() {
+                for _ in 0..*count {
+                    if progress.cancelled() {
+                        return;
+                    }
+                    pixel.add(ready.viewer.kept(pass(ready, tile * TILE + k, pixel.passes as usize, memory)));
+                }
+            }
+        });
+        progress.check()?;
+        self.passes += 1;
+        Ok(())
+    }
+
+    /// Smaller by a whole number, so that no side is longer than `most`: to look at.
+    pub fn shrunk(&self, most: usize) -> Self {
+        let n = self.width.max(self.height).div_ceil(most.max(1)).max(1);
+        let [width, height] = [self.width, self.height].map(|side| side.div_ceil(n));
+        let block = |k: usize| {
+            let (x, y) = (k % width * n, k / width * n);
+            let (mut sum, mut count) = (Pixel::default(), 0.0);
+            for row in y..(y + n).min(self.height) {
+                for p in &self.pixels[row * self.width + x..row * self.width + (x + n).min(self.width)] {
+                    (0..3).for_each(|c| sum.rgb[c] += p.rgb[c]);
+                    sum.luminance += p.luminance;
+                    count += 1.0;
+                }
+            }
+            Pixel { rgb: sum.rgb.map(|v| v / count), luminance: sum.luminance / count, ..sum }
+        };
+        let pixels = (0..width * height).map(block).collect();
+        Self { width, height, passes: self.passes, pixels, bands: vec![] }
+    }
+
+    /// Adds a pass that was made elsewhere, linear sRGB.
+    pub(crate) fn add_pixels(&mut self, pass: &[[f32; 3]]) {
+        self.passes += 1;
+        for (pixel, rgb) in self.pixels.iter_mut().zip(pass) {
+            pixel.add((rgb.map(f64::from), xyz_of_linear_srgb(*rgb)[1].into()));
+        }
+    }
+
+    /// Whether it has as many passes as are allowed, or as an error takes.
+    pub(crate) fn is_enough(&self, most: usize, error: f64) -> bool {
+        self.passes >= most || (self.passes >= FEWEST && self.error() <= error)
+    }
+
+    /// Root mean square of the pixels' standard errors over the mean luminance; NaN before the second pass.
+    pub fn error(&self) -> f64 {
+        let squares = self.pixels.iter().map(|p| p.error().powi(2));
+        relative(squares, self.pixels.iter().map(|p| p.luminance))
+    }
+}

@@ -1,0 +1,129 @@
+//! Predicts the noise of a picture and the number of passes from a sample of its pixels.
+
+use crate::material::diffraction::memory::Memory;
+use crate::picture::adaptive_sampling::{Others, weights};
+use crate::picture::pixel::{FEWEST, Pixel, pass};
+use crate::prepared_scene::PreparedScene;
+use nacre_base::Result;
+use nacre_base::progress::Progress;
+use nacre_base::random::Stream;
+use rayon::prelude::*;
+
+/// Groups of four pixels in the sample.
+const PILOT: usize = 1024;
+
+/// Noise and light of a sample of pixels, from which those of the picture are predicted.
+pub(crate) struct Pilot {
+    /// Variances of their passes, over the square of their mean luminance.
+    variances: Vec<f64>,
+    /// Relative numbers of passes that they get.
+    weights: Vec<f64>,
+    /// Part of them that has light.
+    lit: f64,
+    /// Whether all pixels get the same.
+    even: bool,
+    /// Seconds of a round.
+    pub seconds_of_a_pass: f64,
+}
+
+impl Pilot {
+    /// Renders a few thousand pixels, two by two at places drawn by chance, four times.
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub(crate) fn new(ready: &PreparedScene, progress: &dyn Progress) -> Result<Self> {
+        let [width, height] = ready.size();
+        let count = PILOT.min(width * height / 4).max(1);
+        progress.stage("looking ahead", 1);
+        let begun = std::time::Instant::now();
+        let pixel = |memory: &mut Memory, k: usize| {
+            let first = chosen(k / 4, count, width * height);
+            let (x, y) = ((first % width + k % 2).min(width - 1), (first / width + k / 2 % 2).min(height - 1));
+            let mut pixel = Pixel::default();
+            if !progress.cancelled() {
+                (0..FEWEST).for_each(|n| pixel.add(ready.viewer.kept(pass(ready, y * width + x, n, memory))));
+            }
+            pixel
+        };
+        let pixels: Vec<Pixel> = (0..4 * count).into_par_iter().map_init(Memory::default, pixel).collect();
+        progress.check()?;
+        progress.step();
+        let seconds = begun.elapsed().as_secs_f64() * (width * height) as f64 / (pixels.len() * FEWEST) as f64;
+        Ok(Self::of(&pixels, seconds, false))
+    }
+
+    /// Of pixels that have been rendered, four side by side each.
+    pub(crate) fn of(pixels: &[Pixel], seconds_of_a_pass: f64, even: bool) -> Self {
+        let count = pixels.len().max(1) as f64;
+        let mean = pixels.iter().map(|p| p.luminance).sum::<f64>() / count;
+        let over = |p: &Pixel| p.error().powi(2) * f64::from(p.passes) / (mean * mean);
+        let variances: Vec<f64> =
+            pixels.iter().map(|p| Some(over(p)).filter(|v| v.is_finite()).unwrap_or(0.0)).collect();
+        // As in a picture, the others tell where noise is.
+        let others = |four: &[Pixel]| -> Vec<Others> {
+            let without = |k: usize| four.iter().enumerate().filter(move |(i, _)| *i != k).map(|(_, p)| p);
+            (0..four.len()).map(|k| Others::of(without(k))).collect()
+        };
+        let weights = weights(&pixels.chunks(4).flat_map(others).collect::<Vec<_>>());
+        let lit = pixels.iter().filter(|p| p.luminance > 0.0).count() as f64 / count;
+        Self { variances, weights, lit, even, seconds_of_a_pass }
+    }
+
+    /// Pixels of a picture of this size that have light, about.
+    pub(crate) fn lit_pixels(&self, [width, height]: [usize; 2]) -> f64 {
+        self.lit * (width * height) as f64
+    }
+
+    /// Noise of the picture after some rounds.
+    pub(crate) fn noise(&self, rounds: usize) -> f64 {
+        let count = self.variances.len() as f64;
+        let first = rounds.min(FEWEST) as f64;
+        let passes = (first + rounds.saturating_sub(FEWEST) as f64 * self.lit) * count;
+        let share = passes / self.weights.iter().sum::<f64>().max(1e-300);
+        let of = |(v, w): (&f64, &f64)| v / if self.even { rounds as f64 } else { (w * share).max(first).max(1.0) };
+        (self.variances.iter().zip(&self.weights).map(of).sum::<f64>() / count.max(1.0)).sqrt()
+    }
+
+    /// Rounds that an error takes, at most so many.
+    pub(crate) fn passes(&self, error: f64, most: usize) -> usize {
+        let (mut low, mut high) = (FEWEST.min(most), most);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if self.noise(middle) <= error { high = middle } else { low = middle + 1 }
+        }
+        low
+    }
+}
+
+/// One pixel of each of `count` parts of a picture, by chance.
+fn chosen(k: usize, count: usize, pixels: usize) -> usize {
+    let part = pixels as f64 / count as f64;
+    (((k as f64 + Stream::new(k, usize::MAX).next()) * part) as usize).min(pixels - 1)
+}
+
+/// Root mean square difference of some pixels of two scenes that differ in their accuracy, over the mean luminance, as noise is; none in the
+/// dark.
+///
+/// # Errors
+/// `Cancelled`.
+pub(crate) fn compared(
+    one: &PreparedScene,
+    other: &PreparedScene,
+    count: usize,
+    progress: &dyn Progress,
+) -> Result<Option<f64>> {
+    let [width, height] = one.size();
+    let count = count.min(width * height);
+    let pairs: Vec<[f64; 2]> = (0..count)
+        .into_par_iter()
+        .map_init(Memory::default, |memory, k| {
+            if progress.cancelled() {
+                return [0.0; 2];
+            }
+            [one, other].map(|ready| pass(ready, chosen(k, count, width * height), 0, memory)[1])
+        })
+        .collect();
+    progress.check()?;
+    let [off, light] = pairs.iter().fold([0.0; 2], |[d, l], [a, b]| [d + (a - b).powi(2), l + b]);
+    Ok((light > 0.0).then(|| (off * count as f64).sqrt() / light))
+}

@@ -1,0 +1,58 @@
+//! A pixel after some passes, and one pass of it.
+
+use crate::material::SAMPLES;
+use crate::material::diffraction::memory::Memory;
+use crate::prepared_scene::PreparedScene;
+use nacre_base::random::Stream;
+
+/// Fewest passes from which the standard error of a pixel is estimated.
+pub(crate) const FEWEST: usize = 4;
+
+/// A pixel after some passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pixel {
+    /// Mean of the passes, linear sRGB (or three bands of a spectrum).
+    pub rgb: [f64; 3],
+    /// Mean luminance of the passes (or mean of the bands).
+    pub luminance: f64,
+    /// Sum of the squared differences of the passes' luminances from their mean.
+    pub squares: f64,
+    /// Passes that it has.
+    pub passes: u32,
+}
+
+impl Pixel {
+    /// Adds a pass (Welford 1962).
+    pub(crate) fn add(&mut self, (rgb, luminance): ([f64; 3], f64)) {
+        self.passes += 1;
+        let share = 1.0 / f64::from(self.passes);
+        (0..3).for_each(|c| self.rgb[c] += (rgb[c] - self.rgb[c]) * share);
+        let off = luminance - self.luminance;
+        self.luminance += off * share;
+        self.squares += off * (luminance - self.luminance);
+    }
+
+    /// Standard error of the luminance.
+    pub fn error(&self) -> f64 {
+        if self.passes < 2 {
+            return f64::NAN;
+        }
+        let passes = f64::from(self.passes);
+        (self.squares.max(0.0) / (passes * (passes - 1.0))).sqrt()
+    }
+}
+
+/// One pass of a pixel: the mean of its samples, X, Y, Z.
+pub(super) fn pass(ready: &PreparedScene, index: usize, pass: usize, memory: &mut Memory) -> [f64; 3] {
+    let width = ready.size()[0];
+    let (x, y) = ((index % width) as f64, (index / width) as f64);
+    let mut random = Stream::new(index, pass);
+    let mut sum = [0.0; 3];
+    for k in 0..SAMPLES {
+        let [u, v] = random.numbers();
+        let at = [x + 0.5 * ((k % 2) as f64 + u), y + 0.5 * ((k / 2) as f64 + v)];
+        let part = ready.at(at, &mut random, memory);
+        (0..3).for_each(|c| sum[c] += part[c] / SAMPLES as f64);
+    }
+    sum
+}

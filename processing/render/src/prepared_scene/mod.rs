@@ -1,0 +1,281 @@
+//! Prepared scenes: shapes, materials and lights ready for rays, and the light that comes along a ray.
+
+pub(crate) mod camera;
+pub(crate) mod flat;
+
+use crate::light::spectrum::Upsampling;
+use crate::light::viewer::{Bands, Viewer};
+use crate::light::{Lamp, Sky, Source};
+use crate::material::diffraction::Diffraction;
+use crate::material::diffraction::memory::Memory;
+use crate::material::shading::{Above, Accuracy, Place};
+use crate::material::{Material, Notes};
+use crate::scene::{self, Scene};
+use crate::shape::ray::{Hit, Ray};
+use crate::shape::{Form, Placed};
+use crate::vector::{V3, number};
+use camera::Camera;
+use flat::Flat;
+use nacre_base::progress::Progress;
+use nacre_base::random::Stream;
+use nacre_base::{Error, Result};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Most shapes, and most lights, of a scene.
+const MOST_THINGS: usize = 1000;
+
+/// Places along a side of the picture from which directions of view are told.
+const VIEWED: usize = 48;
+
+/// A scene ready for rays.
+pub(crate) struct PreparedScene {
+    pub camera: Camera,
+    pub shapes: Vec<Placed>,
+    pub materials: Vec<Material>,
+    pub lamps: Vec<Lamp>,
+    pub skies: Vec<Sky>,
+    /// What shapes reflect of the skies, where it has been summed up.
+    pub flats: Vec<Option<Flat>>,
+    pub accuracy: Accuracy,
+    pub viewer: Viewer,
+    /// How each material is computed.
+    pub notes: BTreeMap<String, Notes>,
+    pub warnings: Vec<String>,
+}
+
+/// Refuses what makes no sense whatever its files hold.
+pub(crate) fn check(scene: &Scene) -> Result<()> {
+    let Scene { camera, shape, light, exposure, .. } = scene;
+    if shape.is_empty() {
+        return Err(Error::input("shape", "is none", "give at least one [[shape]]"));
+    }
+    if shape.len() > MOST_THINGS || light.len() > MOST_THINGS {
+        let problem = format!("has {} shapes and {} lights", shape.len(), light.len());
+        return Err(Error::input("scene", problem, format!("give at most {MOST_THINGS}")));
+    }
+    if let Some(exposure) = exposure {
+        number("exposure", *exposure, [1e-12, 1e12])?;
+    }
+    Camera::new(camera, 0.0).map(drop)
+}
+
+impl PreparedScene {
+    /// Of a scene whose files are sought in a folder; sums are to be off by less than the accuracy's error.
+    ///
+    /// # Errors
+    /// `Input` for what makes no sense, with its key or file.
+    pub(crate) fn new(scene: &Scene, folder: &Path, accuracy: Accuracy, progress: &dyn Progress) -> Result<Self> {
+        check(scene)?;
+        let Scene { camera, shape, light, material, turn, observer, .. } = scene;
+        let angle = |what: &str, deg: f64| number(what, deg, [-1e6, 1e6]).map(f64::to_radians);
+        let sample = angle("turn.sample_deg", turn.sample_deg)?;
+        let lights = angle("turn.light_deg", turn.light_deg)?;
+        let camera = Camera::new(camera, angle("turn.view_deg", turn.view_deg)?)?;
+        progress.stage("reading the scene", (shape.len() + light.len() + material.len()) as u64);
+        let viewer = Viewer::from(*observer);
+        let (mut lamps, mut skies) = (vec![], vec![]);
+        for (k, light) in light.iter().enumerate() {
+            let name = format!("light[{k}]");
+            lamps.extend(Lamp::new(&name, light, folder, viewer, (lights, accuracy.error))?);
+            skies.extend(Sky::new(&name, light, folder, viewer, (lights, accuracy.error))?);
+            progress.step();
+            progress.check()?;
+        }
+        let (mut materials, mut names, mut notes, mut warnings) = (vec![], vec![], BTreeMap::new(), vec![]);
+        for (name, of) in material {
+            if !shape.iter().any(|s| s.material() == name) {
+                warnings.push(format!("no shape is made of {name}"));
+            }
+            let made = Material::new(name, of, folder, *observer, &accuracy, progress)?;
+            notes.insert(name.clone(), made.notes.clone());
+            warnings.extend(made.notes.warnings.iter().map(|w| format!("material {name}: {w}")));
+            materials.push(made);
+            names.push(name);
+            progress.step();
+            progress.check()?;
+        }
+        let mut shapes = vec![];
+        for (k, of) in shape.iter().enumerate() {
+            let name = format!("shape[{k}]");
+            let Some(index) = names.iter().position(|n| *n == of.material()) else {
+                let problem = format!("is {:?}, which is described nowhere", of.material());
+                return Err(Error::input(format!("{name}.material"), problem, "add [material.NAME]"));
+            };
+            let form = Form::new(&name, of, folder, sample)?;
+            if let (Form::Mesh(mesh), scene::Shape::Mesh { file, .. }) = (&form, of) {
+                let path = folder.join(file);
+                if !mesh.tangents && materials[index].needs_tangents() {
+                    let problem =
+                        "has neither tangents nor texture coordinates, so that nobody knows where grooves run";
+                    return Err(Error::file(&path, problem, "add texture coordinates, or give it a material without"));
+                }
+                if mesh.degenerate > 0 {
+                    let left = format!("{}: {} triangles without an area left out", path.display(), mesh.degenerate);
+                    warnings.push(left);
+                }
+            }
+            shapes.push(Placed { form, material: index });
+            progress.step();
+            progress.check()?;
+        }
+        warnings.extend(skies.iter().flat_map(|s: &Sky| s.map.warnings()));
+        if lamps.is_empty() && skies.is_empty() {
+            warnings.push("there is no light".into());
+        }
+        let flats = shapes.iter().map(|_| None).collect();
+        Ok(Self { camera, shapes, materials, lamps, skies, flats, accuracy, viewer, notes, warnings })
+    }
+
+    /// Renders three bands of the spectrum from now on.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(crate) fn set_bands(&mut self, scene: &Scene, folder: &Path, bands: Bands) -> Result<()> {
+        self.viewer.bands = Some(bands);
+        let angle = scene.turn.light_deg.to_radians();
+        self.lamps.clear();
+        for (k, light) in scene.light.iter().enumerate() {
+            let name = format!("light[{k}]");
+            self.lamps.extend(Lamp::new(&name, light, folder, self.viewer, (angle, self.accuracy.error))?);
+        }
+        for sky in &mut self.skies {
+            sky.upsampling = Upsampling::new(self.viewer, self.accuracy.error)?;
+        }
+        Ok(())
+    }
+
+    /// Whether any material adds up orders or wavelengths.
+    pub(crate) fn sums(&self) -> bool {
+        self.materials.iter().any(|m| !matches!(m.diffraction, None | Some(Diffraction::Table(_))))
+    }
+
+    /// Pixels of a row, and rows.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        self.camera.size
+    }
+
+    /// Where a ray meets the nearest shape, and which.
+    fn meet(&self, ray: &Ray, range: [f64; 2]) -> Option<(Hit, usize)> {
+        let mut best: Option<(Hit, usize)> = None;
+        for (k, shape) in self.shapes.iter().enumerate() {
+            let far = best.map_or(range[1], |(hit, _)| hit.t);
+            if let Some(hit) = shape.form.meet(ray, [range[0], far]) {
+                best = Some((hit, k));
+            }
+        }
+        best
+    }
+
+    /// Directions, in its frame, in which a shape is seen from some places of the picture.
+    pub(crate) fn views_of(&self, shape: usize) -> Vec<[f64; 3]> {
+        let [width, height] = self.camera.size.map(|n| n as f64);
+        let at = |k: usize, n: f64| (k as f64 + 0.5) / VIEWED as f64 * n;
+        let view = |k: usize| {
+            let ray = self.camera.ray([at(k % VIEWED, width), at(k / VIEWED, height)], [0.0; 2]);
+            let (hit, met) = self.meet(&ray, [0.0, f64::INFINITY])?;
+            (met == shape).then(|| hit.frame.map(|f| -f.dot(&ray.along)))
+        };
+        (0..VIEWED * VIEWED).filter_map(view).collect()
+    }
+
+    /// What a shape reflects of the skies, if it is flat and made of a table and nothing hides the skies from it.
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub(crate) fn flat(&self, shape: usize, size: usize, progress: &dyn Progress) -> Result<Option<Flat>> {
+        let placed = &self.shapes[shape];
+        let material = &self.materials[placed.material];
+        let (Form::Flat { center, frame, .. }, Some(Diffraction::Table(table)), None, 1) =
+            (&placed.form, &material.diffraction, &material.normals, self.shapes.len())
+        else {
+            return Ok(None);
+        };
+        let side = (self.camera.at - center).dot(&frame[2]);
+        let frame = if side < 0.0 { [frame[0], frame[1], -frame[2]] } else { *frame };
+        Flat::new(frame, table, &self.skies, size, progress).map(Some)
+    }
+
+    /// Says that what a shape reflects of the skies has been summed up.
+    pub(crate) fn note_flat(&mut self, shape: usize, size: usize, error: f64) {
+        let material = self.shapes[shape].material;
+        let Some(notes) = self.notes.values_mut().nth(material) else { return };
+        notes.method.push_str(&format!(
+            ", on a flat sample: light from the environment is summed up once for {size} × {size} directions (a correlation), which takes less than drawing it \
+             by chance"
+        ));
+        notes.predicted_error += error;
+    }
+
+    /// X, Y, Z of a place of the picture, in pixels from its upper left corner.
+    pub(crate) fn at(&self, pixel: [f64; 2], random: &mut Stream, memory: &mut Memory) -> [f64; 3] {
+        let ray = self.camera.ray(pixel, random.numbers());
+        let Some((hit, shape)) = self.meet(&ray, [0.0, f64::INFINITY]) else {
+            let mut sum = [0.0; 3];
+            for sky in self.skies.iter().filter(|s| s.visible) {
+                let seen = sky.upsampling.seen(sky.radiance(ray.along));
+                (0..3).for_each(|c| sum[c] += seen[c]);
+            }
+            return sum;
+        };
+        self.reflected(&hit, shape, -ray.along, random, memory)
+    }
+
+    /// X, Y, Z that a place sends towards a direction.
+    fn reflected(&self, hit: &Hit, shape: usize, towards: V3, random: &mut Stream, memory: &mut Memory) -> [f64; 3] {
+        let material = &self.materials[self.shapes[shape].material];
+        let flat = self.flats[shape].as_ref().filter(|flat| flat.is_of(hit));
+        let frame = match material.normal(hit.uv) {
+            Some(normal) => bent(&hit.frame, normal, towards),
+            None => hit.frame,
+        };
+        let local = |v: V3| frame.map(|f| f.dot(&v));
+        let place = Place { uv: hit.uv, view: local(towards) };
+        // A little off the surface, so that it does not shade itself.
+        let start = hit.point + hit.flat * (1e-7 * (1.0 + hit.t));
+        let free = |towards: V3, distance: f64| {
+            hit.flat.dot(&towards) > 0.0 && self.meet(&Ray { from: start, along: towards }, [0.0, distance]).is_none()
+        };
+        let mut sum = [0.0; 3];
+        memory.kept.forget();
+        for lamp in &self.lamps {
+            let [u, chance] = [(); 2].map(|()| random.numbers());
+            lamp.beams(hit.point, u, |beam| {
+                let light = local(beam.towards);
+                if light[2] <= 0.0 || beam.illuminance <= 0.0 {
+                    return;
+                }
+                let source = Source { light, width: beam.sigma, seen: &lamp.seen, chance };
+                let part = material.lit(&place, &source, &self.accuracy, memory);
+                if part != [0.0; 3] && free(beam.towards, beam.distance) {
+                    (0..3).for_each(|c| sum[c] += part[c] * beam.illuminance);
+                }
+            });
+        }
+        for (k, sky) in self.skies.iter().enumerate() {
+            // A normal that is not the shape's may look below the shape's horizon; that counts as open.
+            let open = |towards: V3| {
+                hit.flat.dot(&towards) <= 0.0
+                    || self.meet(&Ray { from: start, along: towards }, [0.0, f64::INFINITY]).is_none()
+            };
+            let above = Above { sky, frame: &frame, open: &open, summed: flat.map(|flat| flat.at(k, place.view)) };
+            let part = material.under(&place, &above, random, &self.accuracy, memory);
+            (0..3).for_each(|c| sum[c] += part[c]);
+        }
+        sum
+    }
+}
+
+/// A frame whose normal has these components in another frame, turned back until it is seen.
+fn bent(frame: &[V3; 3], [x, y, z]: [f64; 3], towards: V3) -> [V3; 3] {
+    let mut n = (frame[0] * x + frame[1] * y + frame[2] * z).normalize();
+    let seen = n.dot(&towards);
+    if seen < 1e-3 {
+        n = (n + towards * (1e-3 - seen)).normalize();
+    }
+    let u = frame[0] - n * frame[0].dot(&n);
+    let u = if u.norm() > 1e-9 { u.normalize() } else { frame[1] };
+    let v = frame[1] - n * frame[1].dot(&n) - u * frame[1].dot(&u);
+    let v = if v.norm() > 1e-9 { v.normalize() } else { n.cross(&u) };
+    [u, v, n]
+}

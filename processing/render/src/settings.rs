@@ -1,0 +1,67 @@
+//! Settings of a rendering.
+
+use nacre_base::{Error, Result};
+use std::path::PathBuf;
+
+/// Settings of a rendering.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Most samples of a pixel, on average over those with light: noisy ones get more, calm ones less.
+    pub samples: usize,
+    /// Error at which passes end: root mean square of the pixels' standard errors over the mean luminance.
+    pub max_error: f64,
+    /// Fixed number of wavelengths; none to take as many as each place needs.
+    pub wavelengths: Option<usize>,
+    /// File that keeps the state of the rendering.
+    pub keep: Option<PathBuf>,
+    /// Go on from that file.
+    pub resume: bool,
+    /// Also measure the error of the sums over orders and wavelengths, against finer ones.
+    pub check: bool,
+    /// Render on a graphics card, if one supports the scene.
+    pub gpu: bool,
+    /// Distance of spectral bands in nm (1 to 100); none for colours only.
+    pub spectral_nm: Option<f64>,
+    /// Sample environments by Monte Carlo even where a sum over all directions is cheaper.
+    pub by_chance: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            samples: 256,
+            max_error: 0.01,
+            wavelengths: None,
+            keep: None,
+            resume: false,
+            check: false,
+            gpu: false,
+            spectral_nm: None,
+            by_chance: false,
+        }
+    }
+}
+
+impl Settings {
+    /// Refuses settings that make no sense.
+    ///
+    /// # Errors
+    /// `Input`, which names the setting.
+    pub(crate) fn check(&self) -> Result<()> {
+        if !(1..=1 << 20).contains(&self.samples) {
+            let problem = format!("are {}", self.samples);
+            return Err(Error::input("samples", problem, "give 1 to 1048576 samples per pixel"));
+        }
+        if !(1e-5..=1.0).contains(&self.max_error) {
+            let problem = format!("is {}", self.max_error);
+            return Err(Error::input("max-error", problem, "give 0.00001 to 1"));
+        }
+        if self.wavelengths.is_some_and(|n| !(3..=10_000).contains(&n)) {
+            return Err(Error::input("wavelengths", "are too few or too many", "give 3 to 10000, or leave them out"));
+        }
+        if self.resume && self.keep.is_none() {
+            return Err(Error::input("resume", "needs a file that was kept", "add --keep FILE.exr"));
+        }
+        Ok(())
+    }
+}
