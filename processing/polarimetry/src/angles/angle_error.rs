@@ -8,8 +8,9 @@
 //! with sin 2(ψ - φ) and light with cos 2(ψ - φ), as these together change all light's polarization alike (boosts of the cone of [1, cos 2ψ,
 //! sin 2ψ]). So before angles are put right, both are told together, each expected to be as large as the rest of its kind is.
 
-use crate::angles::sample::AREA;
+use crate::angles::sample::{AREA, Sample};
 use crate::film::cloud::CloudPoint;
+use crate::fit::views::View;
 use crate::{Design, StokesMaps};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::f64::consts::PI;
@@ -315,5 +316,21 @@ impl Witness {
     fn add(&mut self, other: &Self) {
         self.moments += other.moments;
         self.slopes.iter_mut().zip(&other.slopes).for_each(|(all, other)| *all += other);
+    }
+}
+
+impl Sample {
+    /// By how much the analyser missed the views' angles, where that is worth putting right; not told where some views were not kept.
+    pub(crate) fn misses(&self, views: &[View], stated: Option<f64>) -> Option<Misses> {
+        // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
+        if self.views() != views.len() || views.iter().any(|v| v.block > 1) {
+            return None;
+        }
+        let angles: Vec<f64> = views.iter().map(|v| v.angle).collect();
+        let blocks: Vec<usize> = (0..self.blocks()).collect();
+        let fit = |angles: &[f64], design: &Design| {
+            self.solve(&blocks, &angles.iter().copied().enumerate().collect::<Vec<_>>(), design)
+        };
+        misses(&self.all(), &angles, stated, fit)
     }
 }

@@ -1,9 +1,7 @@
 //! A few small blocks of pixels of every view, kept when the photographs are gone: what shows how views scatter about each
 //! other and about their fit needs no more, and memory does not grow with the size of the photographs.
 
-use crate::angles::angle_error::{Misses, misses};
 use crate::fit::merge::Merge;
-use crate::fit::views::View;
 use crate::{Design, Fit, StokesMaps};
 use rayon::prelude::*;
 
@@ -111,18 +109,9 @@ impl Sample {
         (y + i % AREA / SIDE) * self.width + x + i % SIDE
     }
 
-    /// By how much the analyser missed the views' angles, where that is worth putting right; not told where some views were not kept.
-    pub fn misses(&self, views: &[View], stated: Option<f64>) -> Option<Misses> {
-        // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
-        if self.views() != views.len() || views.iter().any(|v| v.block > 1) {
-            return None;
-        }
-        let angles: Vec<f64> = views.iter().map(|v| v.angle).collect();
-        let blocks: Vec<usize> = (0..self.corners.len()).collect();
-        let fit = |angles: &[f64], design: &Design| {
-            self.solve(&blocks, &angles.iter().copied().enumerate().collect::<Vec<_>>(), design)
-        };
-        misses(&self.all(), &angles, stated, fit)
+    /// Blocks of every view.
+    pub(crate) fn blocks(&self) -> usize {
+        self.corners.len()
     }
 
     /// Malus' law through the pixels of these blocks, of some of the views (number and angle in rad).

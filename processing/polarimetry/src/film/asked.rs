@@ -1,8 +1,7 @@
 //! The request to a solution.
 
 use crate::Model;
-use crate::film::correction::Oblique;
-use crate::film::correction::Stand;
+use crate::film::stand::{Oblique, Stand};
 use nacre_optics::polarization::Material;
 
 /// What is asked of a solution.

@@ -8,34 +8,10 @@ use crate::film::locate::{Table, distance2};
 use crate::film::models::Model;
 pub use crate::film::oblique::{Incidence, Material, curve_at};
 use crate::film::search::{Begin, refitted};
-use nacre_frames::Distances;
+use crate::film::stand::{Oblique, Stand};
 use num_complex::Complex;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::f64::consts::PI;
-
-/// Whether oblique incidence is taken out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Oblique {
-    /// Where the geometry is known and the points are likelier then.
-    Auto,
-    /// Never.
-    #[default]
-    Off,
-}
-
-impl std::str::FromStr for Oblique {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "off" => Ok(Self::Off),
-            _ => Err(format!("{text:?} is neither auto nor off")),
-        }
-    }
-}
 
 /// What was done about oblique incidence.
 #[derive(Clone, Debug, Serialize)]
@@ -100,47 +76,6 @@ const FIRST_ORDER: f64 = 0.18;
 
 /// Points that are looked at to find out.
 const LOOKED_AT: usize = 6000;
-
-/// Where the camera stands over the photographs.
-#[derive(Clone, Copy, Debug)]
-pub struct Stand {
-    width: usize,
-    /// Pixel below the camera.
-    foot: [f32; 2],
-    /// Distance of the camera in pixels, squared.
-    distance2: f32,
-    largest_sin2: f64,
-}
-
-impl Stand {
-    /// From the distances on the bench, for photographs of this size in which a pixel of the maps is `block` pixels wide; None
-    /// when the size of a pixel is not known.
-    pub fn new(geometry: &Distances, [width, height]: [usize; 2], block: usize) -> Option<Self> {
-        let pixel_mm = geometry.pixel_um? / 1000.0;
-        let middle = [0.5 * width as f64, 0.5 * height as f64];
-        // The sample lies half-way between the camera and the light, which stands to the right of the camera.
-        let below = geometry.camera_px.unwrap_or([middle[0] - 0.5 * geometry.baseline_mm / pixel_mm, middle[1]]);
-        let distance2 = (geometry.distance_mm / pixel_mm).powi(2);
-        let corners = [[0.0, 0.0], [width as f64, 0.0], [0.0, height as f64], [width as f64, height as f64]];
-        let square = |c: [f64; 2]| (c[0] - below[0]).powi(2) + (c[1] - below[1]).powi(2);
-        let farthest = corners.into_iter().map(square).fold(0.0, f64::max);
-        let block_px = block as f64;
-        Some(Self {
-            width: width / block,
-            foot: below.map(|v| (v / block_px - 0.5) as f32),
-            distance2: (distance2 / (block_px * block_px)) as f32,
-            largest_sin2: farthest / (farthest + distance2),
-        })
-    }
-
-    /// sin² of the angle of incidence at a pixel, and the same times cosine and sine of twice the azimuth of its plane.
-    #[inline]
-    fn at(&self, pixel: usize) -> [f32; 3] {
-        let (x, y) = ((pixel % self.width) as f32 - self.foot[0], self.foot[1] - (pixel / self.width) as f32);
-        let scale = 1.0 / (x * x + y * y + self.distance2);
-        [(x * x + y * y) * scale, (x * x - y * y) * scale, 2.0 * x * y * scale]
-    }
-}
 
 /// What a unit of [`Stand::at`] moves a point by: constant, with cos 2φ and with sin 2φ.
 type Moves = [[f32; 2]; 3];
@@ -328,6 +263,7 @@ mod tests {
     use crate::film::foot::Path;
     use crate::film::models::orientation;
     use crate::synthetic::{normal, uniform};
+    use nacre_frames::Distances;
 
     /// Points of the exact curves, at every angle of incidence in view, come back to the curve at normal incidence: what is of
     /// higher order than the first in sin² costs less than 0.15° of orientation at 15°, where oblique incidence itself costs

@@ -4,15 +4,12 @@
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
 use crate::film::foot::{Foot, Path, SIDE_BY_SIDE, feet, scale_of};
-use crate::film::normal::{Lanes, Normal};
+use crate::film::normal::{CAUCHY, Lanes, Normal};
 use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nacre_base::vectors::vectorised;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::f64::consts::PI;
-
-/// Distances beyond so many standard deviations count less and less.
-pub const CAUCHY: f64 = 3.0;
 
 /// A step that makes the points so little likelier is the last, one that is expected to is not made: -2 ln likelihood, in which 1 is one
 /// standard deviation.

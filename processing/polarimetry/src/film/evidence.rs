@@ -6,8 +6,8 @@
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
-use crate::film::curve_fit::CAUCHY;
 use crate::film::foot::{Foot, feet, scale_of};
+use crate::film::normal::CAUCHY;
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
 

@@ -10,6 +10,7 @@ use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
 use crate::film::foot::Path;
 use crate::film::places::{Places, Rows};
+use crate::film::pulls::{Place, Pulls};
 use crate::film::spots::Spots;
 use crate::film::weights::Weights;
 use nacre_base::statistics::median;
@@ -74,23 +75,6 @@ pub(crate) fn terms(points: &[CloudPoint], curve: &Curve) -> Vec<f64> {
         terms.iter_mut().skip(first).step_by(2).zip(of_half).for_each(|(term, of_half)| *term = of_half);
     }
     terms
-}
-
-/// How points pull at a curve.
-pub(crate) struct Pulls {
-    /// -2 ln likelihood of all points.
-    pub misfit: f64,
-    /// At its places.
-    pub places: Vec<Place>,
-    /// At metal without a grating.
-    pub mirror: [f64; 2],
-}
-
-/// A place of a curve, and the slope of the ln likelihood of the points as it moves.
-#[derive(Clone, Copy)]
-pub(crate) struct Place {
-    pub theta: f64,
-    pub pull: [f64; 2],
 }
 
 /// How points pull at a curve: by how likely each of them is from which place, and how far off it is in the metric of its noise.

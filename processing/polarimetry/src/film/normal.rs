@@ -1,8 +1,10 @@
 //! The sums of a least-squares step, over several points side by side, which the compiler makes vectors of.
 
 use crate::film::curve::{Curve, PARAMETERS};
-use crate::film::curve_fit::CAUCHY;
 use crate::film::foot::{Foot, SIDE_BY_SIDE};
+
+/// Distances beyond so many standard deviations count less and less.
+pub const CAUCHY: f64 = 3.0;
 
 /// Most parameters that a family can have: those of a film.
 const MOST: usize = PARAMETERS;

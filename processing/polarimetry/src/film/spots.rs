@@ -6,8 +6,8 @@
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
-use crate::film::mixture::{Place, Pulls};
 use crate::film::places::{Places, SPACING, log_density};
+use crate::film::pulls::{Place, Pulls};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

@@ -3,8 +3,8 @@
 
 use crate::film::cloud::CloudPoint;
 use crate::film::curve::Curve;
-use crate::film::curve_fit::CAUCHY;
 use crate::film::foot::{Foot, feet};
+use crate::film::normal::CAUCHY;
 use std::f64::consts::PI;
 
 /// Stretches of equal angle whose points are summed up: curves of films differ by a few waves around.

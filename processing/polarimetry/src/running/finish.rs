@@ -7,7 +7,7 @@ use super::moved::correct_analyser_angles;
 use crate::angles::aligned::{AngleErrors, correlated};
 use crate::angles::repeats::{compare_halves, pairs};
 use crate::angles::sample::Sample;
-use crate::film::correction::Stand;
+use crate::film::stand::Stand;
 use crate::fit::views::View;
 use crate::report::disk::Disk;
 use crate::report::errors::{Angles, systematic};

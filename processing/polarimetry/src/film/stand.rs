@@ -1,0 +1,69 @@
+//! Where the camera stands, and whether oblique incidence is corrected for.
+
+use nacre_frames::Distances;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Whether oblique incidence is taken out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Oblique {
+    /// Where the geometry is known and the points are likelier then.
+    Auto,
+    /// Never.
+    #[default]
+    Off,
+}
+
+impl std::str::FromStr for Oblique {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "off" => Ok(Self::Off),
+            _ => Err(format!("{text:?} is neither auto nor off")),
+        }
+    }
+}
+
+/// Where the camera stands over the photographs.
+#[derive(Clone, Copy, Debug)]
+pub struct Stand {
+    pub(crate) width: usize,
+    /// Pixel below the camera.
+    pub(crate) foot: [f32; 2],
+    /// Distance of the camera in pixels, squared.
+    pub(crate) distance2: f32,
+    pub(crate) largest_sin2: f64,
+}
+
+impl Stand {
+    /// From the distances on the bench, for photographs of this size in which a pixel of the maps is `block` pixels wide; None
+    /// when the size of a pixel is not known.
+    pub fn new(geometry: &Distances, [width, height]: [usize; 2], block: usize) -> Option<Self> {
+        let pixel_mm = geometry.pixel_um? / 1000.0;
+        let middle = [0.5 * width as f64, 0.5 * height as f64];
+        // The sample lies half-way between the camera and the light, which stands to the right of the camera.
+        let below = geometry.camera_px.unwrap_or([middle[0] - 0.5 * geometry.baseline_mm / pixel_mm, middle[1]]);
+        let distance2 = (geometry.distance_mm / pixel_mm).powi(2);
+        let corners = [[0.0, 0.0], [width as f64, 0.0], [0.0, height as f64], [width as f64, height as f64]];
+        let square = |c: [f64; 2]| (c[0] - below[0]).powi(2) + (c[1] - below[1]).powi(2);
+        let farthest = corners.into_iter().map(square).fold(0.0, f64::max);
+        let block_px = block as f64;
+        Some(Self {
+            width: width / block,
+            foot: below.map(|v| (v / block_px - 0.5) as f32),
+            distance2: (distance2 / (block_px * block_px)) as f32,
+            largest_sin2: farthest / (farthest + distance2),
+        })
+    }
+
+    /// sin² of the angle of incidence at a pixel, and the same times cosine and sine of twice the azimuth of its plane.
+    #[inline]
+    pub(crate) fn at(&self, pixel: usize) -> [f32; 3] {
+        let (x, y) = ((pixel % self.width) as f32 - self.foot[0], self.foot[1] - (pixel / self.width) as f32);
+        let scale = 1.0 / (x * x + y * y + self.distance2);
+        [(x * x + y * y) * scale, (x * x - y * y) * scale, 2.0 * x * y * scale]
+    }
+}
