@@ -5,6 +5,7 @@ use super::{App, Body};
 use axum::Json;
 use axum::extract::State;
 use nacre_capture::plan::Plan;
+use nacre_processing::text::from_toml;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
@@ -69,7 +70,7 @@ impl PlanBody {
         let plan: Plan = match (self.plan, self.toml) {
             (Some(value), None) => serde_path_to_error::deserialize(value)
                 .map_err(|e| Problem::bad(format!("plan.{}: {}", e.path(), e.inner())))?,
-            (None, Some(text)) => toml::from_str(&text).map_err(|e| Problem::bad(format!("toml: {e}")))?,
+            (None, Some(text)) => from_toml(&text).map_err(|e| Problem::bad(format!("toml: {e}")))?,
             _ => return Err(Problem::bad("give either plan (JSON) or toml (text)")),
         };
         plan.check_values().map_err(|problem| Problem::bad(problem).remedy("see /api/v1/plans/schema"))?;

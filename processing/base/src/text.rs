@@ -1,6 +1,7 @@
 //! Small text files from outside.
 
-use crate::{Error, Result};
+use crate::Error;
+use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -9,7 +10,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// `Input`, with this remedy, for what cannot be read, is no file, is larger or is no UTF-8 text.
-pub fn read_text(path: &Path, most: u64, remedy: &str) -> Result<String> {
+pub fn read_text(path: &Path, most: u64, remedy: &str) -> Result<String, Error> {
     let bad = |problem: String| Error::file(path, problem, remedy);
     let cannot = |e: std::io::Error| bad(format!("cannot be read: {e}"));
     // A pipe has no length, and opening one waits for its writer.
@@ -22,6 +23,35 @@ pub fn read_text(path: &Path, most: u64, remedy: &str) -> Result<String> {
         return Err(bad(format!("has more than the {most} bytes that are read")));
     }
     Ok(text)
+}
+
+/// Reads a value from JSON, directly and not by way of a tree, which would take the last of several equal keys.
+///
+/// # Errors
+/// The key and what is wrong with it, with line and column.
+pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    let mut json = serde_json::Deserializer::from_str(text);
+    let value = serde_path_to_error::deserialize(&mut json).map_err(|e| format!("{}{}", key(e.path()), e.inner()))?;
+    json.end().map_err(|e| format!("something follows the closing brace: {e}"))?;
+    Ok(value)
+}
+
+/// Reads a value from TOML.
+///
+/// # Errors
+/// The key and what is wrong with it, with its line.
+pub fn from_toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    let toml = toml::Deserializer::parse(text).map_err(|e| e.to_string().trim_end().to_owned())?;
+    serde_path_to_error::deserialize(toml).map_err(|e| {
+        let line = |at: std::ops::Range<usize>| text.get(..at.start).map(|before| 1 + before.matches('\n').count());
+        let place = e.inner().span().and_then(line).map(|line| format!(" (line {line})")).unwrap_or_default();
+        format!("{}{}{place}", key(e.path()), e.inner().message())
+    })
+}
+
+/// A key as the start of a sentence; nothing for the whole.
+fn key(path: &serde_path_to_error::Path) -> String {
+    if path.iter().next().is_some() { format!("{path}: ") } else { String::new() }
 }
 
 #[cfg(test)]
@@ -40,5 +70,37 @@ mod tests {
         assert!(refused(&dir.path().join("b.txt"), 11).contains("cannot be read"));
         std::fs::write(&file, [0xff, 0xfe]).unwrap();
         assert!(refused(&file, 12).contains("a.txt"));
+    }
+
+    #[test]
+    fn errors_of_values_name_key_and_line() {
+        #[derive(serde::Deserialize, PartialEq, Debug)]
+        #[serde(deny_unknown_fields)]
+        struct Inner {
+            size_mm: f64,
+        }
+        #[derive(serde::Deserialize, PartialEq, Debug)]
+        struct Outer {
+            panel: Inner,
+        }
+        let right = Outer { panel: Inner { size_mm: 2.5 } };
+        assert_eq!(from_json::<Outer>("{\"panel\": {\"size_mm\": 2.5}}").unwrap(), right);
+        assert_eq!(from_toml::<Outer>("panel = { size_mm = 2.5 }").unwrap(), right);
+        for (text, words) in [
+            ("{\"panel\": {\"size_mm\": \"x\"}}", ["panel.size_mm: ", "line 1"]),
+            ("{\"panel\": {\"size_mm\": 1, \"size_mm\": 2}}", ["panel", "duplicate"]),
+            ("{\"panel\": {\"size_mm\": 1}} more", ["closing brace", "line 1"]),
+        ] {
+            let problem = from_json::<Outer>(text).unwrap_err();
+            assert!(words.iter().all(|w| problem.contains(w)), "{problem}");
+        }
+        for (text, words) in [
+            ("\n[panel]\nsize_mm = true", ["panel.size_mm: ", "(line 3)"]),
+            ("[panel]\nsize_mm = 1\nwidth = 2", ["width", "(line 3)"]),
+            ("panel = {", ["line 1", "TOML"]),
+        ] {
+            let problem = from_toml::<Outer>(text).unwrap_err();
+            assert!(words.iter().all(|w| problem.contains(w)), "{problem}");
+        }
     }
 }

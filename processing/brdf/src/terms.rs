@@ -12,7 +12,7 @@ use super::settings::{Method, Settings};
 use super::spectral::RANGE_NM;
 use super::transform::Plane;
 use nacre_base::progress::Progress;
-use nacre_base::text::read_text;
+use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
 use nacre_image::{Attribute, OutputFolder, Precision, read_exr, write_exr_as};
 use num_complex::Complex32;
@@ -265,7 +265,7 @@ impl Terms {
         let remedy = "give a folder that nacre brdf terms has written";
         let text = read_text(&path, MAX_BYTES, remedy)?;
         let about: TermsAbout =
-            serde_json::from_str(&text).map_err(|e| Error::file(&path, format!("is no description: {e}"), remedy))?;
+            from_json(&text).map_err(|e| Error::file(&path, format!("is no description: {e}"), remedy))?;
         let bad = |problem: String| Err(Error::file(&path, problem, remedy));
         let kind = match about.kind.as_str() {
             "taylor" => Kind::Taylor,

@@ -1,7 +1,7 @@
 //! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
 
 use super::{Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, SESSION_FILE, Spot, Transfer};
-use nacre_base::text::read_text;
+use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
 use nacre_image::{Info, info};
 use std::path::{Component, Path, PathBuf};
@@ -121,13 +121,8 @@ pub fn save(set: &FrameSet) -> String {
 fn parse(path: &Path) -> Result<FrameSet> {
     let remedy = format!("give a session folder, a {FILE_NAME} or a folder holding one (`nacre import` makes one)");
     let text = read_text(path, MAX_BYTES, &remedy)?;
-    let mut json = serde_json::Deserializer::from_str(&text);
-    let set = serde_path_to_error::deserialize(&mut json).map_err(|e| {
-        let place = if e.path().iter().next().is_some() { format!("{}: ", e.path()) } else { String::new() };
-        Error::file(path, format!("{place}{}", e.inner()), "correct it; `nacre schema frames` prints what is allowed")
-    })?;
-    json.end().map_err(|e| Error::file(path, e, "remove what follows the closing brace"))?;
-    Ok(set)
+    from_json(&text)
+        .map_err(|problem| Error::file(path, problem, "correct it; `nacre schema frames` prints what is allowed"))
 }
 
 fn check_values(path: &Path, set: &FrameSet, by: By) -> Result<()> {

@@ -5,7 +5,7 @@
 //! `linear` writes one picture whose step is said; what comes back is off by half of it at most.
 
 use super::asset::{Kind, MOST_PIXELS, Map, Maps};
-use nacre_base::text::read_text;
+use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
 use nacre_image::{OutputFolder, Samples, info, read, write_png16_gray};
 use serde::{Deserialize, Serialize};
@@ -149,10 +149,7 @@ pub fn import(input: &Path) -> Result<Maps> {
     let remedy = format!("give a folder with a {PACK} as `nacre map export` writes it");
     let bad = |problem: String| Error::file(&path, problem, &remedy);
     let text = read_text(&path, MAX_BYTES, &remedy)?;
-    let mut json = serde_json::Deserializer::from_str(&text);
-    let pack: Pack =
-        serde_path_to_error::deserialize(&mut json).map_err(|e| bad(format!("{}: {}", e.path(), e.inner())))?;
-    json.end().map_err(|e| bad(format!("something follows its closing brace: {e}")))?;
+    let pack: Pack = from_json(&text).map_err(bad)?;
     if pack.nacre_maps != 1 {
         return Err(bad(format!("is version {}; version 1 can be read", pack.nacre_maps)));
     }

@@ -5,7 +5,7 @@ use crate::fit::merge::Merge;
 use crate::fit::views::{View, brackets, views};
 use crate::orient;
 use crate::{Design, Running};
-use nacre_base::text::read_text;
+use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
 use nacre_frames::{Kind, LinearFrame, Linearizer, LoadedFrames};
 use nacre_image::registration::Resampler;
@@ -77,7 +77,7 @@ impl PutRight {
         }
         let path = results.join("report.json");
         let text = read_text(&path, MAX_REPORT, AGAIN)?;
-        let said: Said = serde_json::from_str(&text).map_err(|e| Error::file(&path, e.to_string(), AGAIN))?;
+        let said: Said = from_json(&text).map_err(|problem| Error::file(&path, problem, AGAIN))?;
         Ok(Self {
             angle_errors_deg: said.analyser_errors_deg.unwrap_or_default(),
             shifts_px: said.registration.filter(|m| m.corrected).map(|m| m.shifts_px).unwrap_or_default(),

@@ -8,7 +8,7 @@ use nacre_processing::Error;
 use nacre_processing::bokeh::PsfChoice;
 use nacre_processing::color::NAMES;
 use nacre_processing::polarimetry::{MAX_BRACKET, Model, Oblique};
-use nacre_processing::text::read_text;
+use nacre_processing::text::{from_json, from_toml, read_text};
 use std::path::Path;
 use std::time::Duration;
 
@@ -25,11 +25,8 @@ impl Plan {
         let remedy = "correct the plan; `nacre schema plan` lists its keys";
         let bad = |problem: String| Error::file(path, problem, remedy);
         let text = read_text(path, LIMIT, remedy)?;
-        let plan: Self = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
-            serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?
-        } else {
-            toml::from_str(&text).map_err(|e| bad(e.to_string().trim_end().to_owned()))?
-        };
+        let is_json = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        let plan: Self = if is_json { from_json(&text) } else { from_toml(&text) }.map_err(bad)?;
         plan.check_values().map_err(bad)?;
         Ok(plan)
     }

@@ -29,7 +29,7 @@ pub mod synthesize;
 mod values;
 
 use nacre_processing::Error;
-use nacre_processing::text::read_text;
+use nacre_processing::text::{from_toml, read_text};
 use std::path::Path;
 
 /// Largest description that is read.
@@ -41,5 +41,5 @@ const MAX_BYTES: u64 = 1 << 20;
 /// `Input` with this remedy for what cannot be read or is something else.
 fn toml_file<T: serde::de::DeserializeOwned>(path: &Path, remedy: &str) -> Result<T, Error> {
     let text = read_text(path, MAX_BYTES, remedy)?;
-    toml::from_str(&text).map_err(|e| Error::file(path, e.message().to_owned(), remedy))
+    from_toml(&text).map_err(|problem| Error::file(path, problem, remedy))
 }

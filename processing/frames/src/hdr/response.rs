@@ -1,6 +1,6 @@
 //! How a camera's values grow with light, as a curve per channel.
 
-use nacre_base::text::read_text;
+use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -29,7 +29,7 @@ impl Response {
         let remedy = "give the response.json of an earlier `nacre reconstruct hdr --response recover`";
         let bad = |problem: String| Error::file(path, problem, remedy);
         let text = read_text(path, MAX_BYTES, remedy)?;
-        let response: Self = serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?;
+        let response: Self = from_json(&text).map_err(bad)?;
         response.problem().map_or(Ok(response), |problem| Err(bad(problem)))
     }
 

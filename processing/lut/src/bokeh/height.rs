@@ -1,7 +1,7 @@
 //! Light as height: dark is deep (2017 paper, section 5), by a straight line that a known grating tells (its Eq. 27).
 
 use super::period::Lines;
-use nacre_base::text::read_text;
+use nacre_base::text::{from_json, from_toml, read_text};
 use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -64,11 +64,8 @@ impl Calibration {
         let remedy = "give the calibration.json of an earlier run with --known-shape and --known-depth-um";
         let bad = |problem: String| Error::file(path, problem, remedy);
         let text = read_text(path, MAX_BYTES, remedy)?;
-        let this: Self = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
-            toml::from_str(&text).map_err(|e| bad(e.message().to_owned()))?
-        } else {
-            serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?
-        };
+        let is_toml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+        let this: Self = if is_toml { from_toml(&text) } else { from_json(&text) }.map_err(bad)?;
         if !(this.gain_um > 0.0 && this.gain_um < 1e6 && this.offset.is_finite()) {
             let (gain, offset) = (this.gain_um, this.offset);
             return Err(bad(format!(

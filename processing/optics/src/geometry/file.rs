@@ -1,7 +1,7 @@
 //! `geometry.json`. It may come from anywhere, so nothing in it is trusted.
 
 use super::Geometry;
-use nacre_base::text::read_text;
+use nacre_base::text::{from_json, read_text};
 use nacre_base::write_whole;
 use nacre_base::{Error, Result};
 use std::path::Path;
@@ -38,12 +38,7 @@ pub fn load(path: &Path) -> Result<Geometry> {
 /// # Errors
 /// What is wrong, naming the key.
 pub fn parse(text: &str) -> std::result::Result<Geometry, String> {
-    let mut json = serde_json::Deserializer::from_str(text);
-    let geometry: Geometry = serde_path_to_error::deserialize(&mut json).map_err(|e| {
-        let place = if e.path().iter().next().is_some() { format!("{}: ", e.path()) } else { String::new() };
-        format!("{place}{}", e.inner())
-    })?;
-    json.end().map_err(|e| format!("something follows the closing brace: {e}"))?;
+    let geometry: Geometry = from_json(text)?;
     match geometry.check() {
         Err(Error::Input { subject, problem, remedy }) => Err(format!("{subject} {problem} ({remedy})")),
         Err(other) => Err(other.to_string()),

@@ -6,7 +6,7 @@ mod material;
 pub(crate) use files::inside;
 pub use material::{Base, Blend, Color, Diffraction, Material, Relief, Value};
 
-use nacre_base::text::read_text;
+use nacre_base::text::{from_toml, read_text};
 use nacre_base::{Error, Result};
 use nacre_optics::color::Observer;
 use schemars::JsonSchema;
@@ -333,7 +333,6 @@ impl Scene {
     /// # Errors
     /// What is wrong, in words.
     pub fn parse(text: &str) -> std::result::Result<Self, String> {
-        let table = toml::Deserializer::parse(text).map_err(|e| e.to_string().trim_end().replace('\n', " "))?;
-        serde_path_to_error::deserialize(table).map_err(|e| format!("{}: {}", e.path(), e.inner().message()))
+        from_toml(text)
     }
 }

@@ -1,6 +1,7 @@
 //! Reading a bench, and refusing impossible ones.
 
 use super::{BenchConfig, FaultKind, FaultyDevice};
+use nacre_processing::text::from_toml;
 
 impl FaultKind {
     /// Whether a device can fail in this way.
@@ -24,7 +25,7 @@ impl BenchConfig {
     /// # Errors
     /// A sentence that names the key, what was found and what is allowed.
     pub fn from_toml(text: &str) -> Result<Self, String> {
-        let config: Self = toml::from_str(text).map_err(|e| e.to_string().trim_end().replace('\n', "\n  "))?;
+        let config: Self = from_toml(text)?;
         config.validate()?;
         Ok(config)
     }
