@@ -3,10 +3,10 @@
 //! What costs is memory, not arithmetic: numbers travel in blocks that a line of the cache holds whole, what is kept of one set of rows
 //! stays in the cache until its columns are done, and of real functions only one half is ever written.
 
+use nacre_fourier::Fft;
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
-use rustfft::{Fft, FftNum, FftPlanner};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ const TOGETHER: usize = 8;
 pub(super) const AT_ONCE: usize = 2;
 
 /// f32 or f64.
-pub(super) trait Real: FftNum {
+pub(super) trait Real: nacre_fourier::Real {
     fn of(value: f64) -> Self;
     fn double(self) -> f64;
 }
@@ -124,14 +124,13 @@ impl<T: Real> Plan<T> {
     /// For patches of this size, and frequencies up to these and within an ellipse of these half axes, in cycles per patch. What is kept
     /// goes beyond the ellipse by up to seven columns.
     pub(super) fn new(width: usize, height: usize, [mx, my]: [usize; 2], axes: [f64; 2]) -> Self {
-        let mut planner = FftPlanner::new();
         Self {
             width,
             height,
             reach: [mx.min((width - 1) / 2), my.min((height - 1) / 2)],
             axes,
-            rows: planner.plan_fft_forward(width),
-            columns: planner.plan_fft_forward(height),
+            rows: T::forward(width),
+            columns: T::forward(height),
         }
     }
 

@@ -1,9 +1,8 @@
 //! Convolution with any kernel through the Fourier transform.
 
+use nacre_fourier::{ComplexToReal, Fft, Real, RealToComplex, real_forward, real_inverse};
 use num_complex::Complex32;
 use rayon::prelude::*;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
-use rustfft::{Fft, FftPlanner};
 use std::sync::Arc;
 
 /// A kernel, ready for images of one size.
@@ -23,14 +22,12 @@ impl Convolution {
     pub fn new(size: [usize; 2], kernel: [usize; 2], values: &[f32]) -> Self {
         // What wraps around comes from the zeros.
         let [width, height] = [0, 1].map(|axis| good_size(size[axis] + kernel[axis] / 2));
-        let mut real = RealFftPlanner::new();
-        let mut complex = FftPlanner::new();
         let mut this = Self {
             width,
             height,
-            forward: real.plan_fft_forward(width),
-            backward: real.plan_fft_inverse(width),
-            columns: [complex.plan_fft_forward(height), complex.plan_fft_inverse(height)],
+            forward: real_forward(width),
+            backward: real_inverse(width),
+            columns: [f32::forward(height), f32::inverse(height)],
             kernel: vec![],
         };
         let mut image = vec![0.0; width * height];

@@ -1,7 +1,7 @@
 //! How alike two fields are for every shift, where both are known.
 
 use super::convolution::good_size;
-use super::fourier::Fourier;
+use nacre_fourier::Fourier;
 use num_complex::Complex32;
 
 /// Complex values of an image; 0 with a mask of 0 where unknown.

@@ -5,8 +5,8 @@
 //! average, and its correlation over frames has one sharp peak, where that of the brightness may have none.
 
 use super::windows::Windows;
-use crate::Fourier;
 use nacre_base::vectors::vectorised;
+use nacre_fourier::Fourier;
 use num_complex::Complex;
 use rayon::prelude::*;
 

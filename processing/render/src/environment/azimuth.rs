@@ -4,9 +4,9 @@
 use super::{Environment, Table};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
+use nacre_fourier::{FftError, real_forward, real_inverse};
+use num_complex::Complex32;
 use rayon::prelude::*;
-use realfft::RealFftPlanner;
-use rustfft::num_complex::Complex32;
 use std::f64::consts::{PI, TAU};
 
 /// An environment is summed up this finely: parts of a pixel are at most so many cells of the table.
@@ -31,9 +31,8 @@ pub fn facing(
     let fine = (PI / height as f64 / (CELLS * table.cell())).ceil().max(1.0) as usize;
     let fine = (fine + 1 - fine % 2).min(PARTS);
     let columns = width * fine;
-    let mut planner = RealFftPlanner::<f32>::new();
-    let (forward, inverse) = (planner.plan_fft_forward(columns), planner.plan_fft_inverse(columns));
-    let failed = |e: realfft::FftError| Error::input("environment", e, "give one of another width");
+    let (forward, inverse) = (real_forward(columns), real_inverse(columns));
+    let failed = |e: FftError| Error::input("environment", e, "give one of another width");
     let bins = columns / 2 + 1;
     let edge = |y: usize| (PI * y as f64 / (height * fine) as f64).cos();
     let spectra = |y: usize| -> Result<[Vec<Complex32>; 3]> {

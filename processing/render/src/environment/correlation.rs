@@ -8,10 +8,10 @@
 use super::cosines::slices;
 use nacre_base::Result;
 use nacre_base::progress::Progress;
-use nacre_image::Fourier;
+use nacre_fourier::Fourier;
 use nacre_image::catmull_rom;
+use num_complex::Complex64;
 use rayon::prelude::*;
-use rustfft::num_complex::Complex64;
 
 /// Light of the cells of the disc of direction cosines, y upwards: sums over a cell of radiance times solid angle times powers of z.
 pub(crate) type Moments = Vec<[f64; 5]>;

@@ -1,8 +1,8 @@
 //! Fourier transforms of complex images.
 
+use crate::{Fft, Real};
 use num_complex::Complex;
 use rayon::prelude::*;
-use rustfft::{Fft, FftNum, FftPlanner};
 use std::sync::Arc;
 
 /// Values that one task of a parallel transform holds at least: smaller images are transformed by the calling thread.
@@ -12,18 +12,16 @@ const TASK: usize = 1 << 16;
 const BLOCK: usize = 16;
 
 /// Transforms of images of one size. Spectra are transposed: `height` values per row, `width` rows.
-pub struct Fourier<T: FftNum> {
+pub struct Fourier<T: Real> {
     size: [usize; 2],
     forward: [Arc<dyn Fft<T>>; 2],
     inverse: [Arc<dyn Fft<T>>; 2],
 }
 
-impl<T: FftNum> Fourier<T> {
+impl<T: Real> Fourier<T> {
     /// For images of this width and height.
     pub fn new(size: [usize; 2]) -> Self {
-        let mut planner = FftPlanner::new();
-        let forward = size.map(|n| planner.plan_fft_forward(n));
-        Self { size, forward, inverse: size.map(|n| planner.plan_fft_inverse(n)) }
+        Self { size, forward: size.map(T::forward), inverse: size.map(T::inverse) }
     }
 
     /// The transposed spectrum of an image of `width · height` values, row by row.
@@ -45,12 +43,12 @@ impl<T: FftNum> Fourier<T> {
     }
 }
 
-fn rows<T: FftNum>(values: &mut [Complex<T>], length: usize, fft: &dyn Fft<T>) {
+fn rows<T: Real>(values: &mut [Complex<T>], length: usize, fft: &dyn Fft<T>) {
     values.par_chunks_mut(length * TASK.div_ceil(length)).for_each(|rows| fft.process(rows));
 }
 
 /// Rows of an image as columns; in place where it is a square.
-fn transposed<T: FftNum>(mut image: Vec<Complex<T>>, [width, height]: [usize; 2]) -> Vec<Complex<T>> {
+fn transposed<T: Real>(mut image: Vec<Complex<T>>, [width, height]: [usize; 2]) -> Vec<Complex<T>> {
     if width == height {
         for top in (0..width).step_by(BLOCK) {
             for left in (0..=top).step_by(BLOCK) {
