@@ -30,7 +30,7 @@ program name:
 
 # Golden corpus; `just golden --update` accepts differences
 golden *args:
-    cargo build --locked
+    cargo build --locked --features v4l2,gpu -p nacre
     tests/golden {{args}}
 
 # Everything that continuous integration runs

@@ -2,6 +2,7 @@
 
 use super::distribution::{Distribution, MOST_BINS};
 use super::report::Report;
+use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_image::lobe;
 use nacre_optics::geometry::Geometry;
@@ -348,11 +349,7 @@ fn shares(
 /// What to beware of.
 fn judge(found: &Distribution, settings: &Settings, report: &mut Report) {
     let rows = found.of_periods();
-    let median = {
-        let mut sorted = rows.clone();
-        sorted.sort_by(f64::total_cmp);
-        sorted[sorted.len() / 2]
-    };
+    let median = median(rows.clone()).unwrap_or(0.0);
     let top = rows.iter().copied().fold(0.0, f64::max);
     let unseen = 1.0 - report.covered;
     if unseen > 0.01 {

@@ -5,6 +5,7 @@ use super::fit::{Fit, Seen, fit};
 use super::sample::CameraCovariance;
 use super::start;
 use nacre_base::progress::Progress;
+use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_image::Gray;
 use nacre_image::homography;
@@ -197,9 +198,7 @@ pub(super) fn name(path: &Path) -> String {
 
 fn warnings(found: &Fit, good: &[(PathBuf, Vec<[f64; 2]>)], size: [usize; 2]) -> Vec<String> {
     let mut all = vec![];
-    let mut sorted = found.each_px.clone();
-    sorted.sort_by(f64::total_cmp);
-    let median = sorted[sorted.len() / 2];
+    let median = median(found.each_px.clone()).unwrap_or(f64::INFINITY);
     for ((path, _), rms) in good.iter().zip(&found.each_px) {
         if *rms > ODD * median {
             all.push(format!("{} fits worse than the others: {rms:.2} px RMS, they {median:.2}", name(path)));

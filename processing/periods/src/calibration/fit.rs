@@ -285,6 +285,43 @@ fn finished(camera: Camera, poses: Vec<Pose>, sums: &[Option<Sums>], corners: us
     })
 }
 
+/// A board in one photograph of a known camera.
+struct Board<'a> {
+    camera: &'a Camera,
+    pixels: &'a [[f64; 2]],
+    places: &'a [[f64; 2]],
+}
+
+/// The damped normal matrix has no inverse.
+struct Undetermined;
+
+impl Board<'_> {
+    fn at(&self, pose: &Pose) -> Option<Sums> {
+        Sums::of(self.camera, pose, self.pixels, self.places)
+    }
+}
+
+impl Problem for Board<'_> {
+    type State = (Pose, Sums);
+    type Error = Undetermined;
+
+    fn cost(&self, (_, sums): &(Pose, Sums)) -> f64 {
+        sums.squares
+    }
+
+    fn step(&self, (pose, sums): &(Pose, Sums), damping: f64) -> std::result::Result<Step<(Pose, Sums)>, Undetermined> {
+        let mut normal = sums.pose;
+        (0..6).for_each(|k| normal[(k, k)] *= 1.0 + damping);
+        let next = nudged(pose, &Cholesky::new(normal).ok_or(Undetermined)?.solve(&sums.pose_right));
+        // A step that hides a corner is too long.
+        Ok(self.at(&next).map_or(Step::Singular, |sums| Step::Trial((next, sums))))
+    }
+
+    fn accept(&self, (_, from): &(Pose, Sums), (_, to): &mut (Pose, Sums)) -> bool {
+        from.squares - to.squares < CONVERGED * from.squares
+    }
+}
+
 /// The pose of one board for a known camera, its covariance (turn about the camera's axes in rad, shift in mm), and its root mean square
 /// distance in pixels. `noise_px`: what a corner is off by at least; `covariance`: of the camera's numbers.
 pub(super) fn pose_only(
@@ -295,27 +332,8 @@ pub(super) fn pose_only(
     noise_px: f64,
     covariance: &Normal,
 ) -> Option<(Pose, Matrix6<f64>, f64)> {
-    let mut pose = start;
-    let mut sums = Sums::of(camera, &pose, pixels, places)?;
-    let mut damping = 1e-3;
-    for _ in 0..STEPS {
-        let mut normal = sums.pose;
-        (0..6).for_each(|k| normal[(k, k)] *= 1.0 + damping);
-        let by = Cholesky::new(normal)?.solve(&sums.pose_right);
-        let next = nudged(&pose, &by);
-        match Sums::of(camera, &next, pixels, places).filter(|s| s.squares < sums.squares) {
-            Some(better) => {
-                let gain = (sums.squares - better.squares) / sums.squares;
-                (pose, sums) = (next, better);
-                damping = (damping * 0.1).max(1e-12);
-                if gain < 1e-12 {
-                    break;
-                }
-            }
-            None if damping > 1e10 => break,
-            None => damping *= 10.0,
-        }
-    }
+    let board = Board { camera, pixels, places };
+    let (pose, sums) = levenberg_marquardt(&board, (start, board.at(&start)?), DAMPING, STEPS).ok()?;
     let n = pixels.len() as f64;
     let freedom = 2.0 * n - 6.0;
     let scatter = if freedom > 0.0 { sums.squares / freedom } else { 0.0 };

@@ -118,9 +118,8 @@ fn line(points: Vec<[f64; 2]>) -> Option<[f64; 2]> {
         let b = if uu > 0.0 { uv / uu } else { 0.0 };
         let a = mean[1] - b * mean[0];
         found = Some([a, b]);
-        let mut off: Vec<f64> = used.iter().map(|p| (p[1] - a - b * p[0]).abs()).collect();
-        off.sort_by(f64::total_cmp);
-        let limit = (3.0 * off[off.len() / 2]).max(0.7);
+        let off = used.iter().map(|p| (p[1] - a - b * p[0]).abs()).collect::<Vec<f64>>();
+        let limit = (3.0 * median(off)?).max(0.7);
         used.retain(|p| (p[1] - a - b * p[0]).abs() <= limit);
     }
     found
