@@ -46,7 +46,7 @@ const WORTH: f64 = 0.05 * PI / 180.0;
 const KNOWN: f64 = 0.5;
 
 /// Standard deviation of the analyser's angles in rad about where they are said to be; `maps` is the fit of these views, in blocks of
-/// [`AREA`] pixels. None for three angles, which fit everything, and where no combination of angles can be told.
+/// 64 pixels. None for three angles, which fit everything, and where no combination of angles can be told.
 pub fn angle_sigma(views: &[&[f32]], design: &Design, maps: &StokesMaps) -> Option<f64> {
     let modes = Evidence::new(views, design, maps)?.modes()?;
     Some(scatter(&modes.amplitudes, &modes.noise).sqrt())
@@ -61,7 +61,7 @@ pub struct Misses {
     pub left: f64,
 }
 
-/// Finds by how much the analyser missed these angles, in rad, from views in blocks of [`AREA`] pixels. `stated` is the standard deviation
+/// Finds by how much the analyser missed these angles, in rad, from views in blocks of 64 pixels. `stated` is the standard deviation
 /// that they are said to have, `fit` solves the views with others. None where there is nothing worth putting right.
 pub fn misses(
     views: &[&[f32]],
