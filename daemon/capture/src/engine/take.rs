@@ -137,10 +137,11 @@ impl Taker<'_> {
                     self.hands.dark().await?;
                     self.hands.stopwatch.pause();
                     self.prepared = false;
+                    // Before the event of the pause, so that a client that hears of it sees the state `paused`. A wish that came
+                    // meanwhile is seen in the next turn of the loop.
+                    let _ = self.control.send(Input::Settled);
                     self.note(Entry::Paused).await?;
                     self.flush().await;
-                    // A wish that came meanwhile is seen in the next turn of the loop.
-                    let _ = self.control.send(Input::Settled);
                     self.control.until(|s| s != State::Paused).await;
                     self.watch.begin_again().await;
                     self.paused += begun.elapsed();
