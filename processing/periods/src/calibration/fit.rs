@@ -63,7 +63,7 @@ const DAMPING: Damping = Damping { first: 1e-3, down: 0.1, least: 1e-12, up: 10.
 
 /// The fit ends when a step lowers the sum of squares by less than this part, or is not expected to lower it by the other.
 const CONVERGED: f64 = 1e-12;
-const HOPELESS: f64 = 1e-14;
+const LEAST_GAIN: f64 = 1e-14;
 
 /// Fits.
 ///
@@ -112,7 +112,7 @@ impl Problem for Boards<'_> {
         let Some((camera, poses, gain)) = step(&from.camera, &from.poses, &from.sums, damping) else {
             return Ok(Step::Singular);
         };
-        if gain < HOPELESS * self.cost(from) {
+        if gain < LEAST_GAIN * self.cost(from) {
             return Ok(Step::End);
         }
         Ok(Step::Trial(self.at(camera, poses)))

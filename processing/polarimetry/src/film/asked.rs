@@ -4,7 +4,7 @@ use crate::Model;
 use crate::film::stand::{Oblique, Stand};
 use nacre_optics::polarization::Material;
 
-/// What is asked of a solution.
+/// Model, corrections and sample size of a solution.
 pub struct Asked {
     /// Model of the points (S1/S0, S2/S0).
     pub model: Model,

@@ -111,7 +111,7 @@ impl Running {
     }
 }
 
-/// What was found about the photographs' places and angles.
+/// Registration of the photographs and errors of the analyser's angles.
 struct Corrections {
     alignment: Option<Alignment>,
     angle_errors: Option<AngleErrors>,
@@ -154,7 +154,7 @@ impl Fitted {
         Ok(solved)
     }
 
-    /// What the user wants of these photographs.
+    /// The request to the solution: the options, with the camera position and the accuracy of the angles.
     fn request(&self, options: &Options, model: Model) -> Asked {
         let Self { frames, views, angles, .. } = self;
         let size = [frames.info.width, frames.info.height];
