@@ -1,6 +1,6 @@
 //! Why a command or a capture failed, and its exit code.
 
-use nacre_processing::Error;
+use nacre_base::Error;
 
 /// Why a command did not succeed.
 #[derive(Debug, thiserror::Error)]

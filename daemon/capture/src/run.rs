@@ -5,11 +5,14 @@ use crate::failure::Failure;
 use crate::plan::{Method, Plan, ReconstructPlan};
 use crate::rig::{Rig, Stop};
 use crate::session::{self, Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
-use nacre_processing::Error;
-use nacre_processing::image::OutputFolder;
-use nacre_processing::polarimetry::{self, Align, Options, Report, Running};
-use nacre_processing::progress::Progress;
-use nacre_processing::{bokeh, flash, hdr, pattern, spots};
+use nacre_base::Error;
+use nacre_base::progress::Progress;
+use nacre_frames::hdr;
+use nacre_image::OutputFolder;
+use nacre_lut::bokeh;
+use nacre_periods::flash;
+use nacre_periods::spots;
+use nacre_polarimetry::{Align, Options, Report, Running};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -51,7 +54,7 @@ pub enum Findings {
     /// Of merged exposures.
     Hdr(Box<hdr::Report>),
     /// Of a table.
-    Lut(Box<pattern::Report>),
+    Lut(Box<nacre_lut::Report>),
     /// Of an out-of-focus highlight.
     Bokeh(Box<bokeh::Report>),
     /// Of fringes.
@@ -232,7 +235,7 @@ fn results(
                 Options { model: Some(planned.model), oblique: planned.oblique, overwrite: true, ..Options::default() };
             let report = match running {
                 Some(running) => running.finish(OutputFolder::begin(&results, true)?, &options, progress)?,
-                None => polarimetry::reconstruct(folder, &results, &options, progress)?,
+                None => nacre_polarimetry::reconstruct(folder, &results, &options, progress)?,
             };
             Findings::Polarization(Box::new(report))
         }
@@ -243,8 +246,8 @@ fn results(
         }
         Method::Lut => {
             let asked = planned.lut.as_deref().cloned().unwrap_or_default();
-            let settings = pattern::Settings { overwrite: true, ..asked };
-            Findings::Lut(Box::new(pattern::reconstruct(folder, &results, &settings, progress)?))
+            let settings = nacre_lut::Settings { overwrite: true, ..asked };
+            Findings::Lut(Box::new(nacre_lut::reconstruct(folder, &results, &settings, progress)?))
         }
         Method::Bokeh => {
             let remedy = "say the blur in the plan: reconstruct.bokeh.psf.sigma";

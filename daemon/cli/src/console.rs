@@ -1,10 +1,10 @@
 //! What a person or a script sees: text or JSON on standard output, progress and errors on standard error.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::engine::Observer;
 use nacre_capture::session::SoFar;
-use nacre_processing::progress::Progress;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicU32, Ordering};

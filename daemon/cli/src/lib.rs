@@ -106,7 +106,7 @@ pub fn main() -> ExitCode {
     if let Command::Guardian(args) = &cli.command {
         return commands::manual::guardian(args);
     }
-    nacre_processing::numeric::flush_subnormals();
+    nacre_base::numeric::flush_subnormals();
     let console = Console::new(cli.json);
     let leaks = leaks::Leaks::watch();
     let result = match cli.command {

@@ -5,7 +5,7 @@ use super::{App, At, blocking, files};
 use axum::Json;
 use axum::extract::State;
 use axum::response::Response;
-use nacre_processing::chart::{Chart, catalogue};
+use nacre_studies::{Chart, catalogue};
 use serde::Serialize;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;

@@ -3,8 +3,8 @@
 use figment::Figment;
 use figment::error::Kind;
 use figment::providers::{Env, Format, Serialized, Toml};
+use nacre_base::Error;
 use nacre_capture::setup::BenchSection;
-use nacre_processing::Error;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::net::SocketAddr;

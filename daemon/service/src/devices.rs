@@ -9,7 +9,7 @@ use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use nacre_capture::Failure;
 use nacre_drivers::Pattern;
-use nacre_processing::image::encode_png8;
+use nacre_image::encode_png8;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;

@@ -1,7 +1,7 @@
 //! Maps as pictures, tables and NumPy arrays.
 
 use super::problem::{Answer, Problem};
-use nacre_processing::image::{MASKED, Rgb, Samples, encode_png8, orientation_color, read, read_exr, viridis};
+use nacre_image::{MASKED, Rgb, Samples, encode_png8, orientation_color, read, read_exr, viridis};
 use std::io;
 use std::path::Path;
 

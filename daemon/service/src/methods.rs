@@ -2,13 +2,18 @@
 
 use super::problem::{Answer, Problem};
 use super::renders::Renders;
+use nacre_base::Error;
+use nacre_base::progress::Progress;
 use nacre_capture::plan::Method;
-use nacre_processing::frames::{FILE_NAME, load};
-use nacre_processing::map::Maps;
-use nacre_processing::progress::Progress;
-use nacre_processing::{
-    Error, bokeh, calibration, color, flash, foil, hdr, map, pattern, polarimetry, render, spots, surface,
-};
+use nacre_frames::hdr;
+use nacre_frames::{FILE_NAME, load};
+use nacre_lut::bokeh;
+use nacre_lut::foil;
+use nacre_maps::Maps;
+use nacre_optics::color;
+use nacre_periods::calibration;
+use nacre_periods::flash;
+use nacre_periods::spots;
 use nacre_store::jobs::{Spec, Work};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -37,7 +42,7 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
             }
             let frames = load(input)?;
             spec.polarization()?.check(&frames)?;
-            Ok(polarimetry::check_memory(&frames)?)
+            Ok(nacre_polarimetry::check_memory(&frames)?)
         }
         Method::Hdr => {
             if spec.session.is_some() {
@@ -55,7 +60,7 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
             if !color::NAMES.contains(&settings.illuminant.as_str()) {
                 return Err(Problem::bad(format!("illuminant is none of {}", color::NAMES.join(", "))));
             }
-            Ok(pattern::check_input(input, &settings)?)
+            Ok(nacre_lut::check_input(input, &settings)?)
         }
         Method::Foil => {
             if spec.session.is_some() {
@@ -76,13 +81,13 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
             }
             Ok(())
         }
-        Method::Map => Ok(spec.options_of::<map::Edits>()?.check(&Maps::read(&maps_of(spec, input))?)?),
+        Method::Map => Ok(spec.options_of::<nacre_maps::Edits>()?.check(&Maps::read(&maps_of(spec, input))?)?),
         Method::Flash => {
             whole()?;
             Ok(flash::check_input(input, &spec.options_of()?)?)
         }
         Method::Brdf => {
-            let options: surface::MapOptions = spec.options_of()?;
+            let options: nacre_brdf::MapOptions = spec.options_of()?;
             // A file of the service's machine is nobody's business.
             if !color::NAMES.contains(&options.settings.illuminant.as_str()) {
                 return Err(Problem::bad(format!("illuminant is none of {}", color::NAMES.join(", "))));
@@ -113,7 +118,7 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
             if spec.session.is_some() {
                 return Err(Problem::bad("method render takes a scene; give an upload, not a session"));
             }
-            Ok(render::check_folder(input, &spec.options_of()?).map(drop)?)
+            Ok(nacre_render::check_folder(input, &spec.options_of()?).map(drop)?)
         }
     }
 }
@@ -147,14 +152,14 @@ pub fn work(data: PathBuf, renders: Arc<Renders>) -> Work {
         let out = data.join("reconstructions").join(&spec.id);
         match spec.method {
             Method::Polarization => {
-                polarimetry::reconstruct(&input, &out, &spec.polarization()?, progress)?;
+                nacre_polarimetry::reconstruct(&input, &out, &spec.polarization()?, progress)?;
             }
             Method::Hdr => {
                 let options = hdr::Options { overwrite: true, ..spec.options_of()? };
                 hdr::reconstruct(&input, &out, &options, progress)?;
             }
             Method::Lut => {
-                pattern::reconstruct(&input, &out, &spec.table(&data.join("uploads"))?, progress)?;
+                nacre_lut::reconstruct(&input, &out, &spec.table(&data.join("uploads"))?, progress)?;
             }
             Method::Foil => {
                 let settings = foil::Settings { overwrite: true, ..spec.options_of()? };
@@ -165,13 +170,13 @@ pub fn work(data: PathBuf, renders: Arc<Renders>) -> Work {
                 done.map_err(|error| as_sent(error, &input))?;
             }
             Method::Map => {
-                map::edit_folder(&maps_of(spec, &input), &out, &spec.options_of()?, true, progress)?;
+                nacre_maps::edit_folder(&maps_of(spec, &input), &out, &spec.options_of()?, true, progress)?;
             }
             Method::Flash => {
                 let settings = flash::Settings { overwrite: true, ..spec.options_of()? };
                 flash::reconstruct(&input, &out, &settings, progress)?;
             }
-            Method::Brdf => surface::render(&input, &out, &spec.options_of()?, true, progress)?,
+            Method::Brdf => nacre_brdf::render(&input, &out, &spec.options_of()?, true, progress)?,
             Method::Spots => {
                 let settings = spots::Settings { overwrite: true, ..spec.options_of()? };
                 spots::reconstruct(&input, &out, &settings, progress)?;
@@ -183,7 +188,7 @@ pub fn work(data: PathBuf, renders: Arc<Renders>) -> Work {
             Method::Render => {
                 let options = spec.options_of()?;
                 let mut seen = |glimpse| renders.show(&spec.id, glimpse);
-                let done = render::render_folder(&input, &out, &options, true, progress, &mut seen);
+                let done = nacre_render::render_folder(&input, &out, &options, true, progress, &mut seen);
                 renders.clear();
                 done.map_err(|error| as_sent(error, &input))?;
             }

@@ -3,10 +3,10 @@
 use axum::extract::rejection::{BytesRejection, JsonRejection, PathRejection, QueryRejection};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use nacre_base::Error;
 use nacre_capture::Failure;
 use nacre_capture::fields::fields;
 use nacre_drivers::Class;
-use nacre_processing::Error;
 use nacre_store::jobs::Refusal;
 use serde::Serialize;
 use std::path::Path;

@@ -4,7 +4,7 @@ use super::problem::{Answer, Kind, Problem};
 use super::{App, At, Params, blocking, files, png};
 use axum::extract::State;
 use axum::response::{IntoResponse, Response};
-use nacre_processing::render::{self, Glimpse};
+use nacre_render::Glimpse;
 use serde::Deserialize;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -89,6 +89,6 @@ fn exposed(folder: &Path, stops: f64) -> Answer<Vec<u8>> {
     if size[0].saturating_mul(size[1]) > MOST_PIXELS {
         return Err(Problem::bad("the picture has more than 4 Mpixel").remedy("expose render.exr elsewhere"));
     }
-    let picture = render::read_picture(&folder.join("render.exr"))?.shrunk(SIDE);
-    render::png(&picture, exposure * stops.exp2()).map_err(|e| internal(e.to_string()))
+    let picture = nacre_render::read_picture(&folder.join("render.exr"))?.shrunk(SIDE);
+    nacre_render::png(&picture, exposure * stops.exp2()).map_err(|e| internal(e.to_string()))
 }

@@ -2,13 +2,13 @@
 
 use super::events::EventLog;
 use super::problem::Problem;
+use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::engine::{Control, Observer, State};
 use nacre_capture::plan::{Added, Plan, Step};
 use nacre_capture::session::{Commit, Entry, Journal, SessionFile, SoFar};
 use nacre_drivers::DeviceError;
-use nacre_processing::polarimetry::{Glance, Running};
-use nacre_processing::progress::Progress;
+use nacre_polarimetry::{Glance, Running};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

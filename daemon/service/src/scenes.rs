@@ -2,8 +2,8 @@
 
 use super::problem::{Answer, Kind, Problem};
 use super::{App, blocking, files};
-use nacre_processing::image::OutputFolder;
-use nacre_processing::render::{Options, check_folder, gallery_scene, scene_of_maps};
+use nacre_image::OutputFolder;
+use nacre_render::{Options, check_folder, gallery_scene, scene_of_maps};
 use std::path::Path;
 
 /// Endings of files that a scene may name, and its own.

@@ -8,7 +8,7 @@ use axum::extract::State;
 use axum::response::{IntoResponse, Response};
 use nacre_capture::plan::Role;
 use nacre_capture::session::{Journal, SessionFile};
-use nacre_processing::image::encode_png8;
+use nacre_image::encode_png8;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -223,7 +223,7 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
         };
         match taken {
             Ok(taken) if taken.results.is_some() => run.events.push_at("results", now(), &json!({})),
-            Ok(_) | Err(Failure::Processing(nacre_processing::Error::Cancelled)) => {}
+            Ok(_) | Err(Failure::Processing(nacre_base::Error::Cancelled)) => {}
             Err(failure) => {
                 // Also what failed before the engine began, so that nobody waits for it.
                 let _ = run.control.send(Input::Start);

@@ -5,14 +5,14 @@ use super::{App, At, Params, blocking, files, maps};
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use nacre_processing::color::{Illuminant, Observer};
-use nacre_processing::progress::Silent;
-use nacre_processing::render::gpu::Prepared;
-use nacre_processing::render::{
+use nacre_base::progress::Silent;
+use nacre_brdf::Reflectance;
+use nacre_brdf::height::Profile;
+use nacre_optics::color::{Illuminant, Observer};
+use nacre_render::gpu::Prepared;
+use nacre_render::{
     Base, Blend, Camera, Color, Diffraction, Light, Material, Relief, Scene, Shape, Spectrum, Turn, Value,
 };
-use nacre_processing::surface::Reflectance;
-use nacre_processing::surface::height::Profile;
 use serde::Deserialize;
 use std::path::Path;
 use std::sync::Arc;

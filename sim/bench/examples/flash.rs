@@ -3,9 +3,9 @@
 
 #![allow(clippy::print_stdout)]
 
-use nacre_processing::flash::{Settings, reconstruct};
-use nacre_processing::image::OutputFolder;
-use nacre_processing::progress::Silent;
+use nacre_base::progress::Silent;
+use nacre_image::OutputFolder;
+use nacre_periods::flash::{Settings, reconstruct};
 use nacre_sim::photographs::TilesPhotograph;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -30,6 +30,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let size_mm = settings.size_mm.or(Some(scene.sheet_mm()));
     let settings = Settings { tiles, size_mm, overwrite: true, ..settings };
     let report = reconstruct(&home.path().join("in"), &out, &settings, &Silent)?;
-    println!("{}\n{:#?}", nacre_processing::image::json(&report), scene.score(&out, &report)?);
+    println!("{}\n{:#?}", nacre_image::json(&report), scene.score(&out, &report)?);
     Ok(())
 }

@@ -4,9 +4,9 @@
 //! the surface normal to it), so that at normal incidence they are the paper's.
 
 use crate::config::BenchConfig;
-use nacre_processing::Result;
-use nacre_processing::polarimetry::{Jones, JonesVector, Stokes};
-use nacre_processing::rcwa::{ALUMINIUM, Grating, RatioTable};
+use nacre_base::Result;
+use nacre_optics::polarization::{Jones, JonesVector, Stokes};
+use nacre_optics::rcwa::{ALUMINIUM, Grating, RatioTable};
 use num_complex::Complex;
 use std::f64::consts::TAU;
 
@@ -315,9 +315,9 @@ mod tests {
         use crate::config::RigorousConfig;
         use crate::scene::{Lamp, Scene, Source};
         use crate::surface::SampleKind;
-        use nacre_processing::polarimetry::angle_difference;
-        use nacre_processing::progress::Silent;
-        use nacre_processing::rcwa::{phase_offset, ratio};
+        use nacre_base::progress::Silent;
+        use nacre_optics::polarization::angle_difference;
+        use nacre_optics::rcwa::{phase_offset, ratio};
         let mut bench = ideal();
         (bench.sample.kind, bench.filter.wavelength_nm) = (SampleKind::Emblem, 560.0);
         (bench.film.index, bench.camera.blur_px, bench.camera.subsamples) = (1.0, 0.0, 1);

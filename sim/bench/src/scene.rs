@@ -4,9 +4,9 @@ use crate::config::BenchConfig;
 use crate::fringes::{Fringes, Tone};
 use crate::optics::{Incidence, Wavelength, band, efficiency};
 use crate::surface::{Point, Sample, Surface};
-use nacre_processing::Result;
-use nacre_processing::polarimetry::Stokes;
-use nacre_processing::progress::Progress;
+use nacre_base::Result;
+use nacre_base::progress::Progress;
+use nacre_optics::polarization::Stokes;
 use num_complex::Complex;
 use rayon::prelude::*;
 

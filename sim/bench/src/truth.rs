@@ -1,8 +1,8 @@
 //! What the sample really is, as a file.
 
 use crate::bench::Bench;
-use nacre_processing::Result;
-use nacre_processing::image::{Attribute, write_exr};
+use nacre_base::Result;
+use nacre_image::{Attribute, write_exr};
 use std::path::Path;
 
 /// Writes `truth.exr`: orientation (rad), period (µm) and purity of every pixel, as seen without a wedge; the wedge's
@@ -34,9 +34,9 @@ mod tests {
     use crate::camera::Exposed;
     use crate::surface::SampleKind;
     use crate::{BenchConfig, random};
+    use nacre_base::progress::Silent;
     use nacre_drivers::{Freshness, Pattern};
-    use nacre_processing::polarimetry::{Design, Fit, FrameNoise, angle_difference, orient};
-    use nacre_processing::progress::Silent;
+    use nacre_polarimetry::{Design, Fit, FrameNoise, angle_difference, orient};
     use std::time::Duration;
 
     fn small() -> BenchConfig {

@@ -3,9 +3,9 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
+use nacre_base::progress::Silent;
 use nacre_drivers::flash::{FlashConfig, FlashDriver, blink1, bulk, relay};
 use nacre_drivers::{Class, Clock, DeviceResult, Flash, FlashHandle, Patience, SystemClock};
-use nacre_processing::progress::Silent;
 use nacre_sim::emulators::{Blink1Emulator, BulkEmulator, ByteFault, ByteFaultKind, Peripheral, RelayEmulator, Served};
 use nacre_sim::{Bench, BenchConfig, Reply, Request, SharedBench};
 use std::sync::Arc;

@@ -2,11 +2,11 @@
 
 #![allow(clippy::unwrap_used)]
 
-use nacre_processing::foil::{
+use nacre_image::scalar_picture;
+use nacre_lut::foil::{
     Distribution, Dots, Light, Marginals, Settings, Shape, measure, picture, synthesize, total_variation,
 };
-use nacre_processing::image::scalar_picture;
-use nacre_processing::map::{Kind, Maps};
+use nacre_maps::{Kind, Maps};
 use nacre_sim::photographs::{FoilPattern, FoilPhotograph};
 use std::f64::consts::PI;
 

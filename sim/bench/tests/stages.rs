@@ -3,10 +3,10 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
+use nacre_base::progress::Silent;
 use nacre_drivers::stage::{StageConfig, StageDriver, elliptec, grbl};
 use nacre_drivers::wire::wait;
 use nacre_drivers::{Arrived, Class, Clock, DeviceResult, Stage, SystemClock};
-use nacre_processing::progress::Silent;
 use nacre_sim::emulators::{self, ByteFault, ByteFaultKind, Emulator, Pty};
 use nacre_sim::{Bench, BenchConfig, SharedBench};
 use std::path::{Path, PathBuf};

@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used)]
 
-use nacre_processing::flash::{Orientation, PeriodChoice, Report, Settings, reconstruct};
-use nacre_processing::image::OutputFolder;
-use nacre_processing::progress::Silent;
+use nacre_base::progress::Silent;
+use nacre_image::OutputFolder;
+use nacre_periods::flash::{Orientation, PeriodChoice, Report, Settings, reconstruct};
 use nacre_sim::photographs::{Pattern, Periods, Score, TilesPhotograph};
 
 /// The paper's 10 × 8 tiles, 1.66 µm, 560 nm and a Gaussian light, on a small picture.

@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
+use nacre_base::progress::Silent;
 use nacre_drivers::Pattern;
-use nacre_processing::image::registration::{Registrar, Registration, Shift};
-use nacre_processing::progress::Silent;
+use nacre_image::registration::{Registrar, Registration, Shift};
 use nacre_sim::{Bench, BenchConfig, Shining};
 use std::time::Duration;
 

@@ -1,6 +1,6 @@
 //! A mosaic of periods under fringes, and how the maps compare with the truth: `spots SEED PIXELS COUNT PHASES FINEST_MM [KEY=VALUE…]`.
 
-use nacre_processing::spots::Settings;
+use nacre_periods::spots::Settings;
 use nacre_sim::BenchConfig;
 use nacre_sim_charts::spots::{Shown, bench, judged};
 

@@ -1,11 +1,11 @@
 //! How many iterations, and when to stop: lines that a lens has blurred, under noise and with point spread functions that are not the
 //! lens's.
 
-use nacre_processing::Result;
-use nacre_processing::bokeh::deconvolution::{Image, Iterations, Method, Noise, Psf, deconvolve};
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
-use nacre_processing::progress::Silent;
+use nacre_base::Result;
+use nacre_base::progress::Silent;
+use nacre_lut::bokeh::deconvolution::{Image, Iterations, Method, Noise, Psf, deconvolve};
 use nacre_sim::photographs::{BokehPhotograph, Profile};
+use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::time::Instant;
 
 const ELECTRONS: [f64; 5] = [300.0, 1000.0, 5000.0, 20_000.0, 100_000.0];

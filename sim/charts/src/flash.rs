@@ -1,12 +1,12 @@
 //! Gratings from flash photographs of repeated tiles: lights, lobes, and photographs that are not what the method takes them for.
 
-use nacre_processing::Error;
-use nacre_processing::Result;
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
-use nacre_processing::flash::{Orientation, PeriodChoice, Settings, reconstruct};
-use nacre_processing::image::OutputFolder;
-use nacre_processing::progress::Silent;
+use nacre_base::Error;
+use nacre_base::Result;
+use nacre_base::progress::Silent;
+use nacre_image::OutputFolder;
+use nacre_periods::flash::{Orientation, PeriodChoice, Settings, reconstruct};
 use nacre_sim::photographs::{Pattern, Periods, Score, TilesPhotograph};
+use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::time::Instant;
 
 /// What is compared with the truth.

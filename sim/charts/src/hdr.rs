@@ -1,12 +1,12 @@
 //! How many exposures, and how many electrons: light over twelve powers of two, merged from brackets of different steps.
 
-use nacre_processing::Result;
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
-use nacre_processing::frames::{Frame, FrameSet, Kind, Transfer};
-use nacre_processing::hdr::merge;
-use nacre_processing::image::{Raster, Samples};
-use nacre_processing::polarimetry::NoiseModel;
+use nacre_base::Result;
+use nacre_frames::hdr::merge;
+use nacre_frames::{Frame, FrameSet, Kind, Transfer};
+use nacre_image::{Raster, Samples};
+use nacre_polarimetry::NoiseModel;
 use nacre_sim::random::{electrons, key};
+use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::time::Instant;
 
 const EXPOSURES: [usize; 7] = [1, 2, 3, 4, 5, 7, 13];

@@ -11,10 +11,10 @@ mod render;
 pub mod spots;
 mod surface;
 
-use nacre_processing::chart::{Axis, Effort, Scene, Setting, Study};
-use nacre_processing::polarimetry::{Align, Model, Oblique, Options};
+use nacre_polarimetry::{Align, Model, Oblique, Options};
 use nacre_sim::BenchConfig;
 use nacre_sim::surface::SampleKind;
+use nacre_studies::{Axis, Effort, Scene, Setting, Study};
 use photographs::outcome;
 
 /// All of them, in the order of the page.

@@ -1,12 +1,12 @@
 //! Orders of renderings against Maxwell's equations: what scalar theory is worth, and what balancing makes of it.
 
 use super::environment::Last;
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene as Stress, Setting, Study};
-use nacre_processing::rcwa::{Light, Polarization, conductor};
-use nacre_processing::render::{BalancedOrder, BalancedOrders};
-use nacre_processing::surface::Section;
-use nacre_processing::{Error, Result};
+use nacre_base::{Error, Result};
+use nacre_brdf::Section;
+use nacre_optics::rcwa::{Light, Polarization, conductor};
+use nacre_render::{BalancedOrder, BalancedOrders};
 use nacre_sim::random::{key, uniform};
+use nacre_studies::{Axis, Effort, Outcome, Scene as Stress, Setting, Study};
 use std::f64::consts::{PI, TAU};
 use std::time::Instant;
 

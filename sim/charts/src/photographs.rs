@@ -1,15 +1,15 @@
 //! A series photographed on the bench and reconstructed as a user's is: from files to files.
 
+use nacre_base::progress::Silent;
+use nacre_base::{Error, Result};
 use nacre_drivers::Pattern;
-use nacre_processing::chart::Outcome;
-use nacre_processing::chart::polarimetry::judge;
-use nacre_processing::frames::{Distances, Frame, FrameSet, Kind, save};
-use nacre_processing::image::{read_exr, write_png16_gray};
-use nacre_processing::polarimetry::{NoiseModel, Options, reconstruct};
-use nacre_processing::progress::Silent;
-use nacre_processing::{Error, Result};
+use nacre_frames::{Distances, Frame, FrameSet, Kind, save};
+use nacre_image::{read_exr, write_png16_gray};
+use nacre_polarimetry::{NoiseModel, Options, reconstruct};
 use nacre_sim::BenchConfig;
 use nacre_sim::{Bench, Shining};
+use nacre_studies::Outcome;
+use nacre_studies::polarimetry::judge;
 use std::path::Path;
 use std::time::{Duration, Instant};
 

@@ -1,12 +1,12 @@
 //! Pictures of scenes: how many wavelengths they take, when a light is far away, and when it is summed up once.
 
 use super::environment::Last;
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene as Stress, Setting, Study};
-use nacre_processing::image::{Attribute, write_exr};
-use nacre_processing::progress::Silent;
-use nacre_processing::render::{Picture, Scene, Settings, render};
-use nacre_processing::{Error, Result};
+use nacre_base::progress::Silent;
+use nacre_base::{Error, Result};
+use nacre_image::{Attribute, write_exr};
+use nacre_render::{Picture, Scene, Settings, render};
 use nacre_sim::random::{key, uniform};
+use nacre_studies::{Axis, Effort, Outcome, Scene as Stress, Setting, Study};
 use std::f64::consts::PI;
 use tempfile::TempDir;
 

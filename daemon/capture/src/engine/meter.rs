@@ -4,10 +4,10 @@
 use super::hands::Hands;
 use crate::failure::Failure;
 use crate::plan::{BracketPlan, Plan, Role, State, light_on_s};
+use nacre_base::progress::Progress;
+use nacre_base::statistics::quantile;
 use nacre_drivers::{CameraInfo, DeviceError, Frame};
-use nacre_processing::polarimetry::{Design, Fit};
-use nacre_processing::progress::Progress;
-use nacre_processing::statistics::quantile;
+use nacre_polarimetry::{Design, Fit};
 use std::time::Duration;
 
 /// Metering aims at this share of white for the brightest pixels.

@@ -2,9 +2,9 @@
 
 use crate::plan::{Added, MORE, UntilDecided, UntilSigma};
 use crate::session::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
-use nacre_processing::polarimetry::{Precision, Running};
-use nacre_processing::spots::Survey;
-use nacre_processing::{Error, Result};
+use nacre_base::{Error, Result};
+use nacre_periods::spots::Survey;
+use nacre_polarimetry::{Precision, Running};
 
 /// A request is given up when what can be reached at best misses it by this factor.
 const HOPELESS: f64 = 1.2;

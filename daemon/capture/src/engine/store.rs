@@ -4,11 +4,11 @@ use super::Observer;
 use crate::failure::Failure;
 use crate::plan::{Added, Plan, PlanKind, Role, Step};
 use crate::session::{self, Commit, Disk, Entry, Journal, Session, SessionFile, Timing};
+use nacre_base::Error;
 use nacre_drivers::CameraInfo;
-use nacre_processing::Error;
-use nacre_processing::frames::{self, Distances, FrameSet, Fringes, Kind, Spot};
-use nacre_processing::image::{Averaging, encode_png16_gray};
-use nacre_processing::polarimetry::NoiseModel;
+use nacre_frames::{Distances, FrameSet, Fringes, Kind, Spot};
+use nacre_image::{Averaging, encode_png16_gray};
+use nacre_polarimetry::NoiseModel;
 use std::path::PathBuf;
 use std::time::Duration;
 use tokio::sync::{mpsc, oneshot};
@@ -40,7 +40,7 @@ pub struct Arrival {
     /// Its number in the series.
     pub index: usize,
     /// As `frames.json` describes it, with exposure and gain as the camera set them.
-    pub frame: frames::Frame,
+    pub frame: nacre_frames::Frame,
 }
 
 /// Everything that the storing end needs to know.
@@ -136,7 +136,7 @@ impl<D: Disk> Store<'_, D> {
         let series = self.steps.iter().filter(|s| s.role == Role::Series);
         let described = |s: &Step| described(&self.description.plan, &self.steps, s, controls(&s.file));
         let set = frame_set(self.description, &self.camera, series.map(described).collect());
-        self.session.finish(&frames::save(&set), timing).map_err(|e| self.refused(frames::FILE_NAME, e))
+        self.session.finish(&nacre_frames::save(&set), timing).map_err(|e| self.refused(nacre_frames::FILE_NAME, e))
     }
 
     fn refused(&self, file: &str, error: std::io::Error) -> Failure {
@@ -150,7 +150,7 @@ fn stored_factor(camera: &CameraInfo, average: u32) -> u32 {
 }
 
 /// One frame of the series as `frames.json` describes it; `steps` are those of the plan.
-fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f64)) -> frames::Frame {
+fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f64)) -> nacre_frames::Frame {
     let kind = session::frames_kind(plan.kind);
     let free = kind == Kind::Free;
     let spot = match step.state.pattern {
@@ -164,7 +164,7 @@ fn described(plan: &Plan, steps: &[Step], step: &Step, (exposure, gain): (f64, f
         _ => None,
     };
     let dark = plan.subtracted(steps, step.state.exposure_ms).filter(|_| !has_one_exposure(plan));
-    frames::Frame {
+    nacre_frames::Frame {
         file: PathBuf::from(&step.file),
         analyser_deg: step.state.analyser_deg,
         exposure_s: Some(exposure),
@@ -183,7 +183,7 @@ fn has_one_exposure(plan: &Plan) -> bool {
 }
 
 /// The session's `frames.json` with these frames.
-pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<frames::Frame>) -> FrameSet {
+pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<nacre_frames::Frame>) -> FrameSet {
     let (plan, setup) = (&description.plan, &description.setup);
     let count = plan.camera.average;
     let factor = f64::from(stored_factor(camera, count));

@@ -8,9 +8,9 @@ use super::watch::Watch;
 use crate::failure::Failure;
 use crate::plan::{Added, Plan, Step, groups};
 use crate::session::{Commit, Entry, SoFar};
+use nacre_base::Error;
 use nacre_drivers::{Class, DeviceError, DeviceResult};
-use nacre_processing::Error;
-use nacre_processing::image::Averaging;
+use nacre_image::Averaging;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{Sender, UnboundedReceiver};
 use tokio::sync::oneshot;
@@ -23,7 +23,7 @@ const ATTEMPTS: u32 = 3;
 const UNMOVED_DEG: f64 = 0.1;
 
 /// How a series goes on, as it is decided.
-pub type Decisions = UnboundedReceiver<nacre_processing::Result<Decision>>;
+pub type Decisions = UnboundedReceiver<nacre_base::Result<Decision>>;
 
 /// One run through a plan.
 pub struct Taker<'a> {

@@ -4,9 +4,9 @@ mod angle_names;
 
 pub use angle_names::angles as angles_in_names;
 
-use nacre_processing::Error;
-use nacre_processing::frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
-use nacre_processing::image::{exposure, photographs};
+use nacre_base::Error;
+use nacre_frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
+use nacre_image::{exposure, photographs};
 use std::path::{Path, PathBuf};
 
 /// Description of a frame set beyond the analyser angles.

@@ -4,11 +4,11 @@ use super::estimate::{Limits, light_on_s};
 use super::steps::groups;
 use super::{AnalyserPlan, DisplayPlan, Method, Plan, PlanKind, Step};
 use crate::fields::fields;
-use nacre_processing::Error;
-use nacre_processing::bokeh::PsfChoice;
-use nacre_processing::color::NAMES;
-use nacre_processing::polarimetry::{MAX_BRACKET, Model, Oblique};
-use nacre_processing::text::{from_json, from_toml, read_text};
+use nacre_base::Error;
+use nacre_base::text::{from_json, from_toml, read_text};
+use nacre_lut::bokeh::PsfChoice;
+use nacre_optics::color::NAMES;
+use nacre_polarimetry::{MAX_BRACKET, Model, Oblique};
 use std::path::Path;
 use std::time::Duration;
 

@@ -3,10 +3,10 @@
 use super::{Limits, Plan};
 use crate::setup::Setup;
 use nacre_drivers::Pattern;
-use nacre_processing::polarimetry::NoiseModel;
-use nacre_processing::spots::{
+use nacre_periods::spots::{
     LEAST_FRINGES, MAX_CARRIERS, Optics, Prediction, Request, Setting, cheapest, frequencies, predict, reachable,
 };
+use nacre_polarimetry::NoiseModel;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -313,12 +313,8 @@ mod tests {
         let devices = nacre_sim::describe(&bench);
         let display = nacre_drivers::DisplayInfo { size_mm: [520.0, 320.0], ..devices.display.clone() };
         let limits = Limits { stage: devices.stage, camera: devices.camera, display, flash: None };
-        let geometry = nacre_processing::frames::Distances {
-            distance_mm: 250.0,
-            baseline_mm: 0.0,
-            pixel_um: None,
-            camera_px: None,
-        };
+        let geometry =
+            nacre_frames::Distances { distance_mm: 250.0, baseline_mm: 0.0, pixel_um: None, camera_px: None };
         let setup = Setup { wavelength_nm: Some(560.0), geometry: Some(geometry), ..Setup::default() };
         let shortest = plan.reach(&setup, &limits).unwrap().shortest_um;
         let [right, up] = [0, 6].map(|k| shortest[k].unwrap());

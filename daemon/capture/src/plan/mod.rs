@@ -14,8 +14,10 @@ pub use fringes::{Added, FringesPlan, Reach, UntilDecided};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
-use nacre_processing::polarimetry::{Model, Oblique};
-use nacre_processing::{bokeh, flash, pattern, spots};
+use nacre_lut::bokeh;
+use nacre_periods::flash;
+use nacre_periods::spots;
+use nacre_polarimetry::{Model, Oblique};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -98,7 +100,7 @@ pub struct ReconstructPlan {
     pub oblique: Oblique,
     /// Of the method lut: wavelength, scale, light and so on. What the bench says of wavelength and geometry is known without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lut: Option<Box<pattern::Settings>>,
+    pub lut: Option<Box<nacre_lut::Settings>>,
     /// Of the method bokeh: blur, scale, lens and so on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bokeh: Option<Box<bokeh::Options>>,

@@ -8,13 +8,13 @@ use crate::failure::Failure;
 use crate::page::Link;
 use crate::plan::Limits;
 use crate::setup::{BenchSection, Setup};
+use nacre_base::Error;
+use nacre_base::progress::Progress;
 use nacre_drivers::{
     Camera, CameraHandle, DeviceLock, DeviceResult, Display, DisplayHandle, Flash, FlashHandle, InterlockHandle, Stage,
     StageHandle,
 };
-use nacre_processing::Error;
-use nacre_processing::frames::Distances;
-use nacre_processing::progress::Progress;
+use nacre_frames::Distances;
 use nacre_sim::socket::RemoteBench;
 use nacre_sim::{Bench, BenchConfig, Devices as Simulated, SharedBench, SimDevice, describe};
 use sources::Sources;

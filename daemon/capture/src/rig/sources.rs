@@ -256,7 +256,7 @@ fn missing(what: &str) -> DeviceError {
 mod tests {
     use super::super::{Place, Rig, Stop, runtime};
     use super::*;
-    use nacre_processing::progress::Silent;
+    use nacre_base::progress::Silent;
     use nacre_sim::BenchConfig;
 
     #[test]

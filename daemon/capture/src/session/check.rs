@@ -1,8 +1,8 @@
 //! `nacre check`: is a session folder complete, and are its files what the journal says?
 
 use super::{BROKEN, Journal, SESSION_FILE, Seal, SeriesEnd, SessionFile, seal, sealed_files, sha256};
-use nacre_processing::Error;
-use nacre_processing::frames::FILE_NAME as FRAMES_FILE;
+use nacre_base::Error;
+use nacre_frames::FILE_NAME as FRAMES_FILE;
 use serde::Serialize;
 use std::path::Path;
 

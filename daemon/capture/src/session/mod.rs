@@ -20,7 +20,7 @@ pub use series::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 
 use crate::plan::{Plan, PlanKind};
 use crate::setup::{BenchSection, Setup};
-use nacre_processing::frames::{FILE_NAME as FRAMES_FILE, Kind};
+use nacre_frames::{FILE_NAME as FRAMES_FILE, Kind};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::File;
@@ -80,7 +80,7 @@ impl SessionFile {
 }
 
 /// Name of the description inside a session folder.
-pub use nacre_processing::frames::SESSION_FILE;
+pub use nacre_frames::SESSION_FILE;
 
 /// An open session folder, which no other process can open meanwhile.
 pub struct Session<D: Disk> {

@@ -1,7 +1,7 @@
 //! Session files that were changed, and sessions of versions that recorded less.
 
 use super::{Commit, Entry, Journal, RealDisk, SESSION_FILE, Session, SessionFile, Setup, Timing, check};
-use nacre_processing::frames::FILE_NAME as FRAMES_FILE;
+use nacre_frames::FILE_NAME as FRAMES_FILE;
 use std::path::Path;
 
 fn description() -> SessionFile {

@@ -4,7 +4,7 @@ mod section;
 
 pub use section::{BenchSection, Optics, lock_name};
 
-use nacre_processing::frames::Distances;
+use nacre_frames::Distances;
 use serde::{Deserialize, Serialize};
 
 /// What the frames were taken with, as far as it is known.

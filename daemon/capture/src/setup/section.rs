@@ -6,7 +6,7 @@ use nacre_drivers::display::{DisplayConfig, DisplayDriver};
 use nacre_drivers::flash::{FlashConfig, FlashDriver};
 use nacre_drivers::stage::{StageConfig, StageDriver};
 use nacre_drivers::{DeviceLock, DeviceResult};
-use nacre_processing::frames::Distances;
+use nacre_frames::Distances;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

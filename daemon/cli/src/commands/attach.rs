@@ -1,10 +1,10 @@
 //! `nacre sim attach`: emulated devices that act on the simulated bench, down to the bytes on the wire.
 
 use crate::console::Console;
+use nacre_base::Error;
+use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_drivers::DeviceResult;
-use nacre_processing::Error;
-use nacre_processing::progress::Progress;
 use nacre_sim::Port;
 use nacre_sim::emulators::{
     Blink1Emulator, BulkEmulator, ByteFault, ByteFaultKind, Pty, RelayEmulator, Served, elliptec, grbl,

@@ -1,9 +1,9 @@
 //! Options that say which bench a command works on.
 
+use nacre_base::Error;
 use nacre_capture::Failure;
 use nacre_capture::rig::{Place, SimulatedBench};
 use nacre_capture::setup::BenchSection;
-use nacre_processing::Error;
 use nacre_service::config::{Config, default_path};
 use nacre_sim::BenchConfig;
 use std::path::PathBuf;

@@ -2,6 +2,7 @@
 
 use super::bench::BenchArgs;
 use crate::console::Console;
+use nacre_base::Error;
 use nacre_capture::Failure;
 use nacre_capture::engine::Control;
 use nacre_capture::plan::{Plan, Role, Step};
@@ -10,7 +11,6 @@ use nacre_capture::run::{Capture, Taken, cannot_resume, check_limits, complete, 
 use nacre_capture::session::{Ending, MortalDisk, SESSION_FILE, SessionFile, is_vacant};
 use nacre_drivers::Pattern;
 use nacre_drivers::stage::{Mounting, StageConfig, StageDriver};
-use nacre_processing::Error;
 use nacre_store::catalogue::note_session;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

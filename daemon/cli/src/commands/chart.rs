@@ -1,9 +1,9 @@
 //! `nacre chart`.
 
 use crate::console::Console;
+use nacre_base::Error;
 use nacre_capture::Failure;
-use nacre_processing::Error;
-use nacre_processing::chart::{Charted, Effort, Picture, Plan, Request, Study, chart, gpu, polarimetry};
+use nacre_studies::{Charted, Effort, Picture, Plan, Request, Study, chart, gpu, polarimetry};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write;

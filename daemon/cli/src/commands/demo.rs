@@ -3,10 +3,10 @@
 use super::reconstruct::summary;
 use super::sim::{BenchOptions, simulate};
 use crate::console::Console;
+use nacre_base::Error;
 use nacre_capture::Failure;
-use nacre_processing::Error;
-use nacre_processing::image::{Canvas, OutputFolder, orientation_picture, read, read_exr, scalar_picture};
-use nacre_processing::polarimetry::{Comparison, Options, Report, compare, reconstruct};
+use nacre_image::{Canvas, OutputFolder, orientation_picture, read, read_exr, scalar_picture};
+use nacre_polarimetry::{Comparison, Options, Report, compare, reconstruct};
 use nacre_service::view::Look;
 use nacre_sim::{BenchConfig, Truth};
 use serde::Serialize;
@@ -123,7 +123,7 @@ fn view(result: &Path) -> Result<PathBuf, Failure> {
     let file = result.join("view.html");
     let page = nacre_service::view::page("A simulated sample", result, &Look::default());
     let page = page.map_err(|problem| Error::file(result, problem, "report this"))?;
-    nacre_processing::image::write_whole(&file, &page)?;
+    nacre_image::write_whole(&file, &page)?;
     Ok(file)
 }
 
@@ -164,7 +164,7 @@ fn overview(session: &Path, judged: &Judged, truth: &Truth) -> Result<Canvas, Fa
     let gauge = |t: f32| t.is_finite().then(|| (t - offset).rem_euclid(std::f32::consts::PI));
 
     let frame = read(&session.join("frames/0000.png"))?;
-    let nacre_processing::image::Samples::U16(codes) = frame.samples else {
+    let nacre_image::Samples::U16(codes) = frame.samples else {
         return Err(Error::input("frames/0000.png", "is not 16-bit", "report this").into());
     };
     let top = codes.iter().copied().max().unwrap_or(1).max(1);
@@ -180,7 +180,7 @@ fn overview(session: &Path, judged: &Judged, truth: &Truth) -> Result<Canvas, Fa
     photograph.text(width as f32 + 16.0, 16.0, 15.0, [30, 30, 30], "One of the photographs");
     let error = |x: usize, y: usize| {
         let (measured, known) = (gauge(judged.orientation[at(x, y)])?, truth.orientation[at(x, y)]);
-        let difference = nacre_processing::polarimetry::angle_difference(measured.into(), known.into());
+        let difference = nacre_polarimetry::angle_difference(measured.into(), known.into());
         known.is_finite().then(|| difference.abs().to_degrees() as f32)
     };
     let panels = [

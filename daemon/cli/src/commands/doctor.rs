@@ -1,10 +1,10 @@
 //! `nacre doctor`.
 
 use crate::console::Console;
+use nacre_base::Error;
 use nacre_capture::Failure;
 use nacre_drivers::discovery::Root;
 use nacre_drivers::doctor::{Check, Health, examine};
-use nacre_processing::Error;
 use std::fmt::Write;
 use std::path::PathBuf;
 

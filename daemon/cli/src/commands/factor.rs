@@ -4,7 +4,7 @@ use crate::commands::said;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_capture::Failure;
-use nacre_processing::environment::factor::{Job, Kind, Settings, factor};
+use nacre_render::environment::factor::{Job, Kind, Settings, factor};
 use std::fmt::Write;
 use std::path::PathBuf;
 

@@ -3,11 +3,11 @@
 use crate::commands::values::{ChannelName, transfer};
 use crate::console::Console;
 use clap::ValueEnum;
+use nacre_base::Error;
 use nacre_capture::Failure;
 use nacre_capture::import::{Options, angles_in_names, describe, named_angles};
-use nacre_processing::Error;
-use nacre_processing::frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
-use nacre_processing::image::{OutputFolder, photographs, write_whole};
+use nacre_frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
+use nacre_image::{OutputFolder, photographs, write_whole};
 use std::path::{Path, PathBuf};
 
 /// Most file names in a message.

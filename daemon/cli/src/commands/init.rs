@@ -2,6 +2,8 @@
 
 use super::bench::place;
 use crate::console::Console;
+use nacre_base::Error;
+use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::engine::Hands;
 use nacre_capture::rig::{Rig, runtime};
@@ -10,9 +12,7 @@ use nacre_drivers::camera::{CameraConfig, CameraDriver, measure};
 use nacre_drivers::discovery::{Kind, Root, discover};
 use nacre_drivers::display::desktop_warnings;
 use nacre_drivers::{Camera, CameraHandle, Clock, Frame, Freshness, Patience, SystemClock};
-use nacre_processing::Error;
-use nacre_processing::image::{write_png16_gray, write_whole};
-use nacre_processing::progress::Progress;
+use nacre_image::{write_png16_gray, write_whole};
 use nacre_service::config::Config;
 use serde::de::DeserializeOwned;
 use std::path::PathBuf;

@@ -28,8 +28,8 @@ pub mod sim;
 pub mod synthesize;
 mod values;
 
-use nacre_processing::Error;
-use nacre_processing::text::{from_toml, read_text};
+use nacre_base::Error;
+use nacre_base::text::{from_toml, read_text};
 use std::path::Path;
 
 /// Largest description that is read.

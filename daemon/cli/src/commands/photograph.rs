@@ -3,10 +3,10 @@
 use crate::commands::toml_file;
 use crate::console::Console;
 use clap::Subcommand;
+use nacre_base::Error;
+use nacre_base::progress::Progress;
 use nacre_capture::Failure;
-use nacre_processing::Error;
-use nacre_processing::image::OutputFolder;
-use nacre_processing::progress::Progress;
+use nacre_image::OutputFolder;
 use nacre_sim::photographs::{BokehPhotograph, FlashPhotograph, FoilPhotograph, TilesPhotograph};
 use serde::Serialize;
 use serde::de::DeserializeOwned;

@@ -2,14 +2,14 @@
 
 use crate::commands::said;
 use crate::console::Console;
+use nacre_base::Error;
+use nacre_brdf::height::{self, Scale};
+use nacre_brdf::output::vacant;
 use nacre_capture::Failure;
-use nacre_processing::Error;
-use nacre_processing::image::OutputFolder;
-use nacre_processing::render::{
+use nacre_image::OutputFolder;
+use nacre_render::{
     Report, Scene, Settings, exposure, gallery, gallery_scene, gallery_skin, render, write_picture, write_png,
 };
-use nacre_processing::surface::height::{self, Scale};
-use nacre_processing::surface::output::vacant;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 

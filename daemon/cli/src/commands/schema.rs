@@ -3,7 +3,7 @@
 use crate::console::Console;
 use clap::ValueEnum;
 use nacre_capture::Failure;
-use nacre_processing::frames::FrameSet;
+use nacre_frames::FrameSet;
 use nacre_sim::BenchConfig;
 
 /// Arguments of `nacre schema`.
@@ -38,8 +38,8 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         Name::Frames => schemars::schema_for!(FrameSet),
         Name::Plan => schemars::schema_for!(nacre_capture::plan::Plan),
         Name::Bench => schemars::schema_for!(BenchConfig),
-        Name::Geometry => schemars::schema_for!(nacre_processing::geometry::Geometry),
-        Name::Scene => schemars::schema_for!(nacre_processing::render::Scene),
+        Name::Geometry => schemars::schema_for!(nacre_optics::geometry::Geometry),
+        Name::Scene => schemars::schema_for!(nacre_render::Scene),
         Name::Config => schemars::schema_for!(nacre_service::config::Config),
         Name::Openapi => {
             let document = nacre_service::openapi();

@@ -2,10 +2,10 @@
 
 use super::bench::place;
 use crate::console::Console;
+use nacre_base::Error;
 use nacre_capture::Failure;
 use nacre_capture::session::sha256;
 use nacre_capture::setup::BenchSection;
-use nacre_processing::Error;
 use nacre_service::config::{Config, Role, default_path};
 use nacre_service::serve;
 use std::net::SocketAddr;

@@ -3,12 +3,12 @@
 use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use nacre_base::progress::Progress;
 use nacre_capture::Failure;
-use nacre_processing::calibration::Gray;
-use nacre_processing::foil::{Distribution, Dots, Shape, synthesize};
-use nacre_processing::image::{OutputFolder, orientation_picture};
-use nacre_processing::map::Kind;
-use nacre_processing::progress::Progress;
+use nacre_image::{OutputFolder, orientation_picture};
+use nacre_lut::foil::{Distribution, Dots, Shape, synthesize};
+use nacre_maps::Kind;
+use nacre_periods::calibration::Gray;
 use std::fmt::Write;
 use std::path::PathBuf;
 

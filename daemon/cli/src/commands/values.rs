@@ -1,7 +1,7 @@
 //! Values as the command line says them.
 
 use clap::ValueEnum;
-use nacre_processing::frames::{Channel, Transfer};
+use nacre_frames::{Channel, Transfer};
 
 /// As many numbers as wanted, with commas.
 pub(in crate::commands) fn numbers<T: std::str::FromStr, const N: usize>(

@@ -63,7 +63,7 @@ impl Bench {
             }
         };
         let thread = std::thread::Builder::new().name("bench".into()).spawn(serve);
-        let thread = thread.map_err(|e| nacre_processing::Error::input("bench", e, "free some memory"))?;
+        let thread = thread.map_err(|e| nacre_base::Error::input("bench", e, "free some memory"))?;
         told.await.unwrap_or_else(|_| Err(died()))?;
         Ok(Self { jobs: Mutex::new(Some(jobs)), shared, thread: Mutex::new(Some(thread)) })
     }
@@ -182,5 +182,5 @@ fn busy(session: &str) -> Problem {
 }
 
 fn died() -> Failure {
-    nacre_processing::Error::input("bench", "ended unexpectedly", "restart the service, and report this").into()
+    nacre_base::Error::input("bench", "ended unexpectedly", "restart the service, and report this").into()
 }

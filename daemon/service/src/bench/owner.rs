@@ -1,12 +1,12 @@
 //! The devices on their thread: what is done by hand, and the light that is looked after meanwhile.
 
 use super::{Common, Job, locked};
+use nacre_base::progress::{Progress, Silent};
 use nacre_capture::Failure;
 use nacre_capture::engine::{Control, Hands, Input, Memory, PanelFound, Watch, drawn_by, guarded, measure_panel};
 use nacre_capture::rig::{Place, Rig, runtime};
 use nacre_drivers::display::DisplayConfig;
 use nacre_drivers::{DeviceResult, Freshness, Pattern};
-use nacre_processing::progress::{Progress, Silent};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{self, RecvTimeoutError};

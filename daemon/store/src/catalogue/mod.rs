@@ -9,9 +9,9 @@ pub use row::{SessionRow, State};
 pub use search::{Cursor, Page, Query};
 
 use crate::sqlite::{BUSY, CORRUPT, ERROR, FULL, NOT_A_DATABASE, is_new, primary_code};
+use nacre_base::Error;
+use nacre_base::progress::Progress;
 use nacre_capture::Failure;
-use nacre_processing::Error;
-use nacre_processing::progress::Progress;
 use serde::Serialize;
 use sqlx::Connection;
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqlitePoolOptions, SqliteSynchronous};

@@ -1,8 +1,8 @@
 //! One session as the catalogue knows it.
 
+use nacre_base::Error;
 use nacre_capture::plan::word;
 use nacre_capture::session::{Journal, SESSION_FILE, SessionFile, sha256};
-use nacre_processing::Error;
 use serde::{Deserialize, Serialize};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, SqliteConnection};

@@ -1,9 +1,9 @@
 //! Searching the catalogue, page by page.
 
 use super::{Catalogue, SessionRow, State};
+use nacre_base::Error;
 use nacre_capture::plan::PlanKind;
 use nacre_capture::plan::word;
-use nacre_processing::Error;
 use serde::{Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;

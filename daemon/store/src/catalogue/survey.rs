@@ -1,9 +1,9 @@
 //! Finding session folders on the disk. Every look at it runs on a thread of its own, so that a server can go on.
 
 use super::SessionRow;
+use nacre_base::Error;
+use nacre_base::progress::Progress;
 use nacre_capture::session::SESSION_FILE;
-use nacre_processing::Error;
-use nacre_processing::progress::Progress;
 use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};

@@ -19,13 +19,13 @@ mod tests;
 mod worker;
 
 use live::Live;
+use nacre_base::Error;
+use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::plan::Method;
-use nacre_processing::Error;
-use nacre_processing::frames::Transfer;
-use nacre_processing::pattern::{LightPhotograph, Settings};
-use nacre_processing::polarimetry::{Align, Oblique, Options, PeriodMethod, Smoothing};
-use nacre_processing::progress::Progress;
+use nacre_frames::Transfer;
+use nacre_lut::{LightPhotograph, Settings};
+use nacre_polarimetry::{Align, Oblique, Options, PeriodMethod, Smoothing};
 use record::Record;
 use serde::{Deserialize, Serialize};
 use std::fmt;

@@ -6,7 +6,7 @@ use super::{Job, JobState, Refusal, Spec};
 use crate::sqlite::{CORRUPT, ERROR, FULL, NOT_A_DATABASE, is_new, primary_code};
 use apalis::prelude::{TaskBuilder, TaskId};
 use apalis_sqlite::{SqliteStorage, queries::push_tasks};
-use nacre_processing::Error;
+use nacre_base::Error;
 use sqlx::migrate::MigrateError;
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{Connection, SqliteConnection};

@@ -1,7 +1,7 @@
 //! Reading a bench, and refusing impossible ones.
 
 use super::{BenchConfig, FaultKind, FaultyDevice};
-use nacre_processing::text::from_toml;
+use nacre_base::text::from_toml;
 
 impl FaultKind {
     /// Whether a device can fail in this way.

@@ -4,7 +4,7 @@ use super::{
     CameraConfig, FilmConfig, FilterConfig, FlashConfig, GeometryConfig, GratingConfig, PanelConfig, RigorousConfig,
     StageConfig,
 };
-use nacre_processing::rcwa::ALUMINIUM;
+use nacre_optics::rcwa::ALUMINIUM;
 
 impl Default for GratingConfig {
     fn default() -> Self {

@@ -5,8 +5,8 @@
 
 use super::orders::Profile;
 use crate::random::{electrons, key};
-use nacre_processing::image::{Attribute, OutputFolder, write_exr, write_png16_gray};
-use nacre_processing::{Error, Result};
+use nacre_base::{Error, Result};
+use nacre_image::{Attribute, OutputFolder, write_exr, write_png16_gray};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,10 +1,10 @@
 //! What photographs in several exposures share: the camera's noise, its files, and the set that describes them.
 
 use crate::random::{electrons, key};
-use nacre_processing::frames::{FILE_NAME, Frame, FrameSet, Kind, save};
-use nacre_processing::image::{Attribute, OutputFolder, write_exr, write_png16_gray};
-use nacre_processing::polarimetry::NoiseModel;
-use nacre_processing::{Error, Result};
+use nacre_base::{Error, Result};
+use nacre_frames::NoiseModel;
+use nacre_frames::{FILE_NAME, Frame, FrameSet, Kind, save};
+use nacre_image::{Attribute, OutputFolder, write_exr, write_png16_gray};
 use rayon::prelude::*;
 
 /// Black and white of the 16-bit files.

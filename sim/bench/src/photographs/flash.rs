@@ -6,8 +6,8 @@
 
 use super::bracket::{bracket, check_exposures};
 use super::orders::{Orders, Surface};
-use nacre_processing::image::OutputFolder;
-use nacre_processing::{Error, Result};
+use nacre_base::{Error, Result};
+use nacre_image::OutputFolder;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -6,9 +6,9 @@
 
 use super::bracket::{bracket, check_exposures};
 use super::flash::{blurred, disc};
-use nacre_processing::geometry::{Camera, Geometry, Pose, Uncertainty, text};
-use nacre_processing::image::OutputFolder;
-use nacre_processing::{Error, Result};
+use nacre_base::{Error, Result};
+use nacre_image::OutputFolder;
+use nacre_optics::geometry::{Camera, Geometry, Pose, Uncertainty, text};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

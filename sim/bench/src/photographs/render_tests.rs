@@ -1,8 +1,8 @@
 //! Pictures of the renderer against photographs of the simulator, which shares none of its formulas: absolute radiance, pixel by pixel.
 
 use super::*;
-use nacre_processing::progress::Silent;
-use nacre_processing::render::{Scene, Settings, render};
+use nacre_base::progress::Silent;
+use nacre_render::{Scene, Settings, render};
 use std::path::Path;
 
 const SIDE: usize = 48;

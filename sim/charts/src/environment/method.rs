@@ -2,15 +2,15 @@
 
 use super::scene::{Last, Pattern, room};
 use super::{Draft, outcome};
-use nacre_processing::Result;
-use nacre_processing::chart::{Axis, Effort, Scene, Setting, Study};
-use nacre_processing::environment::factor::{Factors, Settings};
-use nacre_processing::environment::{
+use nacre_base::Result;
+use nacre_base::progress::Silent;
+use nacre_render::environment::factor::{Factors, Settings};
+use nacre_render::environment::{
     Environment, Frame, Grating, Lights, Reflection, Sampler, Steps, Table, clamped, lamps, normalized_error, planar,
     prefiltered, turned_back, turned_to, two_pass,
 };
-use nacre_processing::progress::Silent;
 use nacre_sim::random::{key, uniform};
+use nacre_studies::{Axis, Effort, Scene, Setting, Study};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::time::Instant;
 

@@ -6,7 +6,7 @@ mod sphere;
 
 pub(super) use scene::Last;
 
-use nacre_processing::chart::{Axis, Effort, Outcome, Run, Scene, Setting, Study};
+use nacre_studies::{Axis, Effort, Outcome, Run, Scene, Setting, Study};
 
 /// All of them.
 pub fn studies(effort: Effort) -> Vec<Study> {

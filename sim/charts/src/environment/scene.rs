@@ -1,7 +1,7 @@
 //! Rooms with lamps, and tables of patterns.
 
-use nacre_processing::Result;
-use nacre_processing::environment::{Environment, Table};
+use nacre_base::Result;
+use nacre_render::environment::{Environment, Table};
 use nacre_sim::random::{key, uniform};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::{Arc, Mutex, PoisonError};

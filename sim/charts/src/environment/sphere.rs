@@ -2,11 +2,11 @@
 
 use super::scene::{EXTENT, Last, Pattern, room};
 use super::{Draft, outcome};
-use nacre_processing::Result;
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
-use nacre_processing::environment::factor::{Factors, Settings};
-use nacre_processing::environment::{Environment, Table, clamped, facing, normalized_error};
-use nacre_processing::progress::Silent;
+use nacre_base::Result;
+use nacre_base::progress::Silent;
+use nacre_render::environment::factor::{Factors, Settings};
+use nacre_render::environment::{Environment, Table, clamped, facing, normalized_error};
+use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::time::Instant;
 
 /// Patterns, by their names.

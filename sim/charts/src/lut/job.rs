@@ -1,11 +1,11 @@
 //! Photographs of known orders, and tables of them against their truth.
 
 use super::{BAND_NM, PITCH_PX};
-use nacre_processing::Result;
-use nacre_processing::chart::Outcome;
-use nacre_processing::color::{Illuminant, Observer};
-use nacre_processing::pattern::{Light, Photograph, Settings, Table, Wavelength, lookup};
+use nacre_base::Result;
+use nacre_lut::{Light, Photograph, Settings, Table, Wavelength, lookup};
+use nacre_optics::color::{Illuminant, Observer};
 use nacre_sim::random::{key, uniform};
+use nacre_studies::Outcome;
 use rayon::prelude::*;
 use std::time::Instant;
 

@@ -5,9 +5,9 @@ mod job;
 mod stress;
 
 use job::{Job, Pattern};
-use nacre_processing::Result;
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
-use nacre_processing::pattern::{MethodChoice, Settings};
+use nacre_base::Result;
+use nacre_lut::{MethodChoice, Settings};
+use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 
 /// Standard deviation of an order in pixels.
 const WIDTHS_PX: [f64; 6] = [4.0, 2.5, 2.0, 1.5, 1.0, 0.6];

@@ -2,9 +2,9 @@
 
 use super::job::{Job, Pattern};
 use super::{BAND_NM, PITCH_PX};
-use nacre_processing::Result;
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
-use nacre_processing::pattern::{Light, Photograph, Settings, Wavelength};
+use nacre_base::Result;
+use nacre_lut::{Light, Photograph, Settings, Wavelength};
+use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 
 /// What is asked, what is varied, and what is tried.
 struct Stress {

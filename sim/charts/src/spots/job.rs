@@ -1,13 +1,13 @@
 //! A mosaic of periods on the bench, photographed under fringes and reconstructed as a user's is: from files to files.
 
+use nacre_base::progress::Silent;
+use nacre_base::statistics::median;
+use nacre_base::{Error, Result};
 use nacre_drivers::Pattern;
-use nacre_processing::frames::{Distances, Frame, FrameSet, Fringes, Kind, save};
-use nacre_processing::image::{read_exr, write_png16_gray};
-use nacre_processing::polarimetry::{NoiseModel, angle_difference};
-use nacre_processing::progress::Silent;
-use nacre_processing::spots::{Report, Settings, frequencies, reconstruct};
-use nacre_processing::statistics::median;
-use nacre_processing::{Error, Result};
+use nacre_frames::{Distances, Frame, FrameSet, Fringes, Kind, save};
+use nacre_image::{read_exr, write_png16_gray};
+use nacre_periods::spots::{Report, Settings, frequencies, reconstruct};
+use nacre_polarimetry::{NoiseModel, angle_difference};
 use nacre_sim::BenchConfig;
 use nacre_sim::Truth;
 use nacre_sim::surface::SampleKind;

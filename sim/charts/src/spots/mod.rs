@@ -5,10 +5,10 @@ mod job;
 
 pub use job::{Judged, Shown, bench, judged, photograph};
 
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
-use nacre_processing::spots::Settings;
-use nacre_processing::{Error, Result};
+use nacre_base::{Error, Result};
+use nacre_periods::spots::Settings;
 use nacre_sim::BenchConfig;
+use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 
 /// All of them.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {

@@ -2,11 +2,11 @@
 
 use super::stress::{METHODS, NAMES, Stress, refused, said};
 use libm::jn;
-use nacre_processing::Result;
-use nacre_processing::chart::{Axis, Outcome};
-use nacre_processing::progress::Silent;
-use nacre_processing::surface::height::{HeightField, Profile, Quality, Shape, Synthetic};
-use nacre_processing::surface::{Direction, Pair, Settings, slice};
+use nacre_base::Result;
+use nacre_base::progress::Silent;
+use nacre_brdf::height::{HeightField, Profile, Quality, Shape, Synthetic};
+use nacre_brdf::{Direction, Pair, Settings, slice};
+use nacre_studies::{Axis, Outcome};
 use std::f64::consts::{PI, TAU};
 use std::time::Instant;
 

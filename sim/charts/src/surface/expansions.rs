@@ -1,10 +1,10 @@
 //! Methods for the BRDF of a height field, against its depth.
 
-use nacre_processing::Result;
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
-use nacre_processing::progress::Silent;
-use nacre_processing::surface::height::{HeightField, Quality, Shape, Synthetic};
-use nacre_processing::surface::{Direction, Method, Pair, Settings, Slice, Window, slice};
+use nacre_base::Result;
+use nacre_base::progress::Silent;
+use nacre_brdf::height::{HeightField, Quality, Shape, Synthetic};
+use nacre_brdf::{Direction, Method, Pair, Settings, Slice, Window, slice};
+use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use std::time::Instant;
 
 const DEPTHS_UM: [f64; 6] = [0.1, 0.25, 0.5, 1.0, 2.0, 4.0];

@@ -6,7 +6,7 @@ mod gems;
 mod stress;
 mod sums;
 
-use nacre_processing::chart::{Effort, Study};
+use nacre_studies::{Effort, Study};
 
 /// All of them.
 pub(super) fn studies(effort: Effort) -> Vec<Study> {

@@ -1,15 +1,15 @@
 //! Where methods for BRDFs of height fields fail.
 
 use super::{coherence, gems, sums};
-use nacre_processing::chart::{Axis, Effort, Outcome, Scene, Setting, Study};
-use nacre_processing::color::linear_srgb;
-use nacre_processing::progress::Silent;
-use nacre_processing::rcwa;
-use nacre_processing::surface::height::{HeightField, Profile, Quality, Shape, Synthetic};
-use nacre_processing::surface::{
+use nacre_base::progress::Silent;
+use nacre_base::{Error, Result};
+use nacre_brdf::height::{HeightField, Profile, Quality, Shape, Synthetic};
+use nacre_brdf::{
     Direction, Map, Method, OrderMethod, Pair, Section, Settings, Views, Window, check, map, most_orders, slice,
 };
-use nacre_processing::{Error, Result};
+use nacre_optics::color::linear_srgb;
+use nacre_optics::rcwa;
+use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 use std::time::Instant;

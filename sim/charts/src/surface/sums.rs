@@ -1,12 +1,12 @@
 //! Sums over wavelengths and over frequencies: how many terms they need.
 
 use super::stress::{Stress, plain};
-use nacre_processing::Result;
-use nacre_processing::chart::{Axis, Outcome};
-use nacre_processing::color::Observer;
-use nacre_processing::progress::Silent;
-use nacre_processing::surface::height::{Profile, Quality, Shape, Synthetic};
-use nacre_processing::surface::{Settings, Window, slice};
+use nacre_base::Result;
+use nacre_base::progress::Silent;
+use nacre_brdf::height::{Profile, Quality, Shape, Synthetic};
+use nacre_brdf::{Settings, Window, slice};
+use nacre_optics::color::Observer;
+use nacre_studies::{Axis, Outcome};
 use std::time::Instant;
 
 pub(super) fn steps() -> Stress {

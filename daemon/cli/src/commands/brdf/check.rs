@@ -2,9 +2,9 @@
 
 use super::common::{List, Optics, Surface, summary};
 use crate::console::Console;
+use nacre_brdf::output::{vacant, write_check, write_check_picture};
+use nacre_brdf::{Report, check};
 use nacre_capture::Failure;
-use nacre_processing::surface::output::{vacant, write_check, write_check_picture};
-use nacre_processing::surface::{Report, check};
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Instant;

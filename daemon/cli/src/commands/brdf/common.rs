@@ -3,11 +3,11 @@
 use crate::commands::said;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use nacre_base::progress::Progress;
+use nacre_brdf::height::{self, Quality, Scale};
+use nacre_brdf::{HeightField, Method, Normalisation, Reflectance, Report, Settings, name};
 use nacre_capture::Failure;
-use nacre_processing::color::Observer;
-use nacre_processing::progress::Progress;
-use nacre_processing::surface::height::{self, Quality, Scale};
-use nacre_processing::surface::{HeightField, Method, Normalisation, Reflectance, Report, Settings, name};
+use nacre_optics::color::Observer;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

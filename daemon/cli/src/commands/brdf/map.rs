@@ -3,9 +3,9 @@
 use super::common::{Material, Optics, Seen, Surface, direction, summary};
 use crate::commands::values::numbers;
 use crate::console::Console;
+use nacre_brdf::output::{vacant, write_map, write_picture};
+use nacre_brdf::{Report, Settings, Views, about_map, map};
 use nacre_capture::Failure;
-use nacre_processing::surface::output::{vacant, write_map, write_picture};
-use nacre_processing::surface::{Report, Settings, Views, about_map, map};
 use std::path::PathBuf;
 use std::time::Instant;
 

@@ -3,12 +3,12 @@
 use super::common::List;
 use crate::commands::said;
 use crate::console::Console;
+use nacre_base::Error;
+use nacre_brdf::height::Profile;
+use nacre_brdf::output::{check_rows, vacant};
+use nacre_brdf::{Direction, OrderMethod, Pair, Section, most_orders};
 use nacre_capture::Failure;
-use nacre_processing::Error;
-use nacre_processing::image::write_whole;
-use nacre_processing::surface::height::Profile;
-use nacre_processing::surface::output::{check_rows, vacant};
-use nacre_processing::surface::{Direction, OrderMethod, Pair, Section, most_orders};
+use nacre_image::write_whole;
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::fmt::Write;

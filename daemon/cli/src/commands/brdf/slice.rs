@@ -2,9 +2,9 @@
 
 use super::common::{List, Material, Optics, Surface, direction, summary};
 use crate::console::Console;
+use nacre_brdf::output::{check_rows, vacant, write_slice};
+use nacre_brdf::{Report, slice};
 use nacre_capture::Failure;
-use nacre_processing::surface::output::{check_rows, vacant, write_slice};
-use nacre_processing::surface::{Report, slice};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;

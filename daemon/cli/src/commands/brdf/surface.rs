@@ -3,10 +3,10 @@
 use crate::commands::said;
 use crate::console::Console;
 use clap::ValueEnum;
+use nacre_base::Error;
+use nacre_brdf::height::{Profile, Quality, Shape, Synthetic};
+use nacre_brdf::output::{vacant, write_height};
 use nacre_capture::Failure;
-use nacre_processing::Error;
-use nacre_processing::surface::height::{Profile, Quality, Shape, Synthetic};
-use nacre_processing::surface::output::{vacant, write_height};
 use serde::Serialize;
 use std::path::PathBuf;
 

@@ -2,10 +2,10 @@
 
 use super::common::{Optics, Surface};
 use crate::console::Console;
+use nacre_base::progress::Progress;
+use nacre_brdf::{TermSet, Terms as Set, TermsAbout, TermsRequest};
 use nacre_capture::Failure;
-use nacre_processing::image::{OutputFolder, Precision};
-use nacre_processing::progress::Progress;
-use nacre_processing::surface::{TermSet, Terms as Set, TermsAbout, TermsRequest};
+use nacre_image::{OutputFolder, Precision};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;

@@ -3,11 +3,11 @@
 use super::shape;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use nacre_base::Error;
+use nacre_brdf::output::vacant;
 use nacre_capture::Failure;
-use nacre_processing::Error;
-use nacre_processing::calibration::{Board, board_picture};
-use nacre_processing::image::{encode_png8, write_whole};
-use nacre_processing::surface::output::vacant;
+use nacre_image::{encode_png8, write_whole};
+use nacre_periods::calibration::{Board, board_picture};
 use std::path::PathBuf;
 
 /// Arguments of `nacre calibrate board`.

@@ -4,15 +4,16 @@ use super::{highlight, shape};
 use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use nacre_base::Error;
+use nacre_brdf::output::vacant;
 use nacre_capture::Failure;
-use nacre_processing::calibration::{
+use nacre_image::{OutputFolder, info};
+use nacre_optics::color::{Illuminant, Spectrum};
+use nacre_optics::geometry;
+use nacre_periods::calibration::{
     Band, Board, CameraFrom, Highlight, Known, Outcome, PanelFrom, Pixels, Request, Ruler, SampleFrom, View, band_of,
     calibrate_geometry, write_overlays,
 };
-use nacre_processing::color::{Illuminant, Spectrum};
-use nacre_processing::image::{OutputFolder, info};
-use nacre_processing::surface::output::vacant;
-use nacre_processing::{Error, geometry};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -187,7 +188,7 @@ fn wavelength(text: &str) -> Result<[f64; 2], String> {
 struct Printed<'a> {
     geometry: &'a geometry::Geometry,
     #[serde(flatten)]
-    report: &'a nacre_processing::calibration::Report,
+    report: &'a nacre_periods::calibration::Report,
     band: Option<Band>,
     files: Vec<PathBuf>,
 }

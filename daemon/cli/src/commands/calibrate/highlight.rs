@@ -1,8 +1,8 @@
 //! `--highlight`: where the light's mirror image is, or a photograph of it.
 
 use crate::commands::values::numbers;
-use nacre_processing::calibration::{Highlight, find_highlight};
-use nacre_processing::{Error, Result};
+use nacre_base::{Error, Result};
+use nacre_periods::calibration::{Highlight, find_highlight};
 use std::path::PathBuf;
 
 /// As it is given.

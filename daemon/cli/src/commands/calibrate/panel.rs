@@ -3,12 +3,12 @@
 use crate::commands::bench::BenchArgs;
 use crate::commands::manual::with_hands;
 use crate::console::Console;
+use nacre_base::Error;
+use nacre_brdf::output::vacant;
 use nacre_capture::Failure;
 use nacre_capture::engine::{Hands, LEVELS, drawn_by, measure_panel};
 use nacre_drivers::display::POWER_LAW;
-use nacre_processing::Error;
-use nacre_processing::image::write_whole;
-use nacre_processing::surface::output::vacant;
+use nacre_image::write_whole;
 use std::path::PathBuf;
 
 /// Arguments of `nacre calibrate panel`.

@@ -2,10 +2,10 @@
 
 use crate::commands::said::lines;
 use crate::console::Console;
+use nacre_base::progress::Progress;
 use nacre_capture::Failure;
-use nacre_processing::image::OutputFolder;
-use nacre_processing::map::{Agreement, Compared, Maps, compare, side_by_side};
-use nacre_processing::progress::Progress;
+use nacre_image::OutputFolder;
+use nacre_maps::{Agreement, Compared, Maps, compare, side_by_side};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;

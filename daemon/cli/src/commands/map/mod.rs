@@ -5,10 +5,10 @@ mod compare;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use clap::{Subcommand, ValueEnum};
+use nacre_base::progress::Progress;
 use nacre_capture::Failure;
-use nacre_processing::image::OutputFolder;
-use nacre_processing::map::{About, Curve, Edits, Encoding, Layout, Maps, edit_folder, export, import};
-use nacre_processing::progress::Progress;
+use nacre_image::OutputFolder;
+use nacre_maps::{About, Curve, Edits, Encoding, Layout, Maps, edit_folder, export, import};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

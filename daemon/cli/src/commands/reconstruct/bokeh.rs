@@ -5,12 +5,12 @@ use crate::commands::values::{numbers, transfer};
 use crate::console::Console;
 use clap::ValueEnum;
 use nacre_capture::Failure;
-use nacre_processing::bokeh::deconvolution::Iterations;
-use nacre_processing::bokeh::{
+use nacre_frames::Transfer;
+use nacre_lut::bokeh::deconvolution::Iterations;
+use nacre_lut::bokeh::{
     self, Calibration, Crop, KnownGrating, KnownScale, Lens, Light, Line, Options, PsfChoice, Report, Shape,
 };
-use nacre_processing::frames::Transfer;
-use nacre_processing::polarimetry::NoiseModel;
+use nacre_polarimetry::NoiseModel;
 use std::fmt::Write;
 use std::path::PathBuf;
 

@@ -4,8 +4,8 @@ use crate::commands::said::{lines, meets};
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_capture::Failure;
-use nacre_processing::flash::{self, Orientation, PeriodChoice, Report, Settings};
-use nacre_processing::geometry;
+use nacre_optics::geometry;
+use nacre_periods::flash::{self, Orientation, PeriodChoice, Report, Settings};
 use std::fmt::Write;
 use std::path::PathBuf;
 

@@ -4,8 +4,8 @@ use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_capture::Failure;
-use nacre_processing::foil::{self, Settings};
-use nacre_processing::geometry;
+use nacre_lut::foil::{self, Settings};
+use nacre_optics::geometry;
 use std::fmt::Write;
 use std::path::PathBuf;
 

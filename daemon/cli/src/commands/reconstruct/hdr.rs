@@ -3,8 +3,8 @@
 use crate::commands::said::{lines, meets};
 use crate::console::Console;
 use nacre_capture::Failure;
-use nacre_processing::hdr::{self, Options, Report, ResponseChoice};
-use nacre_processing::polarimetry::Align;
+use nacre_frames::hdr::{self, Options, Report, ResponseChoice};
+use nacre_polarimetry::Align;
 use std::fmt::Write;
 use std::path::PathBuf;
 

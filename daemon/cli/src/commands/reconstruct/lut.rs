@@ -5,12 +5,10 @@ use crate::commands::toml_file;
 use crate::commands::values::{ChannelName, numbers, transfer};
 use crate::console::Console;
 use nacre_capture::Failure;
-use nacre_processing::color::Observer;
-use nacre_processing::frames::{Channel, Transfer};
-use nacre_processing::geometry;
-use nacre_processing::pattern::{
-    self, Arrangement, LightPhotograph, MethodChoice, Placement, Report, Settings, Wavelength,
-};
+use nacre_frames::{Channel, Transfer};
+use nacre_lut::{Arrangement, LightPhotograph, MethodChoice, Placement, Report, Settings, Wavelength};
+use nacre_optics::color::Observer;
+use nacre_optics::geometry;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -150,7 +148,7 @@ impl Lut {
             }),
             overwrite: self.force,
         };
-        let report = pattern::reconstruct(&self.input, &self.out, &settings, console)?;
+        let report = nacre_lut::reconstruct(&self.input, &self.out, &settings, console)?;
         let mut text = summary(&report);
         let _ = write!(text, "\nresults   {}", self.out.display());
         console.result(&text, &report);

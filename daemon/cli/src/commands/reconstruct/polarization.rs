@@ -3,9 +3,8 @@
 use crate::commands::said::{lines, meets};
 use crate::console::Console;
 use nacre_capture::Failure;
-use nacre_processing::polarimetry::{
-    self, Align, AngleSource, ErrorReport, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report,
-    Smoothing,
+use nacre_polarimetry::{
+    Align, AngleSource, ErrorReport, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report, Smoothing,
 };
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -112,7 +111,7 @@ impl Polarization {
             period: self.period(),
             overwrite: self.force,
         };
-        let report = polarimetry::reconstruct(&self.input, &self.out, &options, console)?;
+        let report = nacre_polarimetry::reconstruct(&self.input, &self.out, &options, console)?;
         let mut text = summary(&report);
         let _ = write!(text, "\nresults   {}", self.out.display());
         console.result(&text, &report);

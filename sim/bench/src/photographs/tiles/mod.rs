@@ -15,10 +15,11 @@ pub use score::Score;
 
 use super::bracket::{bracket, check_exposures};
 use crate::random::{key, uniform};
-use nacre_processing::frames::Frame;
-use nacre_processing::geometry::{Camera, Geometry, Pose};
-use nacre_processing::image::{Attribute, OutputFolder, write_exr};
-use nacre_processing::{Error, Result, geometry};
+use nacre_base::{Error, Result};
+use nacre_frames::Frame;
+use nacre_image::{Attribute, OutputFolder, write_exr};
+use nacre_optics::geometry;
+use nacre_optics::geometry::{Camera, Geometry, Pose};
 use pattern::Tile;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

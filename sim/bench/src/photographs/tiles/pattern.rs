@@ -1,7 +1,7 @@
 //! What is printed in one tile: polygons, each with one direction of grooves.
 
 use crate::random::{key, uniform};
-use nacre_processing::{Error, Result};
+use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;

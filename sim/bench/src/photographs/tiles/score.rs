@@ -1,9 +1,9 @@
 //! Maps against what was printed.
 
 use super::TilesPhotograph;
-use nacre_processing::Result;
-use nacre_processing::flash::Report;
-use nacre_processing::image::read_exr;
+use nacre_base::Result;
+use nacre_image::read_exr;
+use nacre_periods::flash::Report;
 use std::f64::consts::PI;
 use std::path::Path;
 
