@@ -1,4 +1,6 @@
-//! Makes scripts of the shaders, with the names of what they take: as they are for WebGPU, and translated to GLSL ES 300 for WebGL2.
+//! The page's scripts `shaders.js` (GLSL ES 300 for WebGL2) and `wgsl.js` (WebGPU) hold the shaders of `processing/render/src/gpu`,
+//! with the names of their uniforms and textures. They are kept in the repository, as the translator takes longer to compile
+//! than everything else of the page; this test compares them with a new translation.
 
 use naga::back::glsl;
 use naga::proc::BoundsCheckPolicies;
@@ -11,27 +13,34 @@ use std::path::Path;
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 const SOURCES: &str = "../processing/render/src/gpu";
+const PAGE: &str = "page";
+/// Command that translates the shaders again.
+const UPDATE: &str = "run NACRE_UPDATE=1 cargo test -p nacre-web --test shaders";
 
 /// Uniforms that do not change while a scene is shown, and what a browser gives in their place: compilers leave out what they switch off. With all
 /// of it, software takes more than two seconds to compile what then takes less than one.
 const SETTLED: [(&str, &str); 4] = [("what.x", "KIND"), ("what.y", "LAMPS"), ("form.x", "FORM"), ("sky_x.w", "SKY")];
 
-fn main() -> Result<()> {
-    println!("cargo::rerun-if-changed={SOURCES}");
-    println!("cargo::rerun-if-changed=build.rs");
+#[test]
+fn scripts_of_the_page_hold_the_shaders() -> Result<()> {
     let light =
         read(&["scene", "shape", "grating", "slits", "field", "surface", "environment", "heights", "corner", "light"])?;
     let display = read(&["corner", "display"])?;
-    let mut script = String::from("// Made from the shaders by the build; see processing/render/src/gpu.\n");
-    script += &format!("export const VERTEX = {};\n", text(&translated(&light, ShaderStage::Vertex, "corner")?.0));
-    script += &format!("export const LIGHT = {};\n", stage(&light, "light")?);
-    script += &format!("export const DISPLAY = {};\n", stage(&display, "display")?);
-    let out = std::env::var("OUT_DIR")?;
-    std::fs::write(Path::new(&out).join("shaders.js"), script)?;
-    let mut script = String::from("// The shaders, without comments; see processing/render/src/gpu.\n");
-    script += &format!("export const LIGHT = {};\n", direct(&light)?);
-    script += &format!("export const DISPLAY = {};\n", direct(&display)?);
-    std::fs::write(Path::new(&out).join("wgsl.js"), script)?;
+    let mut webgl = String::from("// Made from the shaders in processing/render/src/gpu; see web/tests/shaders.rs.\n");
+    webgl += &format!("export const VERTEX = {};\n", text(&translated(&light, ShaderStage::Vertex, "corner")?.0));
+    webgl += &format!("/** @type {{Shader}} */\nexport const LIGHT = {};\n", stage(&light, "light")?);
+    webgl += &format!("/** @type {{Shader}} */\nexport const DISPLAY = {};\n", stage(&display, "display")?);
+    let mut webgpu = String::from("// Made from the shaders in processing/render/src/gpu; see web/tests/shaders.rs.\n");
+    webgpu += &format!("/** @type {{DirectShader}} */\nexport const LIGHT = {};\n", direct(&light)?);
+    webgpu += &format!("/** @type {{DirectShader}} */\nexport const DISPLAY = {};\n", direct(&display)?);
+    for (name, script) in [("shaders.js", webgl), ("wgsl.js", webgpu)] {
+        let path = Path::new(PAGE).join(name);
+        if std::env::var_os("NACRE_UPDATE").is_some() {
+            std::fs::write(path, script)?;
+        } else if std::fs::read_to_string(path)? != script {
+            return Err(format!("web/page/{name} is not up to date; {UPDATE}").into());
+        }
+    }
     Ok(())
 }
 
