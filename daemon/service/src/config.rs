@@ -2,8 +2,9 @@
 
 use figment::Figment;
 use figment::error::Kind;
-use figment::providers::{Env, Format, Serialized, Toml};
+use figment::providers::{Env, Serialized};
 use nacre_base::Error;
+use nacre_base::text::from_toml;
 use nacre_capture::setup::BenchSection;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -116,7 +117,7 @@ impl Config {
                 return Err(bad(format!("has {size} bytes, at most {LIMIT} are read")));
             }
             let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-            figment = figment.merge(Toml::string(&text));
+            figment = figment.merge(Serialized::defaults(from_toml::<toml::Table>(&text).map_err(bad)?));
         }
         let config: Self =
             figment.merge(Env::prefixed("NACRE_SERVE_").split("__")).extract().map_err(|e| explain(path, e))?;
