@@ -167,17 +167,6 @@ fn a_gigantic_header_is_refused_before_any_memory_is_taken() {
 }
 
 #[test]
-fn colour_files_need_a_channel() {
-    let series = Series::new();
-    for angle in [0, 45, 90, 135] {
-        image::RgbImage::from_pixel(16, 16, image::Rgb([100, angle as u8, 50]))
-            .save(series.path(&name(angle)))
-            .unwrap();
-    }
-    series.refused(&["000.png", "channel"]);
-}
-
-#[test]
 fn photographs_without_usable_light() {
     for (value, word) in [(0_u8, "black"), (255, "saturated")] {
         let series = Series::new();

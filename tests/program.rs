@@ -14,6 +14,7 @@ mod command_line;
 mod connections;
 mod emulated;
 mod faults;
+mod files;
 mod flash;
 mod gpu;
 mod guardian;

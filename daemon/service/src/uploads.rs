@@ -253,7 +253,7 @@ fn decodable(folder: &Path) -> Answer<()> {
 fn describe(folder: &Path) -> Answer<()> {
     let path = folder.join(FILE_NAME);
     if !path.exists() {
-        let text = from_names(folder, false).or_else(|_| from_names(folder, true))?;
+        let text = from_names(folder)?;
         std::fs::write(&path, text).map_err(|e| Problem::new(Kind::Internal, format!("cannot be stored: {e}")))?;
     }
     load(folder)?;

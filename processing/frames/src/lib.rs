@@ -1,14 +1,19 @@
 //! `frames.json`: what a set of photographs is. The only input format of reconstructions; the capture engine writes
 //! it into every session folder, `nacre import` builds it for photographs taken elsewhere.
 
+mod clipping;
 pub mod hdr;
 mod linear;
 mod load;
 mod noise;
+mod stated;
+mod tags;
 
+pub use clipping::Clipping;
 pub use linear::{LinearFrame, Linearizer};
 pub use load::{LoadedFrames, check, load, planned, save};
 pub use noise::{ASSUMED, BELOW_WHITE_SIGMA, FrameNoise, NoiseModel, NoiseSource};
+pub use tags::{Tagged, exposures};
 
 use nacre_base::{Error, Result};
 use nacre_image::{Depth, Samples};
@@ -41,7 +46,7 @@ pub struct FrameSet {
     /// that reach it are not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub white: Option<f64>,
-    /// Which channel of a colour file to use. Required for colour files but of kind exposures, refused for grey ones.
+    /// Channel of colour files (default: the nearest to `wavelength_nm`, or green; all of kind exposures). Refused for grey ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub channel: Option<Channel>,
     /// Analyser angles in degrees of each 2×2 block, `[[top left, top right], [bottom left, bottom right]]`. Required for
@@ -301,6 +306,24 @@ impl Transfer {
 }
 
 impl Channel {
+    /// The channel of a camera that is most sensitive at a wavelength in nm.
+    pub fn nearest(nm: f64) -> Self {
+        match nm {
+            nm if nm >= 590.0 => Self::R,
+            nm if nm >= 500.0 => Self::G,
+            _ => Self::B,
+        }
+    }
+
+    /// Its name in a sentence.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::R => "red",
+            Self::G => "green",
+            Self::B => "blue",
+        }
+    }
+
     /// Position in an RGB pixel.
     pub fn index(self) -> usize {
         self as usize

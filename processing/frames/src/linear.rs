@@ -1,6 +1,6 @@
 //! From file values to light.
 
-use super::{Frame, FrameSet, LoadedFrames, Transfer};
+use super::{Clipping, Frame, FrameSet, LoadedFrames, Transfer};
 use nacre_base::vectors::vectorised;
 use nacre_base::{Error, Result};
 use nacre_image::{Depth, Raster, Samples, read_into};
@@ -24,6 +24,8 @@ pub struct Linearizer {
     darks: Vec<(PathBuf, Vec<f32>)>,
     /// Memory of photographs that are gone, for the next ones: memory that is new to the program takes time.
     spare: Mutex<Vec<Vec<u16>>>,
+    /// Values at which the photographs read so far clip.
+    clipping: Mutex<Clipping>,
 }
 
 /// Photographs whose memory is kept.
@@ -54,6 +56,7 @@ impl Linearizer {
             dark: Vec::new(),
             darks: Vec::new(),
             spare: Mutex::default(),
+            clipping: Mutex::default(),
         };
         new.table = match frames.info.depth {
             Depth::U8 => (0..=255).map(|v| new.light(v as f32)).collect(),
@@ -111,8 +114,15 @@ impl Linearizer {
     pub fn frame(&self, frames: &LoadedFrames, frame: &Frame) -> Result<LinearFrame<'_>> {
         let own = self.darks.iter().find(|(name, _)| Some(name) == frame.dark.as_ref());
         let mut decoded = self.read(&frames.file(&frame.file), frame.scale())?;
+        self.clipping.lock().unwrap_or_else(PoisonError::into_inner).observe(&decoded.raster, self.channel);
         decoded.dark = own.map_or(&self.dark, |(_, plane)| plane);
         Ok(decoded)
+    }
+
+    /// A warning where the photographs read so far clip below white.
+    pub fn clipping(&self) -> Option<String> {
+        let clipping = self.clipping.lock().unwrap_or_else(PoisonError::into_inner);
+        clipping.warning(self.white.into(), "in frames.json \"white\":")
     }
 
     fn spare(&self) -> MutexGuard<'_, Vec<Vec<u16>>> {

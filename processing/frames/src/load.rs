@@ -1,9 +1,10 @@
 //! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
 
-use super::{Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, SESSION_FILE, Spot, Transfer};
+use super::stated::Stated;
+use super::{Channel, Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, SESSION_FILE, Spot, Transfer};
 use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
-use nacre_image::{Info, info};
+use nacre_image::{Info, Raster, Samples, details, read};
 use std::path::{Component, Path, PathBuf};
 
 /// Largest `frames.json` that is read; 10,000 frames need about 1 MiB.
@@ -20,6 +21,8 @@ pub struct LoadedFrames {
     pub set: FrameSet,
     /// What all photographs have in common.
     pub info: Info,
+    /// Contradictions between the description and what files state, and parts of files that are not read; for the report.
+    pub warnings: Vec<String>,
     /// A capture session took the photographs: a grating lit by the panel, behind an analyser that the engine turned.
     pub from_session: bool,
 }
@@ -49,15 +52,17 @@ pub fn check(path: PathBuf, set: FrameSet) -> Result<LoadedFrames> {
     complete(path, set, By::Options)
 }
 
-fn complete(path: PathBuf, set: FrameSet, by: By) -> Result<LoadedFrames> {
+fn complete(path: PathBuf, mut set: FrameSet, by: By) -> Result<LoadedFrames> {
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
         _ => PathBuf::from("."),
     };
     check_values(&path, &set, by)?;
-    let info = check_files(&path, &folder, &set, by)?;
+    let (info, stated) = check_files(&path, &folder, &set)?;
+    let mut warnings = stated.complete(&mut set);
+    warnings.extend(check_channels(&folder.join(&set.frames[0].file), &mut set, &info, by)?);
     let from_session = folder.join(SESSION_FILE).is_file();
-    Ok(LoadedFrames { path, folder, set, info, from_session })
+    Ok(LoadedFrames { path, folder, set, info, warnings, from_session })
 }
 
 /// A set whose photographs a capture session is still taking into `folder`; `info` is what they will have in common.
@@ -67,7 +72,7 @@ fn complete(path: PathBuf, set: FrameSet, by: By) -> Result<LoadedFrames> {
 pub fn planned(folder: &Path, set: FrameSet, info: Info) -> Result<LoadedFrames> {
     let path = folder.join(FILE_NAME);
     check_values(&path, &set, By::File)?;
-    Ok(LoadedFrames { path, folder: folder.to_path_buf(), set, info, from_session: true })
+    Ok(LoadedFrames { path, folder: folder.to_path_buf(), set, info, warnings: vec![], from_session: true })
 }
 
 /// What describes a set, and so the words in which messages speak of its parts.
@@ -255,16 +260,19 @@ fn check_light(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) 
     Ok(())
 }
 
-fn check_files(path: &Path, folder: &Path, set: &FrameSet, by: By) -> Result<Info> {
+fn check_files(path: &Path, folder: &Path, set: &FrameSet) -> Result<(Info, Stated)> {
     let extra = [("dark", &set.dark), ("flat", &set.flat)];
     let extra = extra.into_iter().filter_map(|(key, file)| Some((key.to_owned(), file.as_ref()?)));
     let indexed = || set.frames.iter().enumerate();
     let frames = indexed().map(|(i, f)| (format!("frames[{i}].file"), &f.file));
     let darks = indexed().filter_map(|(i, f)| Some((format!("frames[{i}].dark"), f.dark.as_ref()?)));
     let mut common: Option<(PathBuf, Info)> = None;
+    let mut stated = Stated::default();
     for (key, name) in frames.chain(darks).chain(extra) {
         let file = inside(path, folder, &key, name)?;
-        let found = info(&file)?;
+        let details = details(&file)?;
+        let found = details.info;
+        stated.add(file.clone(), details);
         match &common {
             None => common = Some((file, found)),
             Some((first, wanted)) if *wanted != found => {
@@ -277,9 +285,9 @@ fn check_files(path: &Path, folder: &Path, set: &FrameSet, by: By) -> Result<Inf
             Some(_) => {}
         }
     }
-    let Some((file, info)) = common else { return Err(Error::file(path, "holds no frame", "list a photograph")) };
-    check_channels(&file, set, &info, by)?;
-    Ok(info)
+    stated.check()?;
+    let Some((_, info)) = common else { return Err(Error::file(path, "holds no frame", "list a photograph")) };
+    Ok((info, stated))
 }
 
 /// Only plain names inside the folder: no absolute path, no `..`, no link that leads out of it.
@@ -299,33 +307,54 @@ fn inside(path: &Path, folder: &Path, key: &str, name: &Path) -> Result<PathBuf>
     if real.starts_with(base) { Ok(file) } else { Err(leaves()) }
 }
 
-fn check_channels(file: &Path, set: &FrameSet, info: &Info, by: By) -> Result<()> {
+/// Refuses photographs whose channels do not fit the set; chooses one of colour photographs where the description leaves it open, which is
+/// returned as a warning.
+fn check_channels(file: &Path, set: &mut FrameSet, info: &Info, by: By) -> Result<Option<String>> {
     let channel = by.name("channel");
-    let add = match by {
-        By::File => format!("add \"{channel}\": \"r\", \"g\" or \"b\" to {FILE_NAME}"),
-        By::Options => format!("add {channel} r, g or b"),
-    };
-    match (info.channels, set.channel) {
+    let chosen = match (info.channels, set.channel) {
         (1, Some(_)) => {
-            Err(Error::file(file, "is grey, so it has no channels to choose from", format!("leave out {channel}")))
+            let problem = "is grey, so it has no channels to choose from";
+            return Err(Error::file(file, problem, format!("leave out {channel}")));
+        }
+        (3, _) if set.kind == Kind::DivisionOfFocalPlane => {
+            if !is_grey(&read(file)?) {
+                let problem = format!("is {info}; a raw polarization-sensor frame is grey with even width and height");
+                return Err(Error::file(file, problem, "give the camera's raw, not demosaicked frame"));
+            }
+            set.channel = Some(Channel::R);
+            Some("red, green and blue are equal: taken as grey".to_owned())
         }
         (3, None) if set.kind != Kind::Exposures => {
-            Err(Error::file(file, "is a colour image, of which one channel must be chosen", add))
-        }
-        _ if set.kind == Kind::DivisionOfFocalPlane && (info.channels != 1 || info.width % 2 + info.height % 2 > 0) => {
-            Err(Error::file(
-                file,
-                format!("is {info}; a raw polarization-sensor frame is grey with even width and height"),
-                "give the camera's raw, not demosaicked frame",
+            let nearest = set.wavelength_nm.map_or(Channel::G, Channel::nearest);
+            set.channel = Some(nearest);
+            let reason = set.wavelength_nm.map_or(String::new(), |nm| format!(", the nearest to {nm} nm,"));
+            Some(format!(
+                "colour photographs: the {} channel{reason} is used; {channel} chooses another",
+                nearest.name()
             ))
         }
-        _ => {
-            let (black, white) = (set.black.unwrap_or(0.0), set.white.unwrap_or(info.depth.full_scale().into()));
-            if black < white {
-                return Ok(());
-            }
-            let remedy = format!("correct {} and {}", by.name("black"), by.name("white"));
-            Err(Error::file(file, format!("black ({black}) is not below white ({white})"), remedy))
-        }
+        _ => None,
+    };
+    if set.kind == Kind::DivisionOfFocalPlane && info.width % 2 + info.height % 2 > 0 {
+        let problem = format!("is {info}; a raw polarization-sensor frame is grey with even width and height");
+        return Err(Error::file(file, problem, "give the camera's raw, not demosaicked frame"));
+    }
+    let (black, white) = (set.black.unwrap_or(0.0), set.white.unwrap_or(info.depth.full_scale().into()));
+    if black < white {
+        return Ok(chosen);
+    }
+    let remedy = format!("correct {} and {}", by.name("black"), by.name("white"));
+    Err(Error::file(file, format!("black ({black}) is not below white ({white})"), remedy))
+}
+
+/// Whether red, green and blue are equal in all pixels.
+fn is_grey(raster: &Raster) -> bool {
+    fn equal<T: PartialEq>(values: &[T]) -> bool {
+        values.chunks_exact(3).all(|p| p[0] == p[1] && p[1] == p[2])
+    }
+    match &raster.samples {
+        Samples::U8(v) => equal(v),
+        Samples::U16(v) => equal(v),
+        Samples::F32(v) => equal(v),
     }
 }

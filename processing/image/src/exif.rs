@@ -17,27 +17,59 @@ pub struct Exposure {
     pub seconds: Option<f64>,
     /// Sensitivity (ISO).
     pub iso: Option<f64>,
+    /// Focal length over aperture.
+    pub f_number: Option<f64>,
 }
 
 /// The exposure settings of a photograph, or `None` when the file cannot be read or has no Exif tags.
 pub fn exposure(path: &Path) -> Option<Exposure> {
+    tags(path, |tags| {
+        let field = |tag| tags.get_field(tag, In::PRIMARY).map(|field| &field.value);
+        let number = |tag| field(tag).and_then(positive);
+        // Units of APEX: time 2^-value s, f-number 2^(value/2).
+        let apex = |tag, per: f64| field(tag).and_then(any).map(|value| (value * per).exp2());
+        Some(Exposure {
+            seconds: number(Tag::ExposureTime).or_else(|| apex(Tag::ShutterSpeedValue, -1.0)),
+            iso: [
+                Tag::PhotographicSensitivity,
+                Tag::ISOSpeed,
+                Tag::RecommendedExposureIndex,
+                Tag::StandardOutputSensitivity,
+            ]
+            .into_iter()
+            .find_map(number),
+            f_number: number(Tag::FNumber).or_else(|| apex(Tag::ApertureValue, 0.5)),
+        })
+    })
+}
+
+/// What a function takes from the tags of a file.
+fn tags<T>(path: &Path, take: impl FnOnce(&exif::Exif) -> Option<T>) -> Option<T> {
     let file = File::open(path).ok().filter(|f| f.metadata().is_ok_and(|m| m.is_file()))?;
-    let decode = || {
-        let tags = Reader::new().read_from_container(&mut BufReader::new(file.take(SEARCHED))).ok()?;
-        let number = |tag| tags.get_field(tag, In::PRIMARY).and_then(|field| positive(&field.value));
-        Some(Exposure { seconds: number(Tag::ExposureTime), iso: number(Tag::PhotographicSensitivity) })
-    };
+    let decode = || take(&Reader::new().read_from_container(&mut BufReader::new(file.take(SEARCHED))).ok()?);
     // Tags that no decoder reads are as good as none.
     guarded(decode).ok().flatten()
 }
 
-/// A finite number above zero. The crate's own conversions to integers and `f32` lose 1/3 s and the like.
+/// The orientation tag: 1 as stored, 2 to 8 turned or mirrored; `None` without one.
+pub fn orientation(path: &Path) -> Option<u16> {
+    let value = tags(path, |tags| tags.get_field(Tag::Orientation, In::PRIMARY)?.value.get_uint(0))?;
+    u16::try_from(value).ok().filter(|o| (1..=8).contains(o))
+}
+
+/// A finite number above zero.
 fn positive(value: &Value) -> Option<f64> {
+    any(value).filter(|x| *x > 0.0)
+}
+
+/// A finite number. The crate's own conversions to integers and `f32` lose 1/3 s and the like.
+fn any(value: &Value) -> Option<f64> {
     let number = match value {
         Value::Rational(v) => v.first().map(|r| f64::from(r.num) / f64::from(r.denom)),
+        Value::SRational(v) => v.first().map(|r| f64::from(r.num) / f64::from(r.denom)),
         _ => value.get_uint(0).map(f64::from),
     };
-    number.filter(|x| x.is_finite() && *x > 0.0)
+    number.filter(|x| x.is_finite())
 }
 
 #[cfg(test)]

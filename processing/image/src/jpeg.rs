@@ -1,46 +1,117 @@
 //! JPEG: 8 bits, grey or RGB.
 //!
-//! The decoder fills what a truncated file lacks with grey, so the segments are walked here first: a picture
-//! counts as whole only when its end marker is there (the one of an embedded thumbnail does not count).
+//! The decoder fills truncated pictures with grey, so the segments are walked here first. A picture is whole when its end marker is there
+//! (the one of an embedded thumbnail does not count), or when it does not depend on bytes behind its data.
 
 use std::io::{BufRead, ErrorKind, Read, Seek, SeekFrom};
 
-use ::image::ImageDecoder;
-use ::image::codecs::jpeg::JpegDecoder;
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::fault::{Decoded, Fault};
-use super::raster::{Depth, Info, Raster, Samples, zeroed};
+use super::raster::{Depth, Info, MAX_SIDE, Raster, Samples, zeroed};
 use super::source::Source;
 
+const START_OF_SCAN: u8 = 0xda;
 const END_OF_IMAGE: u8 = 0xd9;
+const HUFFMAN_TABLES: u8 = 0xc4;
+/// Frames with arithmetic coding, which have no Huffman tables.
+const ARITHMETIC: [u8; 4] = [0xc9, 0xca, 0xcb, 0xcd];
+
+/// Frames whose scans refine the picture.
+const PROGRESSIVE: [u8; 4] = [0xc2, 0xc6, 0xca, 0xce];
+const NO_END: &str = "no end of image marker";
+
+/// Follows the start marker of files without Huffman tables: with the mark of Motion JPEG the decoder takes those of ITU T.81, K.3.
+const MOTION_JPEG: [u8; 18] = *b"\xff\xe0\x00\x10AVI1\0\0\0\0\0\0\0\0\0\0";
+
+/// What a file lacks that decoders can do without.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Missing {
+    /// The marker at the end.
+    pub end: bool,
+    /// Huffman tables.
+    pub tables: bool,
+}
 
 pub(super) fn info(mut source: Source) -> Decoded<Info> {
     header(&mut source)
 }
 
-pub(super) fn read(mut source: Source) -> Decoded<Raster> {
-    let info = header(&mut source)?;
-    let mut scans = 0;
-    loop {
-        match next_marker(&mut source)? {
-            END_OF_IMAGE => break,
-            marker => {
-                scans += usize::from(marker == 0xda);
-                segment(&mut source)?;
+/// What the file lacks.
+pub(super) fn missing(source: &mut Source) -> Decoded<Missing> {
+    header(source)?;
+    source.seek(SeekFrom::Start(2))?;
+    let (mut scans, mut tables, mut progressive) = (0, false, false);
+    let end = loop {
+        match next_marker(source) {
+            Ok(END_OF_IMAGE) => break true,
+            Ok(marker) => {
+                scans += usize::from(marker == START_OF_SCAN);
+                progressive |= PROGRESSIVE.contains(&marker);
+                tables |= scans == 0 && (marker == HUFFMAN_TABLES || ARITHMETIC.contains(&marker));
+                segment(source)?;
             }
+            // The last of several scans may be missing as a whole.
+            Err(_) if scans == 1 && !progressive => break false,
+            Err(fault) => return Err(fault),
         }
-    }
+    };
     if scans == 0 {
         return Err(Fault::damaged("no picture data before the end marker"));
     }
+    Ok(Missing { end: !end, tables: !tables })
+}
+
+/// What decoders are given behind files without an end marker: a picture that depends on it lacks data.
+const TAILS: [&[u8]; 2] = [b"\xff\xd9", b"\x3a\xc5\x96\x0f\x71\xe8\x4d\xb2\x1b\x64\xa9\x53\xff\xd9"];
+
+pub(super) fn read(mut source: Source) -> Decoded<Raster> {
+    let info = header(&mut source)?;
+    let missing = missing(&mut source)?;
     source.seek(SeekFrom::Start(0))?;
-    let decoder = JpegDecoder::new(source)?;
-    if decoder.total_bytes() != info.len() as u64 {
+    let mut file = Vec::new();
+    if missing.tables {
+        file.extend([0xff, 0xd8]);
+        file.extend(MOTION_JPEG);
+        source.seek(SeekFrom::Start(2))?;
+    }
+    source.read_to_end(&mut file)?;
+    if !missing.end {
+        return info.raster(Samples::U8(pixels(&file, info)?));
+    }
+    let length = file.len();
+    let mut with = |tail: &[u8]| {
+        file.truncate(length);
+        file.extend(tail);
+        pixels(&file, info)
+    };
+    let [whole, other] = TAILS.map(&mut with);
+    let whole = whole?;
+    if other.is_ok_and(|other| other == whole) {
+        return info.raster(Samples::U8(whole));
+    }
+    Err(Fault::damaged(NO_END))
+}
+
+/// Decodes the bytes of a file.
+fn pixels(file: &[u8], info: Info) -> Decoded<Vec<u8>> {
+    let color = if info.channels == 1 { ColorSpace::Luma } else { ColorSpace::RGB };
+    let options = DecoderOptions::default()
+        .set_strict_mode(false)
+        .set_max_width(MAX_SIDE)
+        .set_max_height(MAX_SIDE)
+        .jpeg_set_out_colorspace(color);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(file), options);
+    decoder.decode_headers().map_err(Fault::damaged)?;
+    if decoder.output_buffer_size() != Some(info.len()) {
         return Err(Fault::damaged("the decoder and the header disagree about the size"));
     }
     let mut samples = zeroed(info.len())?;
-    decoder.read_image(&mut samples)?;
-    info.raster(Samples::U8(samples))
+    decoder.decode_into(&mut samples).map_err(Fault::damaged)?;
+    Ok(samples)
 }
 
 /// Reads up to and including the frame header.
@@ -49,9 +120,9 @@ fn header(source: &mut Source) -> Decoded<Info> {
     loop {
         let marker = next_marker(source)?;
         match marker {
-            0xc4 | 0xc8 | 0xcc => _ = segment(source)?,
+            HUFFMAN_TABLES | 0xc8 | 0xcc => _ = segment(source)?,
             0xc0..=0xcf => return frame(&segment(source)?),
-            0xda | END_OF_IMAGE => return Err(Fault::damaged("no frame header before the picture data")),
+            START_OF_SCAN | END_OF_IMAGE => return Err(Fault::damaged("no frame header before the picture data")),
             _ => _ = segment(source)?,
         }
     }
@@ -88,7 +159,7 @@ fn next_marker(source: &mut Source) -> Decoded<u8> {
 fn read_byte(source: &mut Source) -> Decoded<u8> {
     let mut byte = [0];
     match source.read_exact(&mut byte) {
-        Err(error) if error.kind() == ErrorKind::UnexpectedEof => Err(Fault::damaged("no end of image marker")),
+        Err(error) if error.kind() == ErrorKind::UnexpectedEof => Err(Fault::damaged(NO_END)),
         other => Ok(other.map(|()| byte[0])?),
     }
 }
@@ -99,4 +170,29 @@ fn segment(source: &mut Source) -> Decoded<Vec<u8>> {
     let mut content = vec![0; usize::from(length.saturating_sub(2))];
     source.read_exact(&mut content)?;
     Ok(content)
+}
+
+/// Largest ICC profile that is read; 255 segments hold 16 MiB.
+const MAX_PROFILE: usize = 16 << 20;
+
+/// The ICC profile, put together from its segments.
+pub(super) fn profile(source: &mut Source) -> Decoded<Option<Vec<u8>>> {
+    source.seek(SeekFrom::Start(2))?;
+    let mut profile = Vec::new();
+    loop {
+        match next_marker(source)? {
+            START_OF_SCAN | END_OF_IMAGE => break,
+            0xe2 => {
+                let content = segment(source)?;
+                // After the name: number of the segment, and of how many.
+                if let Some(part) = content.strip_prefix(b"ICC_PROFILE\0").and_then(|rest| rest.get(2..))
+                    && profile.len() + part.len() <= MAX_PROFILE
+                {
+                    profile.extend(part);
+                }
+            }
+            _ => _ = segment(source)?,
+        }
+    }
+    Ok(Some(profile).filter(|p| !p.is_empty()))
 }

@@ -7,6 +7,7 @@ pub mod budget;
 mod canvas;
 mod convolution;
 mod correlation;
+mod details;
 mod exif;
 mod fault;
 mod folder;
@@ -27,18 +28,20 @@ mod source;
 #[cfg(test)]
 mod tests;
 mod tif;
+mod tif_packed;
 mod write;
 
 pub use averaging::Averaging;
 pub use canvas::{Canvas, Rgb, text_width};
 pub use convolution::Convolution;
 pub use correlation::{Correlation, Field};
+pub use details::{Curve, Details, Encoding, details};
 pub use exif::{Exposure, exposure};
 pub use folder::OutputFolder;
 pub use gray::Gray;
 pub use homography::{homography, mapped};
 pub use interpolation::catmull_rom;
-pub use listing::{photograph_in, photographs};
+pub use listing::{list, photograph_in, photographs};
 pub use nacre_base::{json, write_whole, write_whole_with};
 pub use openexr::{ExrMap, read_exr};
 pub use picture::{

@@ -6,26 +6,40 @@ use std::path::{Path, PathBuf};
 
 /// Most that are listed.
 const LIMIT: usize = 100_000;
+/// Most names in a message.
+const SHOWN: usize = 6;
 
 /// Names of the photographs in a folder, sorted, by their endings; hidden files are left out.
 ///
 /// # Errors
 /// `Input` when the folder cannot be read or holds none.
 pub fn photographs(folder: &Path) -> Result<Vec<PathBuf>> {
+    list(folder).map(|(files, _)| files)
+}
+
+/// As [`photographs`], and the names of the other files that are not hidden.
+///
+/// # Errors
+/// As [`photographs`].
+pub fn list(folder: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
     let bad =
         |problem: String| Error::file(folder, problem, format!("give a folder with {} files", EXTENSIONS.join(", ")));
     let entries = std::fs::read_dir(folder).map_err(|e| bad(format!("cannot be read: {e}")))?;
-    let mut files: Vec<PathBuf> = entries
-        .flatten()
-        .map(|entry| PathBuf::from(entry.file_name()))
-        .filter(|name| {
-            let extension = name.extension().map(|e| e.to_string_lossy().to_lowercase());
-            extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) && !name.to_string_lossy().starts_with('.')
-        })
-        .take(LIMIT)
-        .collect();
+    let seen = entries.flatten().filter(|entry| !entry.file_name().to_string_lossy().starts_with('.')).take(LIMIT);
+    let is_photograph = |name: &PathBuf| {
+        let extension = name.extension().map(|e| e.to_string_lossy().to_lowercase());
+        extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
+    };
+    let named = seen.filter(|entry| !entry.path().is_dir()).map(|entry| PathBuf::from(entry.file_name()));
+    let (mut files, mut others): (Vec<_>, Vec<_>) = named.partition(is_photograph);
     files.sort();
-    if files.is_empty() { Err(bad("holds no photograph".into())) } else { Ok(files) }
+    others.sort();
+    if !files.is_empty() {
+        return Ok((files, others));
+    }
+    let names: Vec<String> = others.iter().take(SHOWN).map(|f| f.display().to_string()).collect();
+    let but = if names.is_empty() { String::new() } else { format!(", but {}", names.join(", ")) };
+    Err(bad(format!("holds no photograph{but}")))
 }
 
 /// The file of this name in a folder; without one, the folder's only photograph. None where there is neither.

@@ -3,6 +3,9 @@
 use ::image::codecs::png::PngDecoder;
 use ::image::{ColorType, ImageDecoder, Limits};
 
+use std::io::{ErrorKind, Read, Seek, SeekFrom};
+
+use super::details::{Curve, Details, Encoding, encoding, part};
 use super::fault::{Decoded, Fault};
 use super::raster::{Depth, Info, Raster, Samples, keep_channels, zeroed};
 use super::source::Source;
@@ -51,4 +54,64 @@ fn open(source: Source) -> Decoded<(PngDecoder<Source>, Info, usize)> {
     let per_pixel = u64::from(color.bytes_per_pixel());
     let info = Info::checked([width.into(), height.into()], channels, depth, 1, per_pixel)?;
     Ok((decoder, info, usize::from(color.channel_count())))
+}
+
+/// Most bytes of a colour profile, compressed and not.
+const MAX_PROFILE: u64 = 16 << 20;
+
+/// Code points of transfer characteristics in cICP (ITU-T H.273).
+const CICP_LINEAR: u8 = 8;
+const CICP_SRGB: u8 = 13;
+
+/// Adds what the chunks before the pixels say. Of several statements about the curve, the first of cICP, iCCP, sRGB and gAMA counts (PNG,
+/// third edition, 4.3).
+pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()> {
+    source.seek(SeekFrom::Start(8))?;
+    let mut stated: [Option<Encoding>; 4] = [const { None }; 4];
+    let say = |curve, source: &str| Some(Encoding { curve, source: source.into() });
+    loop {
+        let mut head = [0; 8];
+        match source.read_exact(&mut head) {
+            Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Err(Fault::damaged("no picture data")),
+            other => other?,
+        }
+        let [l0, l1, l2, l3, kind @ ..] = head;
+        let length = u64::from(u32::from_be_bytes([l0, l1, l2, l3]));
+        let limit = if kind == *b"iCCP" { MAX_PROFILE } else { 16 };
+        let content = part(source, length, limit)?.unwrap_or_default();
+        match (&kind, content.as_slice()) {
+            (b"IDAT" | b"IEND", _) => break,
+            (b"cICP", [_, transfer, ..]) => {
+                let curve = match *transfer {
+                    CICP_LINEAR => Curve::Linear,
+                    CICP_SRGB => Curve::Srgb,
+                    _ => Curve::Other,
+                };
+                stated[0] = say(curve, &format!("cICP, transfer {transfer}"));
+            }
+            (b"iCCP", chunk) => stated[1] = profile(chunk).and_then(|p| encoding(&p)),
+            (b"sRGB", _) => stated[2] = say(Curve::Srgb, "sRGB chunk"),
+            (b"gAMA", &[a, b, c, d]) => {
+                let exponent = f64::from(u32::from_be_bytes([a, b, c, d])) / 1e5;
+                stated[3] = say(Curve::of_exponent(exponent), &format!("gAMA {exponent}"));
+            }
+            (b"acTL", &[a, b, c, d, ..]) if u32::from_be_bytes([a, b, c, d]) > 1 => {
+                let frames = u32::from_be_bytes([a, b, c, d]);
+                details.notes.push(format!("is an animation of {frames} frames, of which the first is read"));
+            }
+            _ => {}
+        }
+        // The checksum.
+        source.seek(SeekFrom::Current(4))?;
+    }
+    details.encoding = stated.into_iter().flatten().next();
+    Ok(())
+}
+
+/// The profile in an iCCP chunk: name, zero, method, then deflated bytes.
+fn profile(chunk: &[u8]) -> Option<Vec<u8>> {
+    let name = chunk.iter().position(|b| *b == 0)?;
+    let mut profile = Vec::new();
+    flate2::read::ZlibDecoder::new(chunk.get(name + 2..)?).take(MAX_PROFILE).read_to_end(&mut profile).ok()?;
+    Some(profile)
 }

@@ -13,9 +13,10 @@ use super::{bmp, jpeg, openexr, png, radiance, tif};
 use nacre_base::Result;
 
 /// File name endings of the formats that [`read`] understands, in lower case.
-pub const EXTENSIONS: &[&str] = &["png", "tif", "tiff", "jpg", "jpeg", "exr"];
+pub const EXTENSIONS: &[&str] = &["png", "tif", "tiff", "jpg", "jpeg", "bmp", "exr", "hdr"];
 
-enum Format {
+#[derive(Clone, Copy)]
+pub(super) enum Format {
     Png,
     Jpeg,
     Tiff,
@@ -24,7 +25,7 @@ enum Format {
     Radiance,
 }
 
-fn sniff(source: &mut Source) -> Decoded<Format> {
+pub(super) fn sniff(source: &mut Source) -> Decoded<Format> {
     let mut magic = Vec::with_capacity(8);
     source.by_ref().take(8).read_to_end(&mut magic)?;
     source.seek(SeekFrom::Start(0))?;
@@ -47,11 +48,15 @@ fn sniff(source: &mut Source) -> Decoded<Format> {
 /// # Errors
 /// `Error::Input` when the file cannot be read, is no image of a known format, or is beyond the size limits.
 pub fn info(path: &Path) -> Result<Info> {
-    decode(path, || header(open(path)?))
+    decode(path, || {
+        let mut source = open(path)?;
+        let format = sniff(&mut source)?;
+        header(source, format)
+    })
 }
 
-fn header(mut source: Source) -> Decoded<Info> {
-    match sniff(&mut source)? {
+pub(super) fn header(source: Source, format: Format) -> Decoded<Info> {
+    match format {
         Format::Png => png::info(source),
         Format::Jpeg => jpeg::info(source),
         Format::Tiff => tif::info(source),
@@ -70,7 +75,7 @@ pub fn size(path: &Path) -> Result<[usize; 2]> {
         let mut source = open(path)?;
         match sniff(&mut source)? {
             Format::Exr => openexr::layer_size(source),
-            _ => header(source).map(|info| [info.width, info.height]),
+            format => header(source, format).map(|info| [info.width, info.height]),
         }
     })
 }

@@ -55,7 +55,7 @@ mod tests {
         change(&mut set);
         let info = Info { width: 1024, height: 1024, channels: 1, depth: Depth::U16 };
         let (path, folder) = ("frames.json".into(), Path::new(".").into());
-        let frames = LoadedFrames { path, folder, set, info, from_session: false };
+        let frames = LoadedFrames { path, folder, set, info, warnings: vec![], from_session: false };
         let brackets = brackets(&frames.set.frames);
         needed(&frames, &brackets, &views(&frames, &brackets).unwrap()) / MEGAPIXEL
     }

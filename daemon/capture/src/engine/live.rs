@@ -175,7 +175,7 @@ pub fn begin_survey(folder: &Path, description: &SessionFile, camera: &CameraInf
     let set = frame_set(description, camera, vec![]);
     let path = folder.join(FILE_NAME);
     let (folder, info) = (folder.to_path_buf(), info(plan, camera));
-    Survey::begin(LoadedFrames { path, folder, set, info, from_session: true }, &settings)
+    Survey::begin(LoadedFrames { path, folder, set, info, warnings: vec![], from_session: true }, &settings)
 }
 
 fn info(plan: &Plan, camera: &CameraInfo) -> Info {

@@ -5,9 +5,13 @@ mod angle_names;
 pub use angle_names::angles as angles_in_names;
 
 use nacre_base::Error;
-use nacre_frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
-use nacre_image::{exposure, photographs};
+use nacre_base::progress::Progress;
+use nacre_frames::{
+    Channel, Clipping, FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, exposures, save,
+};
+use nacre_image::{details, photographs, read};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// Description of a frame set beyond the analyser angles.
 #[derive(Clone, Debug)]
@@ -16,7 +20,7 @@ pub struct Options {
     pub kind: Kind,
     /// Analyser angles in degrees of each 2×2 block of the sensor, for `DivisionOfFocalPlane`.
     pub layout: Option<[[f64; 2]; 2]>,
-    /// Transfer function of the files (default: sRGB where one is a JPEG, else linear).
+    /// Transfer function of the files (default: as they state it, else sRGB where one is a JPEG, else linear).
     pub transfer: Option<Transfer>,
     /// Channel of colour files.
     pub channel: Option<Channel>,
@@ -26,46 +30,116 @@ pub struct Options {
     pub white: Option<f64>,
 }
 
-/// Describes the photographs `files` of `folder`, one angle in degrees for each; without `angles` there is no analyser.
-pub fn describe(folder: &Path, files: &[PathBuf], angles: Option<Vec<f64>>, options: &Options) -> FrameSet {
+/// A described set of photographs.
+pub struct Described {
+    /// Checked as a reconstruction checks it, with warnings.
+    pub frames: LoadedFrames,
+    /// Where the transfer function is from: "as given", "as the files state it (gAMA 0.45455)".
+    pub transfer_from: String,
+}
+
+/// Describes the photographs `files` of `folder`, one angle in degrees for each; without `angles` there is no analyser. Headers are read,
+/// no pixels.
+///
+/// # Errors
+/// `Input`, naming the photograph or option that cannot be used.
+pub fn describe(
+    folder: &Path,
+    files: &[PathBuf],
+    angles: Option<Vec<f64>>,
+    options: &Options,
+) -> Result<Described, Error> {
     let angles = angles.map_or_else(|| vec![None; files.len()], |all| all.into_iter().map(Some).collect());
-    let jpeg = |f: &PathBuf| f.extension().is_some_and(|e| e.to_string_lossy().to_lowercase().starts_with("jp"));
-    let frames = files.iter().zip(angles).map(|(file, analyser_deg)| {
-        let exif = exposure(&folder.join(file));
-        Frame {
-            analyser_deg,
-            exposure_s: exif.as_ref().and_then(|e| e.seconds),
-            gain: exif.as_ref().and_then(|e| e.iso).map(|iso| iso / 100.0),
-            ..Frame::new(file)
-        }
-    });
-    FrameSet {
-        transfer: options.transfer.unwrap_or(if files.iter().any(jpeg) { Transfer::Srgb } else { Transfer::Linear }),
+    let (tags, apertures) = exposures(folder, files)?;
+    let frame = |((file, analyser_deg), tags): ((&PathBuf, _), nacre_frames::Tagged)| Frame {
+        analyser_deg,
+        exposure_s: tags.seconds,
+        gain: tags.gain,
+        ..Frame::new(file)
+    };
+    let (transfer, transfer_from) = match options.transfer {
+        Some(transfer) => (transfer, "as given".to_owned()),
+        None => stated_transfer(folder, files)?,
+    };
+    let set = FrameSet {
+        transfer,
         black: options.black,
         white: options.white,
         channel: options.channel,
         layout: options.layout,
-        ..FrameSet::new(options.kind, frames.collect())
-    }
+        ..FrameSet::new(options.kind, files.iter().zip(angles).zip(tags).map(frame).collect())
+    };
+    let mut frames = check(folder.join(FILE_NAME), set)?;
+    frames.warnings.extend(apertures);
+    Ok(Described { frames, transfer_from })
 }
 
-/// The `frames.json` of uploaded photographs whose names hold the analyser angles; of colour files, the green channel is used where `green`
-/// says so.
+/// The transfer function that files state, or that files of their type usually have, and why.
+fn stated_transfer(folder: &Path, files: &[PathBuf]) -> Result<(Transfer, String), Error> {
+    let mut stated: Option<(&PathBuf, Transfer, String)> = None;
+    for file in files {
+        let Some(encoding) = details(&folder.join(file))?.encoding else { continue };
+        let Some(transfer) = Transfer::of(encoding.curve) else { continue };
+        match &stated {
+            None => stated = Some((file, transfer, encoding.source)),
+            Some((first, wanted, source)) if *wanted != transfer => {
+                let said =
+                    [(*wanted, source), (transfer, &encoding.source)].map(|(t, s)| format!("{} ({s})", t.option()));
+                let problem = format!("states transfer {}, but {} states {}", said[1], first.display(), said[0]);
+                return Err(Error::file(&folder.join(file), problem, "give --transfer for all of them"));
+            }
+            Some(_) => {}
+        }
+    }
+    if let Some((_, transfer, source)) = stated {
+        return Ok((transfer, format!("as the files state it: {source}")));
+    }
+    let jpeg = |f: &PathBuf| f.extension().is_some_and(|e| e.to_string_lossy().to_lowercase().starts_with("jp"));
+    Ok(if files.iter().any(jpeg) {
+        (Transfer::Srgb, "usual for JPEG; --transfer gives another".into())
+    } else {
+        (Transfer::Linear, "assumed, as the files state none; --transfer gives another".into())
+    })
+}
+
+/// Decodes photographs on all cores, so that what cannot be read is refused now; returns a warning where they clip below white.
+///
+/// # Errors
+/// `Input` for the first photograph that cannot be read; `Cancelled`.
+pub fn decode_all(frames: &LoadedFrames, progress: &dyn Progress) -> Result<Option<String>, Error> {
+    let set = &frames.set;
+    progress.stage("decoding photographs", set.frames.len() as u64);
+    let clipping = Mutex::new(Clipping::default());
+    let channel = set.channel.map_or(0, Channel::index);
+    let next = Mutex::new(set.frames.iter());
+    let decode = || -> Result<(), Error> {
+        loop {
+            progress.check()?;
+            let Some(frame) = next.lock().unwrap_or_else(PoisonError::into_inner).next() else { return Ok(()) };
+            let raster = read(&frames.file(&frame.file))?;
+            clipping.lock().unwrap_or_else(PoisonError::into_inner).observe(&raster, channel);
+            progress.step();
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(set.frames.len());
+    std::thread::scope(|scope| {
+        let all: Vec<_> = (0..threads).map(|_| scope.spawn(decode)).collect();
+        all.into_iter().try_for_each(|thread| thread.join().unwrap_or_else(|_| Err(Error::Cancelled)))
+    })?;
+    let white = set.white.unwrap_or_else(|| frames.info.depth.full_scale().into());
+    Ok(clipping.into_inner().unwrap_or_else(PoisonError::into_inner).warning(white, "--white"))
+}
+
+/// The `frames.json` of uploaded photographs whose names hold the analyser angles.
 ///
 /// # Errors
 /// `Input`, naming the photograph that cannot be used.
-pub fn from_names(folder: &Path, green: bool) -> Result<String, Error> {
-    let options = Options {
-        kind: Kind::Polarization,
-        layout: None,
-        transfer: None,
-        channel: green.then_some(Channel::G),
-        black: None,
-        white: None,
-    };
+pub fn from_names(folder: &Path) -> Result<String, Error> {
+    let options =
+        Options { kind: Kind::Polarization, layout: None, transfer: None, channel: None, black: None, white: None };
     let files = photographs(folder)?;
     let angles = named_angles("the upload", &files, "send a frames.json that says the angles as the part frames")?;
-    Ok(save(&check(folder.join(FILE_NAME), describe(folder, &files, Some(angles), &options))?.set))
+    Ok(save(&describe(folder, &files, Some(angles), &options)?.frames.set))
 }
 
 /// The analyser angles that file names hold, in degrees. A message names `place` as the folder and `otherwise` as another way to give the

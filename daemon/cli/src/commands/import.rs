@@ -5,9 +5,10 @@ use crate::console::Console;
 use clap::ValueEnum;
 use nacre_base::Error;
 use nacre_capture::Failure;
-use nacre_capture::import::{Options, angles_in_names, describe, named_angles};
-use nacre_frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, check, save};
-use nacre_image::{OutputFolder, photographs, write_whole};
+use nacre_capture::import::{Described, Options, angles_in_names, decode_all, describe, named_angles};
+use nacre_frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, save};
+use nacre_image::{OutputFolder, list, write_whole};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Most file names in a message.
@@ -42,10 +43,11 @@ pub struct Args {
     /// Angles of each 2×2 block of a polarization sensor: top left, top right, bottom left, bottom right.
     #[arg(long, value_delimiter = ',', default_value = "90,45,135,0", allow_negative_numbers = true)]
     layout: Vec<f64>,
-    /// How the files encode light: linear, srgb, gamma=2.2, or recover (exposures). By default srgb for JPEG, linear for the rest.
+    /// How the files encode light: linear, srgb, gamma=2.2, or recover (exposures). By default as the files state it (gAMA, sRGB, ICC
+    /// profile), else srgb for JPEG and linear for the rest.
     #[arg(long, value_parser = transfer)]
     transfer: Option<Transfer>,
-    /// Channel of colour files: r, g or b.
+    /// Channel of colour files: r, g or b (default: g).
     #[arg(long, value_enum)]
     channel: Option<ChannelName>,
     /// File value of no light.
@@ -69,13 +71,29 @@ enum KindName {
     Exposures,
 }
 
-/// Describes the photographs, checks the description as a reconstruction does, and writes it.
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Imported<'a> {
+    /// The description, as it was written.
+    #[serde(flatten)]
+    set: &'a FrameSet,
+    /// Size and type of the photographs.
+    photographs: String,
+    transfer_from: String,
+    /// Files of the folder that are no photographs of a format that is read.
+    skipped: &'a [PathBuf],
+    warnings: &'a [String],
+    wrote: &'a Path,
+}
+
+/// Describes the photographs, checks the description as a reconstruction does, decodes them all, and writes it.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
-    let files = photographs(&args.folder)?;
+    let (files, mut skipped) = list(&args.folder)?;
+    skipped.retain(|name| !name.extension().is_some_and(|e| e == "json" || e == "txt"));
     let angles = angles(args, &files)?;
-    let set = describe(&args.folder, &files, angles, &options(args)?);
-    let described = check(args.folder.join(FILE_NAME), set)?;
-    let text = save(&described.set);
+    let Described { mut frames, transfer_from } = describe(&args.folder, &files, angles, &options(args)?)?;
+    frames.warnings.extend(decode_all(&frames, console)?);
+    let text = save(&frames.set);
     let target = match &args.out {
         Some(out) => {
             let folder = OutputFolder::begin(out, args.force)?;
@@ -89,16 +107,23 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         }
         None => write_beside(&args.folder, &text, args.force)?,
     };
-    let message = format!(
-        "{} photographs, {}; transfer {}{}\n{}wrote     {}\n{text}",
+    let mut message = format!(
+        "{} photographs, {}\ntransfer  {} ({transfer_from})\n{}",
         files.len(),
-        described.info,
-        serde_json::to_string(&described.set.transfer).unwrap_or_default(),
-        if args.transfer.is_none() { " (guessed from the file type, see --transfer)" } else { "" },
-        angles_by_file(&described.set, args.angles_deg.is_some()),
-        target.display()
+        frames.info,
+        frames.set.transfer.option(),
+        angles_by_file(&frames.set, args.angles_deg.is_some()),
     );
-    console.result(&message, &described.set);
+    if !skipped.is_empty() {
+        let names: Vec<String> = skipped.iter().take(SHOWN).map(|f| f.display().to_string()).collect();
+        let more = if skipped.len() > SHOWN { ", …" } else { "" };
+        message += &format!("skipped   {}{more}: no format of photographs that is read\n", names.join(", "));
+    }
+    frames.warnings.iter().for_each(|warning| message += &format!("warning: {warning}\n"));
+    message += &format!("wrote     {}\n{text}", target.display());
+    let (photographs, warnings) = (frames.info.to_string(), frames.warnings.as_slice());
+    let json = Imported { set: &frames.set, photographs, transfer_from, skipped: &skipped, warnings, wrote: &target };
+    console.result(&message, &json);
     Ok(())
 }
 

@@ -184,17 +184,26 @@ impl Picture {
     }
 
     fn decode(&self, payload: &[u8]) -> Result<Vec<u16>, String> {
-        // A file that is cut short would be filled up with grey. Some cameras pad it with zeros.
-        let whole = payload.iter().rposition(|b| *b != 0).is_some_and(|last| payload[..=last].ends_with(&[0xFF, 0xD9]));
-        if !whole {
-            return Err("a JPEG file without its end".into());
+        let Some((start, rest)) = payload.split_first_chunk::<2>() else { return Err("no JPEG file".into()) };
+        let marked = [&start[..], MOTION_JPEG, rest].concat();
+        // Some cameras pad their files with zeros.
+        let end = marked.iter().rposition(|b| *b != 0).map_or(0, |last| last + 1);
+        if marked[..end].ends_with(&[0xFF, 0xD9]) {
+            return self.luma(&marked);
         }
+        // Some leave out the marker at the end. A file that is cut short depends on the bytes behind it, which the decoder takes for data.
+        let [whole, other] = TAILS.map(|tail| self.luma(&[&marked, tail].concat()));
+        let whole = whole?;
+        if other.is_ok_and(|other| other == whole) { Ok(whole) } else { Err("a JPEG file without its end".into()) }
+    }
+
+    fn luma(&self, file: &[u8]) -> Result<Vec<u16>, String> {
         let options = DecoderOptions::default()
             .jpeg_set_out_colorspace(ColorSpace::Luma)
             .set_max_width(self.width)
             .set_max_height(self.height)
             .set_strict_mode(false);
-        let mut decoder = JpegDecoder::new_with_options(ZCursor::new(payload), options);
+        let mut decoder = JpegDecoder::new_with_options(ZCursor::new(file), options);
         decoder.decode_headers().map_err(|e| format!("no JPEG file: {e}"))?;
         if decoder.dimensions() != Some((self.width, self.height)) {
             return Err(format!("a JPEG file of another size: {:?}", decoder.dimensions()));
@@ -206,6 +215,12 @@ impl Picture {
         Ok(luma.into_iter().map(u16::from).collect())
     }
 }
+
+/// Segment that makes the decoder take the Huffman tables of Motion JPEG (ITU T.81, K.3) where a file has none.
+const MOTION_JPEG: &[u8] = b"\xff\xe0\x00\x10AVI1\0\0\0\0\0\0\0\0\0\0";
+
+/// Ends that are tried for files without one.
+const TAILS: [&[u8]; 2] = [b"\xff\xd9", b"\x3a\xc5\x96\x0f\x71\xe8\x4d\xb2\x1b\x64\xa9\x53\xff\xd9"];
 
 /// `row` has all bytes of `width` pixels.
 fn unpack_row(layout: Layout, row: &[u8], width: usize, codes: &mut Vec<u16>) {
@@ -325,10 +340,25 @@ mod tests {
         let codes = picture("MJPG", 16, 8, 0).unpack(file).unwrap();
         assert!(codes.len() == 128 && codes.iter().all(|c| (118..=138).contains(c)), "{codes:?}");
         assert!(picture("MJPG", 8, 8, 0).unpack(file).is_err(), "another size");
-        for cut in 0..file.len() - 1 {
+        for cut in 0..file.len() - 2 {
             assert!(picture("MJPG", 16, 8, 0).unpack(&file[..cut]).is_err(), "{cut}");
         }
+        assert_eq!(picture("MJPG", 16, 8, 0).unpack(&file[..file.len() - 2]).as_ref(), Ok(&codes), "without its end");
+        assert_eq!(picture("MJPG", 16, 8, 0).unpack(&without_tables(file)).as_ref(), Ok(&codes));
         let padded = [file.as_slice(), &[0; 9]].concat();
         assert_eq!(picture("MJPG", 16, 8, 0).unpack(&padded), Ok(codes));
+    }
+    /// A JPEG file without its Huffman tables.
+    fn without_tables(file: &[u8]) -> Vec<u8> {
+        let (mut bare, mut at) = (file[..2].to_vec(), 2);
+        while file[at + 1] != 0xda {
+            let end = at + 2 + usize::from(u16::from_be_bytes([file[at + 2], file[at + 3]]));
+            if file[at + 1] != 0xc4 {
+                bare.extend(&file[at..end]);
+            }
+            at = end;
+        }
+        bare.extend(&file[at..]);
+        bare
     }
 }

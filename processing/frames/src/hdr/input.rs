@@ -1,9 +1,9 @@
 //! What is merged: a `frames.json`, or a folder of photographs whose times are in their tags.
 
-use crate::{FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, load};
+use crate::{FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, exposures, load};
 use nacre_base::{Error, Result};
 use nacre_image::budget;
-use nacre_image::{Depth, exposure, photographs};
+use nacre_image::{Depth, details, photographs};
 use std::path::Path;
 
 /// Exposures that are decoded and merged at a time.
@@ -57,23 +57,25 @@ fn needed(frames: &LoadedFrames) -> u64 {
 /// A folder without a `frames.json`, whose photographs say their exposure times.
 fn tagged(folder: &Path) -> Result<LoadedFrames> {
     let mut frames = vec![];
-    for file in photographs(folder)? {
+    let files = photographs(folder)?;
+    let (tags, apertures) = exposures(folder, &files)?;
+    for (file, tags) in files.into_iter().zip(tags) {
         let path = folder.join(&file);
-        let tags = exposure(&path);
-        let Some(seconds) = tags.and_then(|t| t.seconds) else {
+        let Some(seconds) = tags.seconds else {
             let remedy =
                 "give photographs as the camera wrote them, or a frames.json with exposure_s (`nacre schema frames`)";
             return Err(Error::file(&path, "does not say its exposure time (Exif)", remedy));
         };
-        frames.push(Frame {
-            exposure_s: Some(seconds),
-            gain: tags.and_then(|t| t.iso).map(|iso| iso / 100.0),
-            ..Frame::new(file)
-        });
+        frames.push(Frame { exposure_s: Some(seconds), gain: tags.gain, ..Frame::new(file) });
     }
-    let frames = check(folder.join(FILE_NAME), FrameSet::new(Kind::Exposures, frames))?;
-    let transfer = if frames.info.depth == Depth::U8 { Transfer::Recover } else { Transfer::Linear };
-    Ok(LoadedFrames { set: FrameSet { transfer, ..frames.set }, ..frames })
+    // Cameras bend the curve that eight bits are said to have.
+    let first = details(&folder.join(&frames[0].file))?;
+    let stated = first.encoding.and_then(|encoding| Transfer::of(encoding.curve)).unwrap_or(Transfer::Linear);
+    let transfer = if first.info.depth == Depth::U8 { Transfer::Recover } else { stated };
+    let set = FrameSet { transfer, ..FrameSet::new(Kind::Exposures, frames) };
+    let mut frames = check(folder.join(FILE_NAME), set)?;
+    frames.warnings.extend(apertures);
+    Ok(frames)
 }
 
 #[cfg(test)]
@@ -87,7 +89,14 @@ mod tests {
             let mut set = FrameSet::new(Kind::Exposures, vec![Frame::new("a.png"), Frame::new("b.png")]);
             let mut info = Info { width: 1 << 10, height: 1 << 10, channels: 3, depth: Depth::U8 };
             change(&mut set, &mut info);
-            let frames = LoadedFrames { path: FILE_NAME.into(), folder: ".".into(), set, info, from_session: false };
+            let frames = LoadedFrames {
+                path: FILE_NAME.into(),
+                folder: ".".into(),
+                set,
+                info,
+                warnings: vec![],
+                from_session: false,
+            };
             (needed(&frames) - KEPT as u64) >> 20
         };
         let one = mib(&|_, _| ());

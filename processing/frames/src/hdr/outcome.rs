@@ -60,7 +60,8 @@ impl Outcome {
             registration: self.shifts.clone(),
             seconds: Seconds::default(),
         };
-        report.warnings = self.warnings(&report);
+        report.warnings = frames.warnings.clone();
+        report.warnings.extend(self.warnings(&report));
         report
     }
 

@@ -1,6 +1,7 @@
 //! Files in, files out, and everything that can be wrong with a file. Here: the files that the tests share.
 
 mod damage;
+mod details;
 mod formats;
 
 use std::fs;

@@ -9,15 +9,6 @@ use nacre_image::{Depth, read_exr};
 use nacre_optics::geometry::Geometry;
 use std::path::Path;
 
-/// Reads a photograph: the channel of the wavelength, or the only one.
-pub(super) fn read_channel(wavelength_nm: f64) -> Channel {
-    match wavelength_nm {
-        nm if nm >= 590.0 => Channel::R,
-        nm if nm >= 500.0 => Channel::G,
-        _ => Channel::B,
-    }
-}
-
 /// Reads linear light.
 ///
 /// # Errors
@@ -57,7 +48,7 @@ pub(super) fn read(input: &Path, geometry: &Geometry, progress: &dyn Progress) -
     };
     let nm = geometry.wavelength_nm.or(of_frames).unwrap_or(530.0);
     let source = Source::find(input, progress)?;
-    let light = read_light(&source.path, read_channel(nm))?;
+    let light = read_light(&source.path, Channel::nearest(nm))?;
     let size = [light.width as u32, light.height as u32];
     if let Some(known) = geometry.image_px.filter(|known| *known != size) {
         let problem =

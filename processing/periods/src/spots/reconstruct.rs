@@ -114,7 +114,8 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     report.assumptions.push(
         "first orders are there: in a grating whose depth puts them out, the second ones would be taken for them, at half the period".into(),
     );
-    report.warnings = warnings(&report, settings, alias(&shown, &signals));
+    report.warnings = frames.warnings.clone();
+    report.warnings.extend(warnings(&report, settings, alias(&shown, &signals)));
     let total = begun.elapsed().as_secs_f64();
     report.seconds =
         Seconds { read, calibrate: calibrated - read, solve: solved - calibrated, write: total - solved, total };

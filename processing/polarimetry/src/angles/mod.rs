@@ -2,5 +2,6 @@
 
 pub(crate) mod aligned;
 pub(crate) mod angle_error;
+pub(crate) mod layout;
 pub(crate) mod repeats;
 pub(crate) mod sample;

@@ -5,6 +5,7 @@ use super::Running;
 use super::light::{Photographed, check_light, divide_by_flat, noise_of};
 use super::moved::correct_analyser_angles;
 use crate::angles::aligned::{AngleErrors, correlated};
+use crate::angles::layout::contradiction;
 use crate::angles::repeats::{compare_halves, pairs};
 use crate::angles::sample::Sample;
 use crate::film::stand::Stand;
@@ -181,10 +182,12 @@ impl Fitted {
 
     /// The report, but for what took how long and for periods.
     fn report(&self, options: (&Options, Model), maps: &StokesMaps, solved: &Solved) -> Report {
-        let Self { frames, brackets, views, sample, design, alignment, angle_errors, angles, .. } = self;
+        let Self { frames, linearizer, brackets, views, sample, design, alignment, angle_errors, angles, .. } = self;
         let (noise, source) = &self.noise;
         let pixels = Pixels::count(maps, &solved.map, solved.without_grating);
         let mut report = Report::new(frames, options, design, (noise, *source), pixels, solved);
+        report.warnings.extend(frames.warnings.iter().cloned().chain(linearizer.clipping()));
+        report.warnings.extend(contradiction(frames, views, sample));
         let corrected = angle_errors.as_ref().and_then(AngleErrors::corrected);
         report.analyser_errors_deg = corrected.map(|m| m.errors.iter().map(|e| e.to_degrees()).collect());
         report.warnings.extend(angle_errors.iter().filter_map(|errors| errors.warning(frames, brackets, views)));

@@ -1,0 +1,111 @@
+//! What files of a set say about their values, against what describes the set.
+
+use super::{FrameSet, Transfer};
+use nacre_base::{Error, Result};
+use nacre_image::{Curve, Details};
+use std::path::{Path, PathBuf};
+
+/// Relative difference of exponents that counts as rounding: gAMA 0.45455 is 2.19998.
+const SAME_EXPONENT: f64 = 0.01;
+
+impl Transfer {
+    /// The transfer function of a curve; `None` for curves that are not read.
+    pub fn of(curve: Curve) -> Option<Self> {
+        match curve {
+            Curve::Linear => Some(Self::Linear),
+            Curve::Srgb => Some(Self::Srgb),
+            // Two digits are all that exponents are known to.
+            Curve::Gamma(gamma) => Some(Self::Gamma((100.0 * gamma).round() / 100.0)),
+            Curve::Other => None,
+        }
+    }
+
+    /// As `--transfer` takes it.
+    pub fn option(self) -> String {
+        match self {
+            Self::Linear => "linear".into(),
+            Self::Srgb => "srgb".into(),
+            Self::Gamma(gamma) => format!("gamma={gamma}"),
+            Self::Recover => "recover".into(),
+        }
+    }
+
+    fn agrees(self, curve: Curve) -> bool {
+        match (self, curve) {
+            (Self::Recover, _) | (Self::Linear, Curve::Linear) | (Self::Srgb, Curve::Srgb) => true,
+            (Self::Gamma(a), Curve::Gamma(b)) => (a / b - 1.0).abs() < SAME_EXPONENT,
+            (Self::Gamma(a), Curve::Linear) => (a - 1.0).abs() < SAME_EXPONENT,
+            _ => false,
+        }
+    }
+}
+
+/// Collects what the files of a set say.
+#[derive(Default)]
+pub(super) struct Stated {
+    files: Vec<(PathBuf, Details)>,
+}
+
+impl Stated {
+    pub fn add(&mut self, file: PathBuf, details: Details) {
+        self.files.push((file, details));
+    }
+
+    /// Refuses files of different orientations or largest values, which no set has.
+    pub fn check(&self) -> Result<()> {
+        let Some((first, wanted)) = self.files.first() else { return Ok(()) };
+        for (file, found) in &self.files {
+            if found.orientation != wanted.orientation {
+                let problem = format!(
+                    "has Exif orientation {}, but {} has {}",
+                    found.orientation,
+                    first.display(),
+                    wanted.orientation
+                );
+                return Err(Error::file(file, problem, "turn the photographs alike, and remove the tag"));
+            }
+            if found.white != wanted.white {
+                let problem = format!("has another number of bits per sample than {}", first.display());
+                return Err(Error::file(file, problem, "all photographs of a set must have one depth"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes the value of a saturated pixel from the files where the description gives none, and says what else they state.
+    pub fn complete(&self, set: &mut FrameSet) -> Vec<String> {
+        let Some((_, first)) = self.files.first() else { return vec![] };
+        set.white = set.white.or(first.white.map(f64::from));
+        let said = |clause: &dyn Fn(&Details) -> Option<String>| {
+            let all: Vec<(&Path, String)> =
+                self.files.iter().filter_map(|(file, d)| Some((file.as_path(), clause(d)?))).collect();
+            let (file, text) = all.first()?;
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            let more = match all.len() {
+                1 => String::new(),
+                2 => " (and so does one more file)".into(),
+                n => format!(" (and so do {} more files)", n - 1),
+            };
+            Some(format!("{name} {text}{more}"))
+        };
+        let transfer = set.transfer;
+        let contradicted = said(&|d| {
+            let encoding = d.encoding.as_ref().filter(|e| !transfer.agrees(e.curve))?;
+            let curve = Transfer::of(encoding.curve).map_or_else(|| "a curve that is not read".into(), Self::curve);
+            Some(format!("states {curve} ({}), but is read as {}", encoding.source, transfer.option()))
+        });
+        let turned = said(&|d| {
+            let note = format!(
+                "has Exif orientation {}, which is not applied: maps are as the sensor saw them",
+                d.orientation
+            );
+            (d.orientation != 1).then_some(note)
+        });
+        let notes = said(&|d| (!d.notes.is_empty()).then(|| d.notes.join("; ")));
+        [contradicted, turned, notes].into_iter().flatten().collect()
+    }
+
+    fn curve(transfer: Transfer) -> String {
+        format!("transfer {}", transfer.option())
+    }
+}
