@@ -130,3 +130,18 @@ fn import_decodes_and_names_the_photograph_that_cannot_be_read() {
     assert!(refused.contains("090.png"), "{refused}");
     assert!(!photos.join("frames.json").exists());
 }
+
+#[test]
+fn a_single_raw_frame_of_a_sensor_is_recognised() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos(&folder);
+    sensor(&photos, [90.0, 45.0, 135.0, 0.0], false);
+    // A number in the name is not its angle.
+    std::fs::rename(photos.join("frame.png"), photos.join("frame_250.png")).unwrap();
+    let refused = nacre(["import", photos.to_str().unwrap()]).expect(2).stderr();
+    assert!(refused.contains("--kind division-of-focal-plane --layout 90,45,135,0"), "{refused}");
+    series(&photos, &[0.0], 65_535.0, 1.0);
+    std::fs::remove_file(photos.join("frame_250.png")).unwrap();
+    let refused = nacre(["import", photos.to_str().unwrap()]).expect(2).stderr();
+    assert!(refused.contains("3 analyser angles"), "{refused}");
+}

@@ -13,13 +13,6 @@ import { tableFields } from "./tableform.js";
 
 const LIKELY = /\.(png|tiff?|jpe?g|exr|bmp|txt|asc|csv|dat)$/i;
 
-/** The angle that a file name tells: the last number in it that can be one. */
-function guess(name) {
-  const numbers = name.replace(LIKELY, "").match(/-?\d+(\.\d+)?/g) ?? [];
-  const fitting = numbers.map(Number).filter((n) => Math.abs(n) <= 360);
-  return fitting.length ? fitting.at(-1) : null;
-}
-
 /**
  * Shows the form until the signal fires.
  * @param {HTMLElement} main
@@ -31,14 +24,17 @@ export async function uploadPage(main, { signal }) {
   const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr,.bmp,.txt,.asc,.csv,.dat", onchange: () => add(input.files) });
   const body = h("tbody");
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
-  const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
-  const channel = select([["", "Grey"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
-  let chosen = false;
+  const transfer = select([["", "As the files state, or as usual for their type"], ["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "", { id: "transfer" });
+  const channel = select([["", "Grey, or green of colour files"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
+  const source = select([["analyser", "A rotating analyser"], ["sensor", "A polarization sensor (raw frames)"]], "analyser", { id: "source", onchange: paint });
+  const layout = h("input", { id: "layout", value: "90, 45, 135, 0", onchange: judge });
+  const sensor = field("Angles of a 2 × 2 block (°)", layout, { hint: "Top left, top right, bottom left, bottom right; the data sheet has them" });
+  let refusal = "";
   const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"], ["bokeh", "Lines and heights of a grating, from an out-of-focus highlight"], ["flash", "Orientations and periods of tiles, under a flash"], ["foil", "Orientations and periods of a foil's random dots, from one photograph under a flash"], ["brdf", "The light that a surface diffracts, from an image of its heights"], ["calibrate", "A camera, from photographs of a board"], ["map", "Other maps, from orientation.exr and period.exr"]], "polarization", { id: "method", onchange: paint });
   const options = optionFields();
   const forms = { lut: tableFields({ wavelength_nm: 680, scale: 0.002 }), bokeh: bokehFields(), flash: flashFields(), foil: foilFields(), brdf: brdfFields(), calibrate: boardFields(), map: mapFields() };
   const values = field("Values", transfer);
-  const angled = h("div", { class: "stack" }, field("Channel", channel, { hint: "Colour files need one" }), options.element);
+  const angled = h("div", { class: "stack" }, field("Polarization by", source), sensor, field("Channel", channel), options.element);
   const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
@@ -55,25 +51,47 @@ export async function uploadPage(main, { signal }) {
 
   function add(files) {
     const names = new Set(photographs.map((p) => p.file.name));
-    for (const file of files) if (LIKELY.test(file.name) && !names.has(file.name)) photographs.push({ file, deg: guess(file.name) });
-    photographs.sort((a, b) => (a.deg ?? Infinity) - (b.deg ?? Infinity));
+    for (const file of files) if (LIKELY.test(file.name) && !names.has(file.name)) photographs.push({ file, deg: null });
+    photographs.sort((a, b) => a.file.name.localeCompare(b.file.name));
     input.value = "";
-    if (!chosen && photographs.some((p) => /\.jpe?g$/i.test(p.file.name))) transfer.value = "srgb";
     paint();
+    readAngles();
+  }
+
+  /** Has the service read the angles in the names, by the same rules as everywhere; all names together tell what is a sign or a decimal. */
+  async function readAngles() {
+    const asked = photographs.slice();
+    if (!polarizedBy("analyser") || !asked.length || asked.every((p) => p.deg !== null)) return;
+    refusal = "";
+    try {
+      const { angles_deg } = await post("/uploads/angles", { names: asked.map((p) => p.file.name) });
+      asked.forEach((photograph, k) => (photograph.deg ??= angles_deg[k]));
+      photographs.sort((a, b) => (a.deg ?? Infinity) - (b.deg ?? Infinity));
+    } catch (problem) {
+      if (problem.name === "AbortError") return;
+      refusal = asked.length === 1 ? "" : (problem.message ?? "");
+    }
+    paint();
+  }
+
+  /** Whether polarization is asked for, and the photographs were taken by this. */
+  function polarizedBy(how) {
+    return method.value === "polarization" && source.value === how;
   }
 
   function paint() {
     const polarized = method.value === "polarization";
     angled.hidden = !polarized;
+    sensor.hidden = source.value !== "sensor";
     values.hidden = !polarized && !alone();
     for (const [name, form] of Object.entries(forms)) form.element.hidden = name !== method.value;
     about.hidden = !["hdr", "lut", "bokeh", "foil"].includes(method.value) || photographs.length < 2;
     if (method.value === "flash") pickable();
     listing.hidden = photographs.length === 0;
-    listing.querySelectorAll("th")[2].hidden = !polarized;
+    listing.querySelectorAll("th")[2].hidden = !polarizedBy("analyser");
     body.replaceChildren(...photographs.map((photograph) => h("tr", {},
       h("td", {}, photograph.file.name), h("td", { class: "number" }, bytes(photograph.file.size)),
-      h("td", { hidden: !polarized }, number({ value: photograph.deg ?? "", "aria-label": `Analyser angle of ${photograph.file.name}`, oninput: (e) => {
+      h("td", { hidden: !polarizedBy("analyser") }, number({ value: photograph.deg ?? "", "aria-label": `Analyser angle of ${photograph.file.name}`, oninput: (e) => {
         photograph.deg = Number.isFinite(e.target.valueAsNumber) ? e.target.valueAsNumber : null;
         judge();
       } })),
@@ -103,9 +121,17 @@ export async function uploadPage(main, { signal }) {
       start.disabled = photographs.length === 0;
       return;
     }
+    if (source.value === "sensor") {
+      const right = blockAngles().length === 4;
+      problems.replaceChildren(...(right ? [] : [h("ul", { class: "problems" }, h("li", {}, "The block needs four angles, such as 90, 45, 135, 0."))]));
+      start.disabled = photographs.length === 0 || !right;
+      return;
+    }
     const unknown = photographs.filter((p) => p.deg === null).length;
     const distinct = new Set(photographs.map((p) => (((p.deg ?? 0) % 180) + 180) % 180)).size;
     const wrong = [
+      refusal,
+      photographs.length === 1 && "Is this one raw frame of a polarization sensor? Then choose that under “Polarization by”.",
       unknown && `${unknown} of the photographs ${unknown === 1 ? "has" : "have"} no angle.`,
       photographs.length > 0 && !unknown && distinct < 3 && "At least three different angles within the half turn are needed.",
     ].filter(Boolean);
@@ -113,11 +139,20 @@ export async function uploadPage(main, { signal }) {
     start.disabled = photographs.length === 0 || wrong.length > 0;
   }
 
+  /** Angles of the sensor's block; fewer than four where one is no number. */
+  function blockAngles() {
+    return layout.value.split(/[,;\s]+/).filter(Boolean).map(Number).filter(Number.isFinite);
+  }
+
   async function begin() {
     start.disabled = true;
     const total = photographs.reduce((sum, p) => sum + p.file.size, 0);
     say(progress, `Uploading ${bytes(total)}…`);
-    const description = { kind: "polarization", transfer: transfer.value, frames: photographs.map((p) => ({ file: p.file.name, analyser_deg: p.deg })) };
+    const [a, b, c, d] = blockAngles();
+    const description = source.value === "sensor"
+      ? { kind: "division_of_focal_plane", layout: [[a, b], [c, d]], frames: photographs.map((p) => ({ file: p.file.name })) }
+      : { kind: "polarization", frames: photographs.map((p) => ({ file: p.file.name, analyser_deg: p.deg })) };
+    if (transfer.value) description.transfer = transfer.value;
     if (channel.value) description.channel = channel.value;
     const form = new FormData();
     const polarized = method.value === "polarization";
@@ -129,7 +164,7 @@ export async function uploadPage(main, { signal }) {
     try {
       const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
       const asked = polarized ? options.request() : { method: method.value };
-      if (method.value in forms) asked.options = { ...forms[method.value].options(), ...(alone() ? { transfer: transfer.value } : {}) };
+      if (method.value in forms) asked.options = { ...forms[method.value].options(), ...(alone() ? { transfer: transfer.value || (/\.jpe?g$/i.test(photographs[0].file.name) ? "srgb" : "linear") } : {}) };
       const others = (await forms[method.value]?.inputs?.(signal)) ?? {};
       const job = await post("/reconstructions", { session: null, upload: upload.id, ...asked, ...others });
       location.hash = `#/result/${job.id}`;

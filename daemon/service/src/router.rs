@@ -94,6 +94,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(results::file))
         .routes(routes!(results::map))
         .routes(routes!(results::pixel))
+        .routes(routes!(uploads::angles))
         .routes(routes!(view::view))
         .routes(routes!(view::file))
         .routes(routes!(charts::list))

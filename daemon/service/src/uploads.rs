@@ -2,18 +2,19 @@
 
 use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
-use super::{App, scenes};
+use super::{App, Body, scenes};
 use axum::extract::multipart::{Field, MultipartRejection};
 use axum::extract::{Multipart, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Json};
+use nacre_base::text::read_text;
 use nacre_brdf::height;
-use nacre_capture::import::from_names;
+use nacre_capture::import::{from_names, named_angles, with_transfer};
 use nacre_frames::{FILE_NAME, load};
 use nacre_image::{EXTENSIONS, info};
 use nacre_maps::Maps;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tokio::io::AsyncWriteExt;
@@ -21,6 +22,9 @@ use utoipa::ToSchema;
 
 /// Most photographs of one upload.
 const MAX_FILES: usize = 4096;
+
+/// Largest description of an upload, in bytes.
+const MAX_DESCRIPTION: u64 = 16 << 20;
 
 /// What was uploaded.
 #[derive(Debug, Serialize, ToSchema)]
@@ -47,7 +51,7 @@ pub struct Form {
     gallery: Option<String>,
     /// Of the kind `scene`: an id.
     result: Option<String>,
-    /// A frames.json.
+    /// A frames.json; without `transfer`, that which the files state is taken, or the usual one of their type.
     frames: Option<String>,
     #[schema(value_type = Vec<String>, format = Binary)]
     file: Vec<Vec<u8>>,
@@ -85,6 +89,31 @@ pub async fn upload(
     // It is not there under this name any more.
     let _ = folder.keep();
     Ok((StatusCode::CREATED, Json(Uploaded { id, files, bytes })).into_response())
+}
+
+/// Names of photographs.
+#[derive(Deserialize, ToSchema)]
+pub struct Names {
+    /// In any order.
+    names: Vec<String>,
+}
+
+/// Analyser angles that names hold.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Angles {
+    /// In degrees, in the order of the names.
+    angles_deg: Vec<f64>,
+}
+
+/// Reads analyser angles in the names of photographs, as an upload without `frames` does.
+#[utoipa::path(post, path = "/api/v1/uploads/angles", tag = "reconstructions", operation_id = "angles_in_names",
+    request_body = Names, responses((status = 200, body = Angles), (status = 400, body = Problem)))]
+pub async fn angles(Body(Names { names }): Body<Names>) -> Answer<Json<Angles>> {
+    if names.len() > MAX_FILES {
+        return Err(Problem::new(Kind::TooLarge, format!("more than {MAX_FILES} names")));
+    }
+    let files: Vec<PathBuf> = names.into_iter().map(PathBuf::from).collect();
+    Ok(Json(Angles { angles_deg: named_angles("names", &files, "enter the angles")? }))
 }
 
 async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folder: &Path) -> Answer<(usize, u64)> {
@@ -252,10 +281,12 @@ fn decodable(folder: &Path) -> Answer<()> {
 /// Makes the description if there is none, and checks the whole as a reconstruction does.
 fn describe(folder: &Path) -> Answer<()> {
     let path = folder.join(FILE_NAME);
-    if !path.exists() {
-        let text = from_names(folder)?;
-        std::fs::write(&path, text).map_err(|e| Problem::new(Kind::Internal, format!("cannot be stored: {e}")))?;
-    }
+    let text = if path.exists() {
+        with_transfer(folder, &read_text(&path, MAX_DESCRIPTION, "send a frames.json as the part frames")?)?
+    } else {
+        from_names(folder)?
+    };
+    std::fs::write(&path, text).map_err(|e| Problem::new(Kind::Internal, format!("cannot be stored: {e}")))?;
     load(folder)?;
     Ok(())
 }

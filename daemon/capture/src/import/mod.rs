@@ -6,8 +6,9 @@ pub use angle_names::angles as angles_in_names;
 
 use nacre_base::Error;
 use nacre_base::progress::Progress;
+use nacre_base::text::from_json;
 use nacre_frames::{
-    Channel, Clipping, FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, exposures, save,
+    Channel, Clipping, FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, exposures, save, sensor_layout,
 };
 use nacre_image::{details, photographs, read};
 use std::path::{Path, PathBuf};
@@ -74,6 +75,35 @@ pub fn describe(
     Ok(Described { frames, transfer_from })
 }
 
+/// Least number of analyser angles that tell polarization.
+const MIN_ANGLES: usize = 3;
+
+/// Refuses too few photographs behind an analyser, and says so where one is a raw frame of a polarization sensor.
+///
+/// # Errors
+/// `Input` for fewer than three, or for one that cannot be read.
+pub fn check_number(folder: &Path, files: &[PathBuf], kind: Kind) -> Result<(), Error> {
+    let [first, ..] = files else { return Ok(()) };
+    if kind != Kind::Polarization || files.len() >= MIN_ANGLES {
+        return Ok(());
+    }
+    let path = folder.join(first);
+    match sensor_layout(&read(&path)?) {
+        Some(layout) => {
+            let problem =
+                format!("looks like a raw frame of a polarization sensor with the layout {layout} or one of its turns");
+            let remedy =
+                format!("give --kind division-of-focal-plane --layout {layout}, with the layout of the data sheet");
+            Err(Error::file(&path, problem, remedy))
+        }
+        None => {
+            let problem =
+                format!("holds {} photographs; polarization needs {MIN_ANGLES} analyser angles at least", files.len());
+            Err(Error::file(folder, problem, "add photographs, or give --kind if they are no such series"))
+        }
+    }
+}
+
 /// The transfer function that files state, or that files of their type usually have, and why.
 fn stated_transfer(folder: &Path, files: &[PathBuf]) -> Result<(Transfer, String), Error> {
     let mut stated: Option<(&PathBuf, Transfer, String)> = None;
@@ -130,6 +160,25 @@ pub fn decode_all(frames: &LoadedFrames, progress: &dyn Progress) -> Result<Opti
     Ok(clipping.into_inner().unwrap_or_else(PoisonError::into_inner).warning(white, "--white"))
 }
 
+/// A `frames.json` that leaves out `transfer`, completed by what its files state.
+///
+/// # Errors
+/// `Input` for a description that is none, and files that cannot be read.
+pub fn with_transfer(folder: &Path, text: &str) -> Result<String, Error> {
+    let path = folder.join(FILE_NAME);
+    let bad = |problem: String| Error::file(&path, problem, "`nacre schema frames` prints what is allowed");
+    let mut value: serde_json::Value = from_json(text).map_err(bad)?;
+    let Some(object) = value.as_object_mut().filter(|o| !o.contains_key("transfer")) else { return Ok(text.into()) };
+    let names = object.get("frames").and_then(|f| f.as_array()).into_iter().flatten();
+    let files: Vec<PathBuf> = names.filter_map(|f| Some(f.get("file")?.as_str()?.into())).collect();
+    if let Some(file) = files.iter().find(|f| f.components().count() != 1) {
+        return Err(bad(format!("{} is no plain file name", file.display())));
+    }
+    let (transfer, _) = stated_transfer(folder, &files)?;
+    object.insert("transfer".into(), serde_json::to_value(transfer).unwrap_or_default());
+    Ok(value.to_string())
+}
+
 /// The `frames.json` of uploaded photographs whose names hold the analyser angles.
 ///
 /// # Errors
@@ -138,6 +187,7 @@ pub fn from_names(folder: &Path) -> Result<String, Error> {
     let options =
         Options { kind: Kind::Polarization, layout: None, transfer: None, channel: None, black: None, white: None };
     let files = photographs(folder)?;
+    check_number(folder, &files, options.kind)?;
     let angles = named_angles("the upload", &files, "send a frames.json that says the angles as the part frames")?;
     Ok(save(&describe(folder, &files, Some(angles), &options)?.frames.set))
 }

@@ -5,7 +5,7 @@ use crate::console::Console;
 use clap::ValueEnum;
 use nacre_base::Error;
 use nacre_capture::Failure;
-use nacre_capture::import::{Described, Options, angles_in_names, decode_all, describe, named_angles};
+use nacre_capture::import::{Described, Options, angles_in_names, check_number, decode_all, describe, named_angles};
 use nacre_frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, save};
 use nacre_image::{OutputFolder, list, write_whole};
 use serde::Serialize;
@@ -90,6 +90,7 @@ struct Imported<'a> {
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let (files, mut skipped) = list(&args.folder)?;
     skipped.retain(|name| !name.extension().is_some_and(|e| e == "json" || e == "txt"));
+    check_number(&args.folder, &files, kind(args))?;
     let angles = angles(args, &files)?;
     let Described { mut frames, transfer_from } = describe(&args.folder, &files, angles, &options(args)?)?;
     frames.warnings.extend(decode_all(&frames, console)?);
@@ -175,6 +176,14 @@ fn contradicted<'a>(files: &'a [PathBuf], given: &[f64]) -> Option<(&'a Path, f6
     all.map(|(file, (given, named))| (file, given, named)).find(|(_, given, named)| far(*given, *named))
 }
 
+fn kind(args: &Args) -> Kind {
+    match args.kind {
+        KindName::Polarization => Kind::Polarization,
+        KindName::DivisionOfFocalPlane => Kind::DivisionOfFocalPlane,
+        KindName::Exposures => Kind::Exposures,
+    }
+}
+
 /// How the frame set is described beyond its angles.
 fn options(args: &Args) -> Result<Options, Error> {
     let layout = match (args.kind, args.layout.as_slice()) {
@@ -188,13 +197,8 @@ fn options(args: &Args) -> Result<Options, Error> {
         }
         _ => None,
     };
-    let kind = match args.kind {
-        KindName::Polarization => Kind::Polarization,
-        KindName::DivisionOfFocalPlane => Kind::DivisionOfFocalPlane,
-        KindName::Exposures => Kind::Exposures,
-    };
     Ok(Options {
-        kind,
+        kind: kind(args),
         layout,
         transfer: args.transfer,
         channel: args.channel.map(Channel::from),
