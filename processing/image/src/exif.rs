@@ -5,6 +5,7 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 
 use exif::{In, Reader, Tag, Value};
+use super::read::taken;
 use nacre_base::guard::guarded;
 
 /// Most bytes of a file that are searched for tags.
@@ -28,7 +29,10 @@ pub fn exposure(path: &Path) -> Option<Exposure> {
         Some(Exposure { seconds: number(Tag::ExposureTime), iso: number(Tag::PhotographicSensitivity) })
     };
     // Tags that no decoder reads are as good as none.
-    guarded(decode).ok().flatten()
+    guarded(decode).ok().flatten().or_else(|| {
+        // Camera raw files that are no TIFF.
+        taken(path).map(|t| Exposure { seconds: t.seconds, iso: t.iso })
+    })
 }
 
 /// A finite number above zero. The crate's own conversions to integers and `f32` lose 1/3 s and the like.

@@ -9,24 +9,29 @@ mod convolution;
 mod correlation;
 mod exif;
 mod fault;
+mod fits;
 mod folder;
+mod foreign;
 mod gray;
 mod homography;
 mod interpolation;
 mod jpeg;
 mod listing;
 pub mod lobe;
+mod npy;
 mod openexr;
 mod picture;
 mod png;
 mod radiance;
 mod raster;
+mod raw;
 mod read;
 pub mod registration;
 mod source;
 #[cfg(test)]
 mod tests;
 mod tif;
+mod webp;
 mod write;
 
 pub use averaging::Averaging;
@@ -45,7 +50,7 @@ pub use picture::{
     MASKED, hsv, orientation_color, orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis, wheel,
 };
 pub use raster::{Depth, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples};
-pub use read::{EXTENSIONS, info, read, read_into, size};
+pub use read::{EXTENSIONS, info, levels, read, read_into, size};
 pub use write::{
     Attribute, Precision, encode_png8, encode_png16_gray, write_exr, write_exr_as, write_png8, write_png16_gray,
 };

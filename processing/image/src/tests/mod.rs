@@ -1,5 +1,7 @@
 //! Files in, files out, and everything that can be wrong with a file. Here: the files that the tests share.
 
+mod arrays;
+mod camera;
 mod damage;
 mod formats;
 
