@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-use exif::{In, Reader, Tag, Value};
 use super::read::taken;
+use exif::{In, Reader, Tag, Value};
 use nacre_base::guard::guarded;
 
 /// Most bytes of a file that are searched for tags.

@@ -229,10 +229,14 @@ fn describe(header: &Header, axes: &[u64], bits: f64) -> Decoded<Image> {
         }
     };
     let filters = ["BAYERPAT", "COLORTYP"].into_iter().filter_map(|k| Some((k, header.get(k)?)));
-    let mosaic = |pattern: &str| pattern.len() >= 4 && pattern.bytes().all(|c| b"RGBCMYEW".contains(&c.to_ascii_uppercase()));
+    let mosaic =
+        |pattern: &str| pattern.len() >= 4 && pattern.bytes().all(|c| b"RGBCMYEW".contains(&c.to_ascii_uppercase()));
     if let Some((keyword, pattern)) = filters.into_iter().find(|(_, p)| channels == 1 && mosaic(p)) {
         let problem = format!("holds a mosaic of colour filters ({keyword} = {pattern}), which is not read from FITS");
-        return Err(Fault::unusable(problem, "debayer it at half size (superpixel) without white balance, or convert it to DNG"));
+        return Err(Fault::unusable(
+            problem,
+            "debayer it at half size (superpixel) without white balance, or convert it to DNG",
+        ));
     }
     let stored = match bits as i64 {
         8 => Stored::U8,

@@ -12,7 +12,9 @@ pub(super) fn refusal(head: &[u8]) -> Option<Fault> {
     if let [0, 0, 0, _, b'f', b't', b'y', b'p', brand @ ..] = head {
         return match brand.first_chunk()? {
             b"avif" | b"avis" => refuse("AVIF", DEEP),
-            b"heic" | b"heix" | b"heim" | b"heis" | b"hevc" | b"hevx" | b"mif1" | b"mif2" | b"msf1" => refuse("HEIC", DEEP),
+            b"heic" | b"heix" | b"heim" | b"heis" | b"hevc" | b"hevx" | b"mif1" | b"mif2" | b"msf1" => {
+                refuse("HEIC", DEEP)
+            }
             b"jxl " => refuse("JPEG XL", DEEP),
             b"jp2 " | b"jpx " => refuse("JPEG 2000", DEEP),
             b"qt  " | b"isom" | b"iso2" | b"mp41" | b"mp42" | b"M4V " => refuse("video", "export single frames as PNG"),
@@ -26,7 +28,9 @@ pub(super) fn refusal(head: &[u8]) -> Option<Fault> {
         [b'8', b'B', b'P', b'S', ..] => refuse("Photoshop", DEEP),
         [b'g', b'i', b'm', b'p', b' ', b'x', b'c', b'f', ..] => refuse("GIMP", DEEP),
         [b'P', b'1'..=b'7', b'\n' | b' ' | b'\r' | b'\t', ..] => refuse("PNM or PAM", PLAIN),
-        [b'P', b'F' | b'f', b'\n' | b' ' | b'\r' | b'\t', ..] => refuse("PFM", "convert it to OpenEXR or a 32-bit TIFF"),
+        [b'P', b'F' | b'f', b'\n' | b' ' | b'\r' | b'\t', ..] => {
+            refuse("PFM", "convert it to OpenEXR or a 32-bit TIFF")
+        }
         [b'G', b'I', b'F', b'8', ..] => refuse("GIF", PLAIN),
         [b'P', b'K', 3, 4, ..] => refuse("ZIP (or NPZ)", "unpack it, and save arrays with `numpy.save`"),
         [0x89, b'H', b'D', b'F', ..] => refuse("HDF5", "export the image as 16-bit TIFF or FITS"),

@@ -156,7 +156,8 @@ fn parse(text: &str) -> Decoded<Array> {
         rest if rest.starts_with("False") => false,
         _ => return Err(missing("fortran_order")),
     };
-    let shape = after("shape")?.strip_prefix('(').and_then(|rest| rest.split_once(')')).ok_or_else(|| missing("shape"))?.0;
+    let shape =
+        after("shape")?.strip_prefix('(').and_then(|rest| rest.split_once(')')).ok_or_else(|| missing("shape"))?.0;
     let sides = shape.split(',').map(str::trim).filter(|side| !side.is_empty());
     // Python 2 wrote long integers with an L.
     let sides: Result<Vec<u64>, _> = sides.map(|side| side.trim_end_matches('L').parse()).collect();
@@ -166,7 +167,10 @@ fn parse(text: &str) -> Decoded<Array> {
         [height, width] | [height, width, 1] => ([width, height], 1),
         [height, width, 3] => ([width, height], 3),
         _ => {
-            return Err(Fault::unusable(format!("is an array of shape ({shape}), no image of one or three channels"), SAVE));
+            return Err(Fault::unusable(
+                format!("is an array of shape ({shape}), no image of one or three channels"),
+                SAVE,
+            ));
         }
     };
     let depth = match kind {
@@ -197,7 +201,12 @@ fn number(descr: &str) -> Decoded<(Kind, bool)> {
         "f2" => Kind::Float(2),
         "f4" => Kind::Float(4),
         "f8" => Kind::Float(8),
-        _ => return Err(Fault::unusable(format!("is an array of type '{code}', not of real numbers up to 64 bits"), SAVE)),
+        _ => {
+            return Err(Fault::unusable(
+                format!("is an array of type '{code}', not of real numbers up to 64 bits"),
+                SAVE,
+            ));
+        }
     };
     match order {
         "<" | "|" => Ok((kind, true)),

@@ -18,8 +18,8 @@ pub const EXTENSIONS: &[&str] = &["png", "tif", "tiff", "jpg", "jpeg", "exr", "w
 /// File name endings of the formats that [`read`] understands and whose files are photographs, in lower case.
 #[cfg(feature = "raw")]
 pub const EXTENSIONS: &[&str] = &[
-    "png", "tif", "tiff", "jpg", "jpeg", "exr", "webp", "fits", "fit", "fts", "npy", "dng", "cr2", "cr3", "nef", "nrw", "arw", "raf",
-    "orf", "rw2", "rwl", "pef", "srw", "3fr", "iiq", "erf", "mef", "mos", "dcr", "kdc",
+    "png", "tif", "tiff", "jpg", "jpeg", "exr", "webp", "fits", "fit", "fts", "npy", "dng", "cr2", "cr3", "nef", "nrw",
+    "arw", "raf", "orf", "rw2", "rwl", "pef", "srw", "3fr", "iiq", "erf", "mef", "mos", "dcr", "kdc",
 ];
 
 /// Bytes by which formats are told apart: as far as the mark of DICOM.
@@ -48,7 +48,9 @@ fn sniff(source: &mut Source) -> Decoded<Format> {
     match head.as_slice() {
         [0x89, b'P', b'N', b'G', ..] => Ok(Format::Png),
         [0xff, 0xd8, 0xff, ..] => Ok(Format::Jpeg),
-        [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => Ok(raw::by_tags(source)?.map_or(Format::Tiff, Format::Raw)),
+        [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => {
+            Ok(raw::by_tags(source)?.map_or(Format::Tiff, Format::Raw))
+        }
         [b'I', b'I', 43, 0, ..] | [b'M', b'M', 0, 43, ..] => Ok(Format::Tiff),
         [0x76, 0x2f, 0x31, 0x01, ..] => Ok(Format::Exr),
         [b'B', b'M', ..] => Ok(Format::Bmp),

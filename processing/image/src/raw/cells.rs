@@ -84,7 +84,9 @@ pub(super) fn cell(color_at: impl Fn(usize, usize) -> usize) -> Decoded<Cell> {
 }
 
 pub(super) fn not_bayer(found: &str) -> Fault {
-    let problem = format!("is a mosaic of {found} per cell of filters; only Bayer mosaics (2 x 2, red, green, green, blue) are read");
+    let problem = format!(
+        "is a mosaic of {found} per cell of filters; only Bayer mosaics (2 x 2, red, green, green, blue) are read"
+    );
     Fault::unusable(problem, "develop it to a linear 16-bit TIFF without white balance")
 }
 
@@ -102,7 +104,13 @@ impl<T: Value> Sensor<'_, T> {
                 // A saturated green stays saturated.
                 let green = match (first, second) {
                     ((false, a), (false, b)) => a.mean(b),
-                    ((_, a), (_, b)) => if a > b { a } else { b },
+                    ((_, a), (_, b)) => {
+                        if a > b {
+                            a
+                        } else {
+                            b
+                        }
+                    }
                 };
                 pixel.copy_from_slice(&[red.1, green, blue.1]);
             }

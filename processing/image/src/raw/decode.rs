@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 use nacre_base::guard::guard_thread;
 use rawler::cfa::CFA;
 use rawler::decoders::{Decoder, RawDecodeParams, WellKnownIFD};
+use rawler::formats::tiff::{Entry, IFD, Rational};
 use rawler::imgop::{Dim2, Point, Rect};
 use rawler::rawsource::RawSource;
 use rawler::tags::{DngTag, TiffCommonTag};
@@ -24,6 +25,9 @@ use super::recognise::{Kind, Layout};
 /// Photometric interpretation of a DNG whose pixels have all colours.
 const LINEAR: usize = 34_892;
 const REMEDY: &str = "convert it to DNG (Adobe DNG Converter, `dnglab convert`) or, with `dcraw -4 -h -o 0 -r 1 1 1 1 -T FILE`, to a linear 16-bit TIFF of half the size";
+
+/// The same of a file that is a DNG already.
+const DEVELOP: &str = "convert it with `dcraw -4 -h -o 0 -r 1 1 1 1 -T FILE` to a linear 16-bit TIFF";
 
 /// A raw file, of which its tags were read.
 struct Opened {
@@ -55,7 +59,8 @@ pub(crate) fn read(source: Source, kind: Kind) -> Decoded<Raster> {
 /// Runs a decoder, whose loops over rows are parallel, on threads where the panics that a damaged file causes are not printed.
 fn pooled<T: Send>(decoder: impl FnOnce() -> Decoded<T> + Send) -> Decoded<T> {
     static THREADS: OnceLock<Option<ThreadPool>> = OnceLock::new();
-    let build = || ThreadPoolBuilder::new().thread_name(|i| format!("raw {i}")).start_handler(|_| guard_thread()).build().ok();
+    let build =
+        || ThreadPoolBuilder::new().thread_name(|i| format!("raw {i}")).start_handler(|_| guard_thread()).build().ok();
     match THREADS.get_or_init(build) {
         Some(threads) => threads.install(decoder),
         None => decoder(),
@@ -92,12 +97,16 @@ pub(crate) fn levels(source: Source, kind: Kind) -> Decoded<Option<[f64; 2]>> {
 pub(crate) fn exposure(source: Source, kind: Kind) -> Option<Taken> {
     let opened = open(source, kind).ok()?;
     let exif = opened.decoder.raw_metadata(&opened.file, &RawDecodeParams::default()).ok()?.exif;
-    let ratio = |value: Option<rawler::formats::tiff::Rational>| value.map(|r| f64::from(r.n) / f64::from(r.d));
+    let ratio = |value: Option<Rational>| value.map(|r| f64::from(r.n) / f64::from(r.d));
     // Sensitivities beyond 16 bits are in a second tag.
     let long = || exif.recommended_exposure_index.or(exif.iso_speed).map(f64::from);
     let iso = exif.iso_speed_ratings.filter(|iso| *iso != u16::MAX).map(f64::from).or_else(long);
     let positive = |value: Option<f64>| value.filter(|x| x.is_finite() && *x > 0.0);
-    Some(Taken { seconds: positive(ratio(exif.exposure_time)), iso: positive(iso), aperture: positive(ratio(exif.fnumber)) })
+    Some(Taken {
+        seconds: positive(ratio(exif.exposure_time)),
+        iso: positive(iso),
+        aperture: positive(ratio(exif.fnumber)),
+    })
 }
 
 fn open(mut source: Source, kind: Kind) -> Decoded<Opened> {
@@ -130,7 +139,8 @@ impl Opened {
             return Err(not_bayer("filters in diagonal rows (Super CCD)"));
         }
         if image.cpp != 1 {
-            let problem = format!("is a {} file of reduced size (sRAW, sNEF), whose colours the camera computed", self.kind.name);
+            let problem =
+                format!("is a {} file of reduced size (sRAW, sNEF), whose colours the camera computed", self.kind.name);
             return Err(Fault::unusable(problem, "record full-size raw files"));
         }
         let size = [image.width, image.height];
@@ -144,7 +154,7 @@ impl Opened {
     fn negative(&self) -> Decoded<Layer> {
         let tags = self.decoder.ifd(WellKnownIFD::Raw).map_err(|error| fault(self.kind, error))?;
         let Some(tags) = tags else { return Err(Fault::damaged("no picture")) };
-        let numbers = |entry: Option<&rawler::formats::tiff::Entry>| -> Vec<usize> {
+        let numbers = |entry: Option<&Entry>| -> Vec<usize> {
             entry.map_or(vec![], |e| (0..e.count().min(64)).map(|i| e.force_usize(i as usize)).collect())
         };
         let common = |tag: TiffCommonTag| numbers(tags.get_entry(tag));
@@ -161,11 +171,14 @@ impl Opened {
             _ => Rect::new(Point::zero(), Dim2::new(width, height)),
         };
         let crop = match (&negative(DngTag::DefaultCropOrigin)[..], &negative(DngTag::DefaultCropSize)[..]) {
-            (&[x, y], &[w, h]) => Rect::new(Point::new(active.p.x.saturating_add(x), active.p.y.saturating_add(y)), Dim2::new(w, h)),
+            (&[x, y], &[w, h]) => {
+                Rect::new(Point::new(active.p.x.saturating_add(x), active.p.y.saturating_add(y)), Dim2::new(w, h))
+            }
             _ => active,
         };
         let size = [width, height];
         let area = area(Some(crop), size)?;
+        unlike_the_sensor(&tags)?;
         let cell = match (one(TiffCommonTag::PhotometricInt), planes) {
             (Some(1), 1) | (Some(LINEAR), 1 | 3) => None,
             (Some(32_803), 1) => {
@@ -180,8 +193,9 @@ impl Opened {
                 Some(cell(color)?)
             }
             (kind, _) => {
-                let problem = format!("is a DNG with {planes} values per pixel of kind {}, which is not read", kind.unwrap_or(0));
-                return Err(Fault::unusable(problem, REMEDY));
+                let problem =
+                    format!("is a DNG with {planes} values per pixel of kind {}, which is not read", kind.unwrap_or(0));
+                return Err(Fault::unusable(problem, DEVELOP));
             }
         };
         let float = one(TiffCommonTag::SampleFormat) == Some(3);
@@ -211,7 +225,8 @@ impl Layer {
         if samples as u64 > limits::MAX_SAMPLES {
             return Err(Fault::too_large(format!("is {} x {} pixels", self.size[0], self.size[1])));
         }
-        let (size, channels) = if self.cell.is_some() { ([width / 2, height / 2], 3) } else { ([width, height], self.planes) };
+        let (size, channels) =
+            if self.cell.is_some() { ([width / 2, height / 2], 3) } else { ([width, height], self.planes) };
         Info::checked(size.map(|side| side as u64), channels, depth, channels as u64, depth.bytes() as u64)
     }
 
@@ -263,6 +278,31 @@ fn highest(levels: &[f64]) -> f64 {
     levels.iter().copied().fold(f64::NEG_INFINITY, f64::max)
 }
 
+/// Refuses a DNG whose values are linear light, or have one black level, only after steps that are not done.
+fn unlike_the_sensor(tags: &IFD) -> Decoded<()> {
+    const MAP_TABLE: u32 = 7;
+    const MAP_POLYNOMIAL: u32 = 8;
+    for list in [DngTag::OpcodeList1, DngTag::OpcodeList2] {
+        let bytes = tags.get_entry(list).map_or(&[][..], |entry| entry.get_data());
+        let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]));
+        // Each step: its number, version, flags, and length of its parameters.
+        let mut at = 4;
+        while let (Some(step), Some(length)) = (word(at), word(at + 12)) {
+            if matches!(step, MAP_TABLE | MAP_POLYNOMIAL) {
+                return Err(Fault::unusable("is a DNG with a tone curve (OpcodeList), as lossy ones have", DEVELOP));
+            }
+            at += 16 + length as usize;
+        }
+    }
+    for delta in [DngTag::BlackLevelDeltaH, DngTag::BlackLevelDeltaV] {
+        let entry = tags.get_entry(delta);
+        if entry.is_some_and(|e| (0..e.count()).any(|i| e.force_f32(i as usize) != 0.0)) {
+            return Err(Fault::unusable("is a DNG with black levels by row or column", DEVELOP));
+        }
+    }
+    Ok(())
+}
+
 /// An area of the sensor, or all of it; it must lie within.
 fn area(rect: Option<Rect>, size: [usize; 2]) -> Decoded<Area> {
     let [width, height] = size;
@@ -287,9 +327,10 @@ fn mosaic(filters: &CFA, area: Area) -> Decoded<Cell> {
 fn fault(kind: Kind, error: RawlerError) -> Fault {
     match error {
         RawlerError::Unsupported { make, model, mode, .. } => {
-            let camera = format!("{} {}", make.trim(), model.trim());
-            let mode = if mode.is_empty() { String::new() } else { format!(", mode {mode}") };
-            Fault::unusable(format!("is a {} file of a camera that is not known ({camera}{mode})", kind.name), REMEDY)
+            let said = [make, model, mode].map(|word| word.trim().to_owned());
+            let camera = said.iter().filter(|word| !word.is_empty()).map(String::as_str).collect::<Vec<_>>().join(" ");
+            let camera = if camera.is_empty() { camera } else { format!(" ({camera})") };
+            Fault::unusable(format!("is a {} file of a camera that is not known{camera}", kind.name), REMEDY)
         }
         RawlerError::DecoderFailed(words) => {
             let lower = words.to_lowercase();

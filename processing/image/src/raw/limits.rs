@@ -8,7 +8,8 @@ use crate::source::Source;
 
 use super::recognise::{Kind, Layout, PANASONIC};
 use super::tags::{
-    Entry, HEIGHT, SAMPLES_PER_PIXEL, STRIP_COUNTS, STRIP_OFFSETS, TILE_COUNTS, TILE_HEIGHT, TILE_OFFSETS, TILE_WIDTH, Tags, WIDTH,
+    Entry, HEIGHT, SAMPLES_PER_PIXEL, STRIP_COUNTS, STRIP_OFFSETS, TILE_COUNTS, TILE_HEIGHT, TILE_OFFSETS, TILE_WIDTH,
+    Tags, WIDTH,
 };
 
 /// Most bytes of a raw file; it is read whole (the largest cameras write 300 MiB).
@@ -29,7 +30,10 @@ const PANASONIC_SIDES: [[u16; 2]; 2] = [[WIDTH, HEIGHT], [2, 3]];
 pub(super) fn check(source: &mut Source, kind: Kind) -> Decoded<()> {
     let length = source.get_ref().metadata()?.len();
     if length > MAX_FILE {
-        return Err(Fault::too_large(format!("is larger than {} MiB, too large for a camera raw file", MAX_FILE >> 20)));
+        return Err(Fault::too_large(format!(
+            "is larger than {} MiB, too large for a camera raw file",
+            MAX_FILE >> 20
+        )));
     }
     match kind.layout {
         Layout::Tiff if kind.name == PANASONIC => tiff(source, 0, length, PANASONIC_SIDES)?,
@@ -166,7 +170,9 @@ fn samples(sides: [u64; 3]) -> Decoded<()> {
     let [width, height, planes] = sides;
     if width.saturating_mul(height).saturating_mul(planes) > MAX_SAMPLES {
         let limit = MAX_SAMPLES >> 20;
-        return Err(Fault::too_large(format!("is {width} x {height} pixels, more than the {limit} Mpixel of a camera raw file")));
+        return Err(Fault::too_large(format!(
+            "is {width} x {height} pixels, more than the {limit} Mpixel of a camera raw file"
+        )));
     }
     Ok(())
 }

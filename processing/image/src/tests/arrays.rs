@@ -92,11 +92,27 @@ fn fits_of_three_planes_blanks_and_extensions() {
     assert!(values[0].is_nan() && values[1] == 32_767.0);
     let primary = fits(8, &[], &["EXTEND  =                    T"], &[]);
     let table = fits_unit(
-        &["XTENSION= 'BINTABLE'", "BITPIX  = 8", "NAXIS   = 2", "NAXIS1  = 5", "NAXIS2  = 3", "PCOUNT  = 2", "GCOUNT  = 1"],
+        &[
+            "XTENSION= 'BINTABLE'",
+            "BITPIX  = 8",
+            "NAXIS   = 2",
+            "NAXIS1  = 5",
+            "NAXIS2  = 3",
+            "PCOUNT  = 2",
+            "GCOUNT  = 1",
+        ],
         &[9; 17],
     );
     let image = fits_unit(
-        &["XTENSION= 'IMAGE   '", "BITPIX  = 8", "NAXIS   = 2", "NAXIS1  = 2", "NAXIS2  = 1", "PCOUNT  = 0", "GCOUNT  = 1"],
+        &[
+            "XTENSION= 'IMAGE   '",
+            "BITPIX  = 8",
+            "NAXIS   = 2",
+            "NAXIS1  = 2",
+            "NAXIS2  = 1",
+            "PCOUNT  = 0",
+            "GCOUNT  = 1",
+        ],
         &[7, 8],
     );
     assert_eq!(raster(&[primary.clone(), table.clone(), image].concat()).samples, Samples::U8(vec![7, 8]));
@@ -110,8 +126,10 @@ fn fits_that_is_not_read_is_refused_by_name() {
     says(&fits(8, &[7], &[], &[0; 7]), "array of 7 values");
     says(&fits(8, &[2, 2], &["BAYERPAT= 'RGGB    '"], &[0; 4]), "BAYERPAT = RGGB");
     raster(&fits(8, &[2, 2], &["BAYERPAT= 'NONE    '"], &[0; 4]));
-    let compressed =
-        fits_unit(&["XTENSION= 'BINTABLE'", "BITPIX  = 8", "NAXIS   = 2", "NAXIS1  = 8", "NAXIS2  = 2", "ZIMAGE  = T"], &[0; 16]);
+    let compressed = fits_unit(
+        &["XTENSION= 'BINTABLE'", "BITPIX  = 8", "NAXIS   = 2", "NAXIS1  = 8", "NAXIS2  = 2", "ZIMAGE  = T"],
+        &[0; 16],
+    );
     says(&[fits(8, &[], &[], &[]), compressed].concat(), "compressed FITS image (fpack)");
     says(&fits(8, &[60_000, 60_000], &[], &[0]), "more than 64 Mpixel");
     says(&fits(8, &[6000, 6000], &[], &[0]), "is truncated or damaged: the pixels end at byte 36002880");
@@ -147,7 +165,10 @@ fn npy_of_every_type_order_and_byte_order() {
         assert_eq!(raster(&npy(&format!("<{code}"), true, "(2, 3)", &columns)).samples, expected, "{code} by columns");
     }
     let floats = || Samples::F32(TOP.map(|v| v as f32).to_vec());
-    assert_eq!(raster(&npy("|u1", false, "(2, 3)", &TOP.map(|v| v as u8))).samples, Samples::U8(TOP.map(|v| v as u8).to_vec()));
+    assert_eq!(
+        raster(&npy("|u1", false, "(2, 3)", &TOP.map(|v| v as u8))).samples,
+        Samples::U8(TOP.map(|v| v as u8).to_vec())
+    );
     let high = TOP.map(|v| (v * 3000) as u16);
     both("u2", high.map(u16::to_le_bytes), Samples::U16(high.to_vec()));
     both("u4", TOP.map(|v| (v as u32).to_le_bytes()), floats());

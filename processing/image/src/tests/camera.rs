@@ -53,7 +53,11 @@ fn tiff(tags: Vec<(u16, Tag)>, exif: Vec<(u16, Tag)>, data: &[u8]) -> Vec<u8> {
     };
     let exif = directory(exif);
     let mut tags = tags;
-    tags.extend([(273, Tag::Longs(vec![strip])), (279, Tag::Longs(vec![data.len() as u32])), (34_665, Tag::Longs(vec![exif]))]);
+    tags.extend([
+        (273, Tag::Longs(vec![strip])),
+        (279, Tag::Longs(vec![data.len() as u32])),
+        (34_665, Tag::Longs(vec![exif])),
+    ]);
     let first = directory(tags);
     file[4..8].copy_from_slice(&first.to_le_bytes());
     file
@@ -82,7 +86,11 @@ fn dng(width: usize, height: usize, pattern: [u8; 4], more: Vec<(u16, Tag)>, val
     let mut tags = mosaic(width, height, pattern);
     tags.push((50_706, Tag::Bytes(vec![1, 4, 0, 0])));
     tags.extend(more);
-    let exif = vec![(33_434, Tag::Ratios(vec![[1, 125]])), (33_437, Tag::Ratios(vec![[56, 10]])), (34_855, Tag::Shorts(vec![200]))];
+    let exif = vec![
+        (33_434, Tag::Ratios(vec![[1, 125]])),
+        (33_437, Tag::Ratios(vec![[56, 10]])),
+        (34_855, Tag::Shorts(vec![200])),
+    ];
     tiff(tags, exif, &values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>())
 }
 
@@ -135,7 +143,10 @@ fn without_the_feature_raw_files_are_refused_by_name_with_a_command() {
     ] {
         fs::write(&path, file).unwrap();
         for said in [info(&path).unwrap_err().to_string(), read(&path).unwrap_err().to_string()] {
-            assert!(said.contains(&format!("is a {name} file (camera raw), which this build of nacre does not read")), "{said}");
+            assert!(
+                said.contains(&format!("is a {name} file (camera raw), which this build of nacre does not read")),
+                "{said}"
+            );
             assert!(said.contains("dcraw -4 -h") && said.contains("--features raw"), "{said}");
         }
     }
@@ -220,7 +231,8 @@ mod decoded {
     fn linear_and_grey_dng_keep_their_size() {
         let (_dir, path) = file(&{
             let values: Vec<u16> = (0..2 * 2 * 3).map(|i| i * 1000).collect();
-            let more = vec![(262, Tag::Shorts(vec![34_892])), (277, Tag::Shorts(vec![3])), (258, Tag::Shorts(vec![16; 3]))];
+            let more =
+                vec![(262, Tag::Shorts(vec![34_892])), (277, Tag::Shorts(vec![3])), (258, Tag::Shorts(vec![16; 3]))];
             let mut tags = mosaic(2, 2, [0, 1, 1, 2]);
             tags.retain(|(tag, _)| ![262, 277, 258, 33_421, 33_422].contains(tag));
             tags.push((50_706, Tag::Bytes(vec![1, 4, 0, 0])));
@@ -243,7 +255,10 @@ mod decoded {
         says(&tiff(quad, vec![], &[0; 128]), "a mosaic of 16 filters per cell");
         let values = [0; 16];
         says(&dng(4, 4, [3, 4, 5, 1], vec![], &values), "mosaic of");
-        says(&tiff(mosaic(4, 4, [0, 1, 1, 2]), vec![], &[0; 32]), "is a TIFF mosaic file of a camera that is not known (Nacre Test)");
+        says(
+            &tiff(mosaic(4, 4, [0, 1, 1, 2]), vec![], &[0; 32]),
+            "is a TIFF mosaic file of a camera that is not known (Nacre Test)",
+        );
         says(b"FOVb\0\0\x02\0", "is a Sigma X3F file (camera raw), which is not read");
     }
 
