@@ -1,4 +1,4 @@
-//! FITS: the image of the primary header and data unit, or of the first image extension where the primary one is empty.
+//! FITS: the image of the primary header and data unit, or of the only image extension where the primary one is empty.
 //!
 //! The first row of FITS is at the bottom, and comes out last (row 0 on top), unless the keyword `ROWORDER` says `TOP-DOWN`. Values are
 //! `BZERO + BSCALE · stored`: unsigned bytes and 16-bit integers (`BZERO = 32768`) stay integers, everything else becomes `f32`.
@@ -118,10 +118,11 @@ impl Image {
     }
 }
 
-/// The first image; the source is at its data.
+/// The image; the source is at its data. Images beside the primary one are left aside; of several without a primary one none is meant.
 fn image(source: &mut Source) -> Decoded<Image> {
     let length = source.get_ref().metadata()?.len();
     source.seek(SeekFrom::Start(0))?;
+    let mut found: Option<(Image, u64)> = None;
     for unit in 0..MAX_UNITS {
         let Some(header) = header(source)? else { break };
         let axes = axes(&header)?;
@@ -135,19 +136,27 @@ fn image(source: &mut Source) -> Decoded<Image> {
         let Some(bytes) = product.and_then(|n| n.checked_add(extra)?.checked_mul((bits.abs() as u64) / 8)) else {
             return Err(Fault::damaged("the sizes in its header overflow"));
         };
+        let start = source.stream_position()?;
         if kind == "IMAGE" && bytes > 0 {
+            if found.is_some() {
+                return Err(Fault::unusable("is a FITS file of several images", EXPORT));
+            }
             let image = describe(&header, &axes, bits)?;
-            let end = source.stream_position()?.saturating_add(bytes);
-            return if end > length {
-                Err(Fault::damaged(format!("the pixels end at byte {end}, the file at {length}")))
-            } else {
-                Ok(image)
-            };
+            let end = start.saturating_add(bytes);
+            if end > length {
+                return Err(Fault::damaged(format!("the pixels end at byte {end}, the file at {length}")));
+            }
+            if unit == 0 {
+                return Ok(image);
+            }
+            found = Some((image, start));
         }
         let skipped = bytes.div_ceil(BLOCK as u64).checked_mul(BLOCK as u64).and_then(|n| i64::try_from(n).ok());
         source.seek_relative(skipped.ok_or_else(|| Fault::damaged("the sizes in its header overflow"))?)?;
     }
-    Err(Fault::unusable("is a FITS file without an image", EXPORT))
+    let (image, start) = found.ok_or_else(|| Fault::unusable("is a FITS file without an image", EXPORT))?;
+    source.seek(SeekFrom::Start(start))?;
+    Ok(image)
 }
 
 /// The keywords of the next unit; none at the end of the file.

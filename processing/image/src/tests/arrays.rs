@@ -115,7 +115,9 @@ fn fits_of_three_planes_blanks_and_extensions() {
         ],
         &[7, 8],
     );
-    assert_eq!(raster(&[primary.clone(), table.clone(), image].concat()).samples, Samples::U8(vec![7, 8]));
+    assert_eq!(raster(&[&primary[..], &table, &image, &table].concat()).samples, Samples::U8(vec![7, 8]));
+    says(&[&primary[..], &image, &table, &image].concat(), "is a FITS file of several images");
+    assert_eq!(raster(&[fits(8, &[1, 1], &[], &[5]), image].concat()).samples, Samples::U8(vec![5]));
     says(&[primary, table].concat(), "is a FITS file without an image");
 }
 
