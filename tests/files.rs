@@ -111,12 +111,12 @@ fn colour_photographs_have_a_default_and_equal_channels_are_grey() {
         picture.save(photos.join(format!("{angle}.png"))).unwrap();
     }
     // Names what it passes over.
-    std::fs::write(photos.join("000.nef"), "raw").unwrap();
+    std::fs::write(photos.join("000.mov"), "film").unwrap();
     std::fs::write(photos.join("notes.txt"), "f/8").unwrap();
     let (imported, _) = measured(folder.path(), &[]);
     assert_eq!(imported["channel"], "g");
     assert!(warned(&imported, "green"), "{}", imported["warnings"]);
-    assert!(imported["skipped"].as_array().unwrap().iter().all(|s| s == "000.nef"), "{}", imported["skipped"]);
+    assert!(imported["skipped"].as_array().unwrap().iter().all(|s| s == "000.mov"), "{}", imported["skipped"]);
 }
 
 #[test]

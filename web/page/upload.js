@@ -21,7 +21,7 @@ const LIKELY = /\.(png|tiff?|jpe?g|exr|bmp|txt|asc|csv|dat)$/i;
 export async function uploadPage(main, { signal }) {
   let photographs = [];
   let picked = null;
-  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr,.bmp,.txt,.asc,.csv,.dat", onchange: () => add(input.files) });
+  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr,.webp,.fits,.fit,.fts,.npy,.dng,.cr2,.cr3,.nef,.nrw,.arw,.raf,.orf,.rw2,.pef,.bmp,.txt,.asc,.csv,.dat", onchange: () => add(input.files) });
   const body = h("tbody");
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
   const transfer = select([["", "As the files state, or as usual for their type"], ["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "", { id: "transfer" });

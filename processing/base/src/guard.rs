@@ -19,6 +19,12 @@ pub fn guarded<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
     outcome.map_err(|panic| format!("makes its decoder fail ({})", message(&*panic)))
 }
 
+/// Makes this thread one of a guarded decoder's own: panics on it are not printed. For threads that only decoders use.
+pub fn guard_thread() {
+    silence_guarded_panics();
+    GUARDED.set(true);
+}
+
 /// Keeps the report of a guarded panic off standard error; all other panics are reported as before.
 fn silence_guarded_panics() {
     static ONCE: Once = Once::new();

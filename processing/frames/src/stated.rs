@@ -64,9 +64,9 @@ impl Stated {
                 );
                 return Err(Error::file(file, problem, "turn the photographs alike, and remove the tag"));
             }
-            if found.white != wanted.white {
-                let problem = format!("has another number of bits per sample than {}", first.display());
-                return Err(Error::file(file, problem, "all photographs of a set must have one depth"));
+            if (found.black, found.white) != (wanted.black, wanted.white) {
+                let problem = format!("has other levels of black and white than {}", first.display());
+                return Err(Error::file(file, problem, "all photographs of a set must have the same"));
             }
         }
         Ok(())
@@ -75,7 +75,8 @@ impl Stated {
     /// Takes the value of a saturated pixel from the files where the description gives none, and says what else they state.
     pub fn complete(&self, set: &mut FrameSet) -> Vec<String> {
         let Some((_, first)) = self.files.first() else { return vec![] };
-        set.white = set.white.or(first.white.map(f64::from));
+        set.white = set.white.or(first.white);
+        set.black = set.black.or(first.black);
         let said = |clause: &dyn Fn(&Details) -> Option<String>| {
             let all: Vec<(&Path, String)> =
                 self.files.iter().filter_map(|(file, d)| Some((file.as_path(), clause(d)?))).collect();

@@ -10,7 +10,7 @@ use super::fault::Decoded;
 use super::raster::Info;
 use super::read::{Format, header, sniff};
 use super::source::{Source, decode, open};
-use super::{exif, jpeg, png, tif};
+use super::{exif, fits, jpeg, npy, png, raw, tif};
 use nacre_base::Result;
 
 /// What a file says about its pixel values.
@@ -21,11 +21,20 @@ pub struct Details {
     /// How values encode light, where the file says so.
     pub encoding: Option<Encoding>,
     /// Largest value that a pixel can have, where it is not the largest of its type: 4095 for 12 bits.
-    pub white: Option<f32>,
+    pub white: Option<f64>,
+    /// File value of no light, where the file states it.
+    pub black: Option<f64>,
     /// Exif orientation that viewers would apply; 1 is none.
     pub orientation: u16,
     /// What is not read of the file, or was missing, each a clause: "has 3 pages, of which the first is read".
     pub notes: Vec<String>,
+}
+
+impl Details {
+    /// Takes black and white as the file states them.
+    fn levels(&mut self, levels: Option<[f64; 2]>) {
+        (self.black, self.white) = levels.map_or((None, None), |[black, white]| (Some(black), Some(white)));
+    }
 }
 
 /// How values encode light, and where the file says so.
@@ -129,7 +138,7 @@ fn of(path: &Path) -> Decoded<Details> {
     let info = header(source, format)?;
     // Decoders keep the file that they were given.
     let source = &mut open(path)?;
-    let mut details = Details { info, encoding: None, white: None, orientation: 1, notes: vec![] };
+    let mut details = Details { info, encoding: None, white: None, black: None, orientation: 1, notes: vec![] };
     match format {
         Format::Png => png::describe(source, &mut details)?,
         Format::Jpeg => {
@@ -144,7 +153,13 @@ fn of(path: &Path) -> Decoded<Details> {
         Format::Exr | Format::Radiance => {
             details.encoding = Some(Encoding { curve: Curve::Linear, source: "file format".into() });
         }
-        Format::Bmp => {}
+        Format::Bmp | Format::WebP => {}
+        Format::Fits => details.levels(fits::levels(open(path)?)?),
+        Format::Npy => details.levels(npy::levels(open(path)?)?),
+        Format::Raw(kind) => {
+            details.encoding = Some(Encoding { curve: Curve::Linear, source: "camera raw file".into() });
+            details.levels(raw::levels(open(path)?, kind)?);
+        }
     }
     Ok(details)
 }

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
+use super::read::taken;
 use exif::{In, Reader, Tag, Value};
 use nacre_base::guard::guarded;
 
@@ -41,6 +42,8 @@ pub fn exposure(path: &Path) -> Option<Exposure> {
             f_number: number(Tag::FNumber).or_else(|| apex(Tag::ApertureValue, 0.5)),
         })
     })
+    // Camera raw files that are no TIFF.
+    .or_else(|| taken(path).map(|t| Exposure { seconds: t.seconds, iso: t.iso, f_number: t.aperture }))
 }
 
 /// What a function takes from the tags of a file.

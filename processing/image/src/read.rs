@@ -1,4 +1,4 @@
-//! Reads photographs: PNG, JPEG, TIFF, BMP, OpenEXR and Radiance HDR, told apart by their first bytes.
+//! Reads photographs: PNG, JPEG, TIFF, BMP, WebP, OpenEXR, Radiance HDR, FITS, NPY and camera raw files, told apart by their content.
 //!
 //! Bad input is an [`Error::Input`] in plain words, never a panic and never a half-decoded picture. Sizes are
 //! checked against the header before anything is allocated for pixels.
@@ -9,11 +9,22 @@ use std::path::Path;
 use super::fault::{Decoded, Fault};
 use super::raster::{Info, Raster};
 use super::source::{Source, decode, open};
-use super::{bmp, jpeg, openexr, png, radiance, tif};
+use super::{bmp, fits, foreign, jpeg, npy, openexr, png, radiance, raw, tif, webp};
 use nacre_base::Result;
 
-/// File name endings of the formats that [`read`] understands, in lower case.
-pub const EXTENSIONS: &[&str] = &["png", "tif", "tiff", "jpg", "jpeg", "bmp", "exr", "hdr"];
+/// File name endings of the formats that [`read`] understands and whose files are photographs, in lower case.
+#[cfg(not(feature = "raw"))]
+pub const EXTENSIONS: &[&str] =
+    &["png", "tif", "tiff", "jpg", "jpeg", "bmp", "exr", "hdr", "webp", "fits", "fit", "fts", "npy"];
+/// File name endings of the formats that [`read`] understands and whose files are photographs, in lower case.
+#[cfg(feature = "raw")]
+pub const EXTENSIONS: &[&str] = &[
+    "png", "tif", "tiff", "jpg", "jpeg", "bmp", "exr", "hdr", "webp", "fits", "fit", "fts", "npy", "dng", "cr2", "cr3",
+    "nef", "nrw", "arw", "raf", "orf", "rw2", "rwl", "pef", "srw", "3fr", "iiq", "erf", "mef", "mos", "dcr", "kdc",
+];
+
+/// Bytes by which formats are told apart: as far as the mark of DICOM.
+const HEAD: u64 = 132;
 
 #[derive(Clone, Copy)]
 pub(super) enum Format {
@@ -23,23 +34,38 @@ pub(super) enum Format {
     Exr,
     Bmp,
     Radiance,
+    WebP,
+    Fits,
+    Npy,
+    Raw(raw::Kind),
 }
 
 pub(super) fn sniff(source: &mut Source) -> Decoded<Format> {
-    let mut magic = Vec::with_capacity(8);
-    source.by_ref().take(8).read_to_end(&mut magic)?;
+    let mut head = vec![];
+    source.by_ref().take(HEAD).read_to_end(&mut head)?;
     source.seek(SeekFrom::Start(0))?;
-    match magic.as_slice() {
+    if let Some(kind) = raw::by_magic(&head) {
+        return Ok(Format::Raw(kind));
+    }
+    match head.as_slice() {
         [0x89, b'P', b'N', b'G', ..] => Ok(Format::Png),
         [0xff, 0xd8, 0xff, ..] => Ok(Format::Jpeg),
-        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Ok(Format::Tiff),
+        [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => {
+            Ok(raw::by_tags(source)?.map_or(Format::Tiff, Format::Raw))
+        }
+        [b'I', b'I', 43, 0, ..] | [b'M', b'M', 0, 43, ..] => Ok(Format::Tiff),
         [0x76, 0x2f, 0x31, 0x01, ..] => Ok(Format::Exr),
         [b'B', b'M', ..] => Ok(Format::Bmp),
         [b'#', b'?', b'R', ..] => Ok(Format::Radiance),
-        _ => Err(Fault::unusable(
-            "is not a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image",
-            "convert it to one of these",
-        )),
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Ok(Format::WebP),
+        [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => Ok(Format::Npy),
+        _ if head.starts_with(b"SIMPLE  =") => Ok(Format::Fits),
+        _ => Err(foreign::refusal(&head).unwrap_or_else(|| {
+            Fault::unusable(
+                "is not a PNG, JPEG, TIFF, BMP, WebP, EXR, Radiance HDR, FITS, NPY or camera raw image",
+                "convert it to one of these",
+            )
+        })),
     }
 }
 
@@ -63,6 +89,10 @@ pub(super) fn header(source: Source, format: Format) -> Decoded<Info> {
         Format::Exr => openexr::info(source),
         Format::Bmp => bmp::info(source),
         Format::Radiance => radiance::info(source),
+        Format::WebP => webp::info(source),
+        Format::Fits => fits::info(source),
+        Format::Npy => npy::info(source),
+        Format::Raw(kind) => raw::info(source, kind),
     }
 }
 
@@ -100,6 +130,22 @@ pub fn read_into(path: &Path, spare: Vec<u16>) -> Result<Raster> {
             Format::Exr => openexr::read(source),
             Format::Bmp => bmp::read(source),
             Format::Radiance => radiance::read(source),
+            Format::WebP => webp::read(source),
+            Format::Fits => fits::read(source),
+            Format::Npy => npy::read(source),
+            Format::Raw(kind) => raw::read(source, kind),
         }
     })
+}
+
+/// How a camera raw file was exposed; none for other files.
+pub(super) fn taken(path: &Path) -> Option<raw::Taken> {
+    let taken = decode(path, || {
+        let mut source = open(path)?;
+        Ok(match sniff(&mut source)? {
+            Format::Raw(kind) => raw::exposure(source, kind),
+            _ => None,
+        })
+    });
+    taken.ok().flatten()
 }

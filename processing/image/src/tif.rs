@@ -52,7 +52,7 @@ pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()
     let source = Source::with_capacity(1 << 16, source.get_ref().try_clone()?);
     let mut page = open(source)?;
     if page.bits < 16 && page.bits != 8 {
-        details.white = Some(((1_u32 << page.bits) - 1) as f32);
+        details.white = Some(f64::from((1_u32 << page.bits) - 1));
     }
     let profile = page.decoder.find_tag(Tag::IccProfile).map_err(fault)?;
     details.encoding = profile.and_then(|p| p.into_u8_vec().ok()).and_then(|p| encoding(&p));

@@ -23,7 +23,24 @@ fn samples(dir: &TempDir) -> Vec<PathBuf> {
         jpeg_file(d, true),
         exr,
         zip,
+        named(d, "x.fits", &arrays::fits(16, &[5, 4], &["BZERO   = 32768"], &[77; 40])),
+        named(d, "x.npy", &arrays::npy("<f2", true, "(3, 2, 3)", &[60; 36])),
+        webp_file(d),
+        named(d, "x.dng", &camera::small()),
     ]
+}
+
+fn named(dir: &Path, name: &str, bytes: &[u8]) -> PathBuf {
+    let path = dir.join(name);
+    fs::write(&path, bytes).unwrap();
+    path
+}
+
+fn webp_file(dir: &Path) -> PathBuf {
+    let path = dir.join("x.webp");
+    let encoder = image_webp::WebPEncoder::new(fs::File::create(&path).unwrap());
+    encoder.encode(&bytes(3), W as u32, H as u32, image_webp::ColorType::Rgb8).unwrap();
+    path
 }
 
 #[test]
@@ -32,7 +49,8 @@ fn truncated_files_are_errors_or_whole() {
     let cut = dir.path().join("cut");
     for path in samples(&dir) {
         let file = fs::read(&path).unwrap();
-        let whole = read(&path).unwrap();
+        // A build without the feature `raw` refuses the DNG.
+        let whole = read(&path).ok();
         let step = if file.len() < 2000 { 1 } else { 7 };
         for length in (0..file.len()).step_by(step) {
             fs::write(&cut, &file[..length]).unwrap();
@@ -40,7 +58,7 @@ fn truncated_files_are_errors_or_whole() {
             _ = exposure(&cut);
             _ = read_exr(&cut);
             if let Ok(raster) = read(&cut) {
-                assert!(raster == whole, "{} cut to {length} of {} bytes", path.display(), file.len());
+                assert!(Some(raster) == whole, "{} cut to {length} of {} bytes", path.display(), file.len());
             }
         }
     }
@@ -67,6 +85,7 @@ fn damaged_files_never_panic() {
                 _ = info(&bad);
                 _ = exposure(&bad);
                 _ = read_exr(&bad);
+                _ = levels(&bad);
                 _ = read(&bad);
             });
             if outcome.is_err() {
@@ -187,7 +206,7 @@ fn what_is_no_image_says_so() {
     fs::write(&path, b"").unwrap();
     says(&path, "is empty");
     fs::write(&path, b"hello, this is text").unwrap();
-    says(&path, "is not a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image");
+    says(&path, "is not a PNG, JPEG, TIFF, BMP, WebP, EXR, Radiance HDR, FITS, NPY or camera raw image");
     fs::write(&path, b"\x89PNG\r\n\x1a\n").unwrap();
     says(&path, "truncated or damaged");
 }

@@ -127,7 +127,7 @@ fn tiff_reads_the_page_in_full_resolution_and_counts_the_rest() {
 #[test]
 fn tiff_of_odd_depths() {
     let dir = tempfile::tempdir().unwrap();
-    let check = |bits: u16, values: &[u16], white: f32, strip: &[u8]| {
+    let check = |bits: u16, values: &[u16], white: f64, strip: &[u8]| {
         let path = pages(dir.path(), &[(2, (values.len() / 2) as u32, bits, &[], strip)]);
         match read(&path).unwrap().samples {
             Samples::U16(read) => assert_eq!(read, values),

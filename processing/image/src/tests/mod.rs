@@ -1,5 +1,7 @@
 //! Files in, files out, and everything that can be wrong with a file. Here: the files that the tests share.
 
+mod arrays;
+mod camera;
 mod damage;
 mod details;
 mod formats;
@@ -50,6 +52,11 @@ fn check(path: &Path, channels: usize, depth: Depth, samples: Samples) {
     let expected = Info { width: W, height: H, channels, depth };
     assert_eq!(info(path).unwrap(), expected, "{}", path.display());
     assert_eq!(read(path).unwrap(), Raster { width: W, height: H, channels, samples }, "{}", path.display());
+}
+
+/// Black and white that a file states.
+fn levels(path: &Path) -> nacre_base::Result<Option<[f64; 2]>> {
+    details(path).map(|d| Some([d.black?, d.white?]))
 }
 
 fn png_file(dir: &Path, color: ::image::ExtendedColorType, data: &[u8]) -> PathBuf {

@@ -1,0 +1,65 @@
+//! Camera raw files: the linear values of the sensor at half size. Each cell of 2 × 2 colour filters (Bayer) becomes one pixel: red, mean of the
+//! two greens, blue. Neither white balance nor a colour matrix is applied; black is not subtracted.
+//!
+//! Decoding needs the feature `raw` (the crate rawler). Without it these files are recognised and refused by name.
+
+#[cfg(feature = "raw")]
+mod cells;
+#[cfg(feature = "raw")]
+mod decode;
+#[cfg(feature = "raw")]
+mod limits;
+mod recognise;
+#[cfg_attr(not(feature = "raw"), expect(dead_code, reason = "only decoding needs all of it"))]
+mod tags;
+
+pub(super) use recognise::{Kind, by_magic, by_tags};
+
+#[cfg(feature = "raw")]
+pub(super) use decode::{exposure, info, levels, read};
+
+/// How a photograph was taken; none where its tags do not say it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Taken {
+    /// Exposure time in s.
+    pub(super) seconds: Option<f64>,
+    /// Sensitivity (ISO).
+    pub(super) iso: Option<f64>,
+    /// f-number.
+    pub(super) aperture: Option<f64>,
+}
+
+#[cfg(not(feature = "raw"))]
+pub(super) use absent::{exposure, info, levels, read};
+
+#[cfg(not(feature = "raw"))]
+mod absent {
+    use super::{Kind, Taken};
+    use crate::fault::{Decoded, Fault};
+    use crate::raster::{Info, Raster};
+    use crate::source::Source;
+
+    /// The command makes a linear picture of half the size without white balance, as reading it would.
+    const REMEDY: &str = "convert it with `dcraw -4 -h -o 0 -r 1 1 1 1 -T FILE` to a linear 16-bit TIFF of half the size, or use a build with `--features raw`";
+
+    fn refused<T>(kind: Kind) -> Decoded<T> {
+        let problem = format!("is a {} file (camera raw), which this build of nacre does not read", kind.name);
+        Err(Fault::unusable(problem, REMEDY))
+    }
+
+    pub(crate) fn info(_: Source, kind: Kind) -> Decoded<Info> {
+        refused(kind)
+    }
+
+    pub(crate) fn read(_: Source, kind: Kind) -> Decoded<Raster> {
+        refused(kind)
+    }
+
+    pub(crate) fn levels(_: Source, kind: Kind) -> Decoded<Option<[f64; 2]>> {
+        refused(kind)
+    }
+
+    pub(crate) fn exposure(_: Source, _: Kind) -> Option<Taken> {
+        None
+    }
+}

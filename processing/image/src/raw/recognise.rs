@@ -1,0 +1,92 @@
+//! Camera raw files among others, told by their content. Many of them are TIFF files; a TIFF that a camera or its program wrote of a finished
+//! picture is none.
+
+use std::io::{Seek, SeekFrom};
+
+use crate::fault::Decoded;
+use crate::source::Source;
+
+use super::tags::{DNG_VERSION, MAKE, MOSAIC, PHOTOMETRIC, Tags};
+
+/// A format of camera raw files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Kind {
+    /// As in "Canon CR2".
+    pub(super) name: &'static str,
+    /// How its directories of tags are found.
+    pub(super) layout: Layout,
+}
+
+/// The format of Panasonic and of some Leica cameras.
+pub(super) const PANASONIC: &str = "Panasonic RW2";
+
+/// How the directories of tags of a raw file are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Layout {
+    /// A TIFF of the digital negative standard.
+    Dng,
+    /// A TIFF header, possibly with another number than 42.
+    Tiff,
+    /// Boxes, as of MP4.
+    Boxes,
+    /// Fujifilm's header, with the offsets of a JPEG and of a TIFF.
+    Fujifilm,
+    /// Another, which is not read.
+    Other,
+}
+
+/// The raw format of a file by its first bytes, without its tags.
+pub(crate) fn by_magic(head: &[u8]) -> Option<Kind> {
+    let kind = |name, layout| Some(Kind { name, layout });
+    match head {
+        [b'I', b'I', 42, 0, _, _, _, _, b'C', b'R', 2, ..] => kind("Canon CR2", Layout::Tiff),
+        [b'I', b'I', 42, 0, _, _, _, _, b'I', b'I', b'I', b'I', ..] => kind("Phase One IIQ", Layout::Tiff),
+        [b'M', b'M', 0, 42, _, _, _, _, b'M', b'M', b'M', b'M', ..] => kind("Phase One IIQ", Layout::Tiff),
+        [b'I', b'I', b'R', b'O' | b'S', ..] => kind("Olympus ORF", Layout::Tiff),
+        [b'M', b'M', b'O', b'R', ..] => kind("Olympus ORF", Layout::Tiff),
+        [b'I', b'I', 0x55, 0, ..] => kind(PANASONIC, Layout::Tiff),
+        [b'I', b'I', 26, 0, 0, 0, b'H', b'E', b'A', b'P', ..] => kind("Canon CRW", Layout::Other),
+        [_, _, _, _, b'f', b't', b'y', b'p', b'c', b'r', b'x', b' ', ..] => kind("Canon CR3", Layout::Boxes),
+        [0, b'M', b'R', b'M', ..] => kind("Minolta MRW", Layout::Other),
+        [b'F', b'O', b'V', b'b', ..] => kind("Sigma X3F", Layout::Other),
+        [b'A', b'R', b'R', b'I', ..] => kind("ARRIRAW", Layout::Other),
+        _ if head.starts_with(b"FUJIFILMCCD-RAW") => kind("Fujifilm RAF", Layout::Fujifilm),
+        _ => None,
+    }
+}
+
+/// The raw format of a TIFF file by its tags: a version of DNG, or a mosaic of colour filters.
+pub(crate) fn by_tags(source: &mut Source) -> Decoded<Option<Kind>> {
+    let mut tags = Tags::read(source, 0, false);
+    let all = 0..tags.directories.len();
+    let make = tags.text(0, MAKE).unwrap_or_default();
+    let kind = if all.clone().any(|d| tags.find(d, DNG_VERSION).is_some()) {
+        Some(Kind { name: "DNG", layout: Layout::Dng })
+    } else if all.into_iter().any(|d| tags.first(d, PHOTOMETRIC) == Some(MOSAIC)) {
+        Some(Kind { name: by_make(&make), layout: Layout::Tiff })
+    } else {
+        None
+    };
+    source.seek(SeekFrom::Start(0))?;
+    Ok(kind)
+}
+
+/// The name of a maker's format of mosaics in TIFF files.
+fn by_make(make: &str) -> &'static str {
+    let make = make.to_lowercase();
+    const NAMES: &[(&str, &str)] = &[
+        ("nikon", "Nikon NEF"),
+        ("sony", "Sony ARW"),
+        ("pentax", "Pentax PEF"),
+        ("ricoh", "Pentax PEF"),
+        ("samsung", "Samsung SRW"),
+        ("hasselblad", "Hasselblad 3FR"),
+        ("kodak", "Kodak DCR"),
+        ("epson", "Epson ERF"),
+        ("mamiya", "Mamiya MEF"),
+        ("leaf", "Leaf MOS"),
+        ("phase one", "Phase One IIQ"),
+        ("canon", "Canon TIF"),
+    ];
+    NAMES.iter().find(|(maker, _)| make.contains(maker)).map_or("TIFF mosaic", |(_, name)| name)
+}
