@@ -15,7 +15,7 @@ use nacre_base::Result;
 /// File name endings of the formats that [`read`] understands, in lower case.
 pub const EXTENSIONS: &[&str] = &["png", "tif", "tiff", "jpg", "jpeg", "exr"];
 
-enum Format {
+pub(super) enum Format {
     Png,
     Jpeg,
     Tiff,
@@ -24,7 +24,7 @@ enum Format {
     Radiance,
 }
 
-fn sniff(source: &mut Source) -> Decoded<Format> {
+pub(super) fn sniff(source: &mut Source) -> Decoded<Format> {
     let mut magic = Vec::with_capacity(8);
     source.by_ref().take(8).read_to_end(&mut magic)?;
     source.seek(SeekFrom::Start(0))?;
@@ -34,7 +34,7 @@ fn sniff(source: &mut Source) -> Decoded<Format> {
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Ok(Format::Tiff),
         [0x76, 0x2f, 0x31, 0x01, ..] => Ok(Format::Exr),
         [b'B', b'M', ..] => Ok(Format::Bmp),
-        [b'#', b'?', b'R', ..] => Ok(Format::Radiance),
+        [b'#', b'?', ..] => Ok(Format::Radiance),
         _ => Err(Fault::unusable(
             "is not a PNG, JPEG, TIFF, BMP, EXR or Radiance HDR image",
             "convert it to one of these",

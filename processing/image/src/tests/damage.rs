@@ -12,6 +12,10 @@ fn samples(dir: &TempDir) -> Vec<PathBuf> {
     exr_file(&exr, &["R", "G", "B"]);
     let zip = d.join("zip.exr");
     exr::prelude::write_rgb_file(&zip, W, H, |x, y| (x as f32, y as f32, 0.5_f32)).unwrap();
+    let chroma = d.join("chroma.exr");
+    fs::write(&chroma, exr_files::luminance_chroma([8, 4], [0, 0], 0)).unwrap();
+    let hdr = d.join("runs.hdr");
+    fs::write(&hdr, hdr_files::with_runs()).unwrap();
     let deflate = Compression::Deflate(Default::default());
     vec![
         png_file(d, C::Rgb8, &bytes(3)),
@@ -23,6 +27,8 @@ fn samples(dir: &TempDir) -> Vec<PathBuf> {
         jpeg_file(d, true),
         exr,
         zip,
+        chroma,
+        hdr,
     ]
 }
 
@@ -39,6 +45,7 @@ fn truncated_files_are_errors_or_whole() {
             _ = info(&cut);
             _ = exposure(&cut);
             _ = read_exr(&cut);
+            _ = read_light(&cut, None);
             if let Ok(raster) = read(&cut) {
                 assert!(raster == whole, "{} cut to {length} of {} bytes", path.display(), file.len());
             }
@@ -67,6 +74,7 @@ fn damaged_files_never_panic() {
                 _ = info(&bad);
                 _ = exposure(&bad);
                 _ = read_exr(&bad);
+                _ = read_light(&bad, None);
                 _ = read(&bad);
             });
             if outcome.is_err() {

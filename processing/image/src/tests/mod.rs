@@ -1,7 +1,9 @@
 //! Files in, files out, and everything that can be wrong with a file. Here: the files that the tests share.
 
 mod damage;
+mod exr_files;
 mod formats;
+mod hdr_files;
 
 use std::fs;
 use std::path::{Path, PathBuf};
