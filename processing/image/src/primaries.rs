@@ -30,6 +30,32 @@ const NAMED: [(&str, Primaries); 9] = [
     ("ProPhoto RGB", of([[0.7347, 0.2653], [0.1596, 0.8404], [0.0366, 0.0001]], D50)),
 ];
 
+/// Names of linear colour spaces (OpenColorIO, OpenImageIO, Color Interop Forum) in lower case, letters and digits only.
+const SPACES: [(&str, &[&str]); 6] = [
+    (
+        "Rec. 709",
+        &[
+            "linear",
+            "scenelinear",
+            "linrec709",
+            "linrec709scene",
+            "linearrec709",
+            "linearrec709srgb",
+            "linsrgb",
+            "linearsrgb",
+            "linearbt709",
+            "srgblinear",
+            "utilitylinearsrgb",
+            "utilitylinearrec709",
+        ],
+    ),
+    ("ACES AP1", &["acescg", "linap1", "linap1scene", "acesacescg", "linearacescg"]),
+    ("ACES AP0", &["aces", "aces20651", "linap0", "linap0scene", "acesaces20651"]),
+    ("Rec. 2020", &["linrec2020", "linrec2020scene", "linearrec2020", "linearbt2020", "utilitylinearrec2020"]),
+    ("P3 D65", &["linp3d65", "linp3d65scene", "linearp3d65", "lineardisplayp3", "utilitylinearp3d65"]),
+    ("CIE XYZ", &["linciexyzd65", "linciexyzd65scene", "linearciexyzd65", "ciexyzd65", "xyz"]),
+];
+
 const fn of([red, green, blue]: [[f64; 2]; 3], white: [f64; 2]) -> Primaries {
     Primaries([red, green, blue, white])
 }
@@ -47,6 +73,13 @@ impl Primaries {
     /// The attribute `chromaticities` of OpenEXR.
     pub(super) fn from_exr(of: exr::meta::attribute::Chromaticities) -> Self {
         Self([of.red, of.green, of.blue, of.white].map(|c| [f64::from(c.0), f64::from(c.1)]))
+    }
+
+    /// Those of a colour space by one of its usual names, linear ones only.
+    pub(super) fn of_space(name: &str) -> Option<Self> {
+        let plain: String = name.to_ascii_lowercase().chars().filter(char::is_ascii_alphanumeric).collect();
+        let known = SPACES.iter().find(|(_, names)| names.contains(&plain.as_str()))?.0;
+        NAMED.iter().find(|(name, _)| *name == known).map(|(_, primaries)| *primaries)
     }
 
     /// Eight numbers: x and y of red, green, blue and white.
@@ -133,6 +166,23 @@ mod tests {
             assert!(near(found, expected, 1e-3), "{name}: {found:?}");
         }
         assert_eq!(Primaries::REC709.to_rec709(), Ok(None));
+    }
+
+    #[test]
+    fn spaces_by_name() {
+        for (name, expected) in [
+            ("ACEScg", "ACES AP1"),
+            ("lin_ap1_scene", "ACES AP1"),
+            ("ACES2065-1", "ACES AP0"),
+            ("Linear Rec.2020", "Rec. 2020"),
+            ("lin_rec709", "Rec. 709"),
+            ("scene_linear", "Rec. 709"),
+        ] {
+            assert_eq!(Primaries::of_space(name).unwrap().name(), expected);
+        }
+        for name in ["sRGB", "srgb_texture", "Raw", "g22_rec709", ""] {
+            assert_eq!(Primaries::of_space(name), None, "{name}");
+        }
     }
 
     #[test]

@@ -113,6 +113,23 @@ pub(super) fn read(source: Source) -> Decoded<Raster> {
     info.raster(Samples::F32(opened.picture(&choice)?))
 }
 
+/// Attributes that name the colour space of a file.
+const SPACES: [&str; 3] = ["colorInteropID", "oiio:ColorSpace", "colorSpace"];
+
+/// Primaries by the chromaticities of a header, or by the name of its colour space. Notes say where that name is not a linear space.
+fn primaries(header: &Header, notes: &mut Vec<String>) -> Option<Primaries> {
+    if let Some(chromaticities) = header.shared_attributes.chromaticities {
+        return Some(Primaries::from_exr(chromaticities));
+    }
+    let attributes = attributes(header);
+    let (key, space) = SPACES.iter().find_map(|key| Some((key, attributes.get(*key)?)))?;
+    let primaries = Primaries::of_space(space);
+    if primaries.is_none() {
+        notes.push(format!("{key} is {space:?}, which is not a known linear space; read as linear Rec. 709"));
+    }
+    primaries
+}
+
 /// The picture of a light, with what the file says about it; `layer` names one of several.
 pub(super) fn read_light(source: Source, layer: Option<&str>) -> Decoded<Light> {
     let name_it = "give the light a layer, as in layer = \"NAME\", or export the layer as a file of its own";
@@ -124,7 +141,7 @@ pub(super) fn read_light(source: Source, layer: Option<&str>) -> Decoded<Light> 
     }
     let mut notes = choice.notes.clone();
     notes.extend(opened.window().note());
-    let primaries = header.shared_attributes.chromaticities.map(Primaries::from_exr);
+    let primaries = primaries(header, &mut notes);
     let samples = opened.picture(&choice)?;
     let samples = match choice.channels {
         Channels::Grey(_) => Samples3::Grey(samples),

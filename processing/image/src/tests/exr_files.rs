@@ -174,6 +174,17 @@ fn primaries_and_cubes() {
         let light = read_light(&path, None).unwrap();
         assert_eq!((light.rgb[0], light.notes.len()), ([1.0, 2.0, 3.0], 0));
     }
+    // Without chromaticities, the name of the colour space counts.
+    for (space, pixel, words) in
+        [("lin_rec2020_scene", [1.0, 1.0, 1.0], "from Rec. 2020"), ("sRGB", [1.0; 3], "read as linear")]
+    {
+        let mut one = layer([2, 1], None, &["R", "G", "B"], move |c, _, _| pixel[c]);
+        one.attributes.other.insert("oiio:ColorSpace".into(), AttributeValue::Text(space.into()));
+        write_layers(&path, vec![one], |_| {});
+        let light = read_light(&path, None).unwrap();
+        assert!(light.rgb[0].iter().all(|v| (v - 1.0).abs() < 1e-5), "{:?}", light.rgb);
+        assert!(light.notes.join("").contains(words), "{:?}", light.notes);
+    }
     // An infinite pixel stays infinite.
     write([f32::INFINITY; 3], Some(p3));
     assert_eq!(read_light(&path, None).unwrap().rgb[0], [f32::INFINITY; 3]);
@@ -275,4 +286,49 @@ fn luminance_and_chroma_become_red_green_and_blue() {
         fs::write(&path, &whole[..length]).unwrap();
         assert!(crate::read(&path).is_err(), "{length} of {}", whole.len());
     }
+}
+
+/// Largest relative difference from the OpenEXR library in files with DWA, which is lossy and rounds in between.
+const DWA_ROUNDING: f32 = 2e-3;
+
+/// Files that `tests/openexr/run` writes with the OpenEXR library, against the samples that the library reads.
+#[test]
+fn matrix_of_the_openexr_library() {
+    let Some(folder) = std::env::var_os("NACRE_EXR_MATRIX") else {
+        println!("skipped: no NACRE_EXR_MATRIX (tests/openexr/run sets it)");
+        return;
+    };
+    let mut files: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.retain(|path| path.extension().is_some_and(|e| e == "exr"));
+    files.sort();
+    assert!(files.len() > 100, "{} files", files.len());
+    let (mut outcomes, mut wrong) = (std::collections::BTreeMap::<(String, String), usize>::new(), vec![]);
+    for path in files {
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let compression = name.split('-').next().unwrap().to_owned();
+        let truth = fs::read(path.with_extension("f32")).unwrap();
+        let truth: Vec<f32> = truth.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        let outcome = match crate::read(&path) {
+            Ok(Raster { samples: Samples::F32(found), .. }) => {
+                let difference = |(a, b): (&f32, &f32)| (a - b).abs() / b.abs().max(1e-3);
+                let most = found.iter().zip(&truth).map(difference).fold(0.0, f32::max);
+                let allowed = if compression.starts_with("dwa") { DWA_ROUNDING } else { 0.0 };
+                if found.len() != truth.len() || most > allowed {
+                    wrong.push(format!("{name}: off by {most}"));
+                }
+                if most == 0.0 { "equal to the bit".into() } else { "equal to rounding".into() }
+            }
+            Ok(_) => "no floats".into(),
+            Err(error) => {
+                let words = error.to_string();
+                if words.contains("damaged") {
+                    wrong.push(words.clone());
+                }
+                words.split("cannot be decoded").last().unwrap().to_owned()
+            }
+        };
+        *outcomes.entry((compression, outcome)).or_default() += 1;
+    }
+    outcomes.iter().for_each(|((compression, outcome), count)| println!("{compression}: {count} files {outcome}"));
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

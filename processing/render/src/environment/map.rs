@@ -64,10 +64,9 @@ impl Environment {
         }
         let Light { width, height, mut rgb, notes } = read_light(path, layer)?;
         let name = path.display().to_string();
-        let mut warnings: Vec<String> = notes.iter().map(|note| format!("{name}: {note}")).collect();
-        if let Some(words) = made_finite(&name, width, &mut rgb)? {
-            warnings.push(format!("{name}: {words}"));
-        }
+        let words = made_finite(&name, width, &mut rgb)?;
+        let short = path.file_name().unwrap_or_default().to_string_lossy();
+        let warnings = notes.into_iter().chain(words).map(|words| format!("{short}: {words}")).collect();
         Ok(Self { file_warnings: warnings, ..Self::checked(&name, width, height, rgb)? })
     }
 

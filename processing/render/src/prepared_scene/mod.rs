@@ -110,7 +110,7 @@ impl PreparedScene {
                         "has neither tangents nor texture coordinates, so that nobody knows where grooves run";
                     return Err(Error::file(&path, problem, "add texture coordinates, or give it a material without"));
                 }
-                warnings.extend(mesh.left_out.warnings().iter().map(|words| format!("{}: {words}", path.display())));
+                warnings.extend(mesh.left_out.warnings().iter().map(|words| format!("{}: {words}", file.display())));
             }
             shapes.push(Placed { form, material: index });
             progress.step();

@@ -86,11 +86,13 @@ fn bad(line: usize, problem: impl std::fmt::Display) -> Fault {
 pub(super) fn header(bytes: &[u8]) -> Decoded<Header> {
     let (mut encoding, mut elements) = (None, Vec::<Element>::new());
     let (mut at, mut number) = (0, 0);
+    // Where lines end in CR alone, an LF after the last one is the first byte of the data.
+    let cr = bytes.iter().position(|b| *b == b'\r').filter(|k| bytes.get(k + 1) != Some(&b'\n')).is_some();
     while at < bytes.len() {
         number += 1;
         let end = bytes[at..].iter().position(|b| matches!(b, b'\n' | b'\r')).map_or(bytes.len(), |n| at + n);
         let line = String::from_utf8_lossy(&bytes[at..end]).into_owned();
-        at = if bytes[end..].starts_with(b"\r\n") { end + 2 } else { end + 1 };
+        at = if !cr && bytes[end..].starts_with(b"\r\n") { end + 2 } else { end + 1 };
         let words: Vec<&str> = line.split_whitespace().collect();
         match words.as_slice() {
             ["end_header", ..] => {
