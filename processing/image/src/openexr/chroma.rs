@@ -6,13 +6,12 @@ use std::io::{Read, Seek, SeekFrom};
 
 use exr::compression::Compression;
 use exr::math::Vec2;
-use exr::meta::MetaData;
 use exr::meta::attribute::{ChannelDescription, ChannelList, IntegerBounds, SampleType};
 use exr::meta::header::Header;
 
 use super::EXPORT;
 use super::choice::{Channels, Choice, choose};
-use super::layer::{Layer, Window, check_table, fault, floats, is_subsampled};
+use super::layer::{Layer, Window, check_table, fault, floats, headers, is_subsampled};
 use crate::fault::{Decoded, Fault};
 use crate::primaries::Primaries;
 use crate::raster::zeroed;
@@ -26,8 +25,8 @@ const FLAT_B44: u8 = 13 << 2;
 
 /// An opened file whose pixels have not been touched.
 pub(super) enum Opened {
-    Plain(Layer),
-    Subsampled(Subsampled),
+    Plain(Box<Layer>),
+    Subsampled(Box<Subsampled>),
 }
 
 /// Opens a file and chooses its picture; also the picture's width and height.
@@ -36,20 +35,20 @@ pub(super) fn open(
     wanted: Option<&str>,
     remedy: &'static str,
 ) -> Decoded<(Opened, Choice, [usize; 2])> {
-    let meta = MetaData::read_from_buffered(&mut source, false).map_err(fault)?;
+    let meta = headers(&mut source)?;
     let choice = choose(&meta.headers, wanted, remedy)?;
     if !meta.headers.iter().any(is_subsampled) {
         source.rewind()?;
         let layer = Layer::open(source, choice.header)?;
         let size = layer.window.size;
-        return Ok((Opened::Plain(layer), choice, size));
+        return Ok((Opened::Plain(Box::new(layer)), choice, size));
     }
     let Ok([header]) = <[Header; 1]>::try_from(meta.headers.into_vec()) else {
         return Err(Fault::unusable("has subsampled channels in one of several parts, which is not read", EXPORT));
     };
     let file = Subsampled::new(source, header)?;
     let size = file.window.size;
-    Ok((Opened::Subsampled(file), choice, size))
+    Ok((Opened::Subsampled(Box::new(file)), choice, size))
 }
 
 impl Opened {
@@ -169,7 +168,7 @@ impl Subsampled {
         let position = self.header.own_attributes.layer_position;
         let lines = self.header.compression.scan_lines_per_block();
         let first = i64::from(top) - i64::from(position.1);
-        if first < 0 || first >= height as i64 || first as usize % lines != 0 {
+        if first < 0 || first >= height as i64 || !(first as usize).is_multiple_of(lines) {
             return Err(Fault::damaged("a block lies outside the picture"));
         }
         let first = first as usize;
@@ -184,9 +183,9 @@ impl Subsampled {
         let bytes = self.decompressed(bytes, expected, bounds)?;
         let mut at = 0;
         let mut values = vec![];
+        found[first..first + rows].fill(true);
         for y in first..first + rows {
-            found[y] = true;
-            for (channel, plane) in channels.iter().zip(&mut *planes).filter(|(c, _)| y % c.sampling.1 == 0) {
+            for (channel, plane) in channels.iter().zip(&mut *planes).filter(|(c, _)| y.is_multiple_of(c.sampling.1)) {
                 let columns = width / channel.sampling.0;
                 let end = at + columns * channel.sample_type.bytes_per_sample();
                 if !plane.is_empty() {
@@ -208,7 +207,7 @@ impl Subsampled {
         if compressed && matches!(self.header.compression, Compression::B44 | Compression::B44A) {
             return self.decompressed_b44(&bytes, bounds);
         }
-        if expected % bounds.size.area() != 0 {
+        if !expected.is_multiple_of(bounds.size.area()) {
             return Err(Fault::unusable("has subsampled channels of an unusual kind", EXPORT));
         }
         let mut header = self.header.clone();
@@ -249,7 +248,8 @@ impl Subsampled {
         }
         let mut lines = vec![];
         for y in 0..height {
-            for (channel, plane) in self.header.channels.list.iter().zip(&planes).filter(|(c, _)| y % c.sampling.1 == 0)
+            for (channel, plane) in
+                self.header.channels.list.iter().zip(&planes).filter(|(c, _)| y.is_multiple_of(c.sampling.1))
             {
                 let length = width / channel.sampling.0 * channel.sample_type.bytes_per_sample();
                 let start = y / channel.sampling.1 * length;
@@ -277,7 +277,7 @@ fn section(header: &Header, bytes: Vec<u8>, bounds: IntegerBounds) -> Decoded<Ve
 
 /// Bytes of a row of all channels.
 fn row_bytes(channels: &[ChannelDescription], width: usize, y: usize) -> usize {
-    let stored = channels.iter().filter(|c| y % c.sampling.1 == 0);
+    let stored = channels.iter().filter(|c| y.is_multiple_of(c.sampling.1));
     stored.map(|c| width / c.sampling.0 * c.sample_type.bytes_per_sample()).sum()
 }
 
@@ -303,7 +303,7 @@ fn check_header(header: &Header, window: &Window) -> Decoded<()> {
         if x == 0 || y == 0 || x > MOST_SAMPLING || y > MOST_SAMPLING {
             return Err(Fault::damaged(format!("a channel has one sample in {x} x {y} pixels")));
         }
-        let divides = |size: usize, position: i32, by: usize| size % by == 0 && position % by as i32 == 0;
+        let divides = |size: usize, position: i32, by: usize| size.is_multiple_of(by) && position % by as i32 == 0;
         if !divides(window.data[0], position.0, x) || !divides(window.data[1], position.1, y) {
             return Err(Fault::damaged("a sampling does not divide the data window"));
         }

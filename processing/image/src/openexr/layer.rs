@@ -1,5 +1,7 @@
 //! Layers of OpenEXR: windows, sizes and blocks.
 
+use std::io::{Read, Seek};
+
 use exr::block::UncompressedBlock;
 use exr::block::chunk::Chunk;
 use exr::block::lines::LineRef;
@@ -19,6 +21,12 @@ use nacre_base::guard::guarded;
 
 /// Bytes of blocks that are decompressed at a time; one block for each thread at least.
 const BATCH_BYTES: usize = 16 << 20;
+
+/// Number of the last compression that the exr crate knows (HTJ2K 32).
+const LAST_COMPRESSION: u8 = 11;
+
+/// Bytes in which the attributes of the first headers are sought.
+const HEADER_BYTES: u64 = 1 << 16;
 
 /// Where the pixels of a layer (its data window) lie within the picture (the display window).
 #[derive(Clone, Copy, Debug)]
@@ -83,9 +91,30 @@ impl Window {
     }
 }
 
+/// Reads the headers of a file, which the source is behind then. Compressions newer than the exr crate are told apart from damage.
+pub(super) fn headers(source: &mut Source) -> Decoded<MetaData> {
+    MetaData::read_from_buffered(&mut *source, false).map_err(|error| {
+        let newer = unknown_compression(source).map(|code| {
+            let problem = format!("has the compression number {code}, which is not read");
+            Fault::unusable(problem, "export it with another compression, such as ZIP")
+        });
+        newer.unwrap_or_else(|| fault(error))
+    })
+}
+
+/// Number of a compression in a file's headers that the exr crate does not know.
+fn unknown_compression(source: &mut Source) -> Option<u8> {
+    const ATTRIBUTE: &[u8] = b"compression\0compression\0\x01\0\0\0";
+    let mut bytes = vec![];
+    source.rewind().ok()?;
+    source.by_ref().take(HEADER_BYTES).read_to_end(&mut bytes).ok()?;
+    let codes = bytes.windows(ATTRIBUTE.len() + 1).filter_map(|w| w.strip_prefix(ATTRIBUTE)).map(|rest| rest[0]);
+    codes.into_iter().find(|code| *code > LAST_COMPRESSION)
+}
+
 /// Width and height of the picture that the first flat layer belongs to, by the header alone.
 pub(super) fn size(mut source: Source) -> Decoded<[usize; 2]> {
-    let meta = MetaData::read_from_buffered(&mut source, false).map_err(fault)?;
+    let meta = headers(&mut source)?;
     Ok(Window::of(&meta.headers[first_flat(&meta.headers)?])?.size)
 }
 
@@ -109,12 +138,12 @@ pub(super) struct Layer {
 impl Layer {
     /// The first flat layer.
     pub(super) fn first(mut source: Source) -> Decoded<Self> {
-        let meta = MetaData::read_from_buffered(&mut source, false).map_err(fault)?;
+        let meta = headers(&mut source)?;
         let index = first_flat(&meta.headers)?;
         if is_subsampled(&meta.headers[index]) {
             return Err(Fault::unusable("has subsampled channels, which a map may not have", SEPARATE));
         }
-        std::io::Seek::rewind(&mut source)?;
+        source.rewind()?;
         Self::open(source, index)
     }
 

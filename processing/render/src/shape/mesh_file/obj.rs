@@ -15,7 +15,7 @@ const NONE: u32 = u32::MAX;
 /// Statements without a surface, and the name that counts them.
 const LEFT_OUT: [(&str, &str); 9] = [
     ("l", "line"),
-    ("p", "point statement"),
+    ("p", "point"),
     ("curv", "curve"),
     ("curv2", "curve"),
     ("surf", "curved surface (surf)"),
@@ -87,7 +87,8 @@ impl Statements {
             }
             _ => {
                 let known = LEFT_OUT.iter().find(|(word, _)| *word == keyword);
-                known.into_iter().for_each(|(_, name)| draft.left_out.add(name, 1));
+                let count = if keyword == "p" { rest.split_whitespace().count() } else { 1 };
+                known.into_iter().for_each(|(_, name)| draft.left_out.add(name, count));
             }
         }
         Ok(())

@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn data_in_the_text() {
         assert_eq!(embedded("application/octet-stream;base64,AAEC").unwrap(), [0, 1, 2]);
-        assert_eq!(embedded("application/gltf-buffer;base64,AAECA-_/").is_some(), false);
+        assert!(embedded("application/gltf-buffer;base64,AAECA-_/").is_none());
         assert_eq!(embedded(";base64,AA\nE").unwrap(), [0, 1]);
         assert_eq!(embedded("application/octet-stream,%00a%ff").unwrap(), [0, b'a', 255]);
         assert!(embedded("nothing").is_none());

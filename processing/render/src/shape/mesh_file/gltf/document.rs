@@ -37,7 +37,7 @@ pub(super) struct Document {
     pub accessors: Vec<Accessor>,
     pub buffer_views: Vec<View>,
     pub buffers: Vec<Buffer>,
-    pub materials: Vec<IgnoredAny>,
+    pub materials: Vec<serde_json::Value>,
     pub animations: Vec<IgnoredAny>,
 }
 
@@ -76,6 +76,7 @@ pub(super) type Attributes = BTreeMap<String, usize>;
 pub(super) struct Primitive {
     pub attributes: Attributes,
     pub indices: Option<usize>,
+    pub material: Option<usize>,
     /// 0 points, 1 lines, 2 line loop, 3 line strip, 4 triangles, 5 triangle strip, 6 triangle fan.
     pub mode: Option<u32>,
     #[serde(default)]

@@ -9,6 +9,7 @@ mod container;
 mod document;
 mod primitive;
 mod skin;
+mod texture;
 
 use super::draft::Draft;
 use super::fault::{Decoded, Fault};

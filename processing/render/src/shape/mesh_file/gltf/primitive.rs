@@ -92,7 +92,7 @@ impl File {
         let mut normals = named("NORMAL").map(|k| self.attribute::<3>(k, count)).transpose()?.unwrap_or_default();
         let tangents = named("TANGENT").map(|k| self.attribute::<4>(k, count)).transpose()?.unwrap_or_default();
         let mut tangents: Vec<[f64; 3]> = tangents.into_iter().map(|[x, y, z, _]| [x, y, z]).collect();
-        let uvs = named("TEXCOORD_0").map(|k| self.attribute::<2>(k, count)).transpose()?.unwrap_or_default();
+        let uvs = self.texture_coordinates(primitive, count)?;
         let named = [("POSITION", &mut places), ("NORMAL", &mut normals), ("TANGENT", &mut tangents)];
         for (name, values) in named {
             self.morph(primitive, weights, name, values)?;

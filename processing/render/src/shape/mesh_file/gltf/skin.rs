@@ -8,7 +8,13 @@ use nalgebra::Matrix4;
 /// Joints that move each vertex, four in each set.
 pub(super) struct Influences<'a> {
     joints: &'a [Matrix4<f64>],
-    sets: Vec<(Vec<[f64; 4]>, Vec<[f64; 4]>)>,
+    sets: Vec<Set>,
+}
+
+/// Four joints of each vertex and their weights.
+struct Set {
+    joints: Vec<[f64; 4]>,
+    weights: Vec<[f64; 4]>,
 }
 
 impl File {
@@ -34,7 +40,8 @@ impl<'a> Influences<'a> {
         for set in 0.. {
             let attribute = |name: &str| primitive.attributes.get(&format!("{name}_{set}"));
             let (Some(joints), Some(weights)) = (attribute("JOINTS"), attribute("WEIGHTS")) else { break };
-            sets.push((file.attribute::<4>(*joints, count)?, file.attribute::<4>(*weights, count)?));
+            let (joints, weights) = (file.attribute(*joints, count)?, file.attribute(*weights, count)?);
+            sets.push(Set { joints, weights });
         }
         if sets.is_empty() {
             return Err(Fault::damaged("has a skin on a mesh without joints and weights"));
@@ -46,7 +53,7 @@ impl<'a> Influences<'a> {
     pub(super) fn matrix(&self, vertex: usize) -> Decoded<Matrix4<f64>> {
         let damaged = || Fault::damaged(format!("has vertex {vertex} without a joint of its skin"));
         let (mut sum, mut whole) = (Matrix4::zeros(), 0.0);
-        for (joints, weights) in &self.sets {
+        for Set { joints, weights } in &self.sets {
             let (joints, weights) = joints.get(vertex).zip(weights.get(vertex)).ok_or_else(damaged)?;
             for (joint, weight) in joints.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
                 sum += self.joints.get(*joint as usize).ok_or_else(damaged)? * *weight;

@@ -177,6 +177,29 @@ fn quantized_corners() {
     assert!((area(&file.read()) - 2.0).abs() < 1e-12);
 }
 
+/// Integers as texture coordinates are scaled back by the transform of their material; that of floats belongs to the material.
+#[test]
+fn quantized_texture_coordinates() {
+    for (integers, expected) in [(true, [0.75, 1.0 - 0.5]), (false, [1000.0, 1.0 - 500.0])] {
+        let mut file = File::new();
+        let strip = file.floats("VEC3", &STRIP);
+        let uv = if integers {
+            let bytes: Vec<u8> = [0_u16, 0, 1000, 500, 0, 500, 7, 7].iter().flat_map(|v| v.to_le_bytes()).collect();
+            let view = file.view(&bytes, None);
+            file.push("accessors", json!({"bufferView": view, "componentType": 5123, "count": 4, "type": "VEC2"}))
+        } else {
+            file.floats("VEC2", &[0.0, 0.0, 1000.0, 500.0, 0.0, 500.0, 7.0, 7.0])
+        };
+        let transform = json!({"scale": [0.0005, 0.001], "offset": [0.25, 0]});
+        file.json["materials"] = json!([
+            {}, {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": transform}}}},
+        ]);
+        file.primitive(json!({"attributes": {"POSITION": strip, "TEXCOORD_0": uv}, "mode": 5, "material": 1}));
+        let found = file.read().corners[1].uv.unwrap();
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+    }
+}
+
 #[test]
 fn sparse_accessors_replace_some_values_or_zeros() {
     for based in [true, false] {

@@ -98,10 +98,10 @@ fn materials_without_names_and_everything_left_out() {
     square("usemtl\nf 1 2 3 4\n");
     square("usemtl   \r\nf 1 2 3 4\n");
     square("mtllib\nusemtl \nf 1 2 3 4\n");
-    let more = "usemtl steel #2\nf 1 2 3\nusemtl foil\nf 1 3 4\nusemtl steel #2\nl 1 2\nl 3 4\np 1\nf 1 2\n";
+    let more = "usemtl steel #2\nf 1 2 3\nusemtl foil\nf 1 3 4\nusemtl steel #2\nl 1 2\nl 3 4\np 1 2 3\nf 1 2\n";
     let said = warnings(square(more)).join("; ");
     for words in
-        ["2 lines", "1 point", "1 face of two corners", "2 materials (materials are the scene's)", "left out: "]
+        ["2 lines", "3 points", "1 face of two corners", "2 materials (materials are the scene's)", "left out: "]
     {
         assert!(said.contains(words), "{said}");
     }

@@ -82,7 +82,7 @@ fn concave_faces_have_their_area() {
 fn spirals_and_stars_have_their_area() {
     let star = |n: usize| -> Vec<[f64; 2]> {
         let at = |k: usize| {
-            let r = if k % 2 == 0 { 5.0 } else { 2.0 };
+            let r = if k.is_multiple_of(2) { 5.0 } else { 2.0 };
             let a = TAU * k as f64 / (2 * n) as f64;
             [r * a.cos(), r * a.sin()]
         };
