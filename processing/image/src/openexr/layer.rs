@@ -13,7 +13,7 @@ use exr::meta::header::Header;
 use exr::prelude::f16;
 use rayon::prelude::*;
 
-use super::{EXPORT, SEPARATE};
+use super::EXPORT;
 use crate::fault::{Decoded, Fault};
 use crate::raster::check_size;
 use crate::source::Source;
@@ -141,7 +141,10 @@ impl Layer {
         let meta = headers(&mut source)?;
         let index = first_flat(&meta.headers)?;
         if is_subsampled(&meta.headers[index]) {
-            return Err(Fault::unusable("has subsampled channels, which a map may not have", SEPARATE));
+            return Err(Fault::unusable(
+                "has subsampled channels, which a map may not have",
+                "export it without subsampling",
+            ));
         }
         source.rewind()?;
         Self::open(source, index)

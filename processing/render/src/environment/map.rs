@@ -13,9 +13,6 @@ const MAX_PIXELS: usize = 32 << 20;
 /// of three lobes falls to -0.13 of a point's height, and maps that are given away have that.
 const NOISE: f32 = 0.2;
 
-/// Radiance that infinite pixels count as, at least: the largest half float, beyond which files of half floats store infinity.
-const LARGEST_HALF: f32 = 65_504.0;
-
 /// Part of the pixels that may be infinite or no number.
 const MOST_NOT_FINITE: f64 = 0.01;
 
@@ -45,8 +42,8 @@ pub struct Environment {
 impl Environment {
     /// Reads an OpenEXR or Radiance HDR picture, twice as wide as high; `layer` names one of several pictures of an OpenEXR file.
     ///
-    /// Colours are converted to Rec. 709 primaries. Infinite radiance counts as the brightest finite one, but at least 65504; pixels that
-    /// are no number count as black. [`Self::warnings`] says so.
+    /// Colours are converted to Rec. 709 primaries. Infinite radiance counts as the brightest finite one, pixels that are no number as
+    /// black. [`Self::warnings`] says so.
     ///
     /// # Errors
     /// `Input` when the file cannot be read, is not twice as wide as high, is too large, has several pictures none of which is named, or
@@ -284,7 +281,7 @@ fn made_finite(name: &str, width: usize, rgb: &mut [[f32; 3]]) -> Result<Option<
         );
         return Err(Error::input(name, problem, "give finite radiances in 99 % of the pixels"));
     }
-    let brightest = rgb.as_flattened().iter().copied().filter(|v| v.is_finite()).fold(LARGEST_HALF, f32::max);
+    let brightest = rgb.as_flattened().iter().copied().filter(|v| v.is_finite()).fold(0.0_f32, f32::max);
     let [mut infinite, mut none] = [0, 0];
     for pixel in rgb.iter_mut().filter(|pixel| bad(pixel)) {
         if pixel.iter().any(|v| v.is_nan() || *v == f32::NEG_INFINITY) {
@@ -296,7 +293,9 @@ fn made_finite(name: &str, width: usize, rgb: &mut [[f32; 3]]) -> Result<Option<
         }
     }
     let words = [
-        (infinite > 0).then(|| format!("pixels with infinite radiance, which counts as {brightest}: {infinite}")),
+        (infinite > 0).then(|| {
+            format!("pixels with infinite radiance, which counts as {brightest}, the brightest finite one: {infinite}")
+        }),
         (none > 0).then(|| format!("pixels whose radiance is no number, which count as black: {none}")),
     ];
     Ok(Some(words.into_iter().flatten().collect::<Vec<_>>().join("; ")))
