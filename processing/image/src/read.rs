@@ -56,7 +56,7 @@ pub(super) fn sniff(source: &mut Source) -> Decoded<Format> {
         [b'I', b'I', 43, 0, ..] | [b'M', b'M', 0, 43, ..] => Ok(Format::Tiff),
         [0x76, 0x2f, 0x31, 0x01, ..] => Ok(Format::Exr),
         [b'B', b'M', ..] => Ok(Format::Bmp),
-        [b'#', b'?', b'R', ..] => Ok(Format::Radiance),
+        [b'#', b'?', ..] => Ok(Format::Radiance),
         [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Ok(Format::WebP),
         [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => Ok(Format::Npy),
         _ if head.starts_with(b"SIMPLE  =") => Ok(Format::Fits),

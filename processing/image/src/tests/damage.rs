@@ -12,6 +12,10 @@ fn samples(dir: &TempDir) -> Vec<PathBuf> {
     exr_file(&exr, &["R", "G", "B"]);
     let zip = d.join("zip.exr");
     exr::prelude::write_rgb_file(&zip, W, H, |x, y| (x as f32, y as f32, 0.5_f32)).unwrap();
+    let chroma = d.join("chroma.exr");
+    fs::write(&chroma, exr_files::luminance_chroma([8, 4], [0, 0], 0)).unwrap();
+    let hdr = d.join("runs.hdr");
+    fs::write(&hdr, hdr_files::with_runs()).unwrap();
     let deflate = Compression::Deflate(Default::default());
     vec![
         png_file(d, C::Rgb8, &bytes(3)),
@@ -27,6 +31,8 @@ fn samples(dir: &TempDir) -> Vec<PathBuf> {
         named(d, "x.npy", &arrays::npy("<f2", true, "(3, 2, 3)", &[60; 36])),
         webp_file(d),
         named(d, "x.dng", &camera::small()),
+        chroma,
+        hdr,
     ]
 }
 
@@ -57,6 +63,7 @@ fn truncated_files_are_errors_or_whole() {
             _ = info(&cut);
             _ = exposure(&cut);
             _ = read_exr(&cut);
+            _ = read_light(&cut, None);
             if let Ok(raster) = read(&cut) {
                 assert!(Some(raster) == whole, "{} cut to {length} of {} bytes", path.display(), file.len());
             }
@@ -86,6 +93,7 @@ fn damaged_files_never_panic() {
                 _ = exposure(&bad);
                 _ = read_exr(&bad);
                 _ = levels(&bad);
+                _ = read_light(&bad, None);
                 _ = read(&bad);
             });
             if outcome.is_err() {

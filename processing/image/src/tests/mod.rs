@@ -4,7 +4,9 @@ mod arrays;
 mod camera;
 mod damage;
 mod details;
+mod exr_files;
 mod formats;
+mod hdr_files;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Lat-long environments: light from all directions as an equirectangular picture.
 
 use nacre_base::{Error, Result};
-use nacre_image::{Samples, read};
+use nacre_image::{Light, read_light};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -12,6 +12,9 @@ const MAX_PIXELS: usize = 32 << 20;
 /// Negative radiance down to this part of the brightest is what scaling with overshoot leaves beside a sun, and becomes 0: Lanczos' filter
 /// of three lobes falls to -0.13 of a point's height, and maps that are given away have that.
 const NOISE: f32 = 0.2;
+
+/// Part of the pixels that may be infinite or no number.
+const MOST_NOT_FINITE: f64 = 0.01;
 
 /// Part of the light from which negative radiance is worth a warning.
 const TOLD: f64 = 1e-4;
@@ -30,20 +33,24 @@ pub struct Environment {
     pub rgb: Vec<[f32; 3]>,
     /// Light that was negative and became none, over all light (before solid angles).
     pub negative: f64,
+    /// Conversions and choices that its file needed.
+    file_warnings: Vec<String>,
     /// Running sum over all pixels of what [`Self::sample`] draws them with.
     running: Vec<f64>,
 }
 
 impl Environment {
-    /// Reads an OpenEXR or Radiance HDR picture, twice as wide as high.
+    /// Reads an OpenEXR or Radiance HDR picture, twice as wide as high; `layer` names one of several pictures of an OpenEXR file.
+    ///
+    /// Colours are converted to Rec. 709 primaries. Infinite radiance counts as the brightest finite one, pixels that are no number as
+    /// black. [`Self::warnings`] says so.
     ///
     /// # Errors
-    /// `Input` when the file cannot be read, is not twice as wide as high, is too large, or holds radiance that is no number, infinite or
-    /// negative beyond noise.
-    pub fn read(path: &Path) -> Result<Self> {
-        let info = nacre_image::info(path)?;
+    /// `Input` when the file cannot be read, is not twice as wide as high, is too large, has several pictures none of which is named, or
+    /// more than 1 % of its radiance is infinite or no number, or some is negative beyond noise.
+    pub fn read(path: &Path, layer: Option<&str>) -> Result<Self> {
+        let [width, height] = nacre_image::size(path)?;
         let refuse = |problem: String, remedy: &str| Err(Error::file(path, problem, remedy));
-        let [width, height] = [info.width, info.height];
         if width.abs_diff(2 * height) > 2 {
             let problem = format!("is {width} x {height} pixels; an environment is twice as wide as high");
             return refuse(problem, "give a lat-long (equirectangular) environment");
@@ -52,15 +59,12 @@ impl Environment {
             let problem = format!("is {width} x {height} pixels, more than {} Mpixel", MAX_PIXELS >> 20);
             return refuse(problem, "scale it down");
         }
-        let picture = read(path)?;
-        let Samples::F32(samples) = picture.samples else {
-            return refuse("is not linear radiance".into(), "give an OpenEXR or Radiance HDR file");
-        };
-        let rgb = match picture.channels {
-            3 => samples.as_chunks::<3>().0.to_vec(),
-            _ => samples.iter().map(|v| [*v; 3]).collect(),
-        };
-        Self::checked(&path.display().to_string(), width, height, rgb)
+        let Light { width, height, mut rgb, notes } = read_light(path, layer)?;
+        let name = path.display().to_string();
+        let words = made_finite(&name, width, &mut rgb)?;
+        let short = path.file_name().unwrap_or_default().to_string_lossy();
+        let warnings = notes.into_iter().chain(words).map(|words| format!("{short}: {words}")).collect();
+        Ok(Self { file_warnings: warnings, ..Self::checked(&name, width, height, rgb)? })
     }
 
     /// An environment of radiances, row by row from the zenith.
@@ -99,7 +103,7 @@ impl Environment {
     }
 
     fn tabled(width: usize, height: usize, rgb: Vec<[f32; 3]>) -> Self {
-        let mut environment = Self { width, height, rgb, negative: 0.0, running: vec![] };
+        let mut environment = Self { width, height, rgb, negative: 0.0, file_warnings: vec![], running: vec![] };
         let mut weights = vec![0.0_f64; width * height];
         let all = &environment;
         weights.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
@@ -123,7 +127,7 @@ impl Environment {
     pub fn warnings(&self) -> Vec<String> {
         let part = 100.0 * self.negative;
         let said = format!("radiance of the environment that is negative, {part:.2} % of its light, counts as none");
-        (self.negative > TOLD).then_some(said).into_iter().collect()
+        self.file_warnings.iter().cloned().chain((self.negative > TOLD).then_some(said)).collect()
     }
 
     /// Pixel of a column and a row that may lie beyond the edges: columns wrap, rows go on beyond the pole.
@@ -258,6 +262,43 @@ impl Environment {
         });
         Self::tabled(width, height, rgb)
     }
+}
+
+/// Replaces infinities and NaN of a few pixels, and says so.
+///
+/// # Errors
+/// `Input` where there are too many.
+fn made_finite(name: &str, width: usize, rgb: &mut [[f32; 3]]) -> Result<Option<String>> {
+    let bad = |pixel: &[f32; 3]| pixel.iter().any(|v| !v.is_finite());
+    let count = rgb.iter().filter(|pixel| bad(pixel)).count();
+    let Some(first) = rgb.iter().position(bad) else { return Ok(None) };
+    if count as f64 > MOST_NOT_FINITE * rgb.len() as f64 {
+        let [r, g, b] = rgb[first];
+        let problem = format!(
+            "has {count} pixels with infinite radiance or none, the first ({r}, {g}, {b}) in column {}, row {}",
+            first % width,
+            first / width
+        );
+        return Err(Error::input(name, problem, "give finite radiances in 99 % of the pixels"));
+    }
+    let brightest = rgb.as_flattened().iter().copied().filter(|v| v.is_finite()).fold(0.0_f32, f32::max);
+    let [mut infinite, mut none] = [0, 0];
+    for pixel in rgb.iter_mut().filter(|pixel| bad(pixel)) {
+        if pixel.iter().any(|v| v.is_nan() || *v == f32::NEG_INFINITY) {
+            none += 1;
+            *pixel = [0.0; 3];
+        } else {
+            infinite += 1;
+            *pixel = pixel.map(|v| v.min(brightest));
+        }
+    }
+    let words = [
+        (infinite > 0).then(|| {
+            format!("pixels with infinite radiance, which counts as {brightest}, the brightest finite one: {infinite}")
+        }),
+        (none > 0).then(|| format!("pixels whose radiance is no number, which count as black: {none}")),
+    ];
+    Ok(Some(words.into_iter().flatten().collect::<Vec<_>>().join("; ")))
 }
 
 /// Which of `from` cells make up each of `to` cells, and what part of it by a growing measure of their edges.

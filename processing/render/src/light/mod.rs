@@ -182,12 +182,12 @@ impl Sky {
         viewer: Viewer,
         (angle, error): (f64, f64),
     ) -> Result<Option<Self>> {
-        let scene::Light::Environment { file, color, luminance, up, turn_deg, visible } = light else {
+        let scene::Light::Environment { file, layer, color, luminance, up, turn_deg, visible } = light else {
             return Ok(None);
         };
         let key = |what: &str| format!("{name}.{what}");
         let map = match (file, color) {
-            (Some(file), None) => Environment::read(&folder.join(file))?,
+            (Some(file), None) => Environment::read(&folder.join(file), layer.as_deref())?,
             (None, Some(rgb)) if rgb.iter().all(|v| (0.0..=1e9).contains(v)) => Environment::constant(*rgb),
             (None, Some(rgb)) => {
                 return Err(Error::input(key("color"), format!("is {rgb:?}"), "give three numbers from 0 to 1e9"));

@@ -4,7 +4,7 @@ use crate::scene::{Color, Value};
 use crate::vector::number;
 use nacre_base::{Error, Result};
 use nacre_frames::Transfer;
-use nacre_image::{Samples, read};
+use nacre_image::{Light, Raster, Samples, read, read_light};
 use nacre_maps::{Kind, Maps};
 use std::path::Path;
 
@@ -57,9 +57,15 @@ impl<const N: usize> Over<N> {
     }
 }
 
-/// Reads a picture; 8 and 16 bits go from 0 to 1, by the curve of sRGB if they are colours.
+/// Reads a picture; 8 and 16 bits go from 0 to 1, by the curve of sRGB if they are colours. Colours of other primaries become Rec. 709.
 fn picture<const N: usize>(path: &Path, color: bool, [low, high]: [f32; 2]) -> Result<Picture<N>> {
-    let raster = read(path)?;
+    let light = if color { read_light(path, None).ok() } else { None };
+    let raster = match light {
+        Some(Light { width, height, rgb, .. }) => {
+            Raster { width, height, channels: 3, samples: Samples::F32(rgb.into_flattened()) }
+        }
+        None => read(path)?,
+    };
     let info = raster.info();
     let (channels, full) = (raster.channels, info.depth.full_scale());
     let values: Vec<f32> = match raster.samples {

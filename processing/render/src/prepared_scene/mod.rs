@@ -110,10 +110,7 @@ impl PreparedScene {
                         "has neither tangents nor texture coordinates, so that nobody knows where grooves run";
                     return Err(Error::file(&path, problem, "add texture coordinates, or give it a material without"));
                 }
-                if mesh.degenerate > 0 {
-                    let left = format!("{}: {} triangles without an area left out", path.display(), mesh.degenerate);
-                    warnings.push(left);
-                }
+                warnings.extend(mesh.left_out.warnings().iter().map(|words| format!("{}: {words}", file.display())));
             }
             shapes.push(Placed { form, material: index });
             progress.step();

@@ -300,6 +300,9 @@ pub enum Light {
         /// The picture.
         #[serde(default)]
         file: Option<PathBuf>,
+        /// Layer of an OpenEXR file that has several pictures.
+        #[serde(default)]
+        layer: Option<String>,
         /// Linear sRGB, without a picture.
         #[serde(default)]
         color: Option<[f32; 3]>,

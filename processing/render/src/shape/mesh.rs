@@ -1,5 +1,6 @@
 //! Triangles with normals and tangents, in a hierarchy of boxes.
 
+use crate::shape::mesh_file::LeftOut;
 use crate::shape::ray::{Hit, Ray};
 use crate::vector::V3;
 use nacre_base::{Error, Result};
@@ -26,6 +27,8 @@ pub(crate) struct Raw {
     pub name: String,
     pub corners: Vec<Corner>,
     pub triangles: Vec<[u32; 3]>,
+    /// Parts of the file that are not among them.
+    pub left_out: LeftOut,
 }
 
 /// A corner with all that shading needs.
@@ -50,8 +53,8 @@ pub(crate) struct Mesh {
     corners: Vec<Shaded>,
     triangles: Vec<[u32; 3]>,
     nodes: Vec<Node>,
-    /// Triangles without an area, which were left out.
-    pub degenerate: usize,
+    /// Parts of the file that are not rendered, triangles without an area among them.
+    pub left_out: LeftOut,
     /// Whether it knows the direction of u, given or from (u, v).
     pub tangents: bool,
 }
@@ -91,18 +94,14 @@ impl Raw {
         let all = self.triangles.len();
         let corners = &self.corners;
         let place = |k: u32| corners[k as usize].place;
-        self.triangles.retain(|[a, b, c]| {
-            let [p, q, r] = [*a, *b, *c].map(place);
-            let longest = (q - p).norm_squared().max((r - p).norm_squared()).max((r - q).norm_squared());
-            (q - p).cross(&(r - p)).norm() > 1e-12 * longest && longest > 0.0
-        });
+        self.triangles.retain(|t| has_area(t.map(place)));
         if self.triangles.is_empty() {
             return Err(self.refuse(format!("has {all} triangles, none with an area"), "give a mesh of triangles"));
         }
-        let degenerate = all - self.triangles.len();
+        self.left_out.add("triangle without an area", all - self.triangles.len());
         let tangents = self.corners.iter().all(|c| c.tangent.is_some() || c.uv.is_some());
         let corners = self.shaded();
-        let mut mesh = Mesh { corners, triangles: self.triangles, nodes: vec![], degenerate, tangents };
+        let mut mesh = Mesh { corners, triangles: self.triangles, nodes: vec![], left_out: self.left_out, tangents };
         mesh.sort();
         Ok(mesh)
     }
@@ -287,6 +286,12 @@ impl Node {
         }
         from <= to
     }
+}
+
+/// Whether a triangle has an area, compared with its longest side.
+pub(crate) fn has_area([p, q, r]: [V3; 3]) -> bool {
+    let longest = (q - p).norm_squared().max((r - p).norm_squared()).max((r - q).norm_squared());
+    longest > 0.0 && (q - p).cross(&(r - p)).norm() > 1e-12 * longest
 }
 
 /// Some direction across a normal.

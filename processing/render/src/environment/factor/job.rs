@@ -36,7 +36,7 @@ pub fn factor(job: &Job<'_>, progress: &dyn Progress) -> Result<Report> {
     job.settings.check()?;
     let folder = OutputFolder::begin(job.out, job.overwrite)?;
     let table = Table::read(job.table)?;
-    let environment = job.environment.map(Environment::read).transpose()?;
+    let environment = job.environment.map(|path| Environment::read(path, None)).transpose()?;
     progress.stage("factorising", 0);
     let factors = Factors::of(&table, &job.settings)?;
     progress.check()?;

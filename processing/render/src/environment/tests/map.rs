@@ -1,5 +1,6 @@
 use crate::environment::Environment;
 use std::f64::consts::{PI, TAU};
+use std::path::Path;
 
 /// Something without symmetry: an 18 × 9 picture with a black half and a bright pixel.
 fn uneven() -> Environment {
@@ -84,27 +85,80 @@ fn halving_keeps_the_light() {
     assert!((flux(&Environment::constant([1.0; 3])) / (4.0 * PI) - 1.0).abs() < 1e-9);
 }
 
+/// A picture with one value in column 5, row 3.
+fn sky_with(path: &Path, [width, height]: [usize; 2], bad: f32) {
+    let value = |_: usize, y: usize, row: &mut [f32]| {
+        row.fill(1.0);
+        if y == 3 {
+            row[5] = bad;
+        }
+    };
+    nacre_image::write_exr(path, width, height, &["R", "G", "B"], &[], &value).unwrap();
+}
+
 #[test]
 fn bad_radiance_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sky.exr");
     for (bad, word) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (-0.5, "-0.5")] {
-        let value = |_: usize, y: usize, row: &mut [f32]| {
-            row.fill(1.0);
-            if y == 3 {
-                row[5] = bad;
-            }
-        };
-        nacre_image::write_exr(&path, 16, 8, &["R", "G", "B"], &[], &value).unwrap();
-        let words = Environment::read(&path).unwrap_err().to_string();
+        sky_with(&path, [8, 4], bad);
+        let words = Environment::read(&path, None).unwrap_err().to_string();
         assert!(words.contains("sky.exr") && words.contains(word) && words.contains("column 5, row 3"), "{words}");
     }
     nacre_image::write_exr(&path, 16, 16, &["R", "G", "B"], &[], &|_, _, row| row.fill(1.0)).unwrap();
-    assert!(Environment::read(&path).unwrap_err().to_string().contains("twice as wide"));
+    assert!(Environment::read(&path, None).unwrap_err().to_string().contains("twice as wide"));
     nacre_image::write_exr(&path, 16, 8, &["R", "G", "B"], &[], &|_, _, row| row.fill(-1e-9)).unwrap();
-    assert!(Environment::read(&path).is_err());
+    assert!(Environment::read(&path, None).is_err());
     assert!(Environment::of(2, 2, vec![[0.0; 3]; 3]).is_err());
     assert!(Environment::of(usize::MAX, 2, vec![]).is_err());
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        assert!(Environment::of(2, 1, vec![[1.0; 3], [bad; 3]]).is_err());
+    }
+}
+
+/// Suns beyond the range of half floats, and single pixels that are no number: one of 512.
+#[test]
+fn a_few_infinities_are_clamped_with_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sky.exr");
+    for (bad, counts_as, words) in [
+        (f32::INFINITY, 1.0, "infinite radiance, which counts as 1, the brightest finite one: 1"),
+        (f32::NAN, 0.0, "no number, which count as black: 1"),
+        (f32::NEG_INFINITY, 0.0, "no number, which count as black: 1"),
+    ] {
+        sky_with(&path, [32, 16], bad);
+        let sky = Environment::read(&path, None).unwrap();
+        assert_eq!((sky.rgb[3 * 32 + 5], sky.rgb[0]), ([counts_as; 3], [1.0; 3]));
+        let warnings = sky.warnings().join("; ");
+        assert!(warnings.contains("sky.exr") && warnings.contains(words), "{warnings}");
+    }
+    let value = |_: usize, y: usize, row: &mut [f32]| {
+        row.fill(if y == 0 { 1e6 } else { 1.0 });
+        row[7] = if y == 1 { f32::INFINITY } else { row[7] };
+    };
+    nacre_image::write_exr(&path, 32, 16, &["Y"], &[], &value).unwrap();
+    assert_eq!(Environment::read(&path, None).unwrap().rgb[32 + 7], [1e6; 3]);
+}
+
+/// What the file says about its pixels reaches the environment and its warnings.
+#[test]
+fn exposure_and_layers_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sky.hdr");
+    let mut bytes = b"#?RGBE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=0.25\n\n-Y 2 +X 4\n".to_vec();
+    bytes.extend([128, 128, 128, 129].repeat(8));
+    std::fs::write(&path, &bytes).unwrap();
+    let sky = Environment::read(&path, None).unwrap();
+    assert_eq!(sky.rgb, [[4.0; 3]; 8]);
+    assert!(sky.warnings().join("").contains("exposure"), "{:?}", sky.warnings());
+    let path = folder.path().join("sky.exr");
+    let names = ["day.R", "day.G", "day.B", "night.R", "night.G", "night.B"];
+    nacre_image::write_exr(&path, 4, 2, &names, &[], &|c, _, row| row.fill(if c < 3 { 5.0 } else { 0.5 })).unwrap();
+    assert_eq!(Environment::read(&path, Some("day")).unwrap().rgb[0], [5.0; 3]);
+    let words = Environment::read(&path, None).unwrap_err().to_string();
+    assert!(words.contains("\"day\", \"night\"") && words.contains("layer = "), "{words}");
+    let light = "[[light]]\ntype = \"environment\"\nfile = \"sky.exr\"\nlayer = \"night\"\n";
+    assert!(toml::from_str::<toml::Table>(light).is_ok());
 }
 
 #[test]
@@ -117,10 +171,10 @@ fn radiance_files_are_read() {
         bytes.extend([128, 64, if k == 5 { 255 } else { 0 }, 129]);
     }
     std::fs::write(&path, &bytes).unwrap();
-    let environment = Environment::read(&path).unwrap();
+    let environment = Environment::read(&path, None).unwrap();
     assert_eq!([environment.width, environment.height], [4, 2]);
     assert_eq!(environment.rgb[0][..2], [1.0, 0.5]);
     assert!((environment.rgb[5][2] - 255.0 / 128.0).abs() < 1e-6);
     std::fs::write(&path, &bytes[..50]).unwrap();
-    assert!(Environment::read(&path).unwrap_err().to_string().contains("sky.hdr"));
+    assert!(Environment::read(&path, None).unwrap_err().to_string().contains("sky.hdr"));
 }

@@ -165,7 +165,7 @@ fn lamps_spread_in_the_table_are_the_full_integral() {
 fn large_environments_in_time() {
     let path = std::env::var("NACRE_TEST_DATA").map(|d| std::path::Path::new(&d).join("envmaps/esplanade_zip.exr"));
     let environment = match path {
-        Ok(path) if path.exists() => Environment::read(&path).unwrap(),
+        Ok(path) if path.exists() => Environment::read(&path, None).unwrap(),
         _ => room(1024),
     };
     let table = lattice(256, 0.7, [0.0, FRAC_PI_2], 0.12, 0.015);

@@ -14,7 +14,7 @@ fn real_environments_are_read() {
     };
     for file in files {
         let path = file.unwrap().path();
-        let environment = Environment::read(&path).unwrap();
+        let environment = Environment::read(&path, None).unwrap();
         let most = environment.rgb.as_flattened().iter().fold(0.0_f32, |m, v| m.max(*v));
         println!("{}: {} x {}, up to {most}", path.display(), environment.width, environment.height);
         assert!(environment.width == 2 * environment.height && most > 1.0);
