@@ -11,7 +11,7 @@ import { brdfFields } from "./brdfform.js";
 import { flashFields } from "./flashform.js";
 import { tableFields } from "./tableform.js";
 
-const LIKELY = /\.(png|tiff?|jpe?g|exr|bmp|txt|asc|csv|dat)$/i;
+const LIKELY = /\.(png|tiff?|jpe?g|exr|bmp|txt|asc|csv|dat|tsv|xyz|gwy|ibw|x3p|spm|sdf|nid|ezd|grd|bcrf?|00\d)$/i;
 
 /** The angle that a file name tells: the last number in it that can be one. */
 function guess(name) {
@@ -28,7 +28,7 @@ function guess(name) {
 export async function uploadPage(main, { signal }) {
   let photographs = [];
   let picked = null;
-  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr,.bmp,.txt,.asc,.csv,.dat", onchange: () => add(input.files) });
+  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr,.bmp,.txt,.asc,.csv,.dat,.tsv,.xyz,.gwy,.ibw,.x3p,.spm,.sdf,.nid,.ezd,.grd,.bcr,.bcrf,.000,.001,.002,.003,.004,.005,.006,.007,.008,.009", onchange: () => add(input.files) });
   const body = h("tbody");
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
   const transfer = select([["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "linear", { id: "transfer", onchange: () => (chosen = true) });
@@ -44,7 +44,7 @@ export async function uploadPage(main, { signal }) {
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
   const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
   const drop = h("div", { class: "drop", ondragover: (e) => e.preventDefault(), ondrop: (e) => { e.preventDefault(); add(e.dataTransfer.files); } },
-    field("Photographs (PNG, TIFF, JPEG, EXR), or a height field (BMP or text as well)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }));
+    field("Photographs (PNG, TIFF, JPEG, EXR), or a height field (BMP, text and files of AFMs as well)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }));
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Upload photographs"), start),
     h("div", { class: "columns planning" },
       panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, listing))),

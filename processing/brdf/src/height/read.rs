@@ -88,7 +88,7 @@ fn other(path: &Path, scale: &Scale) -> Result<HeightField> {
         return stored.field(path, scale);
     }
     if let Some(name) = formats::unread(&bytes) {
-        let problem = format!("is a {name}, a format that Nacre does not read");
+        let problem = format!("is of a format that Nacre does not read: {name}");
         return Err(Error::file(path, problem, "export the heights as Gwyddion file (.gwy), X3P or text"));
     }
     if scale.channel.is_some() {

@@ -128,7 +128,9 @@ pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64>
         (Pitch::Um(both), flag) => {
             let own = square(path, both, " µm")?;
             match flag {
-                Some(flag) if (flag / own - 1.0).abs() > SAME_PITCH => Err(contradicts(format!("{own:.6} µm"), flag)),
+                Some(flag) if (flag / own - 1.0).abs() > SAME_PITCH => {
+                    Err(contradicts(format!("{} µm", tidy(own)), flag))
+                }
                 _ => Ok(tidy(own)),
             }
         }
@@ -139,11 +141,11 @@ pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64>
             if own == 1.0 || (power - power.round()).abs() < SAME_POWER {
                 return Ok(flag);
             }
-            Err(contradicts(format!("{own:.6} in a unit that is not named"), flag))
+            Err(contradicts(format!("{} in a unit that is not named", tidy(own)), flag))
         }
         (Pitch::Bare(both), None) => {
             let own = square(path, both, "")?;
-            let problem = format!("has pixels of {own:.6}, but does not say in which unit");
+            let problem = format!("has pixels of {}, but does not say in which unit", tidy(own));
             Err(Error::file(path, problem, "give their pitch in µm with --pixel-um"))
         }
     }

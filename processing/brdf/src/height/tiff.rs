@@ -1,5 +1,8 @@
 //! Height maps as TIFF: signed, wide and floating-point samples; pitch and unit of ImageJ, OME or the resolution.
 
+#[cfg(test)]
+mod tests;
+
 use super::picture;
 use super::read::Scale;
 use super::stored::{Pitch, Stored};

@@ -42,7 +42,7 @@ pub(super) fn is(bytes: &[u8]) -> bool {
     let whole = at(field).and_then(|mut c| c.i32().ok()).unwrap_or(-1);
     let (place, least) = if version == 5 { (file + 16, WAVE_5) } else { (file, WAVE_2) };
     let kind = at(place).and_then(|mut c| c.i16().ok()).unwrap_or(-1);
-    whole >= least as i32 && (0..=0x7f).contains(&kind)
+    whole >= least as i32 && (1..=0x7f).contains(&kind)
 }
 
 /// Type of the numbers.

@@ -96,8 +96,16 @@ fn values(bytes: &[u8], image: &Image) -> Outcome<(Vec<f64>, i32)> {
     };
     // Newer programs state 2 bytes and write 4.
     let size = if image.length == count * image.stated { image.stated } else { size };
+    let data = bytes.get(image.offset..).unwrap_or_default();
+    let text = |b: &u8| b.is_ascii_digit() || b.is_ascii_whitespace() || b"+-.,;eE".contains(b);
+    if data.iter().take(count * size).all(text) {
+        return Err(Fault::unsupported(
+            "its heights are text",
+            "save it in the Nanoscope format, or remove the header",
+        ));
+    }
     let kind = if size == 4 { Kind::I32 } else { Kind::I16 };
-    let values = numbers(bytes.get(image.offset..).unwrap_or_default(), count, kind, Order::Little)?;
+    let values = numbers(data, count, kind, Order::Little)?;
     let [low, high] = ends(&values);
     let bits = if size == 4 && (image.stated == 4 || low.abs().max(high.abs()) > SHORT) { 32 } else { 16 };
     Ok((values, bits))

@@ -20,7 +20,8 @@ const ROUGHER: f64 = 4.0;
 type Archive<'a> = ZipArchive<Cursor<&'a [u8]>>;
 
 pub(super) fn is(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"PK\x03\x04")
+    // Names of files are not compressed.
+    bytes.starts_with(b"PK\x03\x04") && bytes.windows(8).any(|name| name.eq_ignore_ascii_case(b"main.xml"))
 }
 
 pub(super) fn read(input: &Input) -> Outcome<Stored> {

@@ -1,6 +1,10 @@
 //! Text in the encodings that programs write: UTF-8, UTF-16 and UTF-32 with byte order marks, UTF-16 without, Windows-1252.
 
 use super::super::formats::fault::{Fault, Outcome};
+use std::borrow::Cow;
+
+/// A text, and the name of its encoding where that is not plain UTF-8.
+type Text<'a> = (Cow<'a, str>, Option<&'static str>);
 
 /// Bytes at the beginning that tell UTF-16 without a byte order mark.
 const PROBE: usize = 4096;
@@ -11,8 +15,8 @@ const WINDOWS: [char; 32] = [
     '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
 ];
 
-/// The text, and the name of its encoding where that is not plain UTF-8.
-pub(in crate::height) fn decode(bytes: &[u8]) -> Outcome<(String, Option<&'static str>)> {
+/// Decodes a file.
+pub(in crate::height) fn decode(bytes: &[u8]) -> Outcome<Text<'_>> {
     match bytes {
         [0xef, 0xbb, 0xbf, rest @ ..] => Ok(utf8(rest)),
         [0xff, 0xfe, 0, 0, rest @ ..] => utf32(rest, u32::from_le_bytes),
@@ -35,37 +39,37 @@ fn zeros(bytes: &[u8]) -> [usize; 2] {
     if found[0].max(found[1]) * 10 > probe.len() / 2 * 9 { found } else { [0, 0] }
 }
 
-fn utf8(bytes: &[u8]) -> (String, Option<&'static str>) {
+fn utf8(bytes: &[u8]) -> Text<'_> {
     match std::str::from_utf8(bytes) {
-        Ok(text) => (text.to_owned(), None),
+        Ok(text) => (text.into(), None),
         Err(_) => {
             let letter = |b: &u8| match b {
                 0x80..=0x9f => WINDOWS[usize::from(b - 0x80)],
                 _ => char::from(*b),
             };
-            (bytes.iter().map(letter).collect(), Some("Windows-1252 (Latin-1)"))
+            (bytes.iter().map(letter).collect::<String>().into(), Some("Windows-1252 (Latin-1)"))
         }
     }
 }
 
-fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16, name: &'static str) -> Outcome<(String, Option<&'static str>)> {
+fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16, name: &'static str) -> Outcome<Text<'static>> {
     let (pairs, rest) = bytes.as_chunks::<2>();
     if !rest.is_empty() {
         return Err(Fault::Truncated(format!("{name} text ends within a character")));
     }
     let text: Result<String, _> = char::decode_utf16(pairs.iter().map(|p| unit(*p))).collect();
     let text = text.map_err(|_| Fault::damaged(format!("is no valid {name} text")))?;
-    Ok((text, Some(name)))
+    Ok((text.into(), Some(name)))
 }
 
-fn utf32(bytes: &[u8], unit: fn([u8; 4]) -> u32) -> Outcome<(String, Option<&'static str>)> {
+fn utf32(bytes: &[u8], unit: fn([u8; 4]) -> u32) -> Outcome<Text<'static>> {
     let (words, rest) = bytes.as_chunks::<4>();
     if !rest.is_empty() {
         return Err(Fault::Truncated("UTF-32 text ends within a character".into()));
     }
     let text: Option<String> = words.iter().map(|w| char::from_u32(unit(*w))).collect();
     let text = text.ok_or_else(|| Fault::damaged("is no valid UTF-32 text"))?;
-    Ok((text, Some("UTF-32")))
+    Ok((text.into(), Some("UTF-32")))
 }
 
 /// Lines with their numbers from 1, also those that carriage returns end.

@@ -1,373 +1,7 @@
 //! The header of a text grid: size, pitch, units and gaps, in the languages that programs write.
 
+use super::keys::{Key, find};
 use super::unit::{quantity, unit_in, unit_um};
-
-/// Meaning of a key.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Key {
-    Columns,
-    Rows,
-    Width,
-    Height,
-    Size,
-    Pitch,
-    PitchDown,
-    Bare,
-    BareDown,
-    PixelUm,
-    ValueUnit,
-    Unit,
-    NoData,
-    Factor,
-    Channel,
-}
-
-/// Keys in lower case, brackets and punctuation aside.
-const KEYS: &[(Key, &[&str])] = &[
-    (
-        Key::Columns,
-        &[
-            "image width",
-            "ncols",
-            "ncol",
-            "columns",
-            "cols",
-            "xpixels",
-            "x pixels",
-            "pixels x",
-            "xres",
-            "x resolution",
-            "nx",
-            "spalten",
-            "anzahl spalten",
-            "colonnes",
-            "nombre de colonnes",
-            "columnas",
-            "número de columnas",
-            "colonne",
-            "numero di colonne",
-            "number of columns",
-            "points per line",
-            "samps/line",
-            "x points",
-            "kolommen",
-            "colunas",
-            "столбцы",
-            "列数",
-        ],
-    ),
-    (
-        Key::Rows,
-        &[
-            "image height",
-            "nrows",
-            "nrow",
-            "rows",
-            "lines",
-            "ypixels",
-            "y pixels",
-            "pixels y",
-            "yres",
-            "y resolution",
-            "ny",
-            "zeilen",
-            "anzahl zeilen",
-            "lignes",
-            "nombre de lignes",
-            "filas",
-            "número de filas",
-            "righe",
-            "numero di righe",
-            "number of rows",
-            "number of lines",
-            "y points",
-            "rijen",
-            "linhas",
-            "строки",
-            "行数",
-        ],
-    ),
-    (
-        Key::Width,
-        &[
-            "real width",
-            "width",
-            "breite",
-            "largeur",
-            "ancho",
-            "anchura",
-            "larghezza",
-            "largura",
-            "breedte",
-            "šířka",
-            "sirka",
-            "szerokość",
-            "szerokosc",
-            "ширина",
-            "幅",
-            "宽度",
-            "寬度",
-            "너비",
-            "bredd",
-            "bredde",
-            "leveys",
-            "genişlik",
-            "szélesség",
-            "x size",
-            "size x",
-            "xsize",
-            "x range",
-            "x length",
-            "xlength",
-            "x scan size",
-            "scan size x",
-            "scan width",
-            "x scan range",
-            "x-größe",
-            "field width",
-            "w",
-        ],
-    ),
-    (
-        Key::Height,
-        &[
-            "real height",
-            "height",
-            "höhe",
-            "hoehe",
-            "hauteur",
-            "alto",
-            "altura",
-            "altezza",
-            "hoogte",
-            "výška",
-            "vyska",
-            "wysokość",
-            "wysokosc",
-            "высота",
-            "高さ",
-            "高度",
-            "높이",
-            "höjd",
-            "høyde",
-            "højde",
-            "korkeus",
-            "yükseklik",
-            "magasság",
-            "y size",
-            "size y",
-            "ysize",
-            "y range",
-            "y length",
-            "ylength",
-            "y scan size",
-            "scan size y",
-            "scan height",
-            "y scan range",
-            "y-größe",
-            "field height",
-            "h",
-        ],
-    ),
-    (
-        Key::Size,
-        &[
-            "scan size",
-            "scan range",
-            "image size",
-            "scan length",
-            "scangröße",
-            "scanbereich",
-            "bildgröße",
-            "taille",
-            "taille du scan",
-            "taille de l'image",
-            "tamaño",
-            "tamaño de barrido",
-            "dimensioni",
-            "dimensione scansione",
-            "size",
-            "physical size",
-        ],
-    ),
-    (
-        Key::Pitch,
-        &[
-            "pixel size",
-            "pixelsize",
-            "pixel width",
-            "pixel pitch",
-            "pitch",
-            "pixelgröße",
-            "pixelbreite",
-            "pixelabstand",
-            "rasterweite",
-            "schrittweite",
-            "punktabstand",
-            "abtastabstand",
-            "taille de pixel",
-            "taille du pixel",
-            "taille des pixels",
-            "pas",
-            "pas d'échantillonnage",
-            "tamaño de píxel",
-            "tamaño del píxel",
-            "tamaño de pixel",
-            "paso",
-            "dimensione pixel",
-            "dimensione del pixel",
-            "passo",
-            "tamanho do pixel",
-            "pixelgrootte",
-            "размер пикселя",
-            "sampling",
-            "sampling interval",
-            "sampling distance",
-            "spacing",
-            "x spacing",
-            "spacing x",
-            "step",
-            "step size",
-            "x step",
-            "grid spacing",
-            "point spacing",
-            "lateral resolution",
-            "x increment",
-            "x pitch",
-            "xscale",
-            "x pixel size",
-            "ピクセルサイズ",
-            "像素尺寸",
-        ],
-    ),
-    (
-        Key::PitchDown,
-        &[
-            "pixel height",
-            "pixelhöhe",
-            "y spacing",
-            "spacing y",
-            "y step",
-            "y increment",
-            "y pitch",
-            "yscale",
-            "y pixel size",
-        ],
-    ),
-    (Key::Bare, &["cellsize", "cell size", "dx"]),
-    (Key::BareDown, &["dy"]),
-    (Key::PixelUm, &["pixel_um"]),
-    (
-        Key::ValueUnit,
-        &[
-            "z unit",
-            "z units",
-            "zunit",
-            "z-unit",
-            "value units",
-            "value unit",
-            "height unit",
-            "height units",
-            "data unit",
-            "data units",
-            "werteeinheit",
-            "werteinheit",
-            "einheit der werte",
-            "z-einheit",
-            "z einheit",
-            "höheneinheit",
-            "unité des valeurs",
-            "unités des valeurs",
-            "unité de valeur",
-            "unités de valeur",
-            "unité z",
-            "unidad de valor",
-            "unidades de valor",
-            "unidad de los valores",
-            "unidades de los valores",
-            "unidades del valor",
-            "unidad z",
-            "unità dei valori",
-            "unità di valore",
-            "unità valori",
-            "unità z",
-            "unidade do valor",
-            "unidades do valor",
-            "unidades de valores",
-            "eenheid waarde",
-            "waarde-eenheid",
-            "jednotky hodnot",
-            "jednotka hodnot",
-            "jednostka wartości",
-            "единицы значений",
-            "единица значений",
-            "値の単位",
-            "数值单位",
-        ],
-    ),
-    (
-        Key::Unit,
-        &[
-            "unit",
-            "units",
-            "einheit",
-            "einheiten",
-            "unité",
-            "unités",
-            "unidad",
-            "unidades",
-            "unità",
-            "eenheid",
-            "unidade",
-            "单位",
-            "単位",
-        ],
-    ),
-    (
-        Key::NoData,
-        &[
-            "nodata_value",
-            "nodata value",
-            "nodata",
-            "no data",
-            "no data value",
-            "no_data",
-            "missing value",
-            "missing_value",
-            "missing",
-            "fill value",
-            "_fillvalue",
-            "fillvalue",
-            "bad value",
-            "invalid value",
-            "dummy",
-            "fehlwert",
-            "ungültiger wert",
-            "blank value",
-            "valeur manquante",
-            "valor nulo",
-        ],
-    ),
-    (
-        Key::Factor,
-        &[
-            "height conversion factor",
-            "scale factor",
-            "scaling factor",
-            "z scale factor",
-            "z factor",
-            "zfactor",
-            "zscale",
-            "z scale",
-            "multiplier",
-            "z multiplier",
-            "skalierungsfaktor",
-            "facteur d'échelle",
-            "factor de escala",
-        ],
-    ),
-    (Key::Channel, &["channel", "kanal", "canal", "canale", "kanaal", "チャンネル", "канал"]),
-];
 
 /// A named column: its axis, `x`, `y`, `z` or ` `, and its unit in µm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -397,6 +31,8 @@ pub(super) struct Header {
     pub channel: Option<String>,
     /// Whether a number with a decimal comma was found.
     pub decimal_comma: bool,
+    /// A number whose comma separates decimals or thousands.
+    pub ambiguous: Option<String>,
     /// Names of the columns in the last line before the numbers.
     pub names: Vec<Column>,
     /// Whether it is the header of an ESRI grid.
@@ -414,6 +50,11 @@ fn set<T: Copy + PartialEq>(problem: &mut Option<String>, name: &str, place: &mu
 }
 
 impl Header {
+    /// Whether it states both sizes of an image.
+    pub(super) fn is_sized(&self) -> bool {
+        self.width_um.is_some() && self.height_um.is_some()
+    }
+
     /// Takes in `Name: value unit`, `# Name = value unit`, `name value`, `name;value;unit`; other lines may name the columns.
     pub(super) fn take(&mut self, line: &str) {
         let line = line.trim_start_matches(['#', '%', '!', '/', ' ']).trim_matches(['\t', ' ', '"']);
@@ -436,21 +77,28 @@ impl Header {
         let bare =
             name.split(['[', '(', '{']).next().unwrap_or_default().trim().trim_matches(['"', '.']).to_lowercase();
         self.esri |= matches!(bare.as_str(), "xllcorner" | "xllcenter" | "yllcorner" | "yllcenter" | "nodata_value");
-        let Some((key, _)) = KEYS.iter().find(|(_, names)| names.contains(&bare.as_str())) else { return };
+        let Some(key) = find(&bare) else { return };
         let parsed = quantity(value);
         let number = parsed.map(|(number, _)| number);
         let rest = parsed.map_or("", |(_, rest)| rest);
         let unit = unit_um(rest).or_else(|| unit_in(name).filter(|_| name.contains(['[', '(', '{'])));
-        self.decimal_comma |= parsed.is_some_and(|_| value.contains(',') && !value.contains(", "))
-            && value.split_once(',').is_some_and(|(_, after)| after.starts_with(|c: char| c.is_ascii_digit()));
+        match comma(value).filter(|_| parsed.is_some()) {
+            Some(true) => self.decimal_comma = true,
+            Some(false) => self.ambiguous = Some(format!("{} is {value:.40}", name.trim())),
+            None => {}
+        }
         let length = number.zip(unit).map(|(n, u)| n * u).filter(|um| *um > 0.0);
         let count = || number.filter(|n| (1.0..1e6).contains(n) && n.fract() == 0.0).map(|n| n as usize);
         let problem = &mut self.problem;
         match key {
             Key::Columns if length.is_none() => set(problem, "columns", &mut self.columns, count()),
             Key::Rows if length.is_none() => set(problem, "rows", &mut self.rows, count()),
-            Key::Columns | Key::Width if length.is_some() => set(problem, "width", &mut self.width_um, length),
-            Key::Rows | Key::Height if length.is_some() => set(problem, "height", &mut self.height_um, length),
+            Key::Columns | Key::Width if length.is_some() && !counts(&bare) => {
+                set(problem, "width", &mut self.width_um, length)
+            }
+            Key::Rows | Key::Height if length.is_some() && !counts(&bare) => {
+                set(problem, "height", &mut self.height_um, length)
+            }
             // `w=650` counts pixels.
             Key::Width if bare == "w" => set(problem, "columns", &mut self.columns, count()),
             Key::Height if bare == "h" => set(problem, "rows", &mut self.rows, count()),
@@ -503,6 +151,22 @@ impl Header {
             _ => {}
         }
     }
+}
+
+/// Whether a key can only count pixels: `rows: 5 µm` is no size.
+fn counts(name: &str) -> bool {
+    !["image width", "image height", "width", "height"].contains(&name)
+        && matches!(find(name), Some(Key::Columns | Key::Rows))
+}
+
+/// Whether a number is a decimal with a comma, `6,4`, or can be one of thousands, `1,200`; none without a comma.
+fn comma(value: &str) -> Option<bool> {
+    let digits = |c: char| c.is_ascii_digit();
+    let (whole, after) = value.split_once(',')?;
+    let whole = whole.rsplit(|c: char| !digits(c)).next().unwrap_or_default();
+    let fraction = after.split(|c: char| !digits(c)).next().unwrap_or_default();
+    let thousands = fraction.len() == 3 && (1..=3).contains(&whole.len()) && !whole.starts_with('0');
+    (!fraction.is_empty()).then_some(!thousands)
 }
 
 /// Where the name ends in `ncols 64`.

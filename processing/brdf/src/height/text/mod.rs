@@ -2,6 +2,7 @@
 
 pub(super) mod encoding;
 mod header;
+mod keys;
 mod number;
 mod points;
 mod table;
@@ -85,7 +86,12 @@ fn interpret(mut table: Table) -> std::result::Result<Stored, Fault> {
             "correct the header, or remove it and give flags",
         ));
     }
-    let header = &table.header;
+    let header = &table.header.clone();
+    let decimal = table.style.map(|style| style.decimal);
+    if let (Some(number), false, Some('.')) = (&header.ambiguous, header.decimal_comma, decimal) {
+        let problem = format!("has a header whose number is read as decimal or as thousands: {number}");
+        return Err(Fault::unsupported(problem, "write it with a decimal point and without thousands separators"));
+    }
     let whole = header.columns.zip(header.rows).filter(|(c, r)| c.checked_mul(*r) == Some(table.values.len()));
     let width = match (whole, table.ragged) {
         // All in one line, or wrapped: the header says where rows end.
@@ -97,7 +103,10 @@ fn interpret(mut table: Table) -> std::result::Result<Stored, Fault> {
     };
     let mut stored = match points::of(&table, width)? {
         Some(stored) => stored,
-        None => matrix(&table, width)?,
+        None => {
+            let values = std::mem::take(&mut table.values);
+            matrix(&table, values, width)?
+        }
     };
     units(header, &mut stored)?;
     gaps(header, &mut stored)?;
@@ -111,9 +120,8 @@ fn interpret(mut table: Table) -> std::result::Result<Stored, Fault> {
 }
 
 /// Rows of pixels.
-fn matrix(table: &Table, width: usize) -> std::result::Result<Stored, Fault> {
+fn matrix(table: &Table, values: Vec<f64>, width: usize) -> std::result::Result<Stored, Fault> {
     let header = &table.header;
-    let values = table.values.clone();
     let rows = values.len() / width.max(1);
     if table.blocks > 1 && width == table.width {
         let problem = format!("holds {} blocks of rows with blank lines between", table.blocks);
@@ -133,7 +141,10 @@ fn matrix(table: &Table, width: usize) -> std::result::Result<Stored, Fault> {
             return Err(Fault::damaged(format!("line 2 has {width} heights, those before {first}")));
         }
     }
-    coordinates(&values, width, rows)?;
+    // Where the header states the size, there is no room for coordinates.
+    if !header.is_sized() && header.columns.is_none() {
+        coordinates(&values, width, rows)?;
+    }
     Ok(Stored { width, rows, pitch: pitch(header, width, rows), values, ..Stored::default() })
 }
 

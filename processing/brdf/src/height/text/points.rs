@@ -28,13 +28,15 @@ pub(super) fn of(table: &Table, width: usize) -> Result<Option<Stored>, Fault> {
         (Some(x), None, Some(z)) if names => return profile(table, [x, z]).map(Some),
         _ => {}
     }
+    // A header with both sizes of an image belongs to a matrix, however narrow.
+    let narrow = |fault| if table.header.is_sized() { Ok(None) } else { Err(fault) };
     match width {
         1 if rows > 1 => {
             let problem = format!("holds one column of {rows} numbers, and does not say where rows end");
             Err(Fault::unsupported(problem, "write rows, or columns and rows in the header (ncols, nrows)"))
         }
-        2 if rows > 2 => profile(table, [0, 1]).map(Some),
-        3 if rows > 3 => grid(table, [0, 1, 2]).map(Some),
+        2 if rows > 2 => profile(table, [0, 1]).map(Some).or_else(narrow),
+        3 if rows > 3 => grid(table, [0, 1, 2]).map(Some).or_else(narrow),
         // More columns than coordinates: refused rather than taken for a narrow matrix.
         4.. if rows > width && is_grid(table, width) => {
             let problem = format!("holds points of {width} numbers without names");

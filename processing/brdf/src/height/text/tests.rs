@@ -152,6 +152,7 @@ fn numbers_with_two_readings_are_refused() {
     let with_unit = b"Unit: nm\n1,234\t5,678\n2,345\t6,789\n";
     let scale = Scale { pixel_um: Some(0.3), ..Scale::default() };
     assert!(file(with_unit, &scale).unwrap_err().to_string().contains("thousands"));
+    refused(&format!("Width: 1,200 nm\nHeight: 900 nm\nUnit: nm\n{}", rows(" ", ".")), &["1,200 nm", "thousands"]);
     // A header with decimal commas decides.
     let decided = b"Breite: 0,6 \xb5m\nH\xf6he: 0,6 \xb5m\nEinheit: nm\n1,234\t5,678\n2,345\t6,789\n";
     assert!((file(decided, &Scale::default()).unwrap().range_um() - 5.555e-3).abs() < 1e-9);
@@ -306,6 +307,10 @@ fn indices_and_coordinates_are_no_heights() {
     let slope: String =
         (0..6).map(|y| (0..5).map(|x| format!("{} ", 2 * x + 7 * y)).collect::<String>() + "\n").collect();
     assert!(file(slope.as_bytes(), &flags(0.3, 0.1)).is_ok());
+    // A narrow matrix whose header states both sizes.
+    let narrow = "Width: 0.9 µm\nHeight: 1.2 µm\nUnit: nm\n1 5 2\n2 7 1\n3 1 1\n4 8 9\n";
+    let field = file(narrow.as_bytes(), &Scale::default()).unwrap();
+    assert_eq!((field.width, field.height), (3, 4));
     // A size before the rows.
     plain(format!("4 3\n{}", rows(" ", ".")).as_bytes(), "size first");
     refused(&format!("4 5\n{}", rows(" ", ".")), &["line 2"]);

@@ -1,0 +1,78 @@
+//! Recognition of all formats, and damaged files of each.
+
+use super::super::super::stored::{Pitch, Stored};
+use super::super::{FORMATS, Input, recognise};
+use super::*;
+
+/// All formats, one or more files of each.
+fn samples() -> Vec<Vec<u8>> {
+    vec![
+        gwyddion::sample(),
+        igor::sample(false),
+        igor::sample(true),
+        igor::two(),
+        x3p::sample("D"),
+        x3p::sample("I"),
+        x3p::listed(),
+        nanoscope::sample(2, 2),
+        nanoscope::sample(4, 4),
+        sdf::text("aISO-1.0", &sdf::numbers()),
+        sdf::binary(b"bISO-1.0", 7, &le(&NM, f64::to_le_bytes)),
+        others::nid(),
+        others::dsaa(),
+        others::dsbb(),
+        others::bcr("bcrf", false),
+        others::bcr("bcrstm", true),
+    ]
+}
+
+#[test]
+fn every_format_is_recognised_by_its_content() {
+    let mut seen: Vec<&str> = samples().iter().map(|bytes| recognise(bytes).unwrap().name).collect();
+    seen.dedup();
+    assert_eq!(seen, FORMATS.iter().map(|f| f.name).collect::<Vec<_>>());
+}
+
+/// Reads bytes by the reader that recognises them. What comes out is a grid of its size.
+fn attempt(bytes: &[u8]) {
+    let Some(format) = recognise(bytes) else { return };
+    if let Ok(Stored { width, rows, values, pitch, .. }) = (format.read)(&Input { bytes, channel: None }) {
+        assert_eq!(values.len(), width * rows, "{}", format.name);
+        assert!(pitch != Pitch::Unknown, "{}", format.name);
+    }
+}
+
+/// Flips, cuts, extensions and large counts in every place, NACRE_FUZZ_ROUNDS of each file.
+#[test]
+fn damaged_files_end_in_errors() {
+    let rounds = std::env::var("NACRE_FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(1500);
+    for (seed, whole) in samples().into_iter().enumerate() {
+        let mut state = 0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(seed as u64 + 1);
+        let mut dice = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize
+        };
+        for length in 0..whole.len().min(6000) {
+            attempt(&whole[..length]);
+        }
+        for round in 0..rounds {
+            let mut copy = whole.clone();
+            for _ in 0..=dice() % 3 {
+                let at = dice() % copy.len();
+                match dice() % 5 {
+                    0 => copy[at] ^= 1 << (dice() % 8),
+                    1 => copy[at] = dice() as u8,
+                    2 => copy[at..].iter_mut().take(4).for_each(|b| *b = 0xff),
+                    3 => copy[at..].iter_mut().take(4).zip([0xff, 0xff, 0xff, 0x7f]).for_each(|(b, v)| *b = v),
+                    _ => copy[at..].iter_mut().take(3).for_each(|b| *b = b'9'),
+                }
+            }
+            match round % 8 {
+                0 => copy.truncate(dice() % whole.len()),
+                1 => copy.extend(std::iter::repeat_n(dice() as u8, 300)),
+                _ => {}
+            }
+            attempt(&copy);
+        }
+    }
+}
