@@ -65,7 +65,7 @@ impl Stored {
         let subject = path.display().to_string();
         check_size(&subject, self.width, self.rows)?;
         self.check_gaps(path)?;
-        let pixel_um = pixel_um(path, scale, self.pitch)?;
+        let pixel_um = tidy(pixel_um(path, scale, self.pitch)?);
         let factor = self.factor(path, scale)?;
         let um = self.values.into_iter().map(|v| v * factor).collect();
         let mut field = HeightField::new(&subject, self.width, self.rows, pixel_um, um)?;
@@ -131,7 +131,7 @@ pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64>
                 Some(flag) if (flag / own - 1.0).abs() > SAME_PITCH => {
                     Err(contradicts(format!("{} µm", tidy(own)), flag))
                 }
-                _ => Ok(tidy(own)),
+                _ => Ok(own),
             }
         }
         (Pitch::Bare(both), Some(flag)) => {
