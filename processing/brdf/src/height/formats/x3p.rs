@@ -10,8 +10,9 @@ use std::io::{Cursor, Read};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-/// Most bytes of `main.xml`, which may hold the heights, and most files of an archive.
-const MAX_XML: u64 = 128 << 20;
+/// Most bytes and nodes of `main.xml`, which may hold the heights (two nodes each, half a GiB of memory in all), and most files of an archive.
+const MAX_XML: u64 = 64 << 20;
+const MAX_NODES: u32 = 8 << 20;
 const MAX_FILES: usize = 4096;
 
 /// How much rougher the wrong one of two readings of integers is, at least.
@@ -42,9 +43,13 @@ pub(super) fn read(input: &Input) -> Outcome<Stored> {
         };
         let bytes = entry(&mut archive, main, MAX_XML)?;
         let xml = String::from_utf8(bytes).map_err(|_| Fault::damaged("main.xml is no UTF-8 text"))?;
-        let options = roxmltree::ParsingOptions { nodes_limit: 64 << 20, ..Default::default() };
-        let xml = Document::parse_with_options(xml.trim_start_matches('\u{feff}'), options)
-            .map_err(|e| Fault::damaged(format!("main.xml: {e}")))?;
+        let options = roxmltree::ParsingOptions { nodes_limit: MAX_NODES, ..Default::default() };
+        let xml = Document::parse_with_options(xml.trim_start_matches('\u{feff}'), options).map_err(|e| match e {
+            roxmltree::Error::NodesLimitReached => {
+                Fault::unsupported("its list of heights is too long", "export it with binary heights")
+            }
+            other => Fault::damaged(format!("main.xml: {other}")),
+        })?;
         document(&xml, &mut archive, main.trim_end_matches(|c| c != '/'))
     };
     nacre_base::guard::guarded(read).unwrap_or_else(|panic| Err(Fault::Damaged(format!("it {panic}"))))

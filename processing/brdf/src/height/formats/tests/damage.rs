@@ -42,16 +42,21 @@ fn attempt(bytes: &[u8]) {
     }
 }
 
+/// Numbers that look random.
+fn dice(seed: usize) -> impl FnMut() -> usize {
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(seed as u64 + 1);
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize
+    }
+}
+
 /// Flips, cuts, extensions and large counts in every place, NACRE_FUZZ_ROUNDS of each file.
 #[test]
 fn damaged_files_end_in_errors() {
     let rounds = std::env::var("NACRE_FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(1500);
     for (seed, whole) in samples().into_iter().enumerate() {
-        let mut state = 0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(seed as u64 + 1);
-        let mut dice = move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) as usize
-        };
+        let mut dice = dice(seed);
         for length in 0..whole.len().min(6000) {
             attempt(&whole[..length]);
         }
@@ -73,6 +78,28 @@ fn damaged_files_end_in_errors() {
                 _ => {}
             }
             attempt(&copy);
+        }
+    }
+}
+
+/// The archive is whole, and what is in it is not.
+#[test]
+fn damaged_documents_in_whole_archives_end_in_errors() {
+    let rounds = std::env::var("NACRE_FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(600);
+    let data = le(&NM, f64::to_le_bytes);
+    let list: String = NM.iter().map(|v| format!("<Datum>0;1;{v}e-9</Datum>")).collect();
+    let link = "<DataLink><PointDataLink>d</PointDataLink><ValidPointsLink>v</ValidPointsLink></DataLink>".to_owned();
+    for (seed, part) in [format!("<DataList>{list}</DataList>"), link].iter().enumerate() {
+        let whole = x3p::xml("D", "<Increment>1</Increment>", part).into_bytes();
+        let mut dice = dice(seed);
+        for _ in 0..rounds {
+            let mut xml = whole.clone();
+            for _ in 0..=dice() % 3 {
+                let at = dice() % xml.len();
+                let digits = xml[at].is_ascii_digit();
+                xml[at] = if digits { b"0987-e."[dice() % 7] } else { dice() as u8 };
+            }
+            attempt(&x3p::archive(&[("main.xml", &xml), ("d", &data), ("v", &[0xff; 3])]));
         }
     }
 }
