@@ -49,6 +49,8 @@ pub(super) fn read(input: &Input) -> Outcome<Stored> {
     let order = if keys.get("intelmode") == Some("0") { Order::Big } else { Order::Little };
     let mut values = numbers(input.bytes.get(begin..).unwrap_or_default(), width * rows, kind, order)?;
     let void = keys.get("voidpixels").and_then(|v| v.parse::<f64>().ok()).filter(|v| *v != 0.0);
+    // Their value in some files, their number in others, which then mark them by the largest integer.
+    let void = void.map(|v| if kind.is_integer() && v.abs() < 32_767.0 { 32_767.0 } else { v });
     // Floats mark gaps by the largest one.
     values.iter_mut().filter(|v| Some(**v) == void || v.abs() > 1.7e38).for_each(|v| *v = f64::NAN);
     let unit = |key: &str| unit_um(keys.get(key).unwrap_or("nm"));

@@ -28,6 +28,8 @@ const MAGICS: &[(usize, &[u8], &str)] = &[
     (0, b"Binary TrueMap Data File", "TrueMap file (.tmd)"),
     (0, b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "OLE file, of Mountains or Excel for example"),
     (0, b"PK\x03\x04", "ZIP archive, of Excel for example"),
+    (0, b"P2\n", "PGM image"),
+    (0, b"P5\n", "PGM image"),
     (0, b"%PDF", "PDF"),
     (0, b"\x1f\x8b", "gzip file"),
     (0, b"7z\xbc\xaf\x27\x1c", "7-Zip archive"),

@@ -66,18 +66,17 @@ impl Header {
             return;
         }
         self.names = if line.contains([':', '=']) { vec![] } else { names(line) };
-        let cut = line.find([':', '=', '\t', ';']).or_else(|| key_end(line)).or_else(|| line.find(','));
-        if let Some(cut) = cut {
-            let (name, value) = line.split_at(cut);
-            self.pair(name, value.trim_start_matches([':', '=', ' ', '\t', ';', ',']).trim());
+        let cuts = [line.find([':', '=', '\t', ';']), key_end(line), line.find(',')];
+        let pairs = cuts.into_iter().flatten().map(|cut| line.split_at(cut));
+        let known = pairs.filter_map(|(name, value)| Some((name, find(&bare(name))?, value))).next();
+        if let Some((name, key, value)) = known {
+            self.pair(name, key, value.trim_start_matches([':', '=', ' ', '\t', ';', ',']).trim());
         }
+        self.esri |= ["xll", "yll", "nodata_value"].iter().any(|word| line.to_lowercase().starts_with(word));
     }
 
-    fn pair(&mut self, name: &str, value: &str) {
-        let bare =
-            name.split(['[', '(', '{']).next().unwrap_or_default().trim().trim_matches(['"', '.']).to_lowercase();
-        self.esri |= matches!(bare.as_str(), "xllcorner" | "xllcenter" | "yllcorner" | "yllcenter" | "nodata_value");
-        let Some(key) = find(&bare) else { return };
+    fn pair(&mut self, name: &str, key: Key, value: &str) {
+        let bare = bare(name);
         let parsed = quantity(value);
         let number = parsed.map(|(number, _)| number);
         let rest = parsed.map_or("", |(_, rest)| rest);
@@ -151,6 +150,11 @@ impl Header {
             _ => {}
         }
     }
+}
+
+/// A key in lower case without unit and punctuation.
+fn bare(name: &str) -> String {
+    name.split(['[', '(', '{']).next().unwrap_or_default().trim().trim_matches(['"', '.']).to_lowercase()
 }
 
 /// Whether a key can only count pixels: `rows: 5 µm` is no size.

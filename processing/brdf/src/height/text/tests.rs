@@ -128,6 +128,7 @@ fn headers_in_many_languages() {
         "pixel_um 0.3\nz unit nm",
         "ncols 4\nnrows 3\npixel_um 0.3\nvalue units nm",
         "\"Pixel size\";0,3;µm\n\"Unit\";nm",
+        "Pixel size,0.3 µm\nUnit,nm\nDate,01.02.2024 10:30",
         "pixel size=3e-7 m\nw=4 h=3\ndata unit=rad\nheight conversion factor (-> m)=1e-9",
         "x spacing: 0.3 micrometers\ny spacing: 0.3 micrometers\nz unit: nanometers",
     ] {
