@@ -49,7 +49,7 @@ def channels(path):
 
 
 def difference(one, other):
-    """Largest difference up to an offset, over the range, with what single precision leaves."""
+    """Largest difference up to an offset, over the range, apart from the rounding of single precision."""
     (a, pitch_a), (b, pitch_b) = one, other
     if a.shape != b.shape:
         return f"{a.shape} against {b.shape} pixels"
@@ -80,7 +80,7 @@ def compare(nacre, path, flags=()):
 
 
 def written():
-    """Files to compare, with the flags that state what a format does not."""
+    """Files to compare, with flags for the scale that a format does not state."""
     for name, data, flags in write.files():
         path = Path(name)
         path.write_bytes(data)

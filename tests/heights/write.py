@@ -89,7 +89,7 @@ def bcrf(nm, pitch_um):
 
 
 def files():
-    """Names, contents, and flags that state what the format does not."""
+    """Names, contents, and flags for the scale that a format does not state."""
     for seed, (width, rows, pitch) in enumerate([(48, 48, 0.1), (64, 40, 0.0375), (31, 57, 0.25)]):
         nm = patch(width, rows, seed)
         yield f"matrix-{seed}.txt", matrix(nm, pitch), []

@@ -16,7 +16,7 @@ pub const EXTENSIONS: &[&str] = &[
 /// Largest text or file of an instrument that is read, in bytes.
 const MAX_BYTES: u64 = 256 << 20;
 
-/// What is known of the scale beside the file. It must not contradict what the file says.
+/// Scale that the user states. It must not contradict the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Scale {
     /// Distance of two pixels in µm.
@@ -30,9 +30,9 @@ pub struct Scale {
 
 impl Scale {
     pub(crate) fn check(&self) -> Result<()> {
-        let positive = |what: &str, value: Option<f64>| match value {
+        let positive = |flag: &str, value: Option<f64>| match value {
             Some(v) if !(v > 0.0 && v <= 1e4) => {
-                Err(Error::input(what, format!("is {v}"), "give a number of µm above 0, at most 10000"))
+                Err(Error::input(flag, format!("is {v}"), "give a number of µm above 0, at most 10000"))
             }
             _ => Ok(()),
         };

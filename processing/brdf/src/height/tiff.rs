@@ -39,7 +39,7 @@ fn fault(path: &Path, error: TiffError) -> Error {
             format!("is a TIFF that cannot be decoded: {error}"),
             "export it as uncompressed TIFF or as PNG",
         ),
-        TiffError::LimitsExceeded => Error::file(path, "is a TIFF larger than what is read", "crop it"),
+        TiffError::LimitsExceeded => Error::file(path, "is a TIFF beyond the limits", "crop it"),
         other => Error::file(path, format!("is a truncated or damaged TIFF: {other}"), "copy or export the file again"),
     }
 }
@@ -111,7 +111,7 @@ fn instrument(path: &Path, image: &mut Image) -> Result<()> {
     Err(Error::file(path, problem, "export the heights as Gwyddion file (.gwy), X3P or text"))
 }
 
-/// What the tags say of the scale.
+/// Scale that the tags state.
 #[derive(Default)]
 struct Stated {
     pitch: Pitch,

@@ -18,7 +18,7 @@ Examples:
   nacre brdf heights scan.spm --channel \"Height Sensor\" --level --out scan.exr
   nacre brdf heights points.xyz --pixel-um 0.1 --range-um 0.15 --out points.exr
 
-Writes FILE.exr (height in µm, with the pixel pitch) and FILE.png (a picture): what Nacre reads from a file.")]
+Writes FILE.exr (height in µm, with the pixel pitch) and FILE.png (a picture) of the heights that Nacre reads.")]
 pub struct Heights {
     #[command(flatten)]
     surface: Surface,

@@ -13,7 +13,7 @@ pub(in crate::height) enum Fault {
     Truncated(String),
     /// It contradicts itself or its format.
     Damaged(String),
-    /// It is valid, but no height field that Nacre reads: what it is, and what to do.
+    /// It is valid, but no height field that Nacre reads: the reason and the remedy.
     Unsupported(String, String),
 }
 

@@ -57,8 +57,8 @@ pub(super) fn read(input: &Input) -> Outcome<Stored> {
 
 fn broken(error: ZipError) -> Fault {
     match error {
-        ZipError::UnsupportedArchive(what) => {
-            Fault::unsupported(what.to_string(), "pack the archive again with Deflate")
+        ZipError::UnsupportedArchive(feature) => {
+            Fault::unsupported(feature.to_string(), "pack the archive again with Deflate")
         }
         ZipError::Io(error) => Fault::Truncated(error.to_string()),
         other => Fault::damaged(other.to_string()),

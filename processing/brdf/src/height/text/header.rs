@@ -10,7 +10,7 @@ pub(super) struct Column {
     pub unit_um: Option<f64>,
 }
 
-/// What the header of a text grid says.
+/// Statements of the header of a text grid.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Header {
     pub columns: Option<usize>,
@@ -37,7 +37,7 @@ pub(super) struct Header {
     pub names: Vec<Column>,
     /// Whether it is the header of an ESRI grid.
     pub esri: bool,
-    /// What contradicts itself or cannot be applied.
+    /// A contradiction, or a statement that cannot be applied.
     pub problem: Option<String>,
 }
 

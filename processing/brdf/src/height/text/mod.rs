@@ -51,7 +51,7 @@ const SENTINELS: &[f64] = &[
 /// How much farther than all others spread such a value must be away from them.
 const AWAY: f64 = 5.0;
 
-/// What to do about text that is ambiguous.
+/// Remedy for ambiguous text.
 const REMEDY: &str = "export the heights as a matrix of numbers with decimal points, one row a line, separated by blanks, tabs or semicolons";
 
 /// Reads a grid of numbers, points x y z on a grid, or a profile.

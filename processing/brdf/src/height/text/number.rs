@@ -135,7 +135,7 @@ pub(super) fn is_row(line: &str) -> bool {
     numbers > 0
 }
 
-/// What separates the cells of a row.
+/// Sign between the cells of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Separator {
     Tab,
@@ -175,7 +175,7 @@ pub(super) struct Style {
     pub begins_with: bool,
 }
 
-/// What rows of numbers show about their style, gathered line by line.
+/// Evidence of the style of rows of numbers, gathered line by line.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Signs {
     lines: usize,
@@ -290,7 +290,7 @@ impl Signs {
         self.odd |= count % 2 == 1;
     }
 
-    /// The style, or what is ambiguous about it. `decimal_comma`: the header writes decimal commas. `relative`: only the ratio of the
+    /// The style, or its ambiguity. `decimal_comma`: the header writes decimal commas. `relative`: only the ratio of the
     /// values counts.
     pub(super) fn style(&self, decimal_comma: bool, relative: bool) -> Result<Style, String> {
         let sample = self.sample.as_deref().unwrap_or_default();

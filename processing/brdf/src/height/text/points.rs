@@ -11,7 +11,7 @@ const OFF: f64 = 0.05;
 /// Most columns of a list of points.
 const MAX_COLUMNS: usize = 12;
 
-/// What to do about points that are no grid.
+/// Remedy for points that are no grid.
 const REMEDY: &str = "resample the points to a regular grid, and export a matrix or all points x y z";
 
 /// The heights of a list of points or a profile; none for a matrix.

@@ -1,4 +1,4 @@
-//! Text as programs write it: read as what it holds, or refused by what is ambiguous.
+//! Text as programs write it: read right, or refused by its ambiguity.
 
 use super::super::{HeightField, Scale, read};
 
@@ -22,25 +22,25 @@ fn rows(separator: &str, decimal: &str) -> String {
     NM.iter().map(row).collect::<Vec<_>>().join("\n")
 }
 
-fn is_patch(field: &HeightField, what: &str) {
-    assert_eq!((field.width, field.height), (4, 3), "{what}");
+fn is_patch(field: &HeightField, name: &str) {
+    assert_eq!((field.width, field.height), (4, 3), "{name}");
     let [low, _] = field.ends_um();
     for (found, nm) in field.um.iter().zip(NM.as_flattened()) {
-        assert!((found - low - 1e-3 * (nm - 3.0)).abs() < 1e-9, "{what}: {:?}", field.um);
+        assert!((found - low - 1e-3 * (nm - 3.0)).abs() < 1e-9, "{name}: {:?}", field.um);
     }
 }
 
 /// Read by flags alone.
-fn plain(bytes: &[u8], what: &str) {
-    let field = file(bytes, &flags(0.3, 0.08725)).unwrap_or_else(|e| panic!("{what}: {e}"));
-    is_patch(&field, what);
+fn plain(bytes: &[u8], name: &str) {
+    let field = file(bytes, &flags(0.3, 0.08725)).unwrap_or_else(|e| panic!("{name}: {e}"));
+    is_patch(&field, name);
 }
 
 /// Read by its header alone.
-fn headed(bytes: &[u8], what: &str) {
-    let field = file(bytes, &Scale::default()).unwrap_or_else(|e| panic!("{what}: {e}"));
-    is_patch(&field, what);
-    assert!((field.pixel_um - 0.3).abs() < 1e-9, "{what}: {}", field.pixel_um);
+fn headed(bytes: &[u8], name: &str) {
+    let field = file(bytes, &Scale::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+    is_patch(&field, name);
+    assert!((field.pixel_um - 0.3).abs() < 1e-9, "{name}: {}", field.pixel_um);
 }
 
 fn refused(text: &str, words: &[&str]) {

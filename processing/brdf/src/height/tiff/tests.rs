@@ -9,7 +9,7 @@ use tiff::tags::{ResolutionUnit, Tag};
 const W: usize = 3;
 const H: usize = 2;
 
-/// What a TIFF says of its pixels.
+/// Tags of a TIFF that state its scale.
 #[derive(Clone, Copy, Default)]
 struct Says<'a> {
     text: Option<&'a str>,

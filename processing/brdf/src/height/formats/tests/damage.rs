@@ -33,7 +33,7 @@ fn every_format_is_recognised_by_its_content() {
     assert_eq!(seen, FORMATS.iter().map(|f| f.name).collect::<Vec<_>>());
 }
 
-/// Reads bytes by the reader that recognises them. What comes out is a grid of its size.
+/// Reads bytes by the reader that recognises them. The result is a grid of its stated size.
 fn attempt(bytes: &[u8]) {
     let Some(format) = recognise(bytes) else { return };
     if let Ok(Stored { width, rows, values, pitch, .. }) = (format.read)(&Input { bytes, channel: None }) {
@@ -82,7 +82,7 @@ fn damaged_files_end_in_errors() {
     }
 }
 
-/// The archive is whole, and what is in it is not.
+/// The archive is whole, the files in it are damaged.
 #[test]
 fn damaged_documents_in_whole_archives_end_in_errors() {
     let rounds = std::env::var("NACRE_FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(600);

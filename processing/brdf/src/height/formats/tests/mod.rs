@@ -1,4 +1,4 @@
-//! Files of each format, written here, read as what they hold; damaged ones end in errors.
+//! Files of each format, written here and read again; damaged ones end in errors.
 
 mod damage;
 mod gwyddion;
@@ -31,13 +31,13 @@ fn file(bytes: &[u8], scale: &Scale) -> nacre_base::Result<HeightField> {
 }
 
 /// Reads the bytes and compares them with the patch.
-fn holds(bytes: &[u8], what: &str) -> HeightField {
-    let field = file(bytes, &Scale::default()).unwrap_or_else(|e| panic!("{what}: {e}"));
-    assert_eq!((field.width, field.height), (W, H), "{what}");
-    assert!((field.pixel_um - PITCH).abs() < 1e-9, "{what}: {}", field.pixel_um);
+fn holds(bytes: &[u8], name: &str) -> HeightField {
+    let field = file(bytes, &Scale::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+    assert_eq!((field.width, field.height), (W, H), "{name}");
+    assert!((field.pixel_um - PITCH).abs() < 1e-9, "{name}: {}", field.pixel_um);
     let [low, _] = field.ends_um();
     for (found, nm) in field.um.iter().zip(NM) {
-        assert!((found - low - 1e-3 * (nm - NM[0])).abs() < 1e-8, "{what}: {:?}", field.um);
+        assert!((found - low - 1e-3 * (nm - NM[0])).abs() < 1e-8, "{name}: {:?}", field.um);
     }
     field
 }
