@@ -317,3 +317,33 @@ fn served_path(service: &Service, upload: &Value) -> Vec<String> {
     let own = all["items"].as_array().unwrap().iter().filter(|job| &job["upload"] == upload);
     own.map(|job| format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap())).collect()
 }
+
+#[test]
+fn heights_show_what_is_read_from_a_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let row = |y: usize| {
+        (0..20).map(|x| format!("{},{:02}", (x * x + 3 * y) % 90, (7 * x + y) % 100)).collect::<Vec<_>>().join(";")
+    };
+    let text = format!(
+        "Breite: 3,0 \u{b5}m\nHöhe: 3,0 \u{b5}m\nWerteeinheit: nm\n{}\n",
+        (0..20).map(row).collect::<Vec<_>>().join("\n")
+    );
+    std::fs::write(dir.join("a.csv"), text.encode_utf16().flat_map(u16::to_be_bytes).collect::<Vec<u8>>()).unwrap();
+    let report = brdf(dir, "heights a.csv --out a.exr").expect(0).json();
+    let quality = &report["quality"];
+    assert!((number(&quality["pixel_um"]) - 0.15).abs() < 1e-9 && quality["width"] == 20, "{report}");
+    assert!(quality["notes"].to_string().contains("UTF-16 BE"), "{report}");
+    let map = read_exr(&dir.join("a.exr")).unwrap();
+    assert!((map.channels["height"][1] - map.channels["height"][0] - 1.07e-3).abs() < 1e-6);
+    assert!(dir.join("a.png").is_file());
+    // The map holds the same heights.
+    let again = brdf(dir, "heights a.exr --out b.exr").expect(0).json();
+    assert!((number(&again["quality"]["rms_um"]) - number(&quality["rms_um"])).abs() < 1e-7);
+    for (flags, word) in
+        [("--pixel-um 0.2", "--pixel-um says 0.2"), ("--range-um 4", "--range-um says 4"), ("--channel 2", "--channel")]
+    {
+        let error = brdf(dir, &format!("heights a.csv {flags} --out c.exr")).expect(2).stderr();
+        assert!(error.contains(word), "{error}");
+    }
+}

@@ -11,7 +11,13 @@ import { brdfFields } from "./brdfform.js";
 import { flashFields } from "./flashform.js";
 import { tableFields } from "./tableform.js";
 
-const LIKELY = /\.(png|tiff?|jpe?g|exr|bmp|txt|asc|csv|dat)$/i;
+/** Endings of photographs and height fields; others are left out of a folder that is dropped. */
+const ENDINGS = "png tif tiff jpg jpeg exr webp fits fit fts npy dng cr2 cr3 nef nrw arw raf orf rw2 pef bmp hdr txt asc csv dat tsv xyz gwy ibw x3p spm sdf nid ezd grd bcr bcrf 000 001 002 003 004 005 006 007 008 009".split(" ").map((ending) => `.${ending}`);
+
+/** Whether a file has one of them. */
+function likely(name) {
+  return ENDINGS.some((ending) => name.toLowerCase().endsWith(ending));
+}
 
 /**
  * Shows the form until the signal fires.
@@ -21,7 +27,7 @@ const LIKELY = /\.(png|tiff?|jpe?g|exr|bmp|txt|asc|csv|dat)$/i;
 export async function uploadPage(main, { signal }) {
   let photographs = [];
   let picked = null;
-  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ".png,.tif,.tiff,.jpg,.jpeg,.exr,.webp,.fits,.fit,.fts,.npy,.dng,.cr2,.cr3,.nef,.nrw,.arw,.raf,.orf,.rw2,.pef,.bmp,.txt,.asc,.csv,.dat", onchange: () => add(input.files) });
+  const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ENDINGS.join(","), onchange: () => add(input.files) });
   const body = h("tbody");
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
   const transfer = select([["", "As the files state, or as usual for their type"], ["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "", { id: "transfer" });
@@ -40,7 +46,7 @@ export async function uploadPage(main, { signal }) {
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
   const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
   const drop = h("div", { class: "drop", ondragover: (e) => e.preventDefault(), ondrop: (e) => { e.preventDefault(); add(e.dataTransfer.files); } },
-    field("Photographs (PNG, TIFF, JPEG, EXR), or a height field (BMP or text as well)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }));
+    field("Photographs (PNG, TIFF, JPEG, EXR), or a height field (BMP, text and files of AFMs as well)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }));
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Upload photographs"), start),
     h("div", { class: "columns planning" },
       panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, listing))),
@@ -51,7 +57,7 @@ export async function uploadPage(main, { signal }) {
 
   function add(files) {
     const names = new Set(photographs.map((p) => p.file.name));
-    for (const file of files) if (LIKELY.test(file.name) && !names.has(file.name)) photographs.push({ file, deg: null });
+    for (const file of files) if (likely(file.name) && !names.has(file.name)) photographs.push({ file, deg: null });
     photographs.sort((a, b) => a.file.name.localeCompare(b.file.name));
     input.value = "";
     paint();

@@ -22,6 +22,9 @@ pub struct MapOptions {
     pub pixel_um: Option<f64>,
     /// Height of white above black in µm, unless the file says so.
     pub range_um: Option<f64>,
+    /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channel: Option<String>,
     /// Take the plane that fits best away.
     pub level: bool,
     /// Pixels of a row and of a column of the map.
@@ -39,6 +42,7 @@ impl Default for MapOptions {
         Self {
             pixel_um: None,
             range_um: None,
+            channel: None,
             level: false,
             size: 512,
             zoom: 1.0,
@@ -76,7 +80,7 @@ impl MapOptions {
     }
 
     fn scale(&self) -> Scale {
-        Scale { pixel_um: self.pixel_um, range_um: self.range_um }
+        Scale { pixel_um: self.pixel_um, range_um: self.range_um, channel: self.channel.clone() }
     }
 }
 

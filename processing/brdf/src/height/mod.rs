@@ -1,10 +1,15 @@
 //! Height fields: what they hold, how they are read, levelled, judged and made.
 
+mod formats;
+mod picture;
 mod quality;
 mod read;
+mod stored;
 mod synthetic;
 #[cfg(test)]
 mod tests;
+mod text;
+mod tiff;
 
 pub use quality::{Peak, Quality};
 pub use read::{EXTENSIONS, Scale, read};
@@ -34,6 +39,8 @@ pub struct HeightField {
     pub um: Vec<f64>,
     /// Distance of two heights that the file can tell apart, in µm; none for floating point.
     pub step_um: Option<f64>,
+    /// How its file was read: format, channel, encoding.
+    pub notes: Vec<String>,
 }
 
 impl HeightField {
@@ -60,7 +67,7 @@ impl HeightField {
             );
             return Err(Error::input(subject, problem, "fill these gaps, or crop the patch"));
         }
-        let this = Self { name: subject.into(), width, height, pixel_um, um, step_um: None };
+        let this = Self { name: subject.into(), width, height, pixel_um, um, step_um: None, notes: vec![] };
         let range = this.range_um();
         if range > 1e3 {
             let problem = format!("spans {range} µm of height");

@@ -59,6 +59,9 @@ pub struct Quality {
     pub shortest_nm: f64,
     /// Distance of two heights that the file can tell apart, in µm.
     pub step_um: Option<f64>,
+    /// How the file was read: format, channel, encoding.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
     /// What the reader must know.
     pub warnings: Vec<String>,
 }
@@ -82,6 +85,7 @@ impl Quality {
             seams: seams(field),
             shortest_nm: 2e3 * field.pixel_um,
             step_um: field.step_um,
+            notes: field.notes.clone(),
             warnings: vec![],
         };
         this.warnings = this.warn(coherence_um);

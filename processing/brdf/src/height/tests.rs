@@ -15,7 +15,7 @@ fn data(name: &str) -> Option<std::path::PathBuf> {
 }
 
 fn scale(pixel_um: impl Into<Option<f64>>, range_um: impl Into<Option<f64>>) -> Scale {
-    Scale { pixel_um: pixel_um.into(), range_um: range_um.into() }
+    Scale { pixel_um: pixel_um.into(), range_um: range_um.into(), channel: None }
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn what_is_no_height_field_is_refused_in_words() {
     refused("pitch.txt", b"1 2\n3 4\n", &scale(None, 1.0), "--pixel-um");
     refused("range.txt", b"1 2\n3 4\n", &scale(0.1, None), "--range-um");
     refused("oblong.txt", b"Real Width: 4 nm\nReal Height: 9 nm\nZ Unit: nm\n1 2\n3 4\n", &Scale::default(), "square");
-    refused("huge.txt", b"1 2\n3 1e9\n", &Scale { pixel_um: Some(1.0), range_um: Some(5000.0) }, "1000 µm");
+    refused("huge.txt", b"1 2\n3 1e9\n", &scale(1.0, 5000.0), "1000 µm");
     refused("zero.txt", b"1 2\n3 4\n", &scale(0.0, 1.0), "--pixel-um");
     refused("cut.png", b"\x89PNG\r\n\x1a\n", &full, "damaged");
     let path = dir.path().join("colour.png");

@@ -15,14 +15,19 @@ use std::path::{Path, PathBuf};
 /// The surface.
 #[derive(clap::Args)]
 pub struct Surface {
-    /// Height field: a grey image (PNG, TIFF, JPEG, BMP; bright is high), an EXR map of heights, or a grid of numbers as text.
+    /// Height field: a grey image (PNG, TIFF, JPEG, BMP; bright is high), an EXR map, a file of an AFM or profilometer (Gwyddion,
+    /// Igor, X3P, Nanoscope, SDF, Nanosurf, Surfer, BCR), or text: rows of heights, points x y z, or a profile.
     height: PathBuf,
     /// Size of its pixels, unless the file says so.
     #[arg(long, value_name = "P", allow_negative_numbers = true)]
     pixel_um: Option<f64>,
-    /// Height of white above black, or of the highest above the lowest number of a text, unless the file says so.
+    /// Height of white above black, or of the highest above the lowest number of a text or a signed or float TIFF, unless the file
+    /// says so.
     #[arg(long, value_name = "H", allow_negative_numbers = true)]
     range_um: Option<f64>,
+    /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
+    #[arg(long, value_name = "NAME")]
+    channel: Option<String>,
     /// Take the plane that fits best away: for samples that lay askew.
     #[arg(long)]
     level: bool,
@@ -67,7 +72,8 @@ impl Surface {
     /// Reads it and says what it is fit for.
     pub fn read(&self, coherence_um: f64, console: &Console) -> Result<(HeightField, Quality), Failure> {
         console.stage("reading", 1);
-        let field = height::read(&self.height, &Scale { pixel_um: self.pixel_um, range_um: self.range_um })?;
+        let scale = Scale { pixel_um: self.pixel_um, range_um: self.range_um, channel: self.channel.clone() };
+        let field = height::read(&self.height, &scale)?;
         let field = if self.level { field.levelled() } else { field };
         let quality = Quality::of(&field, coherence_um);
         console.check()?;
@@ -167,6 +173,9 @@ pub fn summary<T: Serialize>(report: &Report<T>, middle: &str) -> String {
     let q = report.quality;
     let mut text =
         format!("surface   {} × {} pixels of {} µm, {:.4} µm deep", q.width, q.height, q.pixel_um, q.range_um);
+    for note in &q.notes {
+        let _ = write!(text, "\nread      {note}");
+    }
     for p in q.periods.iter().take(3) {
         let share = 100.0 * p.share;
         let _ = write!(

@@ -2,6 +2,7 @@
 
 mod check;
 mod common;
+mod heights;
 mod map;
 mod orders;
 mod slice;
@@ -25,6 +26,8 @@ pub enum Brdf {
     Check(Box<check::Check>),
     /// Transforms of a height field for all directions, for programs that draw in real time.
     Terms(Box<terms::Terms>),
+    /// Read a height field of any format and write it as EXR map.
+    Heights(Box<heights::Heights>),
     /// Make a height field from a formula.
     Surface(surface::Surface),
 }
@@ -37,6 +40,7 @@ pub fn run(command: &Brdf, console: &Console) -> Result<(), Failure> {
         Brdf::Orders(args) => args.run(console),
         Brdf::Check(args) => args.run(console),
         Brdf::Terms(args) => args.run(console),
+        Brdf::Heights(args) => args.run(console),
         Brdf::Surface(args) => args.run(console),
     }
 }

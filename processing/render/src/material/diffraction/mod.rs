@@ -140,7 +140,10 @@ impl Diffraction {
             } => {
                 known(reflectance)?;
                 sigma(*coherence_um)?;
-                let field = height::read(&folder.join(file), &Scale { pixel_um: *pixel_um, range_um: *range_um })?;
+                let field = height::read(
+                    &folder.join(file),
+                    &Scale { pixel_um: *pixel_um, range_um: *range_um, channel: None },
+                )?;
                 let turn = degrees("orientation_deg", *orientation_deg)?;
                 let light = (*coherence_um, reflectance.clone());
                 let relief = Relief::new(&field, light, (turn, *lossless), accuracy.error, progress)?;

@@ -1,0 +1,169 @@
+//! Heights as files store them, and the scale that files and flags state.
+
+use super::read::Scale;
+use super::{HeightField, check_size};
+use nacre_base::{Error, Result};
+use std::path::Path;
+
+/// Largest relative difference of a pixel's width and height.
+const SQUARE: f64 = 0.01;
+
+/// Largest relative differences of pitch and range between file and flag, which people round.
+const SAME_PITCH: f64 = 0.01;
+const SAME_RANGE: f64 = 0.05;
+
+/// The same for the logarithm of a pitch in units of another power of ten: log10(1.01).
+const SAME_POWER: f64 = 0.0043;
+
+/// Pitch of the pixels as a file states it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) enum Pitch {
+    /// Not at all.
+    #[default]
+    Unknown,
+    /// Across and down, in µm.
+    Um([f64; 2]),
+    /// Across and down, in a unit that the file does not name.
+    Bare([f64; 2]),
+}
+
+/// Heights as a file stores them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stored {
+    /// Pixels of a row.
+    pub width: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Values row by row from the top; NaN for gaps.
+    pub values: Vec<f64>,
+    /// Pitch of the pixels.
+    pub pitch: Pitch,
+    /// µm of one unit of the values.
+    pub unit_um: Option<f64>,
+    /// Distance of two values that the file can tell apart.
+    pub step: Option<f64>,
+    /// How the file was read, for the report.
+    pub notes: Vec<String>,
+    /// The file's word for gaps, with the remedy.
+    pub gaps: Option<(String, &'static str)>,
+}
+
+impl Stored {
+    /// Turns the rows over: the file begins with the lowest.
+    #[must_use]
+    pub(super) fn upside_down(mut self) -> Self {
+        let (width, rows) = (self.width, self.rows);
+        for y in 0..rows / 2 {
+            let (above, below) = self.values.split_at_mut((rows - 1 - y) * width);
+            above[y * width..][..width].swap_with_slice(&mut below[..width]);
+        }
+        self
+    }
+
+    /// The height field, where file and flags together state its scale.
+    pub(super) fn field(self, path: &Path, scale: &Scale) -> Result<HeightField> {
+        let subject = path.display().to_string();
+        check_size(&subject, self.width, self.rows)?;
+        self.check_gaps(path)?;
+        let pixel_um = tidy(pixel_um(path, scale, self.pitch)?);
+        let factor = self.factor(path, scale)?;
+        let um = self.values.into_iter().map(|v| v * factor).collect();
+        let mut field = HeightField::new(&subject, self.width, self.rows, pixel_um, um)?;
+        field.step_um = self.step.map(|step| step * factor);
+        field.notes = self.notes;
+        Ok(field)
+    }
+
+    fn check_gaps(&self, path: &Path) -> Result<()> {
+        let Some(at) = self.values.iter().position(|v| !v.is_finite()) else { return Ok(()) };
+        let count = self.values.iter().filter(|v| !v.is_finite()).count();
+        let (word, remedy) = match &self.gaps {
+            Some((word, remedy)) => (word.as_str(), *remedy),
+            None => ("are no numbers (NaN or infinite)", "fill these gaps, or crop the patch"),
+        };
+        let (x, y) = (at % self.width, at / self.width);
+        Err(Error::file(path, format!("{count} heights {word}, the first at column {x}, row {y}"), remedy))
+    }
+
+    /// µm of one unit of the values.
+    fn factor(&self, path: &Path, scale: &Scale) -> Result<f64> {
+        let [low, high] = ends(&self.values);
+        let spread = high - low;
+        match (scale.range_um, self.unit_um) {
+            (None, Some(unit)) => Ok(unit),
+            (Some(range), None) => Ok(if spread > 0.0 { range / spread } else { 1.0 }),
+            (Some(range), Some(unit)) => {
+                let own = unit * spread;
+                if (own - range).abs() > SAME_RANGE * own.max(range) && spread > 0.0 {
+                    let problem = format!("spans {own:.6} µm of height by its own unit, --range-um says {range}");
+                    return Err(Error::file(path, problem, "leave out --range-um, or correct the unit in the file"));
+                }
+                Ok(unit)
+            }
+            (None, None) => {
+                let problem = "does not say in which unit its heights are";
+                Err(Error::file(path, problem, "give the range from lowest to highest with --range-um"))
+            }
+        }
+    }
+}
+
+/// Lowest and highest value.
+pub(super) fn ends(values: &[f64]) -> [f64; 2] {
+    values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(*v), b.max(*v)])
+}
+
+/// Pitch of square pixels in µm that file and flag agree about.
+pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64> {
+    let contradicts = |file: String, flag: f64| {
+        let problem = format!("has pixels of {file}, --pixel-um says {flag}");
+        Error::file(path, problem, "leave out --pixel-um, or correct the pitch in the file")
+    };
+    match (stated, scale.pixel_um) {
+        (Pitch::Unknown, Some(flag)) => Ok(flag),
+        (Pitch::Unknown, None) => {
+            let remedy = "give their pitch with --pixel-um";
+            Err(Error::file(path, "does not say how large its pixels are", remedy))
+        }
+        (Pitch::Um(both), flag) => {
+            let own = square(path, both, " µm")?;
+            match flag {
+                Some(flag) if (flag / own - 1.0).abs() > SAME_PITCH => {
+                    Err(contradicts(format!("{} µm", tidy(own)), flag))
+                }
+                _ => Ok(own),
+            }
+        }
+        (Pitch::Bare(both), Some(flag)) => {
+            let own = square(path, both, "")?;
+            // A unit of length is a power of ten; a pitch of exactly 1 counts pixels.
+            let power = (flag / own).log10();
+            if own == 1.0 || (power - power.round()).abs() < SAME_POWER {
+                return Ok(flag);
+            }
+            Err(contradicts(format!("{} in a unit that is not named", tidy(own)), flag))
+        }
+        (Pitch::Bare(both), None) => {
+            let own = square(path, both, "")?;
+            let problem = format!("has pixels of {}, but does not say in which unit", tidy(own));
+            Err(Error::file(path, problem, "give their pitch in µm with --pixel-um"))
+        }
+    }
+}
+
+/// Without the last digits, which conversions of units leave behind.
+fn tidy(value: f64) -> f64 {
+    format!("{value:.11e}").parse().unwrap_or(value)
+}
+
+fn square(path: &Path, [across, down]: [f64; 2], unit: &str) -> Result<f64> {
+    if !(across > 0.0 && down > 0.0 && across.is_finite() && down.is_finite()) {
+        let problem = format!("has pixels of {across} by {down}{unit}");
+        return Err(Error::file(path, problem, "correct their pitch in the file, or export it again"));
+    }
+    if (across / down - 1.0).abs() > SQUARE {
+        let problem = format!("has pixels of {across:.5} by {down:.5}{unit}");
+        return Err(Error::file(path, problem, "resample it to square pixels"));
+    }
+    Ok(across)
+}
