@@ -34,7 +34,7 @@ impl Emulated {
         let config = format!(
             "[bench]\nsim = true\nsocket = {:?}\n[bench.stage]\n\
              driver = {{ kind = \"{stage}\", port = {port:?}, {patience}answer_ms = {answer_ms}, move_ms = {move_ms}, settling_ms = 0 }}\n\
-             [bench.flash]\ndriver = {{ kind = \"{flash}\", path = \"unix:{}\" }}\nsettling_ms = 0.001\n",
+             [bench.flash]\ndriver = {{ kind = \"{flash}\", path = \"unix:{}\" }}\nsettling_ms = 0.001\nmax_on_s = 120\n",
             folder.join("socket"),
             lamp.display(),
         );
