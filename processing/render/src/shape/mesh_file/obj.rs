@@ -122,29 +122,26 @@ impl Statements {
         let mut known = Combinations::default();
         let mut begin = 0;
         let mut face = vec![];
+        let [mut missing_uvs, mut missing_normals] = [0; 2];
         for (end, line) in self.faces {
             face.clear();
             for key @ [place, uv, normal] in self.corners[begin..end].iter().copied() {
-                let missing = |noun: &str, k: u32, count: usize| {
-                    bad(line, format!("the face names {noun} {} of {count}", u64::from(k) + 1))
+                let missing = || {
+                    let count = self.places.len();
+                    bad(line, format!("the face names vertex {} of {count}", u64::from(place) + 1))
                 };
-                let of = self.places.get(place as usize);
-                let place = *of.ok_or_else(|| missing("vertex", place, self.places.len()))?;
-                let of = self.uvs.get(uv as usize).copied();
-                let uv = match uv {
-                    NONE => None,
-                    k => Some(of.ok_or_else(|| missing("texture coordinate", k, self.uvs.len()))?),
-                };
-                let of = self.normals.get(normal as usize).copied();
-                let normal = match normal {
-                    NONE => None,
-                    k => Some(of.ok_or_else(|| missing("normal", k, self.normals.len()))?),
-                };
+                let place = *self.places.get(place as usize).ok_or_else(missing)?;
+                let (of_uv, of_normal) = (self.uvs.get(uv as usize), self.normals.get(normal as usize));
+                missing_uvs += usize::from(uv != NONE && of_uv.is_none());
+                missing_normals += usize::from(normal != NONE && of_normal.is_none());
+                let (uv, normal) = (of_uv.copied(), of_normal.copied());
                 face.push(known.corner(key, draft, || Corner { place, normal, tangent: None, uv })?);
             }
             begin = end;
             draft.face(&face)?;
         }
+        draft.left_out.add("reference to a missing texture coordinate", missing_uvs);
+        draft.left_out.add("reference to a missing normal", missing_normals);
         Ok(())
     }
 }

@@ -14,10 +14,21 @@ const RESTART: f64 = -1.0;
 
 pub(super) fn read(bytes: &[u8], draft: &mut Draft) -> Decoded<()> {
     let header = header(bytes)?;
-    let mut values = Values::new(bytes, &header);
+    let refusal = match read_with(bytes, &header, true, draft) {
+        Err(refusal) if header.encoding == Encoding::Ascii => refusal,
+        result => return result,
+    };
+    // A text may also have several elements on a line.
+    *draft = Draft::default();
+    read_with(bytes, &header, false, draft).map_err(|_| refusal)
+}
+
+/// Reads the elements; each has a line of a text if `lines`.
+fn read_with(bytes: &[u8], header: &Header, lines: bool, draft: &mut Draft) -> Decoded<()> {
+    let mut values = Values { lines, ..Values::new(bytes, header) };
     let mut lists = Lists::default();
     for element in &header.elements {
-        check_promise(element, &header, values.remaining())?;
+        check_promise(element, header, values.remaining())?;
         match element.name.as_str() {
             "vertex" => vertices(element, &mut values, draft)?,
             "face" => faces(element, &mut values, &mut lists)?,
@@ -30,6 +41,7 @@ pub(super) fn read(bytes: &[u8], draft: &mut Draft) -> Decoded<()> {
             }
         }
     }
+    draft.left_out.add("line with surplus values", values.surplus);
     lists.build(draft)
 }
 
@@ -78,6 +90,7 @@ fn each(
             }
             list(k, &all)?;
         }
+        values.end_line();
         end()?;
     }
     Ok(())
@@ -232,11 +245,15 @@ struct Values<'a> {
     at: usize,
     /// Lines so far, of texts.
     line: usize,
+    /// Whether each element has a line of a text.
+    lines: bool,
+    /// Lines with more values than their element has.
+    surplus: usize,
 }
 
 impl<'a> Values<'a> {
     fn new(bytes: &'a [u8], header: &Header) -> Self {
-        Self { encoding: header.encoding, bytes, at: header.bytes, line: header.lines + 1 }
+        Self { encoding: header.encoding, bytes, at: header.bytes, line: header.lines + 1, lines: true, surplus: 0 }
     }
 
     fn remaining(&self) -> usize {
@@ -274,6 +291,16 @@ impl<'a> Values<'a> {
             (Kind::F32, [a, b, c, d]) => f64::from(f32::from_le_bytes([*a, *b, *c, *d])),
             (_, bytes) => f64::from_le_bytes(bytes.try_into().unwrap_or_default()),
         })
+    }
+
+    /// Goes to the end of the line of a text where each element has one; other values on it are counted.
+    fn end_line(&mut self) {
+        if self.lines && self.encoding == Encoding::Ascii {
+            let rest = self.bytes[self.at..].iter().take_while(|b| !matches!(b, b'\n' | b'\r'));
+            let rest: &[u8] = &self.bytes[self.at..self.at + rest.count()];
+            self.surplus += usize::from(!rest.trim_ascii().is_empty());
+            self.at += rest.len();
+        }
     }
 
     fn word(&mut self) -> Decoded<f64> {

@@ -63,8 +63,6 @@ fn numbers_count_from_either_end() {
         ("f 1 2 -5", "before the first of 4"),
         ("f 1 2 x", "no whole number"),
         ("f 1 2 3.0", "no whole number"),
-        ("f 1/7 2/7 3/7", "texture coordinate 7 of 0"),
-        ("f 1//2 2//2 3//2", "normal 2 of 0"),
         ("f 1/1/1/1 2 3", "VERTEX/TEXTURE/NORMAL"),
         ("f /1 /2 /3", "VERTEX/TEXTURE/NORMAL"),
         ("f 4294967296 1 2", "vertex"),
@@ -87,6 +85,9 @@ fn corners_have_texture_coordinates_and_normals() {
     assert_eq!(square(&format!("{more}f 1/-4/-1 2/-3/-1 3/-2/-1 4/-1/-1\n")).corners[3].uv, Some([0.0, 1.0]));
     assert_eq!(square(&format!("{more}f 1//1 2//1 3//1 4//1\n")).corners[3].uv, None);
     assert_eq!(square(&format!("{more}f 1/1/ 2/2/ 3/3/ 4/4/\n")).corners[1].normal, None);
+    // Surfaces do not need what is missing.
+    let said = warnings(square("vt 0 0\nf 1/1/7 2/1/7 3/2/7 4/1/7\n")).join("");
+    assert!(said.contains("4 references to a missing normal, 1 reference to a missing texture coordinate"), "{said}");
     // Weights and colours after the place are ignored; corners are shared between faces.
     let coloured = "v 0 0 2 1 0 0\nv 3 0 2 1\nv 3 3 2 0 0 0 1\nv 0 3 2\nf 1 2 3\nf 1 3 4\n";
     let mesh = mesh("a.obj", coloured).unwrap();

@@ -93,6 +93,16 @@ fn other_elements_are_counted() {
     assert!(said.contains("2 lines") && said.contains("1 element of kind \"camera\""), "{said}");
 }
 
+/// Each element of a text has a line; what else stands there is skipped.
+#[test]
+fn lines_may_have_surplus_values() {
+    let face = "element face 2\nproperty list uchar int vertex_indices\nproperty uchar red\n";
+    let text = header("ascii", face) + &text_places().replacen('\n', " 255 255\n", 1);
+    let mesh = mesh("a.ply", text + "3 0 1 2 7\n3 0 2 3 9 1 1 1\n").unwrap();
+    assert!((area(&mesh) - 10.0).abs() < 1e-9);
+    assert_eq!(warnings(mesh), ["left out: 2 lines with surplus values"]);
+}
+
 #[test]
 fn clouds_of_points_and_damaged_files_are_told_apart() {
     let said = refusal("a.ply", header("ascii", "") + &text_places());
