@@ -6,6 +6,7 @@ use crate::fault::{Decoded, Fault};
 use crate::raster::MAX_PIXELS;
 use crate::source::Source;
 
+use super::boxes;
 use super::recognise::{Kind, Layout, PANASONIC};
 use super::tags::{
     Entry, HEIGHT, SAMPLES_PER_PIXEL, STRIP_COUNTS, STRIP_OFFSETS, TILE_COUNTS, TILE_HEIGHT, TILE_OFFSETS, TILE_WIDTH,
@@ -17,13 +18,11 @@ pub(super) const MAX_FILE: u64 = 1 << 30;
 /// Most samples of a mosaic: four for each pixel of the picture.
 pub(super) const MAX_SAMPLES: u64 = 4 * MAX_PIXELS as u64;
 /// Bytes that a tag may claim whatever the size of the file is. Makers' notes have tags that claim more than there is.
-const HARMLESS: u64 = 64 << 20;
-/// Bytes at the beginning of a file of boxes that hold all but its pixels.
-const BOXES: u64 = 2 << 20;
+pub(super) const HARMLESS: u64 = 64 << 20;
 /// Most strips or tiles that are looked at.
 const MOST_PIECES: u32 = 65_536;
 /// Width and height in directories of all, of Fujifilm and of Panasonic.
-const SIDES: [[u16; 2]; 2] = [[WIDTH, HEIGHT], [0xf001, 0xf002]];
+pub(super) const SIDES: [[u16; 2]; 2] = [[WIDTH, HEIGHT], [0xf001, 0xf002]];
 const PANASONIC_SIDES: [[u16; 2]; 2] = [[WIDTH, HEIGHT], [2, 3]];
 
 /// Refuses a file with sizes beyond the limits.
@@ -39,7 +38,7 @@ pub(super) fn check(source: &mut Source, kind: Kind) -> Decoded<()> {
         Layout::Tiff if kind.name == PANASONIC => tiff(source, 0, length, PANASONIC_SIDES)?,
         Layout::Dng | Layout::Tiff => tiff(source, 0, length, SIDES)?,
         Layout::Fujifilm => fujifilm(source, length)?,
-        Layout::Boxes => boxes(source, length)?,
+        Layout::Boxes => boxes::check(source, length)?,
         Layout::Other => {}
     }
     source.seek(SeekFrom::Start(0))?;
@@ -47,8 +46,11 @@ pub(super) fn check(source: &mut Source, kind: Kind) -> Decoded<()> {
 }
 
 /// All directories below a TIFF header.
-fn tiff(source: &mut Source, base: u64, length: u64, sides: [[u16; 2]; 2]) -> Decoded<()> {
+pub(super) fn tiff(source: &mut Source, base: u64, length: u64, sides: [[u16; 2]; 2]) -> Decoded<()> {
     let mut tags = Tags::read(source, base, true);
+    if tags.endless {
+        return Err(Fault::damaged("its directories of tags are a loop"));
+    }
     let mut all = tags.directories.iter().chain(&tags.makers).flatten();
     if let Some(entry) = all.find(|e| e.bytes() > length.max(HARMLESS)) {
         return Err(Fault::damaged(format!("tag {} claims {} bytes", entry.tag, entry.bytes())));
@@ -134,39 +136,7 @@ fn fujifilm(source: &mut Source, length: u64) -> Decoded<()> {
     Ok(())
 }
 
-/// Sizes, counts and embedded directories of a CR3 file.
-fn boxes(source: &mut Source, length: u64) -> Decoded<()> {
-    source.seek(SeekFrom::Start(0))?;
-    let mut head = vec![];
-    source.by_ref().take(BOXES).read_to_end(&mut head)?;
-    let word = |at: usize| head.get(at..at + 4).map_or(0, |b| u64::from(u32::from_be_bytes([b[0], b[1], b[2], b[3]])));
-    for at in 4..head.len().saturating_sub(4) {
-        let name = &head[at..at + 4];
-        match name {
-            b"CMP1" => {
-                samples([word(at + 12), word(at + 16), 1])?;
-                samples([word(at + 20), word(at + 24), 1])?;
-            }
-            b"stsz" => counts(word(at + 12), length)?,
-            b"stsc" | b"stts" | b"co64" | b"stco" | b"CTMD" => counts(word(at + 8), length)?,
-            b"CMT1" | b"CMT2" | b"CMT3" | b"CMT4" | b"CNOP" => {
-                counts(word(at - 4), length)?;
-                tiff(source, at as u64 + 4, length, SIDES)?;
-            }
-            _ => {}
-        }
-    }
-    Ok(())
-}
-
-fn counts(count: u64, length: u64) -> Decoded<()> {
-    if count > length.max(HARMLESS) {
-        return Err(Fault::damaged(format!("a box claims {count} values")));
-    }
-    Ok(())
-}
-
-fn samples(sides: [u64; 3]) -> Decoded<()> {
+pub(super) fn samples(sides: [u64; 3]) -> Decoded<()> {
     let [width, height, planes] = sides;
     if width.saturating_mul(height).saturating_mul(planes) > MAX_SAMPLES {
         let limit = MAX_SAMPLES >> 20;

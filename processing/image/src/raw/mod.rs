@@ -4,6 +4,8 @@
 //! Decoding needs the feature `raw` (the crate rawler). Without it these files are recognised and refused by name.
 
 #[cfg(feature = "raw")]
+mod boxes;
+#[cfg(feature = "raw")]
 mod cells;
 #[cfg(feature = "raw")]
 mod decode;

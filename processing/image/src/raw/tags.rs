@@ -5,8 +5,10 @@ use std::io::{Read, Seek, SeekFrom};
 use crate::source::Source;
 
 /// Most directories of a file, and most tags of each, that are looked at.
-const DIRECTORIES: usize = 64;
-const TAGS: u16 = 1024;
+const DIRECTORIES: usize = 256;
+const TAGS: u16 = 4096;
+/// Most directories that one tag may name.
+const MOST_REFERENCES: u32 = 65_536;
 
 pub(super) const WIDTH: u16 = 256;
 pub(super) const HEIGHT: u16 = 257;
@@ -23,6 +25,8 @@ const SUB_DIRECTORIES: u16 = 330;
 /// Fujifilm's directory within its raw data.
 const FUJIFILM: u16 = 0xf000;
 const EXIF: u16 = 34_665;
+const COLOR_PROFILE: u16 = 34_675;
+const KODAK: u16 = 33_424;
 const GPS: u16 = 34_853;
 const MAKER_NOTE: u16 = 37_500;
 pub(super) const DNG_VERSION: u16 = 50_706;
@@ -48,6 +52,8 @@ pub(super) struct Tags<'a> {
     pub(super) directories: Vec<Vec<Entry>>,
     /// Directories within makers' notes.
     pub(super) makers: Vec<Vec<Entry>>,
+    /// Whether the chain of directories is a loop, or there are more than are read.
+    pub(super) endless: bool,
 }
 
 impl Entry {
@@ -70,28 +76,49 @@ impl Entry {
 impl<'a> Tags<'a> {
     /// Reads the tags below a TIFF header at the offset `base`. A file that ends too early has those that were read until then.
     pub(super) fn read(source: &'a mut Source, base: u64, makers: bool) -> Self {
-        let mut tags = Self { source, base, little: true, directories: vec![], makers: vec![] };
+        let mut tags = Self { source, base, little: true, directories: vec![], makers: vec![], endless: false };
         tags.little = tags.bytes_at(0) == Some(*b"II");
-        let mut pending = vec![tags.word(4).unwrap_or(0)];
-        let mut seen = vec![];
-        while let Some(at) = pending.pop() {
-            if at == 0 || seen.contains(&at) || seen.len() == DIRECTORIES {
-                continue;
-            }
-            seen.push(at);
-            let Some((entries, next)) = tags.directory(at.into()) else { continue };
-            pending.push(next);
-            for entry in &entries {
-                if matches!(entry.tag, SUB_DIRECTORIES | EXIF | GPS | FUJIFILM) {
-                    pending.extend((0..entry.count.min(16)).filter_map(|i| tags.number(*entry, i)));
-                }
-                if makers && entry.tag == MAKER_NOTE {
-                    tags.maker_note(*entry);
-                }
-            }
+        let mut chain = vec![];
+        let mut next = tags.word(4).unwrap_or(0);
+        let mut below = vec![];
+        while next != 0 {
+            tags.endless |= chain.contains(&next) || chain.len() == DIRECTORIES;
+            let Some((entries, following)) = tags.directory(next.into()).filter(|_| !tags.endless) else { break };
+            chain.push(next);
+            next = following;
+            tags.references(&entries, &mut below);
             tags.directories.push(entries);
         }
+        below.sort_unstable();
+        below.dedup();
+        tags.endless |= below.len() > DIRECTORIES;
+        for at in below.into_iter().take(DIRECTORIES) {
+            let directory = tags.directory(at);
+            tags.directories.extend(directory.map(|(entries, _)| entries));
+        }
+        let notes: Vec<_> =
+            tags.directories.iter().flatten().filter(|e| makers && e.tag == MAKER_NOTE).copied().collect();
+        for note in notes.into_iter().take(DIRECTORIES) {
+            tags.maker_note(note);
+        }
         tags
+    }
+
+    /// Adds the offsets of directories that these entries refer to: values of four bytes, or the place of values of other types.
+    fn references(&mut self, entries: &[Entry], below: &mut Vec<u64>) {
+        const REFERENCES: [u16; 6] = [SUB_DIRECTORIES, EXIF, GPS, COLOR_PROFILE, KODAK, FUJIFILM];
+        for entry in entries.iter().filter(|e| REFERENCES.contains(&e.tag)) {
+            match entry.kind {
+                4 | 13 => below
+                    .extend((0..entry.count.min(MOST_REFERENCES)).map_while(|i| self.number(*entry, i)).map(u64::from)),
+                7 => below.push(entry.at),
+                _ => {}
+            }
+            // The decoder takes the first byte of values of types that it does not know.
+            if !(1..=12).contains(&entry.kind) {
+                below.extend(self.bytes_at::<1>(entry.at).map(|[at]| u64::from(at)));
+            }
+        }
     }
 
     /// The entries at an offset, and the offset of the next directory of the chain.

@@ -262,6 +262,21 @@ mod decoded {
         says(b"FOVb\0\0\x02\0", "is a Sigma X3F file (camera raw), which is not read");
     }
 
+    /// Boxes within boxes, one of which has no length, and one a count that nothing can hold.
+    #[test]
+    fn boxes_are_checked_before_anything_is_decoded() {
+        let boxed =
+            |name: &str, body: &[u8]| [&(body.len() as u32 + 8).to_be_bytes()[..], name.as_bytes(), body].concat();
+        let head = boxed("ftyp", b"crx \0\0\0\x01");
+        let nested = |inner: &[u8]| [&head[..], &boxed("moov", &boxed("trak", inner))].concat();
+        says(&nested(b"\0\0\0\0CCTP\0\0\0\0"), "its box CCTP of 0 bytes is not within the one around it");
+        says(&nested(b"\0\0\x01\0free\0\0\0\0"), "its box free of 256 bytes is not within the one around it");
+        let count = [&[0; 8][..], &[0xff; 4]].concat();
+        says(&nested(&boxed("stsz", &count)), "a box claims 4294967295 values");
+        let sides = [&[0; 8][..], &60_000_u32.to_be_bytes(), &60_000_u32.to_be_bytes(), &[0; 8]].concat();
+        says(&nested(&boxed("CMP1", &sides)), "more than the 256 Mpixel of a camera raw file");
+    }
+
     #[test]
     fn sizes_are_checked_before_anything_is_decoded() {
         let whole = small();
@@ -273,6 +288,16 @@ mod decoded {
             file
         };
         says(&patched(256, 4_000_000_000), "more than the 256 Mpixel of a camera raw file");
+        // A tag of the Exif directory that claims 32 GiB, and a chain of directories that never ends.
+        let mut huge = whole.clone();
+        let ratio = [&33_434_u16.to_le_bytes()[..], &5_u16.to_le_bytes(), &1_u32.to_le_bytes()].concat();
+        let at = huge.windows(8).position(|w| w == ratio).unwrap();
+        huge[at + 4..at + 8].fill(0xff);
+        says(&huge, "is truncated or damaged: tag 33434 claims 34359738360 bytes");
+        let mut endless = whole.clone();
+        let end = endless.len() - 4;
+        endless.copy_within(4..8, end);
+        says(&endless, "its directories of tags are a loop");
         says(&patched(279, 4_000_000_000), "is truncated or damaged: the pixels end at byte 4000000008");
     }
 }
