@@ -8,6 +8,9 @@ use std::path::{Path, PathBuf};
 /// Relative difference of exponents that counts as rounding: gAMA 0.45455 is 2.19998.
 const SAME_EXPONENT: f64 = 0.01;
 
+/// Difference of levels within a set, as a share of white: some cameras measure black for each photograph.
+const SAME_LEVEL: f64 = 0.005;
+
 impl Transfer {
     /// The transfer function of a curve; `None` for curves that are not read.
     pub fn of(curve: Curve) -> Option<Self> {
@@ -64,7 +67,12 @@ impl Stated {
                 );
                 return Err(Error::file(file, problem, "turn the photographs alike, and remove the tag"));
             }
-            if (found.black, found.white) != (wanted.black, wanted.white) {
+            let near = |a: Option<f64>, b: Option<f64>, unit: f64| match (a, b) {
+                (Some(a), Some(b)) => (a - b).abs() <= SAME_LEVEL * unit,
+                (a, b) => a == b,
+            };
+            let unit = wanted.white.unwrap_or(1.0);
+            if !near(found.white, wanted.white, unit) || !near(found.black, wanted.black, unit) {
                 let problem = format!("has other levels of black and white than {}", first.display());
                 return Err(Error::file(file, problem, "all photographs of a set must have the same"));
             }
@@ -75,8 +83,9 @@ impl Stated {
     /// Takes the value of a saturated pixel from the files where the description gives none, and says what else they state.
     pub fn complete(&self, set: &mut FrameSet) -> Vec<String> {
         let Some((_, first)) = self.files.first() else { return vec![] };
+        let blacks: Option<Vec<f64>> = self.files.iter().map(|(_, d)| d.black).collect();
         set.white = set.white.or(first.white);
-        set.black = set.black.or(first.black);
+        set.black = set.black.or(blacks.map(|all| all.iter().sum::<f64>() / all.len() as f64));
         let said = |clause: &dyn Fn(&Details) -> Option<String>| {
             let all: Vec<(&Path, String)> =
                 self.files.iter().filter_map(|(file, d)| Some((file.as_path(), clause(d)?))).collect();

@@ -20,7 +20,7 @@ pub const EXTENSIONS: &[&str] =
 #[cfg(feature = "raw")]
 pub const EXTENSIONS: &[&str] = &[
     "png", "tif", "tiff", "jpg", "jpeg", "bmp", "exr", "hdr", "webp", "fits", "fit", "fts", "npy", "dng", "cr2", "cr3",
-    "nef", "nrw", "arw", "raf", "orf", "rw2", "rwl", "pef", "srw", "3fr", "iiq", "erf", "mef", "mos", "dcr", "kdc",
+    "nef", "nrw", "arw", "raf", "orf", "rw2", "rwl", "pef", "srw", "3fr", "erf", "mef", "dcr", "kdc",
 ];
 
 /// Bytes by which formats are told apart: as far as the mark of DICOM.

@@ -20,6 +20,10 @@ pub(crate) struct Kind {
 /// The format of Panasonic and of some Leica cameras.
 pub(super) const PANASONIC: &str = "Panasonic RW2";
 
+/// Formats of medium-format backs, whose decoder trusts their tables.
+const PHASE_ONE: &str = "Phase One IIQ";
+const LEAF: &str = "Leaf MOS";
+
 /// How the directories of tags of a raw file are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Layout {
@@ -39,9 +43,7 @@ pub(super) enum Layout {
 pub(crate) fn by_magic(head: &[u8]) -> Option<Kind> {
     let kind = |name, layout| Some(Kind { name, layout });
     match head {
-        [b'I', b'I', 42, 0, _, _, _, _, b'C', b'R', 2, ..] => kind("Canon CR2", Layout::Tiff),
-        [b'I', b'I', 42, 0, _, _, _, _, b'I', b'I', b'I', b'I', ..] => kind("Phase One IIQ", Layout::Tiff),
-        [b'M', b'M', 0, 42, _, _, _, _, b'M', b'M', b'M', b'M', ..] => kind("Phase One IIQ", Layout::Tiff),
+        [b'I', b'I', 42, 0, 16, 0, 0, 0, b'C', b'R', 2, ..] => kind("Canon CR2", Layout::Tiff),
         [b'I', b'I', b'R', b'O' | b'S', ..] => kind("Olympus ORF", Layout::Tiff),
         [b'M', b'M', b'O', b'R', ..] => kind("Olympus ORF", Layout::Tiff),
         [b'I', b'I', 0x55, 0, ..] => kind(PANASONIC, Layout::Tiff),
@@ -62,13 +64,21 @@ pub(crate) fn by_tags(source: &mut Source) -> Decoded<Option<Kind>> {
     let make = tags.text(0, MAKE).unwrap_or_default();
     let kind = if all.clone().any(|d| tags.find(d, DNG_VERSION).is_some()) {
         Some(Kind { name: "DNG", layout: Layout::Dng })
-    } else if all.into_iter().any(|d| tags.first(d, PHOTOMETRIC) == Some(MOSAIC)) {
-        Some(Kind { name: by_make(&make), layout: Layout::Tiff })
+    } else if all.into_iter().any(|d| tags.first(d, PHOTOMETRIC) == Some(MOSAIC)) || back(&mut tags, &make) {
+        let name = by_make(&make);
+        let layout = if [LEAF, PHASE_ONE].contains(&name) { Layout::Other } else { Layout::Tiff };
+        Some(Kind { name, layout })
     } else {
         None
     };
     source.seek(SeekFrom::Start(0))?;
     Ok(kind)
+}
+
+/// Whether a TIFF is of a back whose mosaic is outside of its directories.
+fn back(tags: &mut Tags<'_>, make: &str) -> bool {
+    matches!(tags.bytes_at(8), Some([b'I', b'I', b'I', b'I'] | [b'M', b'M', b'M', b'M']))
+        && [LEAF, PHASE_ONE].contains(&by_make(make))
 }
 
 /// The name of a maker's format of mosaics in TIFF files.
@@ -84,8 +94,8 @@ fn by_make(make: &str) -> &'static str {
         ("kodak", "Kodak DCR"),
         ("epson", "Epson ERF"),
         ("mamiya", "Mamiya MEF"),
-        ("leaf", "Leaf MOS"),
-        ("phase one", "Phase One IIQ"),
+        ("leaf", LEAF),
+        ("phase one", PHASE_ONE),
         ("canon", "Canon TIF"),
     ];
     NAMES.iter().find(|(maker, _)| make.contains(maker)).map_or("TIFF mosaic", |(_, name)| name)

@@ -7,6 +7,8 @@ use crate::source::Source;
 /// Most directories of a file, and most tags of each, that are looked at.
 const DIRECTORIES: usize = 256;
 const TAGS: u16 = 4096;
+/// Most tags of all directories together.
+const ALL_TAGS: usize = 16_384;
 /// Most directories that one tag may name.
 const MOST_REFERENCES: u32 = 65_536;
 
@@ -82,7 +84,8 @@ impl<'a> Tags<'a> {
         let mut next = tags.word(4).unwrap_or(0);
         let mut below = vec![];
         while next != 0 {
-            tags.endless |= chain.contains(&next) || chain.len() == DIRECTORIES;
+            let many = tags.directories.iter().map(Vec::len).sum::<usize>() > ALL_TAGS;
+            tags.endless |= many || chain.contains(&next) || chain.len() == DIRECTORIES;
             let Some((entries, following)) = tags.directory(next.into()).filter(|_| !tags.endless) else { break };
             chain.push(next);
             next = following;
@@ -93,6 +96,10 @@ impl<'a> Tags<'a> {
         below.dedup();
         tags.endless |= below.len() > DIRECTORIES;
         for at in below.into_iter().take(DIRECTORIES) {
+            tags.endless |= tags.directories.iter().map(Vec::len).sum::<usize>() > ALL_TAGS;
+            if tags.endless {
+                break;
+            }
             let directory = tags.directory(at);
             tags.directories.extend(directory.map(|(entries, _)| entries));
         }
@@ -220,7 +227,10 @@ impl<'a> Tags<'a> {
     /// Bytes at an offset; none where the file ends before.
     pub(super) fn bytes_at<const N: usize>(&mut self, at: u64) -> Option<[u8; N]> {
         let mut bytes = [0; N];
-        self.source.seek(SeekFrom::Start(self.base.checked_add(at)?)).ok()?;
+        // What is near comes from the buffer.
+        let there = i64::try_from(self.base.checked_add(at)?).ok()?;
+        let here = i64::try_from(self.source.stream_position().ok()?).ok()?;
+        self.source.seek_relative(there.checked_sub(here)?).ok()?;
         self.source.read_exact(&mut bytes).ok()?;
         Some(bytes)
     }

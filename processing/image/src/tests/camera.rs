@@ -116,6 +116,13 @@ fn a_tiff_that_a_camera_wrote_stays_a_tiff() {
     ];
     fs::write(&path, tiff(tags, vec![], &[1, 2, 3, 4])).unwrap();
     assert_eq!(read(&path).unwrap().samples, Samples::U16(vec![0x201, 0x403]));
+    // Pixels that look like the marks of raw formats, which stand at the same place.
+    for pixels in [b"IIII", b"CR\x02\0"] {
+        let tags = [(256, 2_u32), (257, 2), (258, 8), (259, 1), (262, 1), (277, 1)];
+        let tags = tags.map(|(tag, value)| (tag, Tag::Longs(vec![value]))).into_iter().collect();
+        fs::write(&path, tiff(tags, vec![], pixels)).unwrap();
+        assert_eq!(read(&path).unwrap().samples, Samples::U8(pixels.to_vec()));
+    }
 }
 
 #[cfg(not(feature = "raw"))]
