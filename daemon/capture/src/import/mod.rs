@@ -154,7 +154,7 @@ pub fn decode_all(frames: &LoadedFrames, progress: &dyn Progress) -> Result<Opti
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(set.frames.len());
     std::thread::scope(|scope| {
         let all: Vec<_> = (0..threads).map(|_| scope.spawn(decode)).collect();
-        all.into_iter().try_for_each(|thread| thread.join().unwrap_or_else(|_| Err(Error::Cancelled)))
+        all.into_iter().try_for_each(|thread| thread.join().unwrap_or(Err(Error::Cancelled)))
     })?;
     let white = set.white.unwrap_or_else(|| frames.info.depth.full_scale().into());
     Ok(clipping.into_inner().unwrap_or_else(PoisonError::into_inner).warning(white, "--white"))

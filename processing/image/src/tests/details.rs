@@ -71,8 +71,11 @@ fn icc_profiles_say_how_values_encode_light() {
     assert_eq!(Curve::of_profile(b"no profile"), None);
 }
 
-/// A little-endian TIFF without compression: for each page its tags besides those of a grey picture, and its strip.
-fn pages(dir: &Path, all: &[(u32, u32, u16, &[(u16, u32)], &[u8])]) -> PathBuf {
+/// A page: width, height, bits per sample, tags besides those of a grey picture, and its strip.
+type Page<'a> = (u32, u32, u16, &'a [(u16, u32)], &'a [u8]);
+
+/// A little-endian TIFF without compression.
+fn pages(dir: &Path, all: &[Page<'_>]) -> PathBuf {
     let mut file = b"II\x2a\0\0\0\0\0".to_vec();
     let mut link = 4;
     for (width, height, bits, extra, strip) in all {
