@@ -127,9 +127,7 @@ impl Curve {
 /// # Errors
 /// As [`info`](super::info).
 pub fn details(path: &Path) -> Result<Details> {
-    let mut details = decode(path, || of(path))?;
-    details.orientation = exif::orientation(path).unwrap_or(1);
-    Ok(details)
+    decode(path, || of(path))
 }
 
 fn of(path: &Path) -> Decoded<Details> {
@@ -148,6 +146,7 @@ fn of(path: &Path) -> Decoded<Details> {
             details.notes.extend(note(missing.tables, "has no Huffman tables; those of Motion JPEG are used"));
             source.seek(SeekFrom::Start(0))?;
             details.encoding = jpeg::profile(source)?.and_then(|p| encoding(&p));
+            details.orientation = exif::orientation(path).unwrap_or(1);
         }
         Format::Tiff => tif::describe(source, &mut details)?,
         Format::Exr | Format::Radiance => {

@@ -54,11 +54,23 @@ fn tags<T>(path: &Path, take: impl FnOnce(&exif::Exif) -> Option<T>) -> Option<T
     guarded(decode).ok().flatten()
 }
 
-/// The orientation tag: 1 as stored, 2 to 8 turned or mirrored; `None` without one.
-pub fn orientation(path: &Path) -> Option<u16> {
-    let value = tags(path, |tags| tags.get_field(Tag::Orientation, In::PRIMARY)?.value.get_uint(0))?;
-    u16::try_from(value).ok().filter(|o| (1..=8).contains(o))
+/// The orientation tag of a JPEG: 1 as stored, 2 to 8 turned or mirrored; `None` without one.
+pub(super) fn orientation(path: &Path) -> Option<u16> {
+    tags(path, turned)
 }
+
+/// The orientation tag in a block of tags.
+pub(super) fn orientation_in(tags: Vec<u8>) -> Option<u16> {
+    guarded(|| turned(&Reader::new().read_raw(tags).ok()?)).ok().flatten()
+}
+
+fn turned(tags: &exif::Exif) -> Option<u16> {
+    let value = tags.get_field(Tag::Orientation, In::PRIMARY)?.value.get_uint(0)?;
+    u16::try_from(value).ok().filter(|o| ORIENTATIONS.contains(o))
+}
+
+/// Values of the orientation tag.
+pub(super) const ORIENTATIONS: std::ops::RangeInclusive<u16> = 1..=8;
 
 /// A finite number above zero.
 fn positive(value: &Value) -> Option<f64> {

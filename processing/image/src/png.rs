@@ -6,6 +6,7 @@ use ::image::{ColorType, ImageDecoder, Limits};
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 
 use super::details::{Curve, Details, Encoding, encoding, part};
+use super::exif;
 use super::fault::{Decoded, Fault};
 use super::raster::{Depth, Info, Raster, Samples, keep_channels, zeroed};
 use super::source::Source;
@@ -56,7 +57,7 @@ fn open(source: Source) -> Decoded<(PngDecoder<Source>, Info, usize)> {
     Ok((decoder, info, usize::from(color.channel_count())))
 }
 
-/// Most bytes of a colour profile, compressed and not.
+/// Most bytes of a colour profile, compressed and not, and of tags.
 const MAX_PROFILE: u64 = 16 << 20;
 
 /// Code points of transfer characteristics in cICP (ITU-T H.273).
@@ -77,7 +78,7 @@ pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()
         }
         let [l0, l1, l2, l3, kind @ ..] = head;
         let length = u64::from(u32::from_be_bytes([l0, l1, l2, l3]));
-        let limit = if kind == *b"iCCP" { MAX_PROFILE } else { 16 };
+        let limit = if [*b"iCCP", *b"eXIf"].contains(&kind) { MAX_PROFILE } else { 16 };
         let content = part(source, length, limit)?.unwrap_or_default();
         match (&kind, content.as_slice()) {
             (b"IDAT" | b"IEND", _) => break,
@@ -89,6 +90,7 @@ pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()
                 };
                 stated[0] = say(curve, &format!("cICP, transfer {transfer}"));
             }
+            (b"eXIf", tags) => details.orientation = exif::orientation_in(tags.to_vec()).unwrap_or(1),
             (b"iCCP", chunk) => stated[1] = profile(chunk).and_then(|p| encoding(&p)),
             (b"sRGB", _) => stated[2] = say(Curve::Srgb, "sRGB chunk"),
             (b"gAMA", &[a, b, c, d]) => {

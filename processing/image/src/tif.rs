@@ -7,6 +7,7 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{SampleFormat, Tag};
 
 use super::details::{Details, encoding};
+use super::exif::ORIENTATIONS;
 use super::fault::{Decoded, Fault};
 use super::raster::{Depth, Info, MAX_BYTES, Raster, Samples, keep_channels};
 use super::source::Source;
@@ -56,6 +57,8 @@ pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()
     }
     let profile = page.decoder.find_tag(Tag::IccProfile).map_err(fault)?;
     details.encoding = profile.and_then(|p| p.into_u8_vec().ok()).and_then(|p| encoding(&p));
+    let orientation = page.decoder.find_tag_unsigned::<u16>(Tag::Orientation).map_err(fault)?;
+    details.orientation = orientation.filter(|o| ORIENTATIONS.contains(o)).unwrap_or(1);
     if page.full > 1 {
         details.notes.push(format!("has {} pages, of which the first is read", page.full));
     }

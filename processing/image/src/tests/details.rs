@@ -202,3 +202,18 @@ fn jpeg_without_tables_or_end_is_read() {
         assert!(error.contains("no end of image marker"), "{error}");
     }
 }
+
+#[test]
+fn orientations_are_read_where_formats_keep_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = pages(dir.path(), &[(1, 1, 8, &[(274, 6)], &[1])]);
+    assert_eq!(details(&path).unwrap().orientation, 6);
+    let tags = b"II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x08\0\0\0\0\0\0\0";
+    assert_eq!(stating(dir.path(), &[(b"eXIf", tags)]).orientation, 8);
+    assert_eq!(stating(dir.path(), &[(b"eXIf", b"nothing")]).orientation, 1);
+    let path = jpeg_file(dir.path(), true);
+    let whole = fs::read(&path).unwrap();
+    let segment = [&b"\xff\xe1"[..], &(tags.len() as u16 + 8).to_be_bytes(), b"Exif\0\0", tags].concat();
+    fs::write(&path, [&whole[..2], &segment, &whole[2..]].concat()).unwrap();
+    assert_eq!(details(&path).unwrap().orientation, 8);
+}
