@@ -17,7 +17,8 @@ fn samples(dir: &TempDir) -> Vec<PathBuf> {
     let hdr = d.join("runs.hdr");
     fs::write(&hdr, hdr_files::with_runs()).unwrap();
     let deflate = Compression::Deflate(Default::default());
-    vec![
+    let stating = details::samples(d);
+    let mut all = vec![
         png_file(d, C::Rgb8, &bytes(3)),
         png_file(d, C::L16, &words(1).iter().flat_map(|w| w.to_ne_bytes()).collect::<Vec<_>>()),
         tiff_file::<colortype::Gray16>(d, "plain.tif", Compression::Uncompressed, &words(1)),
@@ -33,7 +34,9 @@ fn samples(dir: &TempDir) -> Vec<PathBuf> {
         named(d, "x.dng", &camera::small()),
         chroma,
         hdr,
-    ]
+    ];
+    all.extend(stating);
+    all
 }
 
 fn named(dir: &Path, name: &str, bytes: &[u8]) -> PathBuf {

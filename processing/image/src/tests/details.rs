@@ -34,6 +34,9 @@ fn png_chunks_say_how_values_encode_light() {
     assert!(animated.notes[0].contains("9 frames"), "{:?}", animated.notes);
 }
 
+/// Orientation 8 as a block of tags.
+const TAGS: &[u8] = b"II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x08\0\0\0\0\0\0\0";
+
 /// An ICC profile whose curve is given; profiles of others have many more tags.
 fn profile(curve: &[u8]) -> Vec<u8> {
     let mut p = vec![0; 128];
@@ -69,6 +72,28 @@ fn icc_profiles_say_how_values_encode_light() {
     assert!(near(curve_of(&sampled(&|v| v.powf(1.8))), 1.8));
     assert_eq!(curve_of(&sampled(&|v| if v < 0.5 { 0.0 } else { 2.0 * v - 1.0 })), Some(Curve::Other));
     assert_eq!(Curve::of_profile(b"no profile"), None);
+}
+
+/// A PNG with every chunk that is looked at, and a TIFF of two pages in 12 bits.
+pub(super) fn samples(dir: &Path) -> [PathBuf; 2] {
+    let mut profile_chunk = b"name\0\0".to_vec();
+    let mut packer = flate2::write::ZlibEncoder::new(&mut profile_chunk, flate2::Compression::fast());
+    std::io::Write::write_all(&mut packer, &profile(b"curv\0\0\0\0\0\0\0\x01\x02\x33")).unwrap();
+    packer.finish().unwrap();
+    let gamma = 45_455_u32.to_be_bytes();
+    let chunks: [(&[u8; 4], &[u8]); 6] = [
+        (b"cICP", &[1, 13, 0, 1]),
+        (b"iCCP", &profile_chunk),
+        (b"sRGB", &[0]),
+        (b"gAMA", &gamma),
+        (b"eXIf", TAGS),
+        (b"acTL", &[0, 0, 0, 2, 0, 0, 0, 0]),
+    ];
+    stating(dir, &chunks);
+    let png = dir.join("stating.png");
+    fs::rename(dir.join("x.png"), &png).unwrap();
+    let strip = [0x12, 0x3f, 0xff, 0, 0x04, 0x56];
+    [png, pages(dir, &[(2, 2, 12, &[(274, 3)], &strip), (2, 2, 12, &[], &strip)])]
 }
 
 /// A page: width, height, bits per sample, tags besides those of a grey picture, and its strip.
@@ -208,12 +233,11 @@ fn orientations_are_read_where_formats_keep_them() {
     let dir = tempfile::tempdir().unwrap();
     let path = pages(dir.path(), &[(1, 1, 8, &[(274, 6)], &[1])]);
     assert_eq!(details(&path).unwrap().orientation, 6);
-    let tags = b"II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x08\0\0\0\0\0\0\0";
-    assert_eq!(stating(dir.path(), &[(b"eXIf", tags)]).orientation, 8);
+    assert_eq!(stating(dir.path(), &[(b"eXIf", TAGS)]).orientation, 8);
     assert_eq!(stating(dir.path(), &[(b"eXIf", b"nothing")]).orientation, 1);
     let path = jpeg_file(dir.path(), true);
     let whole = fs::read(&path).unwrap();
-    let segment = [&b"\xff\xe1"[..], &(tags.len() as u16 + 8).to_be_bytes(), b"Exif\0\0", tags].concat();
+    let segment = [&b"\xff\xe1"[..], &(TAGS.len() as u16 + 8).to_be_bytes(), b"Exif\0\0", TAGS].concat();
     fs::write(&path, [&whole[..2], &segment, &whole[2..]].concat()).unwrap();
     assert_eq!(details(&path).unwrap().orientation, 8);
 }
