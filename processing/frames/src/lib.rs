@@ -14,7 +14,7 @@ pub use clipping::Clipping;
 pub use linear::{LinearFrame, Linearizer};
 pub use load::{LoadedFrames, check, load, planned, save};
 pub use noise::{ASSUMED, BELOW_WHITE_SIGMA, FrameNoise, NoiseModel, NoiseSource};
-pub use sensor::sensor_layout;
+pub use sensor::is_mosaic;
 pub use tags::{Tagged, exposures};
 
 use nacre_base::{Error, Result};

@@ -1,24 +1,28 @@
-//! Tells raw frames of a polarization sensor from other photographs.
+//! Tells raw frames of sensors with a mosaic of filters from other photographs.
 
 use nacre_base::statistics::median;
 use nacre_image::{Raster, Samples};
 
-/// Blocks that are looked at, along a side.
-const BLOCKS: usize = 200;
+/// Blocks of 2 × 2 pixels along the side of a tile; texture averages out over it, the mosaic does not.
+const TILE: usize = 8;
 
-/// In a raw frame, pixels of a block differ by polarization, more than a pixel differs from the like one of the next block.
-const BLOCK_OVER_NEIGHBOUR: f64 = 3.0;
+/// Most tiles that are looked at, along a side.
+const TILES: usize = 40;
 
-/// Crossed pairs of a block have one sum: their difference is smaller than that of the pixels by this factor. It tells a polarization
-/// sensor from a colour mosaic.
-const PAIRS_AGREE: f64 = 3.0;
+/// Thresholds of the decision. On a raw frame of a camera with few polarized surfaces the first is 2.2; on photographs of rooms, renderings
+/// and screens it is 1 at most.
+mod limits {
+    /// Least ratio of the differences within blocks (means of tiles) to those between neighbouring blocks.
+    pub const WITHIN_OVER_BETWEEN: f64 = 1.5;
+    /// Least difference within blocks, as a share of the mean value: codes of even surfaces round.
+    pub const OF_MEAN: f64 = 0.01;
+}
 
-/// The layout that a photograph shows if it is a raw frame of a polarization sensor, but for a turn; `None` for other photographs, and for
-/// frames of scenes with little polarization.
-pub fn sensor_layout(raster: &Raster) -> Option<&'static str> {
-    let (w, h) = (raster.width / 2, raster.height / 2);
-    if raster.width % 2 + raster.height % 2 > 0 || w < 3 || h < 3 {
-        return None;
+/// Whether pixels of 2 × 2 blocks differ as behind the polarizers or colour filters of a sensor.
+pub fn is_mosaic(raster: &Raster) -> bool {
+    let [across, down] = [raster.width, raster.height].map(|n| n / (2 * TILE));
+    if raster.width % 2 + raster.height % 2 > 0 || across == 0 || down == 0 {
+        return false;
     }
     let value = |x: usize, y: usize| {
         let at = (y * raster.width + x) * raster.channels;
@@ -28,32 +32,35 @@ pub fn sensor_layout(raster: &Raster) -> Option<&'static str> {
             Samples::F32(v) => f64::from(v[at]),
         }
     };
-    let steps = [w, h].map(|n| (n / BLOCKS).max(1));
-    let places: Vec<[usize; 2]> = (0..h - 1)
-        .step_by(steps[1])
-        .flat_map(|y| (0..w - 1).step_by(steps[0]).map(move |x| [2 * x, 2 * y]))
-        .filter(|[x, y]| value(*x, *y).is_finite())
-        .collect();
-    let typical = |of: &dyn Fn(usize, usize) -> f64| {
-        median(places.iter().map(|[x, y]| of(*x, *y).abs()).collect::<Vec<_>>()).unwrap_or(f64::NAN)
-    };
-    let block = |x: usize, y: usize| [value(x, y), value(x + 1, y), value(x, y + 1), value(x + 1, y + 1)];
-    let neighbour = typical(&|x, y| value(x, y) - value(x + 2, y)).max(typical(&|x, y| value(x, y) - value(x, y + 2)));
-    let pairings = [([0, 3, 1, 2], "90,45,135,0"), ([0, 1, 2, 3], "0,90,45,135"), ([0, 2, 1, 3], "0,45,90,135")];
-    pairings.into_iter().find_map(|([a, b, c, d], name)| {
-        let pick = |f: fn([f64; 4]) -> f64| typical(&|x, y| f([a, b, c, d].map(|i| block(x, y)[i])));
-        let crossed = pick(|[a, b, _, _]| a - b).max(pick(|[_, _, c, d]| c - d));
-        let sums = pick(|[a, b, c, d]| a + b - c - d);
-        // Rows or columns that differ as a whole have two equal differences.
-        let unlike = pick(|[a, b, c, d]| a - b - c + d).min(pick(|[a, b, c, d]| a - b + c - d));
-        let crossed = crossed.min(unlike);
-        (crossed > BLOCK_OVER_NEIGHBOUR * neighbour && crossed > PAIRS_AGREE * sums).then_some(name)
-    })
+    let every = |n: usize| (0..n).step_by(n.div_ceil(TILES));
+    let (mut within, mut between, mut level) = ([const { vec![] }; 6], [vec![], vec![]], vec![]);
+    for (row, column) in every(down).flat_map(|row| every(across).map(move |column| (row, column))) {
+        let mut means = [0.0; 4];
+        for block in 0..TILE * TILE {
+            let (x, y) = (2 * (column * TILE + block % TILE), 2 * (row * TILE + block / TILE));
+            for (k, mean) in means.iter_mut().enumerate() {
+                *mean += value(x + k % 2, y + k / 2) / (TILE * TILE) as f64;
+            }
+            if block % TILE > 0 && block >= TILE {
+                between[0].push((value(x, y) - value(x - 2, y)).abs());
+                between[1].push((value(x, y) - value(x, y - 2)).abs());
+            }
+        }
+        let pairs = [(0, 1), (2, 3), (0, 2), (1, 3), (0, 3), (1, 2)];
+        within.iter_mut().zip(pairs).for_each(|(all, (a, b))| all.push((means[a] - means[b]).abs()));
+        level.push(means.iter().sum::<f64>() / 4.0);
+    }
+    let typical = |values: Vec<f64>| median(values).unwrap_or(f64::NAN);
+    let largest = |all: Vec<f64>| all.into_iter().fold(0.0, f64::max);
+    let within = largest(within.into_iter().map(typical).collect());
+    let between = largest(between.into_iter().map(typical).collect());
+    within > limits::WITHIN_OVER_BETWEEN * between && within > limits::OF_MEAN * typical(level)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::{Path, PathBuf};
 
     /// `kind(x, y)` gives the factor of a pixel on a smooth picture with noise.
     fn frame(kind: impl Fn(usize, usize) -> f64) -> Raster {
@@ -66,21 +73,32 @@ mod tests {
     }
 
     #[test]
-    fn only_frames_of_polarization_sensors_are_taken_for_them() {
-        for (layout, name) in [
-            ([90.0, 45.0, 135.0, 0.0], "90,45,135,0"),
-            ([0.0, 45.0, 90.0, 135.0], "0,45,90,135"),
-            ([135.0, 45.0, 0.0, 90.0], "0,90,45,135"),
-        ] {
+    fn frames_with_a_mosaic_are_told_from_others() {
+        for layout in [[90.0, 45.0, 135.0, 0.0], [0.0, 45.0, 90.0, 135.0], [135.0, 45.0, 0.0, 90.0]] {
             let analyser = |x: usize, y: usize| {
                 let angle: f64 = layout[x % 2 + 2 * (y % 2)];
-                0.5 + 0.15 * (2.0 * (angle.to_radians() - 0.3)).cos()
+                0.5 + 0.1 * (2.0 * (angle.to_radians() - 0.3)).cos()
             };
-            assert_eq!(sensor_layout(&frame(analyser)), Some(name));
+            assert!(is_mosaic(&frame(analyser)));
         }
-        assert_eq!(sensor_layout(&frame(|_, _| 1.0)), None, "grey");
-        let bayer = |x: usize, y: usize| [0.4, 1.0, 1.0, 0.6][x % 2 + 2 * (y % 2)];
-        assert_eq!(sensor_layout(&frame(bayer)), None, "a colour mosaic");
-        assert_eq!(sensor_layout(&frame(|_, y| 0.5 + 0.4 * (y % 2) as f64)), None, "interlaced rows");
+        assert!(is_mosaic(&frame(|x, y| [0.4, 1.0, 1.0, 0.6][x % 2 + 2 * (y % 2)])), "colour filters");
+        assert!(!is_mosaic(&frame(|_, _| 1.0)), "grey");
+        let texture = |x: usize, y: usize| 0.7 + 0.05 * ((x * 31 + y * 17) % 7) as f64;
+        assert!(!is_mosaic(&frame(texture)), "texture");
+    }
+
+    #[test]
+    fn a_real_raw_frame_is_recognised_and_other_photographs_are_not() {
+        let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+        let data = std::env::var_os("NACRE_TEST_DATA").map_or(default, PathBuf::from);
+        let raw = data.join("polarization/imx250mzr/camera_IMX250MZR.png");
+        if !raw.is_file() {
+            println!("skipped: no test data");
+            return;
+        }
+        assert!(is_mosaic(&nacre_image::read(&raw).unwrap()));
+        for other in ["polarization/rotating_analyser_630nm/000.png", "hdr/stack_room_exp_2.jpg"] {
+            assert!(!is_mosaic(&nacre_image::read(&data.join(other)).unwrap()), "{other}");
+        }
     }
 }

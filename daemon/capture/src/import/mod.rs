@@ -8,7 +8,7 @@ use nacre_base::Error;
 use nacre_base::progress::Progress;
 use nacre_base::text::from_json;
 use nacre_frames::{
-    Channel, Clipping, FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, exposures, save, sensor_layout,
+    Channel, Clipping, FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, exposures, is_mosaic, save,
 };
 use nacre_image::{details, photographs, read};
 use std::path::{Path, PathBuf};
@@ -88,20 +88,14 @@ pub fn check_number(folder: &Path, files: &[PathBuf], kind: Kind) -> Result<(), 
         return Ok(());
     }
     let path = folder.join(first);
-    match sensor_layout(&read(&path)?) {
-        Some(layout) => {
-            let problem =
-                format!("looks like a raw frame of a polarization sensor with the layout {layout} or one of its turns");
-            let remedy =
-                format!("give --kind division-of-focal-plane --layout {layout}, with the layout of the data sheet");
-            Err(Error::file(&path, problem, remedy))
-        }
-        None => {
-            let problem =
-                format!("holds {} photographs; polarization needs {MIN_ANGLES} analyser angles at least", files.len());
-            Err(Error::file(folder, problem, "add photographs, or give --kind if they are no such series"))
-        }
+    if is_mosaic(&read(&path)?) {
+        let problem = "looks like a raw frame of a sensor with polarizers (or colour filters) on its pixels";
+        let remedy = "give --kind division-of-focal-plane, and --layout as the data sheet has it, if it is a polarization sensor";
+        return Err(Error::file(&path, problem, remedy));
     }
+    let problem =
+        format!("holds {} photographs; polarization needs {MIN_ANGLES} analyser angles at least", files.len());
+    Err(Error::file(folder, problem, "add photographs, or give --kind if they are no such series"))
 }
 
 /// The transfer function that files state, or that files of their type usually have, and why.
