@@ -253,7 +253,7 @@ impl Jobs {
     /// it cannot be made or used.
     pub async fn open(folder: &Path, work: Work) -> Result<Self, Error> {
         let folder = std::path::absolute(folder).map_err(|e| Error::file(folder, e, "give another folder"))?;
-        let lock = worker::lock(&folder)?;
+        let lock = worker::lock(&folder).await?;
         let store = Store::open(&folder.join("jobs.db")).await?;
         store.recover().await?;
         let (changes, _) = broadcast::channel(CHANGES);

@@ -13,8 +13,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::{broadcast, mpsc, watch};
+use tokio::time::sleep;
 
 /// How often the worker shows that it is alive, and looks for deliveries that it was not told of.
 const HEARTBEAT: Duration = Duration::from_secs(2);
@@ -121,19 +122,27 @@ impl PollStrategy for Ear {
     }
 }
 
+/// How long a lock is waited for: a process that is being started holds all open files until it runs, locks among them.
+const LOCK_PATIENCE: Duration = Duration::from_secs(2);
+
 /// Keeps a second process from working on the folder; the system lets go when the process ends.
-pub(super) fn lock(folder: &Path) -> Result<File, Error> {
+pub(super) async fn lock(folder: &Path) -> Result<File, Error> {
     const ELSEWHERE: &str = "check the disk, or give another folder";
     let path = folder.join("jobs.lock");
     let unusable = |source| Error::Output { path: path.clone(), source, remedy: ELSEWHERE };
     fs::create_dir_all(folder).map_err(unusable)?;
     let file = File::options().create(true).append(true).open(&path).map_err(unusable)?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => {
-            Err(Error::file(folder, "has jobs that another process works on", "end it, or give another folder"))
+    let end = Instant::now() + LOCK_PATIENCE;
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(file),
+            Err(TryLockError::WouldBlock) if Instant::now() < end => sleep(Duration::from_millis(20)).await,
+            Err(TryLockError::WouldBlock) => {
+                let problem = "has jobs that another process works on";
+                return Err(Error::file(folder, problem, "end it, or give another folder"));
+            }
+            Err(TryLockError::Error(e)) => return Err(unusable(e)),
         }
-        Err(TryLockError::Error(e)) => Err(unusable(e)),
     }
 }
 

@@ -261,7 +261,7 @@ async fn shutdown_puts_the_running_job_back() {
     // Dropping stops the worker and lets go of the folder as well.
     drop(jobs);
     let end = Instant::now() + PATIENCE;
-    while worker::lock(folder.path()).is_err() {
+    while worker::lock(folder.path()).await.is_err() {
         assert!(Instant::now() < end);
         sleep(Duration::from_millis(10)).await;
     }
