@@ -176,7 +176,7 @@ async fn work_on(shared: &Arc<Shared>) {
             // Its error is not the job's; the next worker meets it again or does not.
             let _ = worker.run().await;
         }
-        tokio::time::sleep(PAUSE).await;
+        sleep(PAUSE).await;
     }
 }
 
@@ -213,7 +213,7 @@ async fn take(shared: Arc<Shared>, id: String) -> Result<(), BoxDynError> {
         Ok(Ok(())) => Ok(()),
         Ok(Err(error)) => {
             // It is delivered again at once.
-            tokio::time::sleep(PAUSE).await;
+            sleep(PAUSE).await;
             Err(error.into())
         }
         Err(error) => Err(error.into()),
@@ -270,7 +270,7 @@ async fn finish(shared: &Shared, live: &Live, result: Result<(), Failed>) {
             // The next start finds the job running, and does it again.
             return;
         }
-        tokio::time::sleep(PAUSE).await;
+        sleep(PAUSE).await;
     }
     shared.queued(&live.id);
 }
