@@ -145,3 +145,17 @@ fn a_single_raw_frame_of_a_sensor_is_recognised() {
     let refused = nacre(["import", photos.to_str().unwrap()]).expect(2).stderr();
     assert!(refused.contains("3 analyser angles"), "{refused}");
 }
+
+#[test]
+fn photographs_of_one_angle_that_differ_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos(&folder);
+    series(&photos, &[0.0, 45.0, 90.0, 135.0], 65_535.0, 1.0);
+    std::fs::copy(photos.join("045.png"), photos.join("180.png")).unwrap();
+    let (_, report) = measured(folder.path(), &[]);
+    assert!(warned(&report, "000.png and 180.png are said to be at one analyser angle"), "{}", report["warnings"]);
+    std::fs::remove_dir_all(folder.path().join("series")).unwrap();
+    std::fs::remove_dir_all(folder.path().join("result")).unwrap();
+    std::fs::copy(photos.join("000.png"), photos.join("180.png")).unwrap();
+    assert!(!warned(&measured(folder.path(), &[]).1, "one analyser angle"));
+}

@@ -2,6 +2,7 @@
 
 pub(crate) mod aligned;
 pub(crate) mod angle_error;
+pub(crate) mod duplicates;
 pub(crate) mod layout;
 pub(crate) mod repeats;
 pub(crate) mod sample;
