@@ -18,7 +18,7 @@ mod limits {
     pub const PHOTOGRAPHS: usize = 2;
 }
 
-/// What the photographs of a set have as their largest value.
+/// Largest values of the photographs that look clipped.
 #[derive(Debug, Default)]
 pub struct Clipping {
     /// Value, and share of the samples that have it.

@@ -1,4 +1,4 @@
-//! What files of a set say about their values, against what describes the set.
+//! Statements of image files about their values, compared with the description of the set.
 
 use super::{FrameSet, Transfer};
 use nacre_base::{Error, Result};
@@ -43,7 +43,7 @@ impl Transfer {
     }
 }
 
-/// Collects what the files of a set say.
+/// Statements of all files of a set.
 #[derive(Default)]
 pub(super) struct Stated {
     files: Vec<(PathBuf, Details)>,
@@ -80,7 +80,7 @@ impl Stated {
         Ok(())
     }
 
-    /// Takes the value of a saturated pixel from the files where the description gives none, and says what else they state.
+    /// Takes black and white from the files where the description gives none; returns warnings about their other statements.
     pub fn complete(&self, set: &mut FrameSet) -> Vec<String> {
         let Some((_, first)) = self.files.first() else { return vec![] };
         let blacks: Option<Vec<f64>> = self.files.iter().map(|(_, d)| d.black).collect();

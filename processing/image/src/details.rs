@@ -1,5 +1,5 @@
-//! What photographs say about their pixel values, besides size and type: how values encode light, the value of a saturated pixel, and
-//! whatever of the file is not read.
+//! Statements of image files about their pixel values, besides size and type: transfer curve, levels of black and white, orientation, and
+//! parts of the file that are not read.
 
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::source::{Source, decode, open};
 use super::{exif, fits, jpeg, npy, png, raw, tif};
 use nacre_base::Result;
 
-/// What a file says about its pixel values.
+/// Statements of a file about its pixel values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Details {
     /// Size and type of its pixels.
@@ -26,7 +26,7 @@ pub struct Details {
     pub black: Option<f64>,
     /// Exif orientation that viewers would apply; 1 is none.
     pub orientation: u16,
-    /// What is not read of the file, or was missing, each a clause: "has 3 pages, of which the first is read".
+    /// Parts of the file that are not read or are missing, each a clause: "has 3 pages, of which the first is read".
     pub notes: Vec<String>,
 }
 

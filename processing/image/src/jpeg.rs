@@ -27,7 +27,7 @@ const NO_END: &str = "no end of image marker";
 /// Follows the start marker of files without Huffman tables: with the mark of Motion JPEG the decoder takes those of ITU T.81, K.3.
 const MOTION_JPEG: [u8; 18] = *b"\xff\xe0\x00\x10AVI1\0\0\0\0\0\0\0\0\0\0";
 
-/// What a file lacks that decoders can do without.
+/// Parts of a JPEG that are missing and not needed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Missing {
     /// The marker at the end.
@@ -40,7 +40,7 @@ pub(super) fn info(mut source: Source) -> Decoded<Info> {
     header(&mut source)
 }
 
-/// What the file lacks.
+/// Finds missing parts.
 pub(super) fn missing(source: &mut Source) -> Decoded<Missing> {
     header(source)?;
     source.seek(SeekFrom::Start(2))?;
@@ -65,7 +65,7 @@ pub(super) fn missing(source: &mut Source) -> Decoded<Missing> {
     Ok(Missing { end: !end, tables: !tables })
 }
 
-/// What decoders are given behind files without an end marker: a picture that depends on it lacks data.
+/// Bytes put behind files without an end marker. A picture that depends on them lacks data.
 const TAILS: [&[u8]; 2] = [b"\xff\xd9", b"\x3a\xc5\x96\x0f\x71\xe8\x4d\xb2\x1b\x64\xa9\x53\xff\xd9"];
 
 pub(super) fn read(mut source: Source) -> Decoded<Raster> {

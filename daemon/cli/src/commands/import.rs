@@ -71,7 +71,7 @@ enum KindName {
     Exposures,
 }
 
-/// What `--json` prints.
+/// JSON output of `nacre import`.
 #[derive(Serialize)]
 struct Imported<'a> {
     /// The description, as it was written.
@@ -80,7 +80,7 @@ struct Imported<'a> {
     /// Size and type of the photographs.
     photographs: String,
     transfer_from: String,
-    /// Files of the folder that are no photographs of a format that is read.
+    /// Files of the folder that are not photographs in a supported format.
     skipped: &'a [PathBuf],
     warnings: &'a [String],
     wrote: &'a Path,

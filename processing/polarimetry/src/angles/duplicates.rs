@@ -1,4 +1,4 @@
-//! Photographs that are said to be at one analyser angle and show different light: one of the angles is wrong.
+//! Photographs stated to be at one analyser angle that show different light: one of the angles is wrong, or something moved.
 
 use super::sample::{AREA, Sample};
 use crate::angle_difference;
