@@ -21,7 +21,7 @@ pub struct LoadedFrames {
     pub set: FrameSet,
     /// What all photographs have in common.
     pub info: Info,
-    /// Contradictions between the description and what files state, and parts of files that are not read; for the report.
+    /// For the report: contradictions between description and files, and parts of files that are not read.
     pub warnings: Vec<String>,
     /// A capture session took the photographs: a grating lit by the panel, behind an analyser that the engine turned.
     pub from_session: bool,

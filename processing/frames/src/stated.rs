@@ -101,7 +101,8 @@ impl Stated {
         let transfer = set.transfer;
         let contradicted = said(&|d| {
             let encoding = d.encoding.as_ref().filter(|e| !transfer.agrees(e.curve))?;
-            let curve = Transfer::of(encoding.curve).map_or_else(|| "a curve that is not read".into(), Self::curve);
+            let curve = Transfer::of(encoding.curve)
+                .map_or_else(|| "an unsupported curve".into(), |t| format!("transfer {}", t.option()));
             Some(format!("states {curve} ({}), but is read as {}", encoding.source, transfer.option()))
         });
         let turned = said(&|d| {
@@ -113,9 +114,5 @@ impl Stated {
         });
         let notes = said(&|d| (!d.notes.is_empty()).then(|| d.notes.join("; ")));
         [contradicted, turned, notes].into_iter().flatten().collect()
-    }
-
-    fn curve(transfer: Transfer) -> String {
-        format!("transfer {}", transfer.option())
     }
 }

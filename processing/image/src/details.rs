@@ -55,7 +55,7 @@ pub enum Curve {
     Srgb,
     /// Value = light^(1/gamma).
     Gamma(f64),
-    /// One that is not read.
+    /// Any other curve, which is not supported.
     Other,
 }
 
@@ -95,7 +95,7 @@ impl Curve {
         near.unwrap_or(Self::Other)
     }
 
-    /// The curve of an ICC profile; `None` for what is no profile or has none.
+    /// The transfer curve of an ICC profile; `None` without a valid profile or curve.
     pub(super) fn of_profile(profile: &[u8]) -> Option<Self> {
         let profile = ColorProfile::new_from_slice(profile).ok()?;
         Some(match profile.green_trc.or(profile.gray_trc)? {

@@ -46,7 +46,7 @@ pub fn exposure(path: &Path) -> Option<Exposure> {
     .or_else(|| taken(path).map(|t| Exposure { seconds: t.seconds, iso: t.iso, f_number: t.aperture }))
 }
 
-/// What a function takes from the tags of a file.
+/// Reads the Exif tags of a file and applies a function to them.
 fn tags<T>(path: &Path, take: impl FnOnce(&exif::Exif) -> Option<T>) -> Option<T> {
     let file = File::open(path).ok().filter(|f| f.metadata().is_ok_and(|m| m.is_file()))?;
     let decode = || take(&Reader::new().read_from_container(&mut BufReader::new(file.take(SEARCHED))).ok()?);

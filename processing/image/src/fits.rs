@@ -30,7 +30,7 @@ enum Stored {
     F64,
 }
 
-/// What a header says of its image.
+/// Size and type of an image as its header states them.
 #[derive(Debug, PartialEq)]
 struct Image {
     info: Info,

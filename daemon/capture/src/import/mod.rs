@@ -78,11 +78,11 @@ pub fn describe(
 /// Least number of analyser angles that tell polarization.
 const MIN_ANGLES: usize = 3;
 
-/// Refuses too few photographs behind an analyser, and says so where one is a raw frame of a polarization sensor.
+/// Refuses fewer than three photographs behind an analyser. `sensor` is the remedy where one looks like a raw frame of a polarization sensor.
 ///
 /// # Errors
 /// `Input` for fewer than three, or for one that cannot be read.
-pub fn check_number(folder: &Path, files: &[PathBuf], kind: Kind) -> Result<(), Error> {
+pub fn check_number(folder: &Path, files: &[PathBuf], kind: Kind, sensor: &str) -> Result<(), Error> {
     let [first, ..] = files else { return Ok(()) };
     if kind != Kind::Polarization || files.len() >= MIN_ANGLES {
         return Ok(());
@@ -90,12 +90,11 @@ pub fn check_number(folder: &Path, files: &[PathBuf], kind: Kind) -> Result<(), 
     let path = folder.join(first);
     if is_mosaic(&read(&path)?) {
         let problem = "looks like a raw frame of a sensor with polarizers (or colour filters) on its pixels";
-        let remedy = "give --kind division-of-focal-plane, and --layout as the data sheet has it, if it is a polarization sensor";
-        return Err(Error::file(&path, problem, remedy));
+        return Err(Error::file(&path, problem, sensor));
     }
     let problem =
         format!("holds {} photographs; polarization needs {MIN_ANGLES} analyser angles at least", files.len());
-    Err(Error::file(folder, problem, "add photographs, or give --kind if they are no such series"))
+    Err(Error::file(folder, problem, "add photographs at other angles"))
 }
 
 /// The transfer function that files state, or that files of their type usually have, and why.
@@ -154,10 +153,10 @@ pub fn decode_all(frames: &LoadedFrames, progress: &dyn Progress) -> Result<Opti
     Ok(clipping.into_inner().unwrap_or_else(PoisonError::into_inner).warning(white, "--white"))
 }
 
-/// A `frames.json` that leaves out `transfer`, completed by what its files state.
+/// Adds `transfer` to a `frames.json` without it, as its photographs state it.
 ///
 /// # Errors
-/// `Input` for a description that is none, and files that cannot be read.
+/// `Input` for invalid JSON, and for files that cannot be read.
 pub fn with_transfer(folder: &Path, text: &str) -> Result<String, Error> {
     let path = folder.join(FILE_NAME);
     let bad = |problem: String| Error::file(&path, problem, "`nacre schema frames` prints what is allowed");
@@ -181,7 +180,9 @@ pub fn from_names(folder: &Path) -> Result<String, Error> {
     let options =
         Options { kind: Kind::Polarization, layout: None, transfer: None, channel: None, black: None, white: None };
     let files = photographs(folder)?;
-    check_number(folder, &files, options.kind)?;
+    let sensor =
+        "describe it as kind division_of_focal_plane with its layout (frames.json; on the page: Polarization by)";
+    check_number(folder, &files, options.kind, sensor)?;
     let angles = named_angles("the upload", &files, "send a frames.json that says the angles as the part frames")?;
     Ok(save(&describe(folder, &files, Some(angles), &options)?.frames.set))
 }

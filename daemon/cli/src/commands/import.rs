@@ -90,7 +90,9 @@ struct Imported<'a> {
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let (files, mut skipped) = list(&args.folder)?;
     skipped.retain(|name| !name.extension().is_some_and(|e| e == "json" || e == "txt"));
-    check_number(&args.folder, &files, kind(args))?;
+    let sensor =
+        "if it is a polarization sensor's, give --kind division-of-focal-plane and the --layout of the data sheet";
+    check_number(&args.folder, &files, kind(args), sensor)?;
     let angles = angles(args, &files)?;
     let Described { mut frames, transfer_from } = describe(&args.folder, &files, angles, &options(args)?)?;
     frames.warnings.extend(decode_all(&frames, console)?);

@@ -41,7 +41,7 @@ const MAGICS: &[(usize, &[u8], &str)] = &[
     (0, b"ply\r", "PLY mesh"),
 ];
 
-/// The name of a format that is not read.
+/// The name of an unsupported format.
 pub(in crate::height) fn name(bytes: &[u8]) -> Option<&'static str> {
     let matches =
         |(at, magic, _): &&(usize, &[u8], &'static str)| bytes.get(*at..).is_some_and(|b| b.starts_with(magic));

@@ -3,7 +3,7 @@
 use super::super::formats::fault::{Fault, Outcome};
 use std::borrow::Cow;
 
-/// A text, and the name of its encoding where that is not plain UTF-8.
+/// Decoded text, and the name of its encoding unless that is UTF-8.
 type Text<'a> = (Cow<'a, str>, Option<&'static str>);
 
 /// Bytes at the beginning that tell UTF-16 without a byte order mark.

@@ -23,7 +23,7 @@ pub(super) struct Header {
     /// Pitch without a unit.
     pub bare: [Option<f64>; 2],
     pub unit_um: Option<f64>,
-    /// A unit of the values that is no length.
+    /// A unit of the values other than length.
     pub other_unit: Option<String>,
     /// µm of one unit of the values, where they are no lengths.
     pub factor_um: Option<f64>,

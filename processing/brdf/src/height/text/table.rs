@@ -53,7 +53,7 @@ impl Table {
     /// Reads the rows of a text; `relative` where only the ratio of the values counts.
     ///
     /// # Errors
-    /// A line that is no row, and numbers whose style is ambiguous.
+    /// A line that is not a row of numbers, or numbers of an ambiguous style.
     pub(super) fn read(text: &str, relative: bool) -> Result<Self, String> {
         let Some(Extent { first, last }) = extent(text) else {
             return Err("is neither an image nor a grid of numbers".into());
