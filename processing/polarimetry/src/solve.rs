@@ -3,7 +3,8 @@
 use crate::angles::angle_error::distorted;
 use crate::film::asked::Asked;
 use crate::film::choose::Choice;
-use crate::film::cloud::cloud;
+use crate::film::classes::Classes;
+use crate::film::cloud::{CloudPoint, cloud};
 use crate::film::correction::{Corrected, choose_corrected};
 use crate::film::locate::{Lens, locate};
 use crate::orientation::edges::{widen_at_edges, widen_where_apart};
@@ -21,6 +22,8 @@ pub(crate) struct Solved {
     pub without_grating: usize,
     pub circle: Option<CircleCheck>,
     pub choice: Option<Choice>,
+    /// Gratings that differ by the strength of their modulation, where there are several.
+    pub classes: Option<Classes>,
     /// What was done about oblique incidence.
     pub oblique: Option<ObliqueReport>,
 }
@@ -31,7 +34,7 @@ const CHUNK: usize = 1 << 14;
 impl Solved {
     /// σ of noise becomes that of noise, of the model, of what the lens mixes at edges, and of photographs that are left so many pixels apart.
     /// Plain polarimetry has no model that could be wrong, and light that a lens mixes has the polarization of the mixture.
-    pub fn tell_systematic(&mut self, model: Model, apart_px: f64) {
+    pub fn tell_systematic(&mut self, maps: &StokesMaps, model: Model, apart_px: f64) {
         widen_where_apart(&mut self.map, apart_px as f32);
         if model == Model::Plain {
             return;
@@ -48,6 +51,9 @@ impl Solved {
                 },
             );
         });
+        if let Some(classes) = &self.classes {
+            classes.widen(maps, &mut self.map.sigma);
+        }
         widen_at_edges(&mut self.map);
     }
 }
@@ -55,7 +61,7 @@ impl Solved {
 /// Orientations alone: for charts.
 pub fn orient_with(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> OrientationMaps {
     let mut solved = solve_model(maps, design, noise, asked);
-    solved.tell_systematic(asked.model, 0.0);
+    solved.tell_systematic(maps, asked.model, 0.0);
     solved.map
 }
 
@@ -75,19 +81,30 @@ pub(crate) fn solve_with(
 ) -> Solved {
     if asked.model == Model::Plain {
         let map = phases(maps, residual, design, noise, 0.0);
-        return Solved { map, without_grating: 0, circle: None, choice: None, oblique: None };
+        return Solved { map, without_grating: 0, circle: None, choice: None, classes: None, oblique: None };
     }
     let mut points = cloud(maps, design, noise, asked.pixels);
     points.retain(|p| p.snr >= f64::from(MASK_SNR));
+    let (points, classes) = of_one_grating(points, asked);
     let distorted = distorted(&points, maps, design, asked.angle_sigma);
     let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked, distorted) else {
         let map = phases(maps, residual, design, noise, asked.offset);
-        return Solved { circle: check_circle(maps, &map), map, without_grating: 0, choice: None, oblique: None };
+        let circle = check_circle(maps, &map);
+        return Solved { circle, map, without_grating: 0, choice: None, classes: None, oblique: None };
     };
     let chosen = &choice.candidates[choice.chosen];
     let lens = Lens { design, noise, model: chosen, correction: correction.as_ref(), offset: asked.offset };
     let (map, without_grating) = locate(maps, residual, &lens);
     // The check looks at the points as they are.
     let circle = if correction.is_none() { check_circle(maps, &map) } else { None };
-    Solved { map, without_grating, circle, choice: Some(choice), oblique: report }
+    Solved { map, without_grating, circle, choice: Some(choice), classes, oblique: report }
+}
+
+/// The points of the largest class of gratings, whose model is that of all, and the classes; all points where there is one.
+fn of_one_grating(points: Vec<CloudPoint>, asked: &Asked) -> (Vec<CloudPoint>, Option<Classes>) {
+    let classes = if asked.model == Model::Auto { Classes::find(&points) } else { None };
+    match classes {
+        Some(classes) => (classes.largest(&points), Some(classes)),
+        None => (points, None),
+    }
 }

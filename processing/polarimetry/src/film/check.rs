@@ -78,7 +78,7 @@ impl CircleCheck {
 }
 
 /// With a wider gap in the orientations in view the circle is a guess.
-const WIDEST_GAP_DEG: f64 = 60.0;
+pub(crate) const WIDEST_GAP_DEG: f64 = 60.0;
 
 /// Relative scatter of the modulation beyond which the pixels do not share one grating profile.
 const MIXED_SPREAD: f64 = 0.05;
@@ -161,7 +161,7 @@ fn distance_of(share: f64, points: &[[f64; 2]], circle: Circle) -> f64 {
 }
 
 /// Widest run of 10° sectors about the centre that hold less than 0.1 % of the points, in degrees of orientation.
-fn gap(points: &[[f64; 2]], center: [f64; 2]) -> f64 {
+pub(crate) fn gap(points: &[[f64; 2]], center: [f64; 2]) -> f64 {
     const SECTORS: usize = 36;
     let mut count = [0usize; SECTORS];
     for p in points {

@@ -6,6 +6,7 @@ use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::foot::Path;
 use crate::film::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
 use crate::film::search::{Begin, ENOUGH, POLARIZER, alike, at_limit, curves, likelier};
+use nacre_base::statistics::quantile;
 use nalgebra::{Matrix3, Vector3};
 use std::borrow::Cow;
 
@@ -60,6 +61,9 @@ const FEWEST_POINTS: usize = 20;
 const GOOD_WIDENED: f64 = 1.05;
 const GOOD_CENTER_DEG: f64 = 0.02;
 
+/// Share of normal deviates within one standard deviation.
+const ONE_SIGMA: f64 = 0.683;
+
 /// The candidates, and which one it is.
 pub(crate) struct Choice {
     pub candidates: Vec<Candidate>,
@@ -67,7 +71,7 @@ pub(crate) struct Choice {
     pub behind: Vec<f64>,
     /// Standard deviation that its difference from the one that is taken for right has by chance.
     pub chance: Vec<f64>,
-    /// Mean difference of its orientations from those of the chosen one, in rad.
+    /// Difference of its orientations from those of the chosen one in rad, which 68 % of the points stay under.
     pub differences: Vec<f64>,
     pub chosen: usize,
     /// The one that is taken for right: the chosen one, or the likeliest where another one was asked for.
@@ -131,7 +135,12 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
         Model::Auto => {
             let as_good = |k: &usize| evidence[*k] <= evidence[best] + unmodelled.max(SIMPLER);
             let simplest = &candidates[(0..candidates.len()).find(as_good)?];
-            likeliest(&|c| (c.model, c.extended) == (simplest.model, simplest.extended))?
+            let simple = likeliest(&|c| (c.model, c.extended) == (simplest.model, simplest.extended))?;
+            let film = likeliest(&|c| c.film.is_some()).filter(|film| {
+                let chance = each[*film].chance(&each[simple]);
+                evidence[*film] - evidence[simple] < UNDECIDED.max(UNDECIDED_SIGMA * chance)
+            });
+            film.filter(|film| contradicts(&candidates[*film], &candidates[simple], points)).unwrap_or(simple)
         }
         model => likeliest(&|c| c.model == model)?,
     };
@@ -201,6 +210,12 @@ impl Choice {
         self.systematic = error.unwrap_or_else(guessed).hypot(bent);
         self.error = error;
     }
+}
+
+/// Whether a film gives other orientations than a circle about another place than the origin. Such a circle is the first order of two films with
+/// different orientations, which only the films themselves decide between.
+fn contradicts(film: &Candidate, simple: &Candidate, points: &[CloudPoint]) -> bool {
+    simple.center.is_some_and(|c| c != [0.0; 2]) && difference(film, simple, points) > typical_sigma(simple, points)
 }
 
 /// What so many points may scatter by about the curve that they come from, as a variance over their noise: by two standard deviations.
@@ -328,7 +343,7 @@ fn explains(candidate: &Candidate, points: &[CloudPoint]) -> bool {
     candidate.widened < NO_CURVE_WIDENED || off < NO_CURVE * candidate.size()
 }
 
-/// Mean difference of the orientations under two models after the best common offset, in rad.
+/// Difference of the orientations under two models after the best common offset in rad, which 68 % of the points stay under: it compares with σ.
 fn difference(a: &Candidate, b: &Candidate, points: &[CloudPoint]) -> f64 {
     difference_of((a, points), (b, points))
 }
@@ -341,7 +356,8 @@ pub(crate) fn difference_of(a: (&Candidate, &[CloudPoint]), b: (&Candidate, &[Cl
     let pairs: Vec<f64> = points.map(|(p, q)| orientation(a.0, &of_a, p).0 - orientation(b.0, &of_b, q).0).collect();
     let (sin, cos) = pairs.iter().fold((0.0, 0.0), |(s, c), d| (s + (2.0 * d).sin(), c + (2.0 * d).cos()));
     let offset = 0.5 * f64::atan2(sin, cos);
-    pairs.iter().map(|d| angle_difference(*d, offset).abs()).sum::<f64>() / pairs.len().max(1) as f64
+    let mut off: Vec<f64> = pairs.iter().map(|d| angle_difference(*d, offset).abs()).collect();
+    quantile(&mut off, ONE_SIGMA).unwrap_or(0.0)
 }
 
 fn reason(

@@ -14,11 +14,17 @@ use std::f64::consts::{PI, TAU};
 
 /// Mean absolute error in degrees under a candidate, the best common offset removed.
 fn error(candidate: &Candidate, pairs: &[(CloudPoint, f32)]) -> f64 {
+    let errors = errors(candidate, pairs);
+    errors.iter().sum::<f64>() / errors.len() as f64
+}
+
+/// Absolute error of each point in degrees.
+fn errors(candidate: &Candidate, pairs: &[(CloudPoint, f32)]) -> Vec<f64> {
     let path = Path::new(candidate.curve);
     let off: Vec<f64> = pairs.iter().map(|(p, t)| orientation(candidate, &path, p).0 - f64::from(*t)).collect();
     let (sin, cos) = off.iter().fold((0.0, 0.0), |(s, c), d| (s + (2.0 * d).sin(), c + (2.0 * d).cos()));
     let offset = 0.5 * f64::atan2(sin, cos);
-    (off.iter().map(|d| angle_difference(*d, offset).abs()).sum::<f64>() / off.len() as f64).to_degrees()
+    off.iter().map(|d| angle_difference(*d, offset).abs().to_degrees()).collect()
 }
 
 /// What `auto` chooses, and the error of every candidate.
@@ -28,14 +34,19 @@ fn compared(scene: &Synthetic, pixels: usize, seed: u64) -> (Choice, Vec<f64>) {
 
 /// What is chosen where a model is wanted, and the error of every candidate.
 fn compared_for(wanted: Model, scene: &Synthetic, pixels: usize, seed: u64) -> (Choice, Vec<f64>) {
+    let (choice, pairs) = chosen(wanted, scene, pixels, seed);
+    let errors = choice.candidates.iter().map(|c| error(c, &pairs)).collect();
+    (choice, errors)
+}
+
+/// What is chosen, on which points, with the truth.
+fn chosen(wanted: Model, scene: &Synthetic, pixels: usize, seed: u64) -> (Choice, Vec<(CloudPoint, f32)>) {
     let Series { maps, design, noise, truth } = scene.photograph(pixels, seed).unwrap();
     let points = cloud(&maps, &design, &noise, pixels);
     assert_eq!(points.len(), truth.len());
     let pairs: Vec<_> = points.into_iter().zip(truth).filter(|(p, _)| p.snr >= f64::from(MASK_SNR)).collect();
     let points: Vec<_> = pairs.iter().map(|(p, _)| *p).collect();
-    let choice = choose(&points, wanted, Begin::Anywhere, 0.0).unwrap();
-    let errors = choice.candidates.iter().map(|c| error(c, &pairs)).collect();
-    (choice, errors)
+    (choose(&points, wanted, Begin::Anywhere, 0.0).unwrap(), pairs)
 }
 
 fn told(choice: &Choice, errors: &[f64]) -> String {
@@ -204,18 +215,59 @@ fn auto_is_nearly_the_best_of_its_models() {
     assert!(3 * bad <= count && 6 * lies as u64 <= count, "seed {seed}: {bad} of {count}, {lies} not told");
 }
 
-/// A model that was asked for claims what it is off by and no more, though many are likelier than it and most of these wrong as well: to a tenth, of which
-/// noise is a half.
+/// A model that was asked for claims what it is off by and no more, though many are likelier than it and most of these wrong as well: 68 % of the points
+/// have a smaller error than claimed with noise, to a tenth of it.
 #[test]
 fn what_was_asked_for_claims_what_it_is_off_by() {
     for (front, spread) in [(0.0, Spread::Even), (0.1, Spread::Even), (0.0, Spread::Bands(5))] {
         let front = Complex::from_polar(front, 1.0);
         let film = Synthetic { retardance: 10f64.to_radians(), axis: 20f64.to_radians(), ..Synthetic::default() };
         let scene = Synthetic { front, spread, ..film };
-        let (choice, errors) = compared_for(Model::Sinusoid, &scene, 30_000, 7);
-        let (found, claimed) = (errors[choice.chosen], choice.error.map_or(f64::INFINITY, f64::to_degrees));
-        assert!((claimed / found - 1.0).abs() < 0.1, "{found} {claimed}\n{}", told(&choice, &errors));
+        let (choice, pairs) = chosen(Model::Sinusoid, &scene, 30_000, 7);
+        let mut off = errors(&choice.candidates[choice.chosen], &pairs);
+        let found = nacre_base::statistics::quantile(&mut off, 0.683).unwrap();
+        let claimed = choice.error.map_or(f64::INFINITY, f64::to_degrees);
+        assert!((claimed / found - 1.0).abs() < 0.1, "{front} {spread:?}: {found} {claimed}");
     }
+}
+
+/// A weak front reflection beside a weak film: the two films that a circle off the origin can mean differ by more than the noise, and photographs hardly
+/// decide between them. The likelier is taken, and σ includes what the other differs by.
+#[test]
+fn ambiguous_films_claim_the_difference_of_their_rivals() {
+    let (mut means, mut ratios) = (vec![], vec![]);
+    for seed in 0..6 {
+        let scene = Synthetic {
+            ratio: Complex::from_polar(1.1, 45f64.to_radians()),
+            front: Complex::from_polar(0.05, TAU * uniform(seed, 5)),
+            retardance: 0.5f64.to_radians(),
+            axis: PI * uniform(seed, 77),
+            spread: [Spread::Even, Spread::Bands(5)][seed as usize % 2],
+            reflectance: 0.2,
+            ..Synthetic::default()
+        };
+        let Series { mut maps, design, noise, truth } = scene.photograph(40_000, seed).unwrap();
+        let map = orient_with(&mut maps, &design, &noise, &Asked::of(Model::Auto));
+        let found = crate::compare(&map.orientation, &map.sigma, &truth, |_| true).unwrap();
+        let off = |i: usize| f64::from(map.orientation[i]) - found.offset_deg.to_radians();
+        ratios.extend(
+            (0..truth.len())
+                .filter(|i| map.orientation[*i].is_finite())
+                .map(|i| angle_difference(off(i), f64::from(truth[i])).abs() / f64::from(map.sigma[i])),
+        );
+        means.push(found.mean_deg);
+    }
+    let within = |limit: f64| ratios.iter().filter(|r| **r < limit).count() as f64 / ratios.len() as f64;
+    println!(
+        "{means:.3?}: {:.3} within 1σ, {:.4} within 3σ, {:.5} beyond 5σ",
+        within(1.0),
+        within(3.0),
+        1.0 - within(5.0)
+    );
+    assert!(within(1.0) > 0.63 && within(3.0) > 0.99 && 1.0 - within(5.0) < 1e-3);
+    // Noise alone makes 0.11°, the wrong film 0.34 to 0.46°.
+    means.sort_by(f64::total_cmp);
+    assert!(means[2] < 0.2, "{means:?}");
 }
 
 /// Hardly any pixel is more than 5σ off where models fail: films that delay by more than any packaging does, a model that was

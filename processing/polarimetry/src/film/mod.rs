@@ -6,6 +6,7 @@ pub(crate) mod check;
 pub(crate) mod choose;
 #[cfg(test)]
 mod choose_tests;
+pub(crate) mod classes;
 pub(crate) mod cloud;
 pub(crate) mod correction;
 pub(crate) mod curve;

@@ -1,6 +1,7 @@
 //! `report.json`: what was done, why, and how good the result is.
 
 use crate::film::choose::Choice;
+use crate::film::classes::{Class, Classes};
 use crate::orientation::smooth::SPACE_SIGMA_PX;
 use crate::report::errors::Systematic;
 use crate::solve::Solved;
@@ -37,6 +38,8 @@ pub struct Report {
     pub error: ErrorReport,
     /// All models that were fitted, simplest first; empty when too few pixels carry modulation.
     pub models: Vec<ModelReport>,
+    /// Classes of pixels that differ by their degree of polarization, as of gratings of several periods or depths; empty for one.
+    pub classes: Vec<Class>,
     /// Does the sinusoid explain the data?
     pub circle: Option<CircleCheck>,
     /// Analyser positions at which several exposures were merged.
@@ -145,8 +148,9 @@ impl Report {
         let plain = asked == Model::Plain;
         let model = chosen.map_or(if plain { Model::Plain } else { Model::Sinusoid }, |c| c.model);
         // What is wrong with the sinusoid does not matter to who has a better model.
-        let checked = circle.iter().filter(|_| model == Model::Sinusoid);
+        let checked = circle.iter().filter(|_| model == Model::Sinusoid && solved.classes.is_none());
         let mut warnings: Vec<String> = checked.flat_map(CircleCheck::warnings).collect();
+        warnings.extend(solved.classes.iter().map(Classes::warning));
         warnings.extend(choice.iter().filter(|_| model != Model::Sinusoid).flat_map(|c| c.warnings()));
         if pixels.valid == 0 {
             warnings.push("no pixel shows enough modulation to tell an angle of polarization: the map is empty".into());
@@ -182,6 +186,7 @@ impl Report {
             error_estimate_deg: error.total_deg,
             error,
             pixels,
+            classes: solved.classes.as_ref().map(|c| c.classes.clone()).unwrap_or_default(),
             noise: NoiseReport { source, shot: mean(|n| n.shot), floor: mean(|n| n.floor) },
             circle,
             brackets: 0,
@@ -223,6 +228,9 @@ impl Report {
 /// Error in degrees that the model may cause; none when that cannot be told.
 fn error_of_model(solved: &Solved) -> Option<f64> {
     let choice = solved.choice.as_ref()?;
+    if let Some(classes) = &solved.classes {
+        return Some(choice.error?.to_degrees().hypot(classes.offset_deg()));
+    }
     match (choice.candidates[choice.chosen].model, solved.circle) {
         // With oblique incidence taken out there is no check on the raw points.
         (Model::Sinusoid, Some(circle)) => {

@@ -17,7 +17,7 @@ pub struct ModelReport {
     pub behind: f64,
     /// Scatter of the points about it over their noise, as a ratio of standard deviations; 1 is a perfect model.
     pub scatter: f64,
-    /// Mean difference of its orientations from those of the model used, in degrees.
+    /// Difference of its orientations from those of the model used in degrees, which 68 % of the points stay under.
     pub difference_deg: f64,
     /// Error that the uncertainty of its parameters causes, in degrees.
     pub uncertain_deg: f64,
@@ -95,7 +95,7 @@ impl Choice {
         let difference = rivals.map(|k| self.differences[k]).fold(0.0, f64::max).to_degrees();
         if difference > 0.5 {
             warnings.push(format!(
-                "another model explains the data as well, with orientations that differ by {difference:.1}° on average: see models"
+                "another model explains the data as well, with orientations that differ by up to {difference:.1}° for 68 % of the pixels: see models"
             ));
         }
         let chosen = &self.candidates[self.chosen];
@@ -103,7 +103,7 @@ impl Choice {
         let chance = self.chance[self.best()].max(self.chance[self.chosen]);
         if self.behind[self.chosen] > UNDECIDED.max(UNDECIDED_SIGMA * chance) && self.error.is_some() {
             warnings.push(format!(
-                "{} is not the likeliest model: another one gives orientations that differ by {:.1}° on average",
+                "{} is not the likeliest model: another one gives orientations that differ by up to {:.1}° for 68 % of the pixels",
                 chosen.name(),
                 self.differences[self.best()].to_degrees()
             ));

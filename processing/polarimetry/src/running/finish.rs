@@ -54,7 +54,7 @@ impl Running {
             report.period = Some(said);
         }
         // The report has these terms one by one.
-        solved.tell_systematic(model, fitted.apart_px());
+        solved.tell_systematic(&maps, model, fitted.apart_px());
         writer.maps(maps, &solved.map, &disk)?;
         report.took(fitted.read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
         folder.write_json("report.json", &report)?;
