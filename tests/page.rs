@@ -70,8 +70,8 @@ fn every_page_is_accessible_light_and_stands_still() {
         assert!(shift < SHIFT, "{page}: the layout shifts by {shift}");
         for theme in ["light", "dark"] {
             browser.run(&format!("document.documentElement.dataset.theme = '{theme}'"));
-            // Colours change in 0.12 s.
-            std::thread::sleep(Duration::from_millis(250));
+            // Colours change in 0.12 s, which a busy browser begins late.
+            browser.until("document.getAnimations().every((a) => !(a instanceof CSSTransition))");
             let found = browser.run(include_str!("accessible.js"));
             assert_eq!(found[0], json!([]), "{page}, {theme}");
             assert!(found[1].as_u64() > Some(10) && found[2].as_u64() > Some(10), "{page} was not there: {found}");

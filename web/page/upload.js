@@ -32,6 +32,7 @@ export async function uploadPage(main, { signal }) {
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
   const transfer = select([["", "As the files state, or as usual for their type"], ["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "", { id: "transfer" });
   const channel = select([["", "Grey, or green of colour files"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
+  const light = select([["", "Unknown"], ["circular_panel", "A display behind a quarter-wave retarder"], ["linear_panel", "A bare LCD"], ["other", "Other light"]], "", { id: "illumination" });
   const source = select([["analyser", "A rotating analyser"], ["sensor", "A polarization sensor (raw frames)"]], "analyser", { id: "source", onchange: paint });
   const layout = h("input", { id: "layout", value: "90, 45, 135, 0", onchange: judge });
   const sensor = field("Angles of a 2 × 2 block (°)", layout, { hint: "Top left, top right, bottom left, bottom right; the data sheet has them" });
@@ -40,7 +41,7 @@ export async function uploadPage(main, { signal }) {
   const options = optionFields();
   const forms = { lut: tableFields({ wavelength_nm: 680, scale: 0.002 }), bokeh: bokehFields(), flash: flashFields(), foil: foilFields(), brdf: brdfFields(), calibrate: boardFields(), map: mapFields() };
   const values = field("Values", transfer);
-  const angled = h("div", { class: "stack" }, field("Polarization by", source), sensor, field("Channel", channel), options.element);
+  const angled = h("div", { class: "stack" }, field("Polarization by", source), sensor, field("Illumination", light, { hint: "Under a display behind a quarter-wave retarder, gratings get orientations; else plain polarimetry" }), field("Channel", channel), options.element);
   const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
@@ -159,6 +160,7 @@ export async function uploadPage(main, { signal }) {
       ? { kind: "division_of_focal_plane", layout: [[a, b], [c, d]], frames: photographs.map((p) => ({ file: p.file.name })) }
       : { kind: "polarization", frames: photographs.map((p) => ({ file: p.file.name, analyser_deg: p.deg })) };
     if (transfer.value) description.transfer = transfer.value;
+    if (light.value) description.illumination = light.value;
     if (channel.value) description.channel = channel.value;
     const form = new FormData();
     const polarized = method.value === "polarization";

@@ -232,7 +232,7 @@ fn results(
     let findings = match planned.method {
         Method::Polarization => {
             let options =
-                Options { model: Some(planned.model), oblique: planned.oblique, overwrite: true, ..Options::default() };
+                Options { model: planned.model, oblique: planned.oblique, overwrite: true, ..Options::default() };
             let report = match running {
                 Some(running) => running.finish(OutputFolder::begin(&results, true)?, &options, progress)?,
                 None => nacre_polarimetry::reconstruct(folder, &results, &options, progress)?,

@@ -55,6 +55,10 @@ pub struct FrameSet {
     /// division_of_focal_plane, refused otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layout: Option<[[f64; 2]; 2]>,
+    /// Light that fell on the sample (default: unknown). Where it is a circular panel, the default of a reconstruction is a model of gratings, else
+    /// plain polarimetry.
+    #[serde(default, skip_serializing_if = "Illumination::is_unknown")]
+    pub illumination: Illumination,
     /// The sensor's noise; estimated from the photographs when it is not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseModel>,
@@ -83,6 +87,45 @@ pub struct FrameSet {
     /// What the sample is made of (default: a film of index 1.5 on aluminium).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<Material>,
+}
+
+/// Light that falls on the sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Illumination {
+    /// Nobody said.
+    #[default]
+    Unknown,
+    /// A display behind a quarter-wave retarder: circular polarization, which models of gratings need (2018 paper, section 5.1).
+    CircularPanel,
+    /// A bare LCD: linear polarization.
+    LinearPanel,
+    /// Any other light: lamps, flash, daylight.
+    Other,
+}
+
+impl Illumination {
+    /// All, with their names in files and options.
+    pub const ALL: [(Self, &str); 4] = [
+        (Self::Unknown, "unknown"),
+        (Self::CircularPanel, "circular_panel"),
+        (Self::LinearPanel, "linear_panel"),
+        (Self::Other, "other"),
+    ];
+
+    fn is_unknown(&self) -> bool {
+        *self == Self::Unknown
+    }
+}
+
+impl std::str::FromStr for Illumination {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|(_, name)| *name == text.replace('-', "_"));
+        let known = || Self::ALL.map(|(_, name)| name).join(", ");
+        found.map(|(light, _)| light).ok_or_else(|| format!("{text:?} is no illumination; give one of {}", known()))
+    }
 }
 
 /// What varies between the photographs of a set.
@@ -213,6 +256,7 @@ impl FrameSet {
             white: None,
             channel: None,
             layout: None,
+            illumination: Illumination::Unknown,
             noise: None,
             angle_sigma_deg: None,
             dark: None,

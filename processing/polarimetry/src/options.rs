@@ -2,7 +2,7 @@
 
 use crate::{Align, Model, Oblique, PeriodMethod, Smoothing};
 use nacre_base::{Error, Result};
-use nacre_frames::LoadedFrames;
+use nacre_frames::{Illumination, LoadedFrames};
 
 /// What the user may choose.
 #[derive(Clone, Debug, Default)]
@@ -28,10 +28,15 @@ pub struct Options {
 }
 
 impl Options {
-    /// The model asked for. By default [`Model::Auto`] for photographs of a capture session, which shows gratings lit by its panel;
-    /// [`Model::Plain`] for others, whose scene nobody declared.
+    /// The model asked for. By default [`Model::Auto`] where the sample was lit by a circular panel, which models of gratings assume, and
+    /// [`Model::Plain`] under other light. Sessions of older versions do not state their light: it was the circular panel.
     pub fn model_for(&self, frames: &LoadedFrames) -> Model {
-        self.model.unwrap_or(if frames.from_session { Model::Auto } else { Model::Plain })
+        let circular = match frames.set.illumination {
+            Illumination::CircularPanel => true,
+            Illumination::Unknown => frames.from_session,
+            Illumination::LinearPanel | Illumination::Other => false,
+        };
+        self.model.unwrap_or(if circular { Model::Auto } else { Model::Plain })
     }
 
     /// Refuses what makes no sense, before anything is done; returns how periods are told, with the photographs' wavelength.

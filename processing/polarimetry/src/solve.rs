@@ -1,8 +1,8 @@
 //! From intensities to orientations under one model, or the one that the points prefer.
 
 use crate::angles::angle_error::distorted;
-use crate::film::asked::Asked;
-use crate::film::choose::Choice;
+use crate::film::asked::{Asked, CLOUD};
+use crate::film::choose::{Choice, is_ring};
 use crate::film::classes::Classes;
 use crate::film::cloud::{CloudPoint, cloud};
 use crate::film::correction::{Corrected, choose_corrected};
@@ -24,6 +24,8 @@ pub(crate) struct Solved {
     pub choice: Option<Choice>,
     /// Gratings that differ by the strength of their modulation, where there are several.
     pub classes: Option<Classes>,
+    /// Of plain polarimetry: whether the points lie on a circle, as of a grating under circular light.
+    pub grating_like: bool,
     /// What was done about oblique incidence.
     pub oblique: Option<ObliqueReport>,
 }
@@ -32,6 +34,11 @@ pub(crate) struct Solved {
 const CHUNK: usize = 1 << 14;
 
 impl Solved {
+    /// A map whose orientations are phases.
+    fn without_model(map: OrientationMaps) -> Self {
+        Self { map, without_grating: 0, circle: None, choice: None, classes: None, grating_like: false, oblique: None }
+    }
+
     /// σ of noise becomes that of noise, of the model, of what the lens mixes at edges, and of photographs that are left so many pixels apart.
     /// Plain polarimetry has no model that could be wrong, and light that a lens mixes has the polarization of the mixture.
     pub fn tell_systematic(&mut self, maps: &StokesMaps, model: Model, apart_px: f64) {
@@ -81,23 +88,30 @@ pub(crate) fn solve_with(
 ) -> Solved {
     if asked.model == Model::Plain {
         let map = phases(maps, residual, design, noise, 0.0);
-        return Solved { map, without_grating: 0, circle: None, choice: None, classes: None, oblique: None };
+        let grating_like = is_ring(&modulated(maps, design, noise, CLOUD));
+        return Solved { grating_like, ..Solved::without_model(map) };
     }
-    let mut points = cloud(maps, design, noise, asked.pixels);
-    points.retain(|p| p.snr >= f64::from(MASK_SNR));
+    let points = modulated(maps, design, noise, asked.pixels);
     let (points, classes) = of_one_grating(points, asked);
     let distorted = distorted(&points, maps, design, asked.angle_sigma);
     let Some(Corrected { choice, correction, report }) = choose_corrected(&points, asked, distorted) else {
         let map = phases(maps, residual, design, noise, asked.offset);
         let circle = check_circle(maps, &map);
-        return Solved { circle, map, without_grating: 0, choice: None, classes: None, oblique: None };
+        return Solved { circle, ..Solved::without_model(map) };
     };
     let chosen = &choice.candidates[choice.chosen];
     let lens = Lens { design, noise, model: chosen, correction: correction.as_ref(), offset: asked.offset };
     let (map, without_grating) = locate(maps, residual, &lens);
     // The check looks at the points as they are.
     let circle = if correction.is_none() { check_circle(maps, &map) } else { None };
-    Solved { map, without_grating, circle, choice: Some(choice), classes, oblique: report }
+    Solved { without_grating, circle, choice: Some(choice), classes, oblique: report, ..Solved::without_model(map) }
+}
+
+/// Points of a sample of the pixels that carry modulation.
+fn modulated(maps: &StokesMaps, design: &Design, noise: &[FrameNoise], count: usize) -> Vec<CloudPoint> {
+    let mut points = cloud(maps, design, noise, count);
+    points.retain(|p| p.snr >= f64::from(MASK_SNR));
+    points
 }
 
 /// The points of the largest class of gratings, whose model is that of all, and the classes; all points where there is one.

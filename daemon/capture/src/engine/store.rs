@@ -191,6 +191,7 @@ pub fn frame_set(description: &SessionFile, camera: &CameraInfo, frames: Vec<nac
     let n = f64::from(count);
     let noise = camera.full_scale_e.zip(camera.read_noise_e);
     FrameSet {
+        illumination: plan.light(),
         black: Some(f64::from(camera.black) * factor),
         white: Some(f64::from(camera.white) * factor),
         noise: noise.map(|(full, read)| NoiseModel { full_scale_e: full * n, read_noise_e: read * n.sqrt() }),

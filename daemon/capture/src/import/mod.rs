@@ -8,7 +8,8 @@ use nacre_base::Error;
 use nacre_base::progress::Progress;
 use nacre_base::text::from_json;
 use nacre_frames::{
-    Channel, Clipping, FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, exposures, is_mosaic, save,
+    Channel, Clipping, FILE_NAME, Frame, FrameSet, Illumination, Kind, LoadedFrames, Transfer, check, exposures,
+    is_mosaic, save,
 };
 use nacre_image::{details, photographs, read};
 use std::path::{Path, PathBuf};
@@ -21,6 +22,8 @@ pub struct Options {
     pub kind: Kind,
     /// Analyser angles in degrees of each 2×2 block of the sensor, for `DivisionOfFocalPlane`.
     pub layout: Option<[[f64; 2]; 2]>,
+    /// Light that fell on the sample.
+    pub illumination: Illumination,
     /// Transfer function of the files (default: as they state it, else sRGB where one is a JPEG, else linear).
     pub transfer: Option<Transfer>,
     /// Channel of colour files.
@@ -68,6 +71,7 @@ pub fn describe(
         white: options.white,
         channel: options.channel,
         layout: options.layout,
+        illumination: options.illumination,
         ..FrameSet::new(options.kind, files.iter().zip(angles).zip(tags).map(frame).collect())
     };
     let mut frames = check(folder.join(FILE_NAME), set)?;
@@ -177,8 +181,15 @@ pub fn with_transfer(folder: &Path, text: &str) -> Result<String, Error> {
 /// # Errors
 /// `Input`, naming the photograph that cannot be used.
 pub fn from_names(folder: &Path) -> Result<String, Error> {
-    let options =
-        Options { kind: Kind::Polarization, layout: None, transfer: None, channel: None, black: None, white: None };
+    let options = Options {
+        kind: Kind::Polarization,
+        layout: None,
+        illumination: Illumination::Unknown,
+        transfer: None,
+        channel: None,
+        black: None,
+        white: None,
+    };
     let files = photographs(folder)?;
     let sensor =
         "describe it as kind division_of_focal_plane with its layout (frames.json; on the page: Polarization by)";

@@ -6,6 +6,7 @@ use super::{AnalyserPlan, DisplayPlan, Method, Plan, PlanKind, Step};
 use crate::fields::fields;
 use nacre_base::Error;
 use nacre_base::text::{from_json, from_toml, read_text};
+use nacre_frames::Illumination;
 use nacre_lut::bokeh::PsfChoice;
 use nacre_optics::color::NAMES;
 use nacre_polarimetry::{MAX_BRACKET, Model, Oblique};
@@ -16,6 +17,14 @@ use std::time::Duration;
 const MAX_STEPS: usize = 100_000;
 
 impl Plan {
+    /// Light that falls on the sample: in polarization plans the panel behind its retarder, unless they state another.
+    pub fn light(&self) -> Illumination {
+        match self.kind {
+            PlanKind::Polarization => self.illumination.unwrap_or(Illumination::CircularPanel),
+            _ => Illumination::Unknown,
+        }
+    }
+
     /// Reads and checks a plan file (TOML, or JSON by its name), apart from device limits.
     ///
     /// # Errors
@@ -37,6 +46,9 @@ impl Plan {
     /// A sentence that names the key, what was found and what is allowed.
     pub fn check_values(&self) -> Result<(), String> {
         self.check_sections()?;
+        if self.illumination.is_some() && self.kind != PlanKind::Polarization {
+            return Err("illumination belongs to plans of kind polarization; remove it".into());
+        }
         match &self.analyser {
             Some(AnalyserPlan::Listed(angles)) => {
                 count("analyser.angles_deg", "angles", angles.len())?;
@@ -181,7 +193,7 @@ impl Plan {
                 return Err(format!("reconstruct.lut.illuminant is none of {}", NAMES.join(", ")));
             }
         }
-        if merges && (planned.model != Model::Auto || planned.oblique != Oblique::Off) {
+        if merges && (planned.model.is_some_and(|m| m != Model::Auto) || planned.oblique != Oblique::Off) {
             return Err("reconstruct.model and oblique belong to the method polarization; remove them".into());
         }
         Ok(())

@@ -14,6 +14,7 @@ pub use fringes::{Added, FringesPlan, Reach, UntilDecided};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
+use nacre_frames::Illumination;
 use nacre_lut::bokeh;
 use nacre_periods::flash;
 use nacre_periods::spots;
@@ -45,6 +46,9 @@ pub struct Plan {
     /// What the panel shows.
     #[serde(default)]
     pub display: DisplayPlan,
+    /// Light that falls on the sample, for kind polarization (default: circular_panel, the panel behind its quarter-wave retarder).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub illumination: Option<Illumination>,
     /// Angles of the analyser. Kinds other than polarization do without; the analyser is then not touched.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub analyser: Option<AnalyserPlan>,
@@ -92,9 +96,9 @@ impl Default for BracketPlan {
 pub struct ReconstructPlan {
     /// Which reconstruction.
     pub method: Method,
-    /// Which model.
-    #[serde(default)]
-    pub model: Model,
+    /// Which model (default: auto under a circular panel, plain under other light).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<Model>,
     /// Whether oblique incidence is taken out.
     #[serde(default)]
     pub oblique: Oblique,

@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use nacre_base::Error;
 use nacre_capture::Failure;
 use nacre_capture::import::{Described, Options, angles_in_names, check_number, decode_all, describe, named_angles};
-use nacre_frames::{Channel, FILE_NAME, Frame, FrameSet, Kind, Transfer, save};
+use nacre_frames::{Channel, FILE_NAME, Frame, FrameSet, Illumination, Kind, Transfer, save};
 use nacre_image::{OutputFolder, list, write_whole};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -43,6 +43,10 @@ pub struct Args {
     /// Angles of each 2×2 block of a polarization sensor: top left, top right, bottom left, bottom right.
     #[arg(long, value_delimiter = ',', default_value = "90,45,135,0", allow_negative_numbers = true)]
     layout: Vec<f64>,
+    /// Light that fell on the sample: circular_panel (a display behind a quarter-wave retarder), linear_panel, other or unknown. Under a
+    /// circular panel, reconstructions find orientations of gratings by default, else plain polarimetry.
+    #[arg(long, default_value = "unknown", value_name = "LIGHT")]
+    illumination: Illumination,
     /// How the files encode light: linear, srgb, gamma=2.2, or recover (exposures). By default as the files state it (gAMA, sRGB, ICC
     /// profile), else srgb for JPEG and linear for the rest.
     #[arg(long, value_parser = transfer)]
@@ -202,6 +206,7 @@ fn options(args: &Args) -> Result<Options, Error> {
     Ok(Options {
         kind: kind(args),
         layout,
+        illumination: args.illumination,
         transfer: args.transfer,
         channel: args.channel.map(Channel::from),
         black: args.black,

@@ -173,6 +173,7 @@ pub fn simulate(
             ..CameraPlan::default()
         },
         display: DisplayPlan { diameter_mm: config.disc_mm(), ..DisplayPlan::default() },
+        illumination: None,
         analyser: Some(AnalyserPlan::Listed(angles_deg.to_vec())),
         exposures_ms: vec![],
         bracket: None,

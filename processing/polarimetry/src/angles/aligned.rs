@@ -31,12 +31,36 @@ impl AngleErrors {
         }
     }
 
-    /// The largest error that was not corrected, and what to do.
-    pub(crate) fn warning(&self, frames: &LoadedFrames, brackets: &[Vec<usize>], views: &[View]) -> Option<String> {
-        let Self::Kept(Misses { errors, left }) = self else { return None };
-        let (k, largest) = errors.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-        let frame = brackets.get(views.get(k)?.bracket)?.first()?;
-        let file = frames.set.frames.get(*frame)?.file.display();
+    /// Light that changed between photographs, and the largest error that was not corrected; and what to do.
+    pub(crate) fn warnings(&self, frames: &LoadedFrames, brackets: &[Vec<usize>], views: &[View]) -> Vec<String> {
+        let largest = |values: &[f64]| {
+            let (k, largest) = values.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+            let frame = brackets.get(views.get(k)?.bracket)?.first()?;
+            Some((*largest, frames.set.frames.get(*frame)?.file.display().to_string()))
+        };
+        [self.drift(largest), self.kept(largest)].into_iter().flatten().collect()
+    }
+
+    fn drift(&self, largest: impl Fn(&[f64]) -> Option<(f64, String)>) -> Option<String> {
+        let (Self::Corrected(found) | Self::Kept(found)) = self;
+        let rms = found.drift()?;
+        let (most, file) = largest(&found.lights)?;
+        Some(format!(
+            "the light changed between photographs by {:.2} ± {:.2} % (root mean square), most at {file} ({:+.2} %): a lamp that drifts, or exposure times \
+             that differ. Polarization is off by about half of that. Let the lamp warm up, or state each frame's exposure_s in proportion to its light",
+            100.0 * rms,
+            100.0 * found.lights_left,
+            100.0 * most
+        ))
+    }
+
+    fn kept(&self, largest: impl Fn(&[f64]) -> Option<(f64, String)>) -> Option<String> {
+        let Self::Kept(found) = self else { return None };
+        let Misses { errors, left, .. } = found;
+        if !found.is_worth_correcting() {
+            return None;
+        }
+        let (largest, file) = largest(errors)?;
         let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt().to_degrees();
         if rms >= FINDABLE_DEG {
             return Some(format!(
@@ -44,7 +68,7 @@ impl AngleErrors {
                  and whether the light changed between photographs"
             ));
         }
-        let [left, largest] = [*left, *largest].map(f64::to_degrees);
+        let [left, largest] = [*left, largest].map(f64::to_degrees);
         Some(format!(
             "the residuals show a pattern as of analyser-angle errors of {rms:.2}° ± {left:.2}° (root mean square), the largest of {largest:+.2}° at \
              {file}, or of light that changed between photographs; the stated angles were kept. If the analyser can be that inexact, state \

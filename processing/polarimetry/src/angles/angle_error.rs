@@ -42,6 +42,11 @@ const EXACT: f64 = 1e-9;
 /// 0.05° at random make orientations 0.01° wrong. What 0.1° make of a circle may already be a film.
 const WORTH: f64 = 0.05 * PI / 180.0;
 
+/// Change of the light between photographs that is worth a warning (root mean square), and in standard deviations: 0.1 % moves points about as far as
+/// the noise of a good camera's pixel.
+const DRIFT: f64 = 1e-3;
+const DRIFT_SIGMA: f64 = 5.0;
+
 /// And nor are they where no more than this share of it can be told.
 const KNOWN: f64 = 0.5;
 
@@ -59,6 +64,23 @@ pub struct Misses {
     pub errors: Vec<f64>,
     /// Standard deviation in rad that is left of them.
     pub left: f64,
+    /// Relative change of the light of each view; their mean, which cannot be told, is 0.
+    pub lights: Vec<f64>,
+    /// Standard deviation that is left of them.
+    pub lights_left: f64,
+}
+
+impl Misses {
+    /// Whether corrected angles are worth reading the photographs again.
+    pub(crate) fn is_worth_correcting(&self) -> bool {
+        let rms = root_mean_square(&self.errors);
+        rms > WORTH && self.left < KNOWN * rms
+    }
+
+    /// Whether the light of the photographs differs beyond doubt: its root mean square.
+    pub(crate) fn drift(&self) -> Option<f64> {
+        Some(root_mean_square(&self.lights)).filter(|rms| *rms > DRIFT && DRIFT_SIGMA * self.lights_left < *rms)
+    }
 }
 
 /// Finds by how much the analyser missed these angles, in rad, from views in blocks of 64 pixels. `stated` is the standard deviation
@@ -69,31 +91,46 @@ pub fn misses(
     stated: Option<f64>,
     fit: impl Fn(&[f64], &Design) -> StokesMaps,
 ) -> Option<Misses> {
+    estimate(views, angles, stated, fit).filter(Misses::is_worth_correcting)
+}
+
+/// The same, also where no correction is worth it. None where nothing can be told.
+fn estimate(
+    views: &[&[f32]],
+    angles: &[f64],
+    stated: Option<f64>,
+    fit: impl Fn(&[f64], &Design) -> StokesMaps,
+) -> Option<Misses> {
     if stated.is_some_and(|s| s <= 0.0) {
         return None;
     }
     let n = angles.len();
     let mut errors: DVector<f64> = DVector::zeros(n);
-    let mut variances = DMatrix::zeros(n, n);
+    let mut last = None;
     for _ in 0..PASSES {
         let moved: Vec<f64> = angles.iter().zip(&errors).map(|(a, e)| a + e).collect();
         let design = Design::new(&moved).ok()?;
-        let (step, covariance) = Evidence::new(views, &design, &fit(&moved, &design))?.likeliest(&errors, stated)?;
+        let (found, covariance) = Evidence::new(views, &design, &fit(&moved, &design))?.likeliest(&errors, stated)?;
+        let step = found.rows(ANGLE * n, n).into_owned();
         errors += &step;
-        variances = covariance;
-        if step.norm() < CONVERGED || rms(&errors) < 0.5 * WORTH {
+        last = Some((found, covariance));
+        if step.norm() < CONVERGED || root_mean_square(errors.as_slice()) < 0.5 * WORTH {
             break;
         }
     }
-    // A common turn cannot be told, and does not matter.
-    let errors = errors.add_scalar(-errors.mean());
-    let left = ((variances.trace() - variances.sum() / n as f64) / (n - 1) as f64).max(0.0).sqrt();
-    (rms(&errors) > WORTH && left < KNOWN * rms(&errors))
-        .then(|| Misses { errors: errors.iter().copied().collect(), left })
+    let (found, covariance) = last?;
+    // A common turn cannot be told, and does not matter; nor does a common change of the light.
+    let centred = |all: DVector<f64>| all.add_scalar(-all.mean()).iter().copied().collect();
+    let left = |kind: usize| {
+        let own = covariance.view((kind * n, kind * n), (n, n));
+        ((own.trace() - own.sum() / n as f64) / (n - 1) as f64).max(0.0).sqrt()
+    };
+    let lights = centred(found.rows(LIGHT * n, n).into_owned());
+    Some(Misses { errors: centred(errors), left: left(ANGLE), lights, lights_left: left(LIGHT) })
 }
 
-fn rms(errors: &DVector<f64>) -> f64 {
-    (errors.norm_squared() / errors.len().max(1) as f64).sqrt()
+fn root_mean_square(errors: &[f64]) -> f64 {
+    (errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64).sqrt()
 }
 
 /// Variance of amplitudes beyond that of their noise, each weighted as it is known.
@@ -199,8 +236,7 @@ impl Evidence {
         Some(Modes { amplitudes, noise })
     }
 
-    /// The likeliest further errors of angles and their covariance, where they were moved by so much already, with the light of every view
-    /// unknown, too. How large either is comes from the residuals (empirical Bayes, by expectation and maximisation), that of angles from
+    /// The likeliest further errors of angles and changes of the light, one after the other, with their covariance, where angles were moved by so much already. How large either is comes from the residuals (empirical Bayes, by expectation and maximisation), that of angles from
     /// what is stated, if anything is.
     fn likeliest(&self, moved: &DVector<f64>, stated: Option<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let (all, n) = (self.all(), moved.len());
@@ -241,7 +277,7 @@ impl Evidence {
                 }
             }
         }
-        Some((found.rows(0, n).into_owned(), covariance.view((0, 0), (n, n)).into_owned()))
+        Some((found, covariance))
     }
 
     /// How the slopes of both kinds answer to errors of both.
@@ -320,7 +356,7 @@ impl Witness {
 }
 
 impl Sample {
-    /// By how much the analyser missed the views' angles, where that is worth putting right; not told where some views were not kept.
+    /// Errors of the views' angles, and changes of their light; not told where some views were not kept.
     pub(crate) fn misses(&self, views: &[View], stated: Option<f64>) -> Option<Misses> {
         // The analysers of a sensor look at places beside each other, which edges make look like wrong angles.
         if self.views() != views.len() || views.iter().any(|v| v.block > 1) {
@@ -331,6 +367,6 @@ impl Sample {
         let fit = |angles: &[f64], design: &Design| {
             self.solve(&blocks, &angles.iter().copied().enumerate().collect::<Vec<_>>(), design)
         };
-        misses(&self.all(), &angles, stated, fit)
+        estimate(&self.all(), &angles, stated, fit)
     }
 }

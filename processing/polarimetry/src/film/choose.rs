@@ -1,7 +1,7 @@
 //! Chooses the model: the one of most evidence, or the one that was asked for, and how far it may be wrong.
 
 use crate::angle_difference;
-use crate::film::check::lie_together;
+use crate::film::check::{WIDEST_GAP_DEG, gap, lie_together};
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::foot::Path;
 use crate::film::models::{Candidate, Evidence, MIXTURE, Model, candidates, orientation};
@@ -293,6 +293,16 @@ fn made_likeliest(
         }
     }
     done.into_iter().unzip()
+}
+
+/// Whether points lie on a circle to their noise, and all around it.
+pub(crate) fn is_ring(points: &[CloudPoint]) -> bool {
+    if points.len() < MIXTURE || lie_together(points) {
+        return false;
+    }
+    let circles = candidates(&thinned(points, SAMPLE));
+    let all_around = |center: [f64; 2]| gap(&points.iter().map(|p| p.at).collect::<Vec<_>>(), center) <= WIDEST_GAP_DEG;
+    circles.last().is_some_and(|c| c.widened < UNMODELLED_WIDENED && c.center.is_some_and(all_around))
 }
 
 /// Median σ of the orientations from noise, in rad.

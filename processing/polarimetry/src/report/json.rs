@@ -6,8 +6,8 @@ use crate::orientation::smooth::SPACE_SIGMA_PX;
 use crate::report::errors::Systematic;
 use crate::solve::Solved;
 use crate::{
-    Alignment, CircleCheck, Design, ErrorReport, FrameNoise, Model, ModelReport, NoiseSource, ObliqueReport, Options,
-    PeriodReport, RepeatsReport, Smoothing,
+    Alignment, CircleCheck, Design, ErrorReport, FrameNoise, Illumination, Model, ModelReport, NoiseSource,
+    ObliqueReport, Options, PeriodReport, RepeatsReport, Smoothing,
 };
 use nacre_frames::LoadedFrames;
 use serde::Serialize;
@@ -170,9 +170,7 @@ impl Report {
         let error = ErrorReport::new(pixels.sigma_median_deg, of_model);
         let reason = || match (plain, options.model) {
             (true, Some(_)) => "asked for",
-            (true, None) => {
-                "the default for photographs that no capture session took; choose the model auto if they show a grating lit by a panel"
-            }
+            (true, None) => default_reason(frames.set.illumination, solved.grating_like),
             _ => "too few pixels carry an orientation to compare models",
         };
         Self {
@@ -222,6 +220,23 @@ impl Report {
     /// Wall time in seconds: of reading and fitting, and from then on until all was solved and written.
     pub(crate) fn took(&mut self, read_and_fit: f64, solve: f64, written: f64) {
         self.seconds = Seconds { read_and_fit, solve, write: written - solve, total: read_and_fit + written };
+    }
+}
+
+/// Why plain polarimetry is the default under this light, and the offer of a model of gratings where the points look like one.
+fn default_reason(light: Illumination, grating_like: bool) -> &'static str {
+    match (light, grating_like) {
+        (Illumination::LinearPanel, _) => {
+            "the default under a linear panel: models of gratings assume circular light, which needs a quarter-wave retarder"
+        }
+        (_, true) => {
+            "the default unless a circular panel is declared; the points (S1/S0, S2/S0) lie on a circle to their noise, as of a grating under \
+             circular light: if it is one, choose the model auto for orientations"
+        }
+        (Illumination::Unknown, _) => {
+            "the default where the illumination is unknown; choose the model auto if this is a grating lit by a circular panel"
+        }
+        _ => "the default unless a circular panel lit the sample",
     }
 }
 

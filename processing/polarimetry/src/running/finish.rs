@@ -191,7 +191,7 @@ impl Fitted {
         report.warnings.extend(duplicates::contradiction(frames, brackets, views, sample));
         let corrected = angle_errors.as_ref().and_then(AngleErrors::corrected);
         report.analyser_errors_deg = corrected.map(|m| m.errors.iter().map(|e| e.to_degrees()).collect());
-        report.warnings.extend(angle_errors.iter().filter_map(|errors| errors.warning(frames, brackets, views)));
+        report.warnings.extend(angle_errors.iter().flat_map(|errors| errors.warnings(frames, brackets, views)));
         report.brackets = brackets.iter().filter(|b| b.len() > 1).count();
         report.with(systematic(sample, views, noise, solved.choice.as_ref(), alignment.as_ref(), angles));
         report.warnings.extend(alignment.iter().filter_map(Alignment::warning));

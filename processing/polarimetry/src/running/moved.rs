@@ -59,8 +59,15 @@ fn fit_moved_back(running: &Running, shifts: &[[f64; 2]], progress: &dyn Progres
     Ok((sums, sample))
 }
 
+/// Largest error of an angle that is corrected, in rad, where a session's stage turned the analyser: more is no error of a stage.
+const STAGE_TOLERANCE: f64 = 5.0 * std::f64::consts::PI / 180.0;
+
+/// The same in units of the stated `angle_sigma_deg`.
+const STATED_TOLERANCE: f64 = 4.0;
+
 /// Estimates analyser-angle errors from the residuals. They are corrected, and the photographs fitted anew, where a capture session turned the
-/// analyser or where `angle_sigma_deg` states that angles may be wrong: elsewhere other causes, such as a drifting lamp, are as likely.
+/// analyser or where `angle_sigma_deg` states that angles may be wrong, up to the tolerance: elsewhere other causes, such as a drifting lamp, are as
+/// likely.
 pub(super) fn correct_analyser_angles(
     running: &mut Running,
     alignment: Option<&Alignment>,
@@ -72,7 +79,9 @@ pub(super) fn correct_analyser_angles(
     }
     let stated = running.frames.set.angle_sigma_deg.map(f64::to_radians);
     let Some(errors) = running.sample.misses(&running.views, stated) else { return Ok(None) };
-    if stated.is_none() && !running.frames.from_session {
+    let tolerance = stated.map_or(STAGE_TOLERANCE, |sigma| STATED_TOLERANCE * sigma);
+    let within = errors.errors.iter().all(|e| e.abs() <= tolerance);
+    if !errors.is_worth_correcting() || !within || (stated.is_none() && !running.frames.from_session) {
         return Ok(Some(AngleErrors::Kept(errors)));
     }
     running.views.iter_mut().zip(&errors.errors).for_each(|(view, error)| view.angle += error);
