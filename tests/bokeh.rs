@@ -111,6 +111,12 @@ fn tilted_lines_and_crops_are_measured_across() {
     assert!((report["slice"]["tilt_deg"].as_f64().unwrap() - 25.0).abs() < 1.0, "{report}");
     close(&report["lines"]["period_um"], 40.0, 1e-2);
     assert!(report["warnings"].to_string().contains("turn the result by -2"), "{}", report["warnings"]);
+    // Statements of the file that contradict the reading are warnings. Behind the header: a chunk that says sRGB, with its checksum.
+    let file = std::fs::read(&image).unwrap();
+    let stated = dir.path().join("stated.png");
+    std::fs::write(&stated, [&file[..33], b"\0\0\0\x01sRGB\0\xae\xce\x1c\xe9", &file[33..]].concat()).unwrap();
+    let report = reconstructed(&stated, &dir.path().join("c"), &[&crop[..], &["--transfer", "linear"]].concat());
+    assert!(report["warnings"][0].as_str().unwrap().contains("stated.png states transfer srgb"), "{report}");
     let straight = [&crop[..], &["--rotate", "-25", "--slice", "40,100,160,100"]].concat();
     let report = reconstructed(&image, &dir.path().join("b"), &straight);
     assert!(report["slice"]["tilt_deg"].as_f64().unwrap().abs() < 1.0);

@@ -11,6 +11,8 @@ export function brdfFields(given = {}) {
   const { settings = {} } = given;
   const pixel = number({ id: "brdf-pixel", value: given.pixel_um ?? "", min: 0 });
   const range = number({ id: "brdf-range", value: given.range_um ?? "", min: 0 });
+  const channel = h("input", { id: "brdf-channel", value: given.channel ?? "", autocomplete: "off" });
+  const gaps = number({ id: "brdf-gaps", value: given.fill_gaps ?? "", min: 0, max: 0.5 });
   const theta = number({ id: "brdf-theta", value: settings.light_deg?.[0] ?? 30, min: 0, max: 89 });
   const phi = number({ id: "brdf-phi", value: settings.light_deg?.[1] ?? 0 });
   const light = select(LIGHTS, settings.illuminant ?? "D65", { id: "brdf-light" });
@@ -22,6 +24,8 @@ export function brdfFields(given = {}) {
   const level = h("input", { type: "checkbox", id: "brdf-level", checked: given.level ?? false });
   const element = h("div", { class: "stack" }, h("div", { class: "fields" },
     field("Pixel of the height field (µm)", pixel, { hint: "Empty: as the file says" }), field("White above black (µm)", range, { hint: "Empty: as the file says" }),
+    field("Channel of the height field", channel, { hint: "Of a file with several: its name, or its number from 1. Empty: the first channel of heights" }),
+    field("Share of gaps to fill", gaps, { hint: "By interpolation, up to 0.5. Empty: gaps are refused" }),
     field("Light from the normal (°)", theta), field("Its azimuth (°)", phi, { hint: "Anticlockwise from the right" }),
     field("Light", light), field("Reflects", material), field("Coherence (µm)", coherence, { hint: "Four standard deviations; sunlight 65" }),
     field("Error asked for", error, { hint: "Of lobes with a thousandth of the light" }), field("Size (pixels)", size), field("Method", method)),
@@ -30,7 +34,7 @@ export function brdfFields(given = {}) {
   return {
     element,
     options: () => ({
-      ...given, pixel_um: value(pixel), range_um: value(range), level: level.checked, size: value(size) ?? 512,
+      ...given, pixel_um: value(pixel), range_um: value(range), channel: channel.value.trim() || null, fill_gaps: value(gaps), level: level.checked, size: value(size) ?? 512,
       settings: {
         ...settings, light_deg: [value(theta) ?? 0, value(phi) ?? 0], illuminant: light.value, reflectance: material.value, method: method.value,
         coherence_um: value(coherence) ?? 65, max_error: value(error) ?? 0.01,

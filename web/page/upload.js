@@ -28,6 +28,8 @@ export async function uploadPage(main, { signal }) {
   let photographs = [];
   let picked = null;
   const input = h("input", { type: "file", id: "photographs", multiple: true, accept: ENDINGS.join(","), onchange: () => add(input.files) });
+  const folder = h("input", { type: "file", id: "photographs-folder", webkitdirectory: true, onchange: () => add(folder.files) });
+  const skipped = h("p", { role: "status", "aria-live": "polite", class: "soft" });
   const body = h("tbody");
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
   const transfer = select([["", "As the files state, or as usual for their type"], ["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "", { id: "transfer" });
@@ -47,7 +49,8 @@ export async function uploadPage(main, { signal }) {
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
   const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
   const drop = h("div", { class: "drop", ondragover: (e) => e.preventDefault(), ondrop: (e) => { e.preventDefault(); add(e.dataTransfer.files); } },
-    field("Photographs (PNG, TIFF, JPEG, EXR), or a height field (BMP, text and files of AFMs as well)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }));
+    field("Photographs (PNG, TIFF, JPEG, EXR), or a height field (BMP, text and files of AFMs as well)", input, { hint: "Or drop them here. Angles are read from names such as 045.png." }),
+    field("Or all of a folder", folder, { hint: "Folders inside it are left out, as nacre import does." }), skipped);
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Upload photographs"), start),
     h("div", { class: "columns planning" },
       panel("Photographs", null, h("div", { class: "stack" }, drop, h("div", { class: "scroll tall" }, listing))),
@@ -58,9 +61,17 @@ export async function uploadPage(main, { signal }) {
 
   function add(files) {
     const names = new Set(photographs.map((p) => p.file.name));
-    for (const file of files) if (likely(file.name) && !names.has(file.name)) photographs.push({ file, deg: null });
+    const left = [];
+    for (const file of files) {
+      // "folder/name" of a folder that was chosen, or empty.
+      const inner = (file.webkitRelativePath ?? "").split("/").length > 2;
+      if (inner || !likely(file.name)) left.push(inner ? file.webkitRelativePath : file.name);
+      else if (!names.has(file.name)) photographs.push({ file, deg: null });
+    }
+    const more = left.length > 5 ? ` and ${left.length - 5} more` : "";
+    say(skipped, left.length ? `Left out, as no photographs of the folder: ${left.slice(0, 5).join(", ")}${more}.` : "");
     photographs.sort((a, b) => a.file.name.localeCompare(b.file.name));
-    input.value = "";
+    input.value = folder.value = "";
     paint();
     readAngles();
   }

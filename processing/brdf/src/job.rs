@@ -25,6 +25,9 @@ pub struct MapOptions {
     /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub channel: Option<String>,
+    /// Largest share of gaps that are filled by interpolation, above 0 and at most 0.5; none are filled by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fill_gaps: Option<f64>,
     /// Take the plane that fits best away.
     pub level: bool,
     /// Pixels of a row and of a column of the map.
@@ -43,6 +46,7 @@ impl Default for MapOptions {
             pixel_um: None,
             range_um: None,
             channel: None,
+            fill_gaps: None,
             level: false,
             size: 512,
             zoom: 1.0,
@@ -80,7 +84,12 @@ impl MapOptions {
     }
 
     fn scale(&self) -> Scale {
-        Scale { pixel_um: self.pixel_um, range_um: self.range_um, channel: self.channel.clone() }
+        Scale {
+            pixel_um: self.pixel_um,
+            range_um: self.range_um,
+            channel: self.channel.clone(),
+            fill_gaps: self.fill_gaps,
+        }
     }
 }
 

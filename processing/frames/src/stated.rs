@@ -2,7 +2,7 @@
 
 use super::{FrameSet, Transfer};
 use nacre_base::{Error, Result};
-use nacre_image::{Curve, Details};
+use nacre_image::{Curve, Details, details};
 use std::path::{Path, PathBuf};
 
 /// Relative difference of exponents that counts as rounding: gAMA 0.45455 is 2.19998.
@@ -86,6 +86,11 @@ impl Stated {
         let blacks: Option<Vec<f64>> = self.files.iter().map(|(_, d)| d.black).collect();
         set.white = set.white.or(first.white);
         set.black = set.black.or(blacks.map(|all| all.iter().sum::<f64>() / all.len() as f64));
+        self.warnings(set.transfer)
+    }
+
+    /// Statements that reading with this transfer function contradicts or leaves out.
+    fn warnings(&self, transfer: Transfer) -> Vec<String> {
         let said = |clause: &dyn Fn(&Details) -> Option<String>| {
             let all: Vec<(&Path, String)> =
                 self.files.iter().filter_map(|(file, d)| Some((file.as_path(), clause(d)?))).collect();
@@ -98,7 +103,6 @@ impl Stated {
             };
             Some(format!("{name} {text}{more}"))
         };
-        let transfer = set.transfer;
         let contradicted = said(&|d| {
             let encoding = d.encoding.as_ref().filter(|e| !transfer.agrees(e.curve))?;
             let curve = Transfer::of(encoding.curve)
@@ -115,4 +119,20 @@ impl Stated {
         let notes = said(&|d| (!d.notes.is_empty()).then(|| d.notes.join("; ")));
         [contradicted, turned, notes].into_iter().flatten().collect()
     }
+}
+
+/// Warnings about the file of a photograph that is read by itself, with this transfer function and the largest value of its type as white.
+/// A file that cannot be read has none: reading it says why.
+pub(super) fn warnings_of(file: &Path, transfer: Transfer) -> Vec<String> {
+    let Ok(details) = details(file) else { return vec![] };
+    let highest = f64::from(details.info.depth.full_scale());
+    let white = details.white.filter(|white| *white < highest);
+    let mut stated = Stated::default();
+    stated.add(file.to_owned(), details);
+    let mut all = stated.warnings(transfer);
+    all.extend(white.map(|white| {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        format!("{name} is saturated from {white} up, which is not masked; nacre reconstruct hdr makes a photograph of it that is")
+    }));
+    all
 }

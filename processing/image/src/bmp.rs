@@ -3,7 +3,7 @@
 use ::image::codecs::bmp::BmpDecoder;
 use ::image::{ColorType, ImageDecoder};
 
-use super::fault::{Decoded, Fault};
+use super::fault::{Decoded, Fault, SAME_DEPTH};
 use super::raster::{Depth, Info, Raster, Samples, keep_channels, zeroed};
 use super::source::Source;
 
@@ -25,7 +25,7 @@ fn open(source: Source) -> Decoded<(BmpDecoder<Source>, Info, usize)> {
     let channels = match color {
         ColorType::L8 => 1,
         ColorType::Rgb8 | ColorType::Rgba8 => 3,
-        other => return Err(Fault::unsupported(format!("is a BMP of kind {other:?}"))),
+        other => return Err(Fault::unusable(format!("is a BMP of kind {other:?}"), SAME_DEPTH)),
     };
     let (width, height) = decoder.dimensions();
     let per_pixel = u64::from(color.bytes_per_pixel());

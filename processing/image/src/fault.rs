@@ -10,6 +10,12 @@ use nacre_base::Error;
 /// Remedy for a damaged file.
 pub(super) const RENEW: &str = "copy or export the file again";
 
+/// Remedy for integers of up to 16 bits of a kind that is not read.
+pub(super) const SAME_DEPTH: &str = "convert it to a grey or RGB PNG or TIFF of the same depth";
+
+/// Remedy for numbers that integers of up to 16 bits do not hold.
+pub(super) const FLOATS: &str = "save it as a TIFF of 32-bit floats";
+
 /// Why a decoder gave up; becomes an [`Error::Input`] once the path is known.
 #[derive(Debug)]
 pub(super) struct Fault {
@@ -24,11 +30,6 @@ impl Fault {
     /// The content contradicts itself or ends early.
     pub(super) fn damaged(words: impl fmt::Display) -> Self {
         Self { problem: format!("is truncated or damaged: {words}"), remedy: RENEW }
-    }
-
-    /// A valid file of a kind that is not read.
-    pub(super) fn unsupported(words: impl fmt::Display) -> Self {
-        Self { problem: words.to_string(), remedy: "convert it to an 8 or 16-bit grey or RGB PNG or TIFF" }
     }
 
     /// An image beyond the size limits.
@@ -63,7 +64,7 @@ impl From<ImageError> for Fault {
     fn from(error: ImageError) -> Self {
         match error {
             ImageError::IoError(error) => error.into(),
-            ImageError::Unsupported(error) => Self::unsupported(format!("cannot be decoded: {error}")),
+            ImageError::Unsupported(error) => Self::unusable(format!("cannot be decoded: {error}"), SAME_DEPTH),
             other => Self::damaged(other),
         }
     }

@@ -10,8 +10,8 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::fault::{Decoded, Fault};
-use super::raster::{Depth, Info, MAX_SIDE, Raster, Samples, zeroed};
+use super::fault::{Decoded, Fault, SAME_DEPTH};
+use super::raster::{Depth, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples, zeroed};
 use super::source::Source;
 
 const START_OF_SCAN: u8 = 0xda;
@@ -19,6 +19,9 @@ const END_OF_IMAGE: u8 = 0xd9;
 const HUFFMAN_TABLES: u8 = 0xc4;
 /// Frames with arithmetic coding, which have no Huffman tables.
 const ARITHMETIC: [u8; 4] = [0xc9, 0xca, 0xcb, 0xcd];
+
+/// Frames of ITU-T T.87.
+const JPEG_LS: u8 = 0xf7;
 
 /// Frames whose scans refine the picture.
 const PROGRESSIVE: [u8; 4] = [0xc2, 0xc6, 0xca, 0xce];
@@ -99,12 +102,7 @@ pub(super) fn read(mut source: Source) -> Decoded<Raster> {
 /// Decodes the bytes of a file.
 fn pixels(file: &[u8], info: Info) -> Decoded<Vec<u8>> {
     let color = if info.channels == 1 { ColorSpace::Luma } else { ColorSpace::RGB };
-    let options = DecoderOptions::default()
-        .set_strict_mode(false)
-        .set_max_width(MAX_SIDE)
-        .set_max_height(MAX_SIDE)
-        .jpeg_set_out_colorspace(color);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(file), options);
+    let mut decoder = decoder(file, color);
     decoder.decode_headers().map_err(Fault::damaged)?;
     if decoder.output_buffer_size() != Some(info.len()) {
         return Err(Fault::damaged("the decoder and the header disagree about the size"));
@@ -114,6 +112,36 @@ fn pixels(file: &[u8], info: Info) -> Decoded<Vec<u8>> {
     Ok(samples)
 }
 
+/// Decodes a strip or tile of a TIFF with so many columns, and rows from the second to the third number. `ycc` tells whether its three
+/// channels are converted to RGB.
+pub(super) fn chunk(file: &[u8], [columns, least, most]: [usize; 3], channels: usize, ycc: bool) -> Decoded<Vec<u8>> {
+    let color = match (channels, ycc) {
+        (1, _) => ColorSpace::Luma,
+        (_, true) => ColorSpace::RGB,
+        // Without a mark of Adobe's the decoder takes three channels for these, and converts nothing.
+        (_, false) => ColorSpace::YCbCr,
+    };
+    let mut decoder = decoder(file, color);
+    decoder.decode_headers().map_err(Fault::damaged)?;
+    let size = decoder.dimensions().filter(|(width, height)| *width == columns && (least..=most).contains(height));
+    let bytes = size.map(|(width, height)| width * height * channels).filter(|n| *n <= channels * MAX_PIXELS);
+    if bytes.is_none() || decoder.output_buffer_size() != bytes {
+        return Err(Fault::damaged("a strip or tile holds a JPEG of another size"));
+    }
+    let mut samples = zeroed(bytes.unwrap_or(0))?;
+    decoder.decode_into(&mut samples).map_err(Fault::damaged)?;
+    Ok(samples)
+}
+
+fn decoder(file: &[u8], color: ColorSpace) -> JpegDecoder<ZCursor<&[u8]>> {
+    let options = DecoderOptions::default()
+        .set_strict_mode(false)
+        .set_max_width(MAX_SIDE)
+        .set_max_height(MAX_SIDE)
+        .jpeg_set_out_colorspace(color);
+    JpegDecoder::new_with_options(ZCursor::new(file), options)
+}
+
 /// Reads up to and including the frame header.
 fn header(source: &mut Source) -> Decoded<Info> {
     source.seek(SeekFrom::Start(2))?;
@@ -121,10 +149,27 @@ fn header(source: &mut Source) -> Decoded<Info> {
         let marker = next_marker(source)?;
         match marker {
             HUFFMAN_TABLES | 0xc8 | 0xcc => _ = segment(source)?,
-            0xc0..=0xcf => return frame(&segment(source)?),
+            0xc0..=0xcf | JPEG_LS => {
+                let frame = frame(&segment(source)?);
+                return coding(marker).map_or(frame, |coding| {
+                    let problem = format!("is a JPEG with {coding}, which is not read");
+                    Err(Fault::unusable(problem, SAME_DEPTH))
+                });
+            }
             START_OF_SCAN | END_OF_IMAGE => return Err(Fault::damaged("no frame header before the picture data")),
             _ => _ = segment(source)?,
         }
+    }
+}
+
+/// The coding of a frame by its marker, where that is not Huffman's of a baseline, extended or progressive picture (ITU-T T.81, table B.1).
+fn coding(marker: u8) -> Option<&'static str> {
+    match marker {
+        0xc0..=0xc2 => None,
+        0xc3 | 0xcb => Some("lossless coding"),
+        0xc5..=0xc7 | 0xcd..=0xcf => Some("hierarchical coding"),
+        JPEG_LS => Some("JPEG-LS coding"),
+        _ => Some("arithmetic coding"),
     }
 }
 
@@ -132,11 +177,14 @@ fn frame(segment: &[u8]) -> Decoded<Info> {
     let &[bits, h1, h0, w1, w0, components, ..] = segment else {
         return Err(Fault::damaged("the frame header is too short"));
     };
+    let refuse = |kind: String| Err(Fault::unusable(format!("is a JPEG of {kind}, which is not read"), SAME_DEPTH));
     if bits != 8 {
-        return Err(Fault::unsupported(format!("is a JPEG of {bits} bits per sample")));
+        return refuse(format!("{bits} bits per sample"));
     }
-    if components != 1 && components != 3 {
-        return Err(Fault::unsupported(format!("is a JPEG of {components} components (CMYK?)")));
+    match components {
+        1 | 3 => {}
+        4 => return refuse("four components (CMYK)".into()),
+        n => return refuse(format!("{n} components")),
     }
     let size = [u16::from_be_bytes([w1, w0]).into(), u16::from_be_bytes([h1, h0]).into()];
     Info::checked(size, components.into(), Depth::U8, components.into(), 1)

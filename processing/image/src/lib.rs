@@ -34,7 +34,8 @@ mod source;
 #[cfg(test)]
 mod tests;
 mod tif;
-mod tif_packed;
+mod tif_chunks;
+mod tif_codecs;
 mod webp;
 mod write;
 

@@ -7,7 +7,7 @@ use std::io::{ErrorKind, Read, Seek, SeekFrom};
 
 use super::details::{Curve, Details, Encoding, encoding, part};
 use super::exif;
-use super::fault::{Decoded, Fault};
+use super::fault::{Decoded, Fault, SAME_DEPTH};
 use super::raster::{Depth, Info, Raster, Samples, keep_channels, zeroed};
 use super::source::Source;
 
@@ -49,7 +49,7 @@ fn open(source: Source) -> Decoded<(PngDecoder<Source>, Info, usize)> {
         ColorType::Rgb8 | ColorType::Rgba8 => (3, Depth::U8),
         ColorType::L16 | ColorType::La16 => (1, Depth::U16),
         ColorType::Rgb16 | ColorType::Rgba16 => (3, Depth::U16),
-        other => return Err(Fault::unsupported(format!("is a PNG of kind {other:?}"))),
+        other => return Err(Fault::unusable(format!("is a PNG of kind {other:?}"), SAME_DEPTH)),
     };
     let (width, height) = decoder.dimensions();
     let per_pixel = u64::from(color.bytes_per_pixel());

@@ -1,6 +1,7 @@
 //! TIFF: integers of 1 to 16 bits, 16, 32 and 64-bit floats (as `f32`), grey or RGB, of the first page in full resolution.
 
 use std::borrow::Cow;
+use std::fmt;
 
 use tiff::TiffError;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
@@ -8,10 +9,10 @@ use tiff::tags::{SampleFormat, Tag};
 
 use super::details::{Details, encoding};
 use super::exif::ORIENTATIONS;
-use super::fault::{Decoded, Fault};
-use super::raster::{Depth, Info, MAX_BYTES, Raster, Samples, keep_channels};
+use super::fault::{Decoded, FLOATS, Fault, SAME_DEPTH};
+use super::raster::{Depth, Info, MAX_BYTES, Raster, Samples};
 use super::source::Source;
-use super::tif_packed::{self, unpack};
+use super::tif_chunks::{Layout, unpack};
 
 /// Pages that are looked at.
 const MAX_PAGES: usize = 1000;
@@ -19,41 +20,82 @@ const MAX_PAGES: usize = 1000;
 /// Bits of the tag NewSubfileType: a page that is a small copy of another one, or a mask.
 const REDUCED_OR_MASK: u32 = 1 | 4;
 
+/// Method of compression whose only decoder is the library's.
+const FAX4: u32 = 4;
+
+/// Strips or tiles that are JPEG files.
+const JPEG: u32 = 7;
+
+/// Type of the samples of a page.
+#[derive(Clone, Copy)]
+pub(super) enum Sample {
+    /// Integers of 1 to 16 bits.
+    Unsigned(u8),
+    /// Floating point of 16, 32 or 64 bits.
+    Float(u8),
+}
+
+impl Sample {
+    pub fn bits(self) -> u8 {
+        match self {
+            Self::Unsigned(bits) | Self::Float(bits) => bits,
+        }
+    }
+
+    /// All bits set.
+    pub fn largest(self) -> u64 {
+        u64::MAX >> (64 - u32::from(self.bits()))
+    }
+
+    fn depth(self) -> Depth {
+        match self {
+            Self::Unsigned(..=8) => Depth::U8,
+            Self::Unsigned(_) => Depth::U16,
+            Self::Float(_) => Depth::F32,
+        }
+    }
+}
+
+impl fmt::Display for Sample {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = if matches!(self, Self::Float(_)) { "floating-point" } else { "integer" };
+        write!(f, "{}-bit {kind}", self.bits())
+    }
+}
+
 pub(super) fn info(source: Source) -> Decoded<Info> {
     open(source).map(|page| page.info)
 }
 
 pub(super) fn read(source: Source) -> Decoded<Raster> {
     let mut page = open(source)?;
-    let (info, stored, kept) = (page.info, page.stored, page.info.channels);
-    if page.bits > 8 && page.bits < 16 {
-        let values = tif_packed::read(&mut page.decoder, info, stored, page.bits)?;
-        return info.raster(Samples::U16(keep_channels(values, stored, kept)));
+    if page.compression == FAX4 {
+        return fax(page);
     }
-    let mut result = DecodingResult::U8(vec![]);
-    let layout = page.decoder.read_image_to_buffer(&mut result).map_err(fault)?;
-    let planes = layout.planes.max(1);
-    let samples = match result {
-        DecodingResult::U8(v) if page.bits < 8 => {
-            let row = v.len() / info.height.max(1);
-            Samples::U8(unpack(&v, row, info.width * stored, page.bits)?.into_iter().map(|v| v as u8).collect())
-        }
-        DecodingResult::U8(v) => Samples::U8(keep_channels(interleaved(v, planes), stored, kept)),
-        DecodingResult::U16(v) => Samples::U16(keep_channels(interleaved(v, planes), stored, kept)),
-        DecodingResult::F16(v) => floats(v.into_iter().map(|x| x.to_f32()).collect(), planes, stored, kept),
-        DecodingResult::F32(v) => floats(v, planes, stored, kept),
-        DecodingResult::F64(v) => floats(v.into_iter().map(|x| x as f32).collect(), planes, stored, kept),
-        _ => return Err(Fault::unsupported("is a TIFF of signed or wide integers")),
+    let layout = Layout::of(&mut page.decoder, page.info, page.stored, page.sample)?;
+    page.info.raster(layout.read(page.decoder.inner())?)
+}
+
+/// Reads black and white compressed as facsimiles are.
+fn fax(mut page: Page) -> Decoded<Raster> {
+    let DecodingResult::U8(bytes) = page.decoder.read_image().map_err(fault)? else {
+        return Err(Fault::damaged("more than one bit per pixel, compressed by CCITT Group 4"));
     };
-    info.raster(samples)
+    let mut values = Vec::with_capacity(page.info.len());
+    for row in bytes.chunks_exact(page.info.width.div_ceil(8)) {
+        let mut bits = vec![];
+        unpack(row, page.info.width, 1, &mut bits);
+        values.extend(bits.into_iter().map(|v| v as u8));
+    }
+    page.info.raster(Samples::U8(values))
 }
 
 /// Adds what the tags say about values, and how many pages there are.
 pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()> {
     let source = Source::with_capacity(1 << 16, source.get_ref().try_clone()?);
     let mut page = open(source)?;
-    if page.bits < 16 && page.bits != 8 {
-        details.white = Some(f64::from((1_u32 << page.bits) - 1));
+    if matches!(page.sample, Sample::Unsigned(bits) if bits != 8 && bits != 16) {
+        details.white = Some(page.sample.largest() as f64);
     }
     let profile = page.decoder.find_tag(Tag::IccProfile).map_err(fault)?;
     details.encoding = profile.and_then(|p| p.into_u8_vec().ok()).and_then(|p| encoding(&p));
@@ -65,27 +107,14 @@ pub(super) fn describe(source: &mut Source, details: &mut Details) -> Decoded<()
     Ok(())
 }
 
-/// One plane after the other, as pixels of all planes.
-fn interleaved<T: Copy>(samples: Vec<T>, planes: usize) -> Vec<T> {
-    if planes < 2 {
-        return samples;
-    }
-    let plane = samples.len() / planes;
-    (0..plane).flat_map(|i| (0..planes).map(move |p| p * plane + i)).map(|i| samples[i]).collect()
-}
-
-fn floats(samples: Vec<f32>, planes: usize, stored: usize, kept: usize) -> Samples {
-    Samples::F32(keep_channels(interleaved(samples, planes), stored, kept))
-}
-
 /// A decoder at the page that is read.
 struct Page {
     decoder: Decoder<Source>,
     info: Info,
     /// Channels in the file.
     stored: usize,
-    /// Bits per sample.
-    bits: u8,
+    sample: Sample,
+    compression: u32,
     /// Pages in full resolution.
     full: usize,
 }
@@ -97,13 +126,17 @@ fn open(source: Source) -> Decoded<Page> {
     limits.ifd_value_size = 16 << 20;
     let mut decoder = Decoder::new(source).map_err(fault)?.with_limits(limits);
     let full = to_first_full_page(&mut decoder)?;
-    check_compression(&mut decoder)?;
-    let (channels, stored, bits) = channels(&mut decoder)?;
-    let depth = depth(&mut decoder, bits)?;
+    let compression = compression(&mut decoder)?;
+    let (channels, stored) = channels(&mut decoder, compression)?;
+    let sample = sample(&mut decoder)?;
+    if compression == JPEG && !(matches!(sample, Sample::Unsigned(8)) && [1, 3].contains(&stored)) {
+        let problem = format!("is a TIFF of {stored} {sample} channels compressed by JPEG, which is not read");
+        return Err(Fault::unusable(problem, "save it with LZW, Deflate or no compression"));
+    }
     let (width, height) = decoder.dimensions().map_err(fault)?;
-    let bytes = u64::from(bits).div_ceil(8);
-    let info = Info::checked([width.into(), height.into()], channels, depth, stored as u64, bytes)?;
-    Ok(Page { decoder, info, stored, bits, full })
+    let bytes = u64::from(sample.bits()).div_ceil(8);
+    let info = Info::checked([width.into(), height.into()], channels, sample.depth(), stored as u64, bytes)?;
+    Ok(Page { decoder, info, stored, sample, compression, full })
 }
 
 /// Goes to the first page that is no reduced copy and no mask; returns how many there are.
@@ -129,16 +162,25 @@ fn to_first_full_page(decoder: &mut Decoder<Source>) -> Decoded<usize> {
     Ok(pages.into_iter().filter(|full| *full).count())
 }
 
-/// Refuses methods of compression that the decoder does not have, by name.
-fn check_compression(decoder: &mut Decoder<Source>) -> Decoded<()> {
-    let method = decoder.find_tag_unsigned::<u16>(Tag::Compression).map_err(fault)?.unwrap_or(1);
+fn tag(decoder: &mut Decoder<Source>, tag: Tag, default: u32) -> Decoded<u32> {
+    Ok(decoder.find_tag_unsigned(tag).map_err(fault)?.unwrap_or(default))
+}
+
+/// The method of compression; refuses those without a decoder, by name.
+fn compression(decoder: &mut Decoder<Source>) -> Decoded<u32> {
+    if tag(decoder, Tag::FillOrder, 1)? == 2 {
+        return Err(Fault::unusable("is a TIFF with FillOrder 2, which is not read", "save it with FillOrder 1"));
+    }
+    let method = tag(decoder, Tag::Compression, 1)?;
     let name: Cow<str> = match method {
-        1 | 4 | 5 | 7 | 8 | 32_773 | 32_946 => return Ok(()),
+        1 | FAX4 | 5 | 7 | 8 | 32_773 | 32_946 => return Ok(method),
         2 | 3 => "CCITT Group 3".into(),
         6 => "JPEG of TIFF 6".into(),
         34_712 => "JPEG 2000".into(),
         34_887 => "LERC".into(),
         34_925 => "LZMA".into(),
+        34_933 => "PNG".into(),
+        22_610 | 34_934 => "JPEG XR".into(),
         50_000 => "Zstandard".into(),
         50_001 => "WebP".into(),
         50_002 | 52_546 => "JPEG XL".into(),
@@ -148,34 +190,48 @@ fn check_compression(decoder: &mut Decoder<Source>) -> Decoded<()> {
     Err(Fault::unusable(problem, "save it with LZW, Deflate or no compression"))
 }
 
-/// Channels to keep, channels stored, bits per sample.
-fn channels(decoder: &mut Decoder<Source>) -> Decoded<(usize, usize, u8)> {
-    use tiff::ColorType as C;
-    match decoder.colortype().map_err(fault)? {
-        C::Gray(bits) => Ok((1, 1, bits)),
-        // The decoder's word for grey with one extra sample.
-        C::GrayA(bits) | C::Multiband { bit_depth: bits, num_samples: 2 } => Ok((1, 2, bits)),
-        C::RGB(bits) => Ok((3, 3, bits)),
-        C::RGBA(bits) => Ok((3, 4, bits)),
-        other => Err(Fault::unsupported(format!("is a TIFF of kind {other:?}, neither grey nor RGB"))),
-    }
+/// Channels to keep, and channels stored. Of colour differences only JPEG data are converted.
+fn channels(decoder: &mut Decoder<Source>, compression: u32) -> Decoded<(usize, usize)> {
+    let stored = tag(decoder, Tag::SamplesPerPixel, 1)? as usize;
+    let kind: Cow<str> = match (tag(decoder, Tag::PhotometricInterpretation, 1)?, stored) {
+        (0 | 1, 1 | 2) => return Ok((1, stored)),
+        (2, 3 | 4) | (6, 3) if compression == JPEG && stored == 3 => return Ok((3, 3)),
+        (2, 3 | 4) => return Ok((3, stored)),
+        (3, _) => "palette".into(),
+        (4, _) => "mask".into(),
+        (5, _) => "CMYK".into(),
+        (6, _) => "YCbCr".into(),
+        (8..=10, _) => "CIE L*a*b*".into(),
+        (32_803, _) => "colour filter mosaic".into(),
+        (_, n) => format!("{n} channels").into(),
+    };
+    Err(Fault::unusable(format!("is a TIFF of kind {kind}, neither grey nor RGB"), SAME_DEPTH))
 }
 
-fn depth(decoder: &mut Decoder<Source>, bits: u8) -> Decoded<Depth> {
+fn sample(decoder: &mut Decoder<Source>) -> Decoded<Sample> {
+    let bits = decoder.find_tag_unsigned_vec::<u16>(Tag::BitsPerSample).map_err(fault)?.unwrap_or(vec![1]);
     let formats = decoder.find_tag_unsigned_vec::<u16>(Tag::SampleFormat).map_err(fault)?;
     let format = formats.and_then(|f| f.first().copied()).map_or(SampleFormat::Uint, SampleFormat::from_u16_exhaustive);
-    match (format, bits) {
-        (SampleFormat::Uint, 1..=8) => Ok(Depth::U8),
-        (SampleFormat::Uint, 9..=16) => Ok(Depth::U16),
-        (SampleFormat::IEEEFP, 16 | 32 | 64) => Ok(Depth::F32),
-        (format, bits) => Err(Fault::unsupported(format!("is a TIFF of {bits}-bit {format:?} samples"))),
+    let first = bits.first().copied().unwrap_or(1);
+    if bits.iter().any(|b| *b != first) {
+        return Err(Fault::unusable(format!("is a TIFF with {bits:?} bits in its channels"), SAME_DEPTH));
     }
+    let kind = match (format, first) {
+        (SampleFormat::Uint | SampleFormat::Void, 1..=16) => return Ok(Sample::Unsigned(first as u8)),
+        (SampleFormat::IEEEFP, 16 | 32 | 64) => return Ok(Sample::Float(first as u8)),
+        (SampleFormat::Uint | SampleFormat::Void, _) => "unsigned integers",
+        (SampleFormat::Int, _) => "signed integers",
+        (SampleFormat::IEEEFP, _) => "floating-point samples",
+        (SampleFormat::Unknown(5 | 6), _) => "complex numbers",
+        _ => "samples of an unknown format",
+    };
+    Err(Fault::unusable(format!("is a TIFF of {first}-bit {kind}"), FLOATS))
 }
 
 pub(super) fn fault(error: TiffError) -> Fault {
     match error {
         TiffError::IoError(error) => error.into(),
-        TiffError::UnsupportedError(error) => Fault::unsupported(format!("cannot be decoded: {error}")),
+        TiffError::UnsupportedError(error) => Fault::unusable(format!("cannot be decoded: {error}"), SAME_DEPTH),
         other => Fault::damaged(other),
     }
 }

@@ -2,7 +2,7 @@
 
 use image_webp::{DecodingError, WebPDecoder};
 
-use super::fault::{Decoded, Fault};
+use super::fault::{Decoded, Fault, SAME_DEPTH};
 use super::raster::{Depth, Info, Raster, Samples, keep_channels, zeroed};
 use super::source::Source;
 
@@ -39,7 +39,7 @@ fn open(source: Source) -> Decoded<(WebPDecoder<Source>, Info, usize)> {
 fn fault(error: DecodingError) -> Fault {
     match error {
         DecodingError::IoError(error) => error.into(),
-        DecodingError::UnsupportedFeature(words) => Fault::unsupported(format!("cannot be decoded: {words}")),
+        DecodingError::UnsupportedFeature(words) => Fault::unusable(format!("cannot be decoded: {words}"), SAME_DEPTH),
         other => Fault::damaged(other),
     }
 }

@@ -21,6 +21,8 @@ pub(super) struct Input {
     pub band_nm: Option<f64>,
     /// How exposures were merged.
     pub merged: Option<hdr::Report>,
+    /// Warnings about the photographs' files.
+    pub warnings: Vec<String>,
 }
 
 /// All channels of a photograph by name.
@@ -52,10 +54,11 @@ pub(super) fn photograph(input: &Path, settings: &Settings, progress: &dyn Progr
     let channels = channels(&source.path, settings.transfer)?;
     let channels = if source.merged.is_some() { Channels { path: input.to_owned(), ..channels } } else { channels };
     let channels = channels.wanted(&settings)?;
-    Ok(Input { channels, settings, band_nm, merged: source.merged })
+    let warnings = source.warnings(settings.transfer.unwrap_or(Transfer::Linear));
+    Ok(Input { channels, settings, band_nm, merged: source.merged, warnings })
 }
 
-/// The light of a photograph; `scale` is that of the pattern's photograph.
+/// The light of a photograph, and warnings about its file; `scale` is that of the pattern's photograph.
 ///
 /// # Errors
 /// `Input` for anything about the photograph.
@@ -64,9 +67,10 @@ pub(super) fn light(
     settings: &Settings,
     scale: f64,
     progress: &dyn Progress,
-) -> Result<Light> {
+) -> Result<(Light, Vec<String>)> {
     let source = Source::find(&photograph.path, progress)?;
-    let all = channels(&source.path, photograph.transfer.or(settings.transfer))?;
+    let transfer = photograph.transfer.or(settings.transfer);
+    let all = channels(&source.path, transfer)?;
     let gray = all.planes.iter().position(|(name, _)| name == "Y");
     let planes = match gray {
         Some(k) => vec![all.planes[k].1.clone()],
@@ -74,8 +78,9 @@ pub(super) fn light(
             ["R", "G", "B"].iter().filter_map(|c| Some(all.planes.iter().find(|(n, _)| n == c)?.1.clone())).collect()
         }
     };
-    Light::cut_out(&planes, all.width, photograph.center, photograph.scale.unwrap_or(scale))
-        .map_err(|e| named(&photograph.path, e))
+    let light = Light::cut_out(&planes, all.width, photograph.center, photograph.scale.unwrap_or(scale))
+        .map_err(|e| named(&photograph.path, e))?;
+    Ok((light, source.warnings(transfer.unwrap_or(Transfer::Linear))))
 }
 
 /// An error about the photograph of a light, with its file.

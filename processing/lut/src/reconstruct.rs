@@ -27,13 +27,14 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     settings.check()?;
     let folder = OutputFolder::begin(out, settings.overwrite)?;
     progress.stage("reading", 1);
-    let Input { channels, settings, band_nm, merged } = photograph(input, settings, progress)?;
+    let Input { channels, settings, band_nm, merged, warnings: mut of_files } = photograph(input, settings, progress)?;
     let read = begun.elapsed().as_secs_f64();
     progress.check()?;
     progress.stage("adding up wavelengths", 1);
     let mut table = lookup(&channels, &settings)?;
     if let Some(photograph) = &settings.light {
-        let light = light(photograph, &settings, table.scale, progress)?;
+        let (light, of_light) = light(photograph, &settings, table.scale, progress)?;
+        of_files.extend(of_light);
         table.spread(&light).map_err(|e| named(&photograph.path, e))?;
     }
     let added = begun.elapsed().as_secs_f64();
@@ -69,7 +70,8 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
         merged,
         seconds: Seconds::default(),
     };
-    report.warnings = warnings(&report, &table, settings.max_error);
+    report.warnings = of_files;
+    report.warnings.extend(warnings(&report, &table, settings.max_error));
     report.assumptions = assumptions(&report, &settings);
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { read, table: added - read, write: total - added, total };
@@ -114,7 +116,7 @@ fn assumptions(report: &Report, settings: &Settings) -> Vec<String> {
 }
 
 fn warnings(report: &Report, table: &Table, wanted: f64) -> Vec<String> {
-    let mut all: Vec<String> = report.merged.iter().flat_map(|m| m.warnings.clone()).collect();
+    let mut all = vec![];
     let [x, y] = table.center;
     if let Some([lx, ly]) = table.lobe {
         all.push(format!(

@@ -48,6 +48,9 @@ pub struct Args {
     /// Measure the picture's error in this lat-long environment (EXR or HDR).
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
+    /// Layer, view or part of an OpenEXR environment that has several pictures.
+    #[arg(long, value_name = "NAME", requires = "environment")]
+    layer: Option<String>,
     /// Replace results that are already in the folder.
     #[arg(long, visible_alias = "overwrite")]
     force: bool,
@@ -81,6 +84,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let job = Job {
         table: &args.table,
         environment: args.environment.as_deref(),
+        layer: args.layer.as_deref(),
         out: &args.out,
         settings,
         overwrite: args.force,

@@ -220,7 +220,7 @@ fn animation(
 }
 
 fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), Failure> {
-    let scale = Scale { pixel_um: args.pixel_um, range_um: args.range_um, channel: None };
+    let scale = Scale { pixel_um: args.pixel_um, range_um: args.range_um, ..Scale::default() };
     let skin = args.skin.as_ref().map(|path| height::read(path, &scale)).transpose()?;
     let target = OutputFolder::begin(folder, args.force)?;
     let measured = skin.map(|skin| gallery_skin(&target, &skin)).transpose()?;

@@ -1,9 +1,11 @@
 //! Height fields: what they hold, how they are read, levelled, judged and made.
 
 mod formats;
+mod gaps;
 mod picture;
 mod quality;
 mod read;
+mod squares;
 mod stored;
 mod synthetic;
 #[cfg(test)]
@@ -65,7 +67,7 @@ impl HeightField {
                 at % width,
                 at / width
             );
-            return Err(Error::input(subject, problem, "fill these gaps, or crop the patch"));
+            return Err(Error::input(subject, problem, "crop the patch to where heights are known"));
         }
         let this = Self { name: subject.into(), width, height, pixel_um, um, step_um: None, notes: vec![] };
         let range = this.range_um();

@@ -2,7 +2,7 @@
 
 use super::read::Scale;
 use super::stored::{Pitch, pixel_um};
-use super::{HeightField, check_size};
+use super::{HeightField, check_size, gaps};
 use nacre_base::{Error, Result};
 use nacre_image::{Depth, Raster, Samples};
 use std::path::Path;
@@ -23,8 +23,11 @@ pub(super) fn with_pitch(path: &Path, scale: &Scale, pitch: Pitch) -> Result<Hei
     let raster = nacre_image::read(path)?;
     let full = f64::from(info.depth.full_scale());
     let um = grey(path, &raster)?.into_iter().map(|v| v / full * range).collect();
-    let mut field = HeightField::new(&path.display().to_string(), info.width, info.height, pixel_um, um)?;
+    let subject = path.display().to_string();
+    let (width, height, um, resampled) = pitch.squared(&subject, [info.width, info.height], um)?;
+    let mut field = HeightField::new(&subject, width, height, pixel_um, um)?;
     field.step_um = (info.depth != Depth::F32).then_some(range / full);
+    field.notes.extend(resampled);
     Ok(field)
 }
 
@@ -73,6 +76,9 @@ pub(super) fn map(path: &Path, scale: &Scale) -> Result<HeightField> {
             return Err(Error::file(path, problem, "give the height of the value 1 with --range-um"));
         }
     };
-    let um = values.into_iter().map(|v| f64::from(v) * factor).collect();
-    HeightField::new(&path.display().to_string(), map.width, map.height, pixel_um, um)
+    let mut um: Vec<f64> = values.into_iter().map(|v| f64::from(v) * factor).collect();
+    let filled = gaps::fill(path, map.width, &mut um, "are not known (NaN or infinite)", scale)?;
+    let mut field = HeightField::new(&path.display().to_string(), map.width, map.height, pixel_um, um)?;
+    field.notes.extend(filled);
+    Ok(field)
 }

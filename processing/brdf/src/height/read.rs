@@ -1,7 +1,7 @@
 //! Height fields from files: grey images, EXR maps, files of AFMs and profilometers, text.
 
 use super::formats::{self, Input};
-use super::{HeightField, picture, text, tiff};
+use super::{HeightField, gaps, picture, text, tiff};
 use nacre_base::{Error, Result};
 use std::io::Read;
 use std::path::Path;
@@ -26,6 +26,8 @@ pub struct Scale {
     pub range_um: Option<f64>,
     /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
     pub channel: Option<String>,
+    /// Largest share of gaps that are filled by interpolation, above 0 and at most 0.5; none are filled by default.
+    pub fill_gaps: Option<f64>,
 }
 
 impl Scale {
@@ -37,7 +39,14 @@ impl Scale {
             _ => Ok(()),
         };
         positive("--pixel-um", self.pixel_um)?;
-        positive("--range-um", self.range_um)
+        positive("--range-um", self.range_um)?;
+        match self.fill_gaps.filter(|share| !(*share > 0.0 && *share <= gaps::MOST)) {
+            Some(share) => {
+                let remedy = format!("give the largest share of gaps, above 0 and at most {}", gaps::MOST);
+                Err(Error::input("--fill-gaps", format!("is {share}"), remedy))
+            }
+            None => Ok(()),
+        }
     }
 }
 
@@ -50,7 +59,7 @@ impl Scale {
 /// - text: rows of heights, points x y z on a grid, or profiles x z, with or without a header that states size and units.
 ///
 /// # Errors
-/// `Input` for files that cannot be read, hold no heights or gaps, and whose scale is unknown or contradicts `scale`.
+/// `Input` for files that cannot be read, hold no heights, or more gaps than `scale` allows, and whose scale is unknown or contradicts `scale`.
 pub fn read(path: &Path, scale: &Scale) -> Result<HeightField> {
     scale.check()?;
     // Opening a pipe waits for its writer.

@@ -1,12 +1,10 @@
 //! Heights as files store them, and the scale that files and flags state.
 
 use super::read::Scale;
-use super::{HeightField, check_size};
+use super::squares::{self, SQUARE};
+use super::{HeightField, check_size, gaps};
 use nacre_base::{Error, Result};
 use std::path::Path;
-
-/// Largest relative difference of a pixel's width and height.
-const SQUARE: f64 = 0.01;
 
 /// Largest relative differences of pitch and range between file and flag, which people round.
 const SAME_PITCH: f64 = 0.01;
@@ -44,8 +42,8 @@ pub(super) struct Stored {
     pub step: Option<f64>,
     /// How the file was read, for the report.
     pub notes: Vec<String>,
-    /// The file's word for gaps, with the remedy.
-    pub gaps: Option<(String, &'static str)>,
+    /// The file's word for gaps: "are bad points".
+    pub gaps: Option<String>,
 }
 
 impl Stored {
@@ -61,28 +59,19 @@ impl Stored {
     }
 
     /// The height field, where file and flags together state its scale.
-    pub(super) fn field(self, path: &Path, scale: &Scale) -> Result<HeightField> {
+    pub(super) fn field(mut self, path: &Path, scale: &Scale) -> Result<HeightField> {
         let subject = path.display().to_string();
         check_size(&subject, self.width, self.rows)?;
-        self.check_gaps(path)?;
+        let word = self.gaps.as_deref().unwrap_or("are no numbers (NaN or infinite)");
+        let filled = gaps::fill(path, self.width, &mut self.values, word, scale)?;
         let pixel_um = tidy(pixel_um(path, scale, self.pitch)?);
         let factor = self.factor(path, scale)?;
         let um = self.values.into_iter().map(|v| v * factor).collect();
-        let mut field = HeightField::new(&subject, self.width, self.rows, pixel_um, um)?;
+        let (width, rows, um, resampled) = self.pitch.squared(&subject, [self.width, self.rows], um)?;
+        let mut field = HeightField::new(&subject, width, rows, pixel_um, um)?;
         field.step_um = self.step.map(|step| step * factor);
-        field.notes = self.notes;
+        field.notes = self.notes.into_iter().chain(filled).chain(resampled).collect();
         Ok(field)
-    }
-
-    fn check_gaps(&self, path: &Path) -> Result<()> {
-        let Some(at) = self.values.iter().position(|v| !v.is_finite()) else { return Ok(()) };
-        let count = self.values.iter().filter(|v| !v.is_finite()).count();
-        let (word, remedy) = match &self.gaps {
-            Some((word, remedy)) => (word.as_str(), *remedy),
-            None => ("are no numbers (NaN or infinite)", "fill these gaps, or crop the patch"),
-        };
-        let (x, y) = (at % self.width, at / self.width);
-        Err(Error::file(path, format!("{count} heights {word}, the first at column {x}, row {y}"), remedy))
     }
 
     /// µm of one unit of the values.
@@ -113,7 +102,7 @@ pub(super) fn ends(values: &[f64]) -> [f64; 2] {
     values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(*v), b.max(*v)])
 }
 
-/// Pitch of square pixels in µm that file and flag agree about.
+/// Pitch in µm that file and flag agree about: of pixels that are not square that of their shorter side.
 pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64> {
     let contradicts = |file: String, flag: f64| {
         let problem = format!("has pixels of {file}, --pixel-um says {flag}");
@@ -126,7 +115,7 @@ pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64>
             Err(Error::file(path, "does not say how large its pixels are", remedy))
         }
         (Pitch::Um(both), flag) => {
-            let own = square(path, both, " µm")?;
+            let own = shorter(path, both, " µm")?;
             match flag {
                 Some(flag) if (flag / own - 1.0).abs() > SAME_PITCH => {
                     Err(contradicts(format!("{} µm", tidy(own)), flag))
@@ -135,7 +124,7 @@ pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64>
             }
         }
         (Pitch::Bare(both), Some(flag)) => {
-            let own = square(path, both, "")?;
+            let own = shorter(path, both, "")?;
             // A unit of length is a power of ten; a pitch of exactly 1 counts pixels.
             let power = (flag / own).log10();
             if own == 1.0 || (power - power.round()).abs() < SAME_POWER {
@@ -144,7 +133,7 @@ pub(super) fn pixel_um(path: &Path, scale: &Scale, stated: Pitch) -> Result<f64>
             Err(contradicts(format!("{} in a unit that is not named", tidy(own)), flag))
         }
         (Pitch::Bare(both), None) => {
-            let own = square(path, both, "")?;
+            let own = shorter(path, both, "")?;
             let problem = format!("has pixels of {}, but does not say in which unit", tidy(own));
             Err(Error::file(path, problem, "give their pitch in µm with --pixel-um"))
         }
@@ -156,14 +145,41 @@ fn tidy(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }
 
-fn square(path: &Path, [across, down]: [f64; 2], unit: &str) -> Result<f64> {
+/// The shorter side of a pixel.
+fn shorter(path: &Path, [across, down]: [f64; 2], unit: &str) -> Result<f64> {
     if !(across > 0.0 && down > 0.0 && across.is_finite() && down.is_finite()) {
         let problem = format!("has pixels of {across} by {down}{unit}");
         return Err(Error::file(path, problem, "correct their pitch in the file, or export it again"));
     }
-    if (across / down - 1.0).abs() > SQUARE {
-        let problem = format!("has pixels of {across:.5} by {down:.5}{unit}");
-        return Err(Error::file(path, problem, "resample it to square pixels"));
+    let ratio = (across / down).max(down / across);
+    if ratio > squares::MOST {
+        let problem = format!("has pixels of {across:.5} by {down:.5}{unit}, more than {} : 1", squares::MOST);
+        let n = ratio.round();
+        return Err(Error::file(path, problem, format!("keep every {n}th point of the finer direction")));
     }
-    Ok(across)
+    if ratio - 1.0 <= SQUARE { Ok(across) } else { Ok(across.min(down)) }
+}
+
+impl Pitch {
+    /// Columns, rows and heights on square pixels, with a note where they were interpolated.
+    ///
+    /// # Errors
+    /// `Input` for more pixels than a height field may have.
+    pub(super) fn squared(
+        self,
+        subject: &str,
+        [width, rows]: [usize; 2],
+        values: Vec<f64>,
+    ) -> Result<(usize, usize, Vec<f64>, Option<String>)> {
+        let (Self::Um(sides) | Self::Bare(sides)) = self else { return Ok((width, rows, values, None)) };
+        if (sides[0] / sides[1] - 1.0).abs() <= SQUARE {
+            return Ok((width, rows, values, None));
+        }
+        let [new_width, new_rows] = squares::size([width, rows], sides);
+        check_size(subject, new_width, new_rows)?;
+        let (values, _) = squares::squared(&values, width, sides);
+        let [across, down] = sides.map(tidy);
+        let note = format!("pixels of {across} by {down} interpolated to squares: {new_width} × {new_rows} pixels");
+        Ok((new_width, new_rows, values, Some(note)))
+    }
 }

@@ -15,7 +15,7 @@ fn data(name: &str) -> Option<std::path::PathBuf> {
 }
 
 fn scale(pixel_um: impl Into<Option<f64>>, range_um: impl Into<Option<f64>>) -> Scale {
-    Scale { pixel_um: pixel_um.into(), range_um: range_um.into(), channel: None }
+    Scale { pixel_um: pixel_um.into(), range_um: range_um.into(), ..Scale::default() }
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn what_is_no_height_field_is_refused_in_words() {
     refused("header.txt", b"Image Width : 5\n1 2\n3 4\n", &full, "5");
     refused("pitch.txt", b"1 2\n3 4\n", &scale(None, 1.0), "--pixel-um");
     refused("range.txt", b"1 2\n3 4\n", &scale(0.1, None), "--range-um");
-    refused("oblong.txt", b"Real Width: 4 nm\nReal Height: 9 nm\nZ Unit: nm\n1 2\n3 4\n", &Scale::default(), "square");
+    refused("oblong.txt", b"Real Width: 4 nm\nReal Height: 33 nm\nZ Unit: nm\n1 2\n3 4\n", &Scale::default(), "4 : 1");
     refused("huge.txt", b"1 2\n3 1e9\n", &scale(1.0, 5000.0), "1000 µm");
     refused("zero.txt", b"1 2\n3 4\n", &scale(0.0, 1.0), "--pixel-um");
     refused("cut.png", b"\x89PNG\r\n\x1a\n", &full, "damaged");

@@ -94,6 +94,11 @@ impl Coding {
         }
     }
 
+    /// File value of a saturated pixel.
+    pub(super) fn white(&self) -> f64 {
+        self.white
+    }
+
     /// Where a value lies between black (0) and white (1).
     pub(super) fn position(&self, value: f64) -> f64 {
         (value - self.black) / (self.white - self.black)

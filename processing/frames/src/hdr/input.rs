@@ -17,16 +17,24 @@ pub(super) const KEPT: usize = 256 << 20;
 /// # Errors
 /// As [`reconstruct`](super::reconstruct) for what is no bracket.
 pub fn check_input(input: &Path) -> Result<()> {
-    bracket(input).map(drop)
+    bracket(input, None).map(drop)
 }
 
-/// Reads and checks what is to be merged.
+/// Reads and checks what is to be merged. `white` replaces that of the photographs and their description.
 ///
 /// # Errors
-/// `Input` for anything that is not one view in several exposures.
-pub(super) fn bracket(input: &Path) -> Result<LoadedFrames> {
+/// `Input` for anything that is not one view in several exposures, and for a white that is not above black.
+pub(super) fn bracket(input: &Path, white: Option<f64>) -> Result<LoadedFrames> {
     let bare = input.is_dir() && !input.join(FILE_NAME).exists();
-    let frames = if bare { tagged(input)? } else { load(input)? };
+    let mut frames = if bare { tagged(input)? } else { load(input)? };
+    if let Some(white) = white {
+        let black = frames.set.black.unwrap_or(0.0);
+        if !(white.is_finite() && white > black) {
+            let problem = format!("{white} is not above black ({black})");
+            return Err(Error::input("--white", problem, "give the file value of a saturated pixel"));
+        }
+        frames.set.white = Some(white);
+    }
     let set = &frames.set;
     let refuse = |problem: &str, remedy: &str| Err(Error::file(&frames.path, problem, remedy));
     if set.kind == Kind::DivisionOfFocalPlane {

@@ -27,6 +27,8 @@ pub(super) struct Outcome {
     pub noise_given: bool,
     /// What the assumed camera's noise was calibrated by.
     pub noise_factor: Option<f64>,
+    /// Photographs that clip below white.
+    pub clipping: Option<String>,
 }
 
 impl Outcome {
@@ -60,7 +62,7 @@ impl Outcome {
             registration: self.shifts.clone(),
             seconds: Seconds::default(),
         };
-        report.warnings = frames.warnings.clone();
+        report.warnings = frames.warnings.iter().chain(&self.clipping).cloned().collect();
         report.warnings.extend(self.warnings(&report));
         report
     }

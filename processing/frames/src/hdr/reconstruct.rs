@@ -10,7 +10,7 @@ use super::recover::{recover, response};
 use super::report::{Report, Seconds};
 use super::response::Response;
 use super::sample::{Agreement, Sample};
-use crate::{Frame, LoadedFrames, Transfer};
+use crate::{Clipping, Frame, LoadedFrames, Transfer};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_image::registration::{Align, Alignment};
@@ -29,6 +29,8 @@ pub struct Options {
     pub response: ResponseChoice,
     /// Whether exposures that lie shifted against each other are moved back.
     pub align: Align,
+    /// File value of a saturated pixel, above black; by default as the photographs and their description say.
+    pub white: Option<f64>,
     /// Replace results that are already there.
     #[serde(skip)]
     pub overwrite: bool,
@@ -74,7 +76,7 @@ impl std::str::FromStr for ResponseChoice {
 /// is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
     let begun = Instant::now();
-    let bracket = Bracket::new(bracket(input)?);
+    let bracket = Bracket::new(bracket(input, options.white)?);
     let folder = OutputFolder::begin(out, options.overwrite)?;
     let looked = look(&bracket, options, progress)?;
     let look_s = begun.elapsed().as_secs_f64();
@@ -313,6 +315,7 @@ fn merge(bracket: &Bracket, mut looked: Looked, progress: &dyn Progress) -> Resu
     let moved = looked.moved().cloned();
     let sampled = looked.sample.values.iter().any(|v| !v.is_empty());
     let mut darks = Darks::default();
+    let mut clipping: Vec<Clipping> = bracket.channels.iter().map(|_| Clipping::default()).collect();
     progress.stage("merging", frames.len() as u64);
     for batch in longest_first(frames).chunks(BATCH) {
         progress.check()?;
@@ -325,6 +328,7 @@ fn merge(bracket: &Bracket, mut looked: Looked, progress: &dyn Progress) -> Resu
         for (raster, k) in decoded?.into_iter().zip(batch) {
             let frame = &frames[*k];
             let dark = darks.of(bracket, coding, frame)?;
+            bracket.channels.iter().zip(&mut clipping).for_each(|(channel, of)| of.observe(&raster, *channel));
             if !sampled {
                 looked.sample.put(*k, &raster);
             }
@@ -352,6 +356,7 @@ fn merge(bracket: &Bracket, mut looked: Looked, progress: &dyn Progress) -> Resu
         Agreement { chi2: comparison.agreement(1.0 / coding.noise_factor).chi2, ..comparison.agreement(1.0) }
     });
     let noise_given = bracket.frames.set.noise.is_some();
+    let clipping = clipping.iter().find_map(|of| of.warning(coding.white(), "--white"));
     let Looked { coding, response, response_sigma, seen, shifts, noise_factor, .. } = looked;
-    Ok(Outcome { coding, sums, response, response_sigma, seen, shifts, agreement, noise_given, noise_factor })
+    Ok(Outcome { coding, sums, response, response_sigma, seen, shifts, agreement, noise_given, noise_factor, clipping })
 }

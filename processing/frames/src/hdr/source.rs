@@ -1,7 +1,8 @@
 //! One photograph for reconstructions that need one: a file, the merged exposures in a folder, or exposures that are merged first.
 
 use super::{Options, Report, check_input, reconstruct};
-use crate::FILE_NAME;
+use crate::stated::warnings_of;
+use crate::{FILE_NAME, Transfer};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_image::{photograph_in, size};
@@ -32,6 +33,14 @@ impl Source {
         let out = folder.path().join("hdr");
         let merged = Some(reconstruct(input, &out, &Options::default(), progress)?);
         Ok(Self { path: out.join("hdr.exr"), merged, _folder: Some(folder) })
+    }
+
+    /// Warnings about the photographs' files: those of merging, or those of the only file, which is read with this transfer function.
+    pub fn warnings(&self, transfer: Transfer) -> Vec<String> {
+        match &self.merged {
+            Some(merged) => merged.warnings.clone(),
+            None => warnings_of(&self.path, transfer),
+        }
     }
 
     /// Refuses what is no photograph or too large, by its header.

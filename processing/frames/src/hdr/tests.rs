@@ -306,3 +306,48 @@ mod rand_free {
         }
     }
 }
+
+/// Twelve bits in files of sixteen: the value that they clip at is named with the flag that sets it, and then masked.
+#[test]
+fn photographs_that_clip_below_white_are_named_until_white_is_given() {
+    let dir = tempfile::tempdir().unwrap();
+    let (width, height) = (64, 64);
+    let ramp = |time: f64| -> Vec<u16> {
+        let codes = (0..width * height).map(|i| (4095.0 * time * i as f64 / 2000.0).min(4095.0).round() as u16);
+        codes.collect()
+    };
+    let frames = [("long.png", 1.0), ("short.png", 0.7)].map(|(name, time)| {
+        write_png16_gray(&dir.path().join(name), width, height, &ramp(time)).unwrap();
+        Frame { exposure_s: Some(time), ..Frame::new(name) }
+    });
+    std::fs::write(dir.path().join("frames.json"), save(&FrameSet::new(Kind::Exposures, frames.to_vec()))).unwrap();
+    let merged = |white, out: &str| {
+        let options = Options { white, align: Align::Off, ..Options::default() };
+        reconstruct(dir.path(), &dir.path().join(out), &options, &Silent)
+    };
+    let warned = |report: &Report| report.warnings.iter().any(|w| w.contains("give --white 4095"));
+    let unknown = merged(None, "unknown").unwrap();
+    assert!(warned(&unknown) && unknown.samples.saturated == 0, "{:?}", unknown.warnings);
+    let known = merged(Some(4095.0), "known").unwrap();
+    let clipped = ramp(0.7).iter().filter(|code| **code == 4095).count();
+    assert!(!warned(&known) && known.samples.saturated == clipped, "{:?}", known.warnings);
+    let refused = merged(Some(-1.0), "refused").unwrap_err().to_string();
+    assert!(refused.contains("--white") && refused.contains("not above black"), "{refused}");
+}
+
+/// A photograph by itself: what its file states against the reading is a warning, as for sets.
+#[test]
+fn statements_of_a_single_photograph_are_warnings() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("x.png");
+    write_png8(&path, 8, 4, 1, &[9; 32]).unwrap();
+    let source = || Source::find(&path, &Silent).unwrap();
+    assert!(source().warnings(Transfer::Linear).is_empty());
+    let file = std::fs::read(&path).unwrap();
+    // Behind the header: a chunk that says sRGB, with its checksum.
+    let stated = [&file[..33], b"\0\0\0\x01sRGB\0\xae\xce\x1c\xe9", &file[33..]].concat();
+    std::fs::write(&path, stated).unwrap();
+    let warnings = source().warnings(Transfer::Linear);
+    assert!(warnings.len() == 1 && warnings[0].contains("x.png states transfer srgb"), "{warnings:?}");
+    assert!(source().warnings(Transfer::Srgb).is_empty());
+}

@@ -132,7 +132,8 @@ fn primaries(header: &Header, notes: &mut Vec<String>) -> Option<Primaries> {
 
 /// The picture of a light, with what the file says about it; `layer` names one of several.
 pub(super) fn read_light(source: Source, layer: Option<&str>) -> Decoded<Light> {
-    let name_it = "give the light a layer, as in layer = \"NAME\", or export the layer as a file of its own";
+    let name_it =
+        "name one (layer = \"NAME\" of a light in a scene, --layer NAME of nacre factor), or export it as a file";
     let (opened, choice, size) = chroma::open(source, layer, name_it)?;
     let header = opened.header();
     if header.own_attributes.environment_map == Some(EnvironmentMap::Cube) {

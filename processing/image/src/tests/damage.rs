@@ -39,6 +39,14 @@ fn samples(dir: &TempDir) -> Vec<PathBuf> {
     all
 }
 
+/// Some of the files of other programs, where `tests/formats/run` has written them.
+fn of_other_programs() -> Vec<PathBuf> {
+    let Some(folder) = std::env::var_os("NACRE_FORMATS_MATRIX").map(PathBuf::from) else { return vec![] };
+    let index = fs::read_to_string(folder.join("index.tsv")).unwrap();
+    let names = index.lines().filter_map(|line| line.split('\t').next());
+    names.step_by(97).map(|name| folder.join(name)).collect()
+}
+
 fn named(dir: &Path, name: &str, bytes: &[u8]) -> PathBuf {
     let path = dir.join(name);
     fs::write(&path, bytes).unwrap();
@@ -79,7 +87,7 @@ fn damaged_files_never_panic() {
     let dir = tempfile::tempdir().unwrap();
     let bad = dir.path().join("bad");
     let rounds = std::env::var("NACRE_FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(400);
-    for (seed, path) in samples(&dir).into_iter().enumerate() {
+    for (seed, path) in samples(&dir).into_iter().chain(of_other_programs()).enumerate() {
         let file = fs::read(&path).unwrap();
         let mut dice = Dice(seed as u64 + 77);
         for round in 0..rounds {

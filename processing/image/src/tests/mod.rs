@@ -7,6 +7,7 @@ mod details;
 mod exr_files;
 mod formats;
 mod hdr_files;
+mod matrix;
 
 use std::fs;
 use std::path::{Path, PathBuf};

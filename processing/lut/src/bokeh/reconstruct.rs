@@ -38,7 +38,8 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
         let remedy = "leave it out: it is estimated from the photograph";
         return Err(Error::input("--noise", "is that of one photograph, not of merged exposures", remedy));
     }
-    let photograph = photograph(&source.path, options.light, options.transfer_of(&source.path), options.crop)?;
+    let transfer = options.transfer_of(&source.path);
+    let photograph = photograph(&source.path, options.light, transfer, options.crop)?;
     let read_s = begun.elapsed().as_secs_f64();
     let noise = options.noise(&photograph);
     if noise.is_none() && matches!(options.iterations, Iterations::Auto(_)) {
@@ -53,9 +54,8 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     let outcome = measured(&photograph, sharp, cutoff, options)?;
     let noise = noise.map(|(noise, given)| NoiseReport::new(noise, given));
     let mut report = outcome.report(input, options, psf_name, noise);
+    report.warnings.splice(0..0, source.warnings(transfer));
     report.merged = source.merged;
-    let told = report.merged.iter().flat_map(|m| m.warnings.clone());
-    report.warnings = told.chain(std::mem::take(&mut report.warnings)).collect();
     output::write(&folder, &outcome)?;
     progress.check()?;
     report.seconds = Seconds { read: read_s, deconvolve: deconvolve_s, total: begun.elapsed().as_secs_f64() };

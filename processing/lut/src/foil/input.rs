@@ -36,11 +36,11 @@ pub(super) fn read_light(path: &Path, channel: Channel) -> Result<Light> {
     Ok(Light { width: raster.width, height: raster.height, values })
 }
 
-/// Reads the photograph that `input` is or holds; merges exposures.
+/// Reads the photograph that `input` is or holds; merges exposures. With it come warnings about the photographs' files.
 ///
 /// # Errors
 /// `Input`; `Cancelled`.
-pub(super) fn read(input: &Path, geometry: &Geometry, progress: &dyn Progress) -> Result<Light> {
+pub(super) fn read(input: &Path, geometry: &Geometry, progress: &dyn Progress) -> Result<(Light, Vec<String>)> {
     let of_frames = if is_bracket(input) && (input.is_file() || input.join(FILE_NAME).is_file()) {
         load(input)?.set.wavelength_nm
     } else {
@@ -59,5 +59,5 @@ pub(super) fn read(input: &Path, geometry: &Geometry, progress: &dyn Progress) -
             "take it with the camera that was calibrated, neither cropped nor scaled",
         ));
     }
-    Ok(light)
+    Ok((light, source.warnings(Transfer::Linear)))
 }

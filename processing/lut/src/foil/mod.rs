@@ -60,10 +60,11 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     settings.check()?;
     let geometry = &geometry_of(input, settings)?;
     let folder = OutputFolder::begin(out, settings.overwrite)?;
-    let light = input::read(input, geometry, progress)?;
+    let (light, of_files) = input::read(input, geometry, progress)?;
     progress.check()?;
     progress.stage("sorting light by orientation and period", 0);
     let (distribution, mut report) = measure(&light, geometry, settings)?;
+    report.warnings.splice(0..0, of_files);
     progress.check()?;
     distribution.write(&folder.path("histogram.exr"))?;
     let picture = picture(&distribution, geometry.relative);

@@ -57,6 +57,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     let fitted = begun.elapsed().as_secs_f64();
     progress.stage("writing", 1);
     let mut report = job.report(&found, period, &lobe, &prior, &settings);
+    report.warnings.splice(0..0, job.of_files.iter().cloned());
     Output { found: &found, report: &report }.write(&folder)?;
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { read, fit: fitted - read, write: total - fitted, total };
@@ -83,6 +84,8 @@ pub(super) struct Job {
     pub noise_known: bool,
     pub corners_found: bool,
     pub geometry_sigma: geometry::Uncertainty,
+    /// Warnings about the photographs' files.
+    of_files: Vec<String>,
 }
 
 impl Job {
@@ -114,6 +117,7 @@ impl Job {
             noise_known: frames.set.noise.is_some(),
             corners_found: finds,
             geometry_sigma: settings.geometry.as_ref().map(|g| g.sigma).unwrap_or_default(),
+            of_files: frames.warnings.clone(),
         };
         for (group, stated) in groups.lights.iter().zip(stated) {
             progress.check()?;
@@ -121,6 +125,7 @@ impl Job {
             job.take_in(&photograph, stated, settings)?;
             progress.step();
         }
+        job.of_files.extend(linearizer.clipping());
         let mut widths: Vec<f64> = job.highlights.iter().flatten().map(|h| h.light_mm).collect();
         widths.sort_by(f64::total_cmp);
         job.light_mm = settings.light_sigma_mm.or(widths.get(widths.len() / 2).copied()).ok_or_else(|| {

@@ -215,6 +215,12 @@ pub enum Diffraction {
         /// Height of white above black, unless the file says so.
         #[serde(default)]
         range_um: Option<f64>,
+        /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
+        #[serde(default)]
+        channel: Option<String>,
+        /// Largest share of gaps that are filled by interpolation, above 0 and at most 0.5; none are filled by default.
+        #[serde(default)]
+        fill_gaps: Option<f64>,
         /// Direction of its rows from u towards v, in degrees.
         #[serde(default)]
         orientation_deg: f64,

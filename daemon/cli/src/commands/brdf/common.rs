@@ -28,6 +28,9 @@ pub struct Surface {
     /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
     #[arg(long, value_name = "NAME")]
     channel: Option<String>,
+    /// Fill gaps by interpolation if they are at most this share of the heights, up to 0.5 (default: refuse them).
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+    fill_gaps: Option<f64>,
     /// Take the plane that fits best away: for samples that lay askew.
     #[arg(long)]
     level: bool,
@@ -72,7 +75,12 @@ impl Surface {
     /// Reads it and says what it is fit for.
     pub fn read(&self, coherence_um: f64, console: &Console) -> Result<(HeightField, Quality), Failure> {
         console.stage("reading", 1);
-        let scale = Scale { pixel_um: self.pixel_um, range_um: self.range_um, channel: self.channel.clone() };
+        let scale = Scale {
+            pixel_um: self.pixel_um,
+            range_um: self.range_um,
+            channel: self.channel.clone(),
+            fill_gaps: self.fill_gaps,
+        };
         let field = height::read(&self.height, &scale)?;
         let field = if self.level { field.levelled() } else { field };
         let quality = Quality::of(&field, coherence_um);

@@ -33,6 +33,9 @@ pub struct Hdr {
     /// auto moves exposures that lie shifted against each other back, where that is worth it; off leaves them.
     #[arg(long, default_value = "auto", value_name = "auto|off")]
     align: Align,
+    /// File value of a saturated pixel; by default as the photographs and frames.json say.
+    #[arg(long, value_name = "VALUE")]
+    white: Option<f64>,
     /// Largest acceptable relative standard deviation of a typical value; the results are written in any case, but the exit
     /// code is 1 when it is larger.
     #[arg(long, value_name = "REL")]
@@ -46,7 +49,7 @@ impl Hdr {
     /// Runs the reconstruction.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
         let response = self.response.clone().unwrap_or_default();
-        let options = Options { response, align: self.align, overwrite: self.force };
+        let options = Options { response, align: self.align, white: self.white, overwrite: self.force };
         let report = hdr::reconstruct(&self.input, &self.out, &options, console)?;
         let mut text = summary(&report);
         let _ = write!(text, "\nresults   {}", self.out.display());

@@ -63,7 +63,7 @@ pub(super) fn read(input: &Input) -> Outcome<Stored> {
     };
     let scale = if keys.get("bit2nm").is_some() { keys.number("bit2nm")? } else { 1.0 };
     let pitch = [x * keys.number("xlength")? / width as f64, y * keys.number("ylength")? / rows as f64];
-    let gaps = Some(("are void pixels".into(), "fill these gaps, or crop the patch"));
+    let gaps = Some("are void pixels".into());
     let step = kind.is_integer().then_some(1.0);
     let notes = vec!["BCR-STM file".into()];
     Ok(Stored { width, rows, values, pitch: Pitch::Um(pitch), unit_um: Some(z * scale), step, notes, gaps })

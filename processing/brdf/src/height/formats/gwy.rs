@@ -160,8 +160,7 @@ pub(super) fn read(input: &Input) -> Outcome<Stored> {
         let mut masked = stored.values.iter_mut().zip(&mask.values).filter(|(_, m)| **m > 0.5).peekable();
         if masked.peek().is_some() {
             masked.for_each(|(v, _)| *v = f64::NAN);
-            let remedy = "interpolate the data under the mask in Gwyddion, or remove the mask";
-            stored.gaps = Some(("are masked".into(), remedy));
+            stored.gaps = Some("are masked".into());
         }
     }
     Ok(stored)

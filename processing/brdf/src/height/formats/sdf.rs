@@ -70,7 +70,7 @@ impl Head {
             unit_um: Some(z),
             step: self.kind.is_integer().then_some(1.0),
             notes: vec![format!("SDF file (ISO 25178-71), {how}, y upwards")],
-            gaps: Some(("are bad points (BAD)".into(), "fill these gaps, or crop the patch")),
+            gaps: Some("are bad points (BAD)".into()),
         };
         stored.upside_down()
     }

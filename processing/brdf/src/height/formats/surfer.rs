@@ -45,7 +45,7 @@ impl Head {
         let step = |[a, b]: [f64; 2], count: usize| (b - a) / (count as f64 - 1.0);
         let across = step(self.ends[0], width);
         let down = if rows > 1 { step(self.ends[1], rows) } else { across };
-        let gaps = Some(("are blank".into(), "fill these gaps, or crop the patch"));
+        let gaps = Some("are blank".into());
         let notes = vec!["Surfer grid, y upwards".into()];
         let stored =
             Stored { width, rows, values, pitch: Pitch::Bare([across, down]), notes, gaps, ..Stored::default() };

@@ -185,7 +185,7 @@ fn document<'a>(xml: &'a Document<'a>, archive: &mut Archive, folder: &str) -> O
             "X3P file, {}, y upwards",
             if list.is_some() { "list of heights" } else { "binary heights" }
         )],
-        gaps: Some(("are invalid points".into(), "fill these gaps, or crop the patch")),
+        gaps: Some("are invalid points".into()),
     }
     .upside_down())
 }

@@ -235,13 +235,12 @@ fn gaps(header: &Header, stored: &mut Stored) -> std::result::Result<(), Fault> 
         let count = stored.values.iter_mut().filter(|v| near(**v)).map(|v| *v = f64::NAN).count();
         if count > 0 {
             let word = format!("are gaps ({gap} by the header)");
-            stored.gaps = Some((word, "fill these gaps, or crop the patch"));
+            stored.gaps = Some(word);
             return Ok(());
         }
     }
     if stored.gaps.is_none() && stored.values.iter().any(|v| !v.is_finite()) {
-        stored.gaps =
-            Some(("are gaps or no numbers (NaN, empty cells or words)".into(), "fill these gaps, or crop the patch"));
+        stored.gaps = Some("are gaps or no numbers (NaN, empty cells or words)".into());
         return Ok(());
     }
     let [low, high] = ends(&stored.values);
@@ -252,9 +251,9 @@ fn gaps(header: &Header, stored: &mut Stored) -> std::result::Result<(), Fault> 
             let [a, b] = others.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(*v), b.max(*v)]);
             let distance = (gap - a).abs().min((gap - b).abs());
             if a <= b && distance > AWAY * (b - a) {
-                let count = stored.values.iter().filter(|v| **v == gap).count();
-                let problem = format!("holds {count} times {gap}, which stands for gaps, far from all other heights");
-                return Err(Fault::unsupported(problem, "fill these gaps, or crop the patch"));
+                stored.values.iter_mut().filter(|v| **v == gap).for_each(|v| *v = f64::NAN);
+                stored.gaps = Some(format!("are {gap}, which stands for gaps, far from all other heights"));
+                return Ok(());
             }
         }
     }

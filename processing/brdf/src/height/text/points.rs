@@ -120,7 +120,7 @@ fn grid(table: &Table, [x, y, z]: [usize; 3]) -> Result<Stored, Fault> {
     let down = if height > 1 { up.step } else { across.step };
     let pitch = pitch(unit_x, [across.step, down]);
     let missing = seen.iter().filter(|s| !**s).count();
-    let gaps = (missing > 0).then(|| ("have no point".to_owned(), "fill these gaps, or crop the patch"));
+    let gaps = (missing > 0).then(|| "have no point".to_owned());
     let note = format!("points x y z on a grid of {width} x {height}, y upwards");
     Ok(Stored {
         width,

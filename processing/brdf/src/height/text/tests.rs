@@ -13,7 +13,7 @@ fn file(bytes: &[u8], scale: &Scale) -> nacre_base::Result<HeightField> {
 }
 
 fn flags(pixel_um: f64, range_um: f64) -> Scale {
-    Scale { pixel_um: Some(pixel_um), range_um: Some(range_um), channel: None }
+    Scale { pixel_um: Some(pixel_um), range_um: Some(range_um), ..Scale::default() }
 }
 
 /// The rows with this separator and decimal sign.
@@ -196,7 +196,7 @@ fn gaps_of_all_kinds_are_refused() {
         refused(&text, &["1 heights are gaps", "by the header", "column 1, row 1"]);
     }
     for sentinel in ["-9999", "1.70141e38", "-32768", "3.4028235e38"] {
-        refused(&rows(" ", ".").replace("90.250", sentinel), &["1 times", "stands for gaps"]);
+        refused(&rows(" ", ".").replace("90.250", sentinel), &["1 heights are", "stands for gaps"]);
     }
     let esri = |value: &str| {
         format!("ncols 4\nnrows 3\nxllcorner 0\nyllcorner 0\ncellsize 0.3\n{}", rows(" ", ".").replace("90.250", value))
@@ -214,7 +214,7 @@ fn grids_of_esri_state_a_pitch_without_unit() {
         plain(text(pitch).as_bytes(), pitch);
     }
     let problem = |text: String, scale: Scale| file(text.as_bytes(), &scale).unwrap_err().to_string();
-    assert!(problem(text("dx 0.3\ndy 0.4"), flags(0.3, 0.1)).contains("square"));
+    assert!(problem(text("dx 0.3\ndy 1.4"), flags(0.3, 0.1)).contains("4 : 1"));
     assert!(problem(text("cellsize 0.25"), flags(0.3, 0.1)).contains("--pixel-um says 0.3"));
     let unknown = problem(text("cellsize 0.3"), Scale { range_um: Some(0.1), ..Scale::default() });
     assert!(unknown.contains("in which unit") && unknown.contains("--pixel-um"), "{unknown}");
@@ -275,7 +275,8 @@ fn points_that_are_no_grid_are_refused() {
     refused(&more, &["points of 4 numbers"]);
     let oblong: String =
         whole.lines().map(|l| l.replacen("0.600", "0.700", 1).replacen(" 0.300", " 0.350", 1) + "\n").collect();
-    refused(&oblong, &["square"]);
+    let squares = file(oblong.as_bytes(), &flags(0.3, 0.1)).unwrap();
+    assert!(squares.notes.iter().any(|n| n.contains("to squares")), "{:?}", squares.notes);
 }
 
 #[test]
@@ -326,7 +327,7 @@ fn contradictions_and_other_tables_are_refused() {
     refused(&format!("{0}\n# Channel 2\n{0}", rows(" ", ".")), &["line 4", "second header"]);
     refused("01.02.2024 12:30\nhello world\n", &["neither"]);
     let stated = format!("Width: 1.2 µm\nHeight: 0.9 µm\nValue units: nm\n{}", rows(" ", "."));
-    let with = |pixel_um, range_um| file(stated.as_bytes(), &Scale { pixel_um, range_um, channel: None });
+    let with = |pixel_um, range_um| file(stated.as_bytes(), &Scale { pixel_um, range_um, ..Scale::default() });
     assert!(with(Some(0.3), Some(0.0872)).is_ok());
     assert!(with(Some(0.4), None).unwrap_err().to_string().contains("--pixel-um says 0.4"));
     assert!(with(None, Some(87.25)).unwrap_err().to_string().contains("--range-um says 87.25"));
@@ -372,4 +373,35 @@ fn damaged_text_never_panics() {
             }
         }
     }
+}
+
+/// Gaps are filled where that is asked for, and pixels that are not square become so.
+#[test]
+fn gaps_and_oblong_pixels_are_interpolated() {
+    let grid = |gap: &str, sides: &str| {
+        let row = |y: usize| -> Vec<String> {
+            (0..20).map(|x| format!("{:.2}", 0.01 * x as f64 + 0.02 * y as f64)).collect()
+        };
+        let rows: Vec<String> = (0..10).map(|y| row(y).join(" ")).collect();
+        let text = rows.join("\n").replacen("0.20", gap, 1);
+        format!("ncols 20\nnrows 10\n{sides}\nNODATA_value -9999\n{text}\n")
+    };
+    let scale = Scale { range_um: Some(0.37), ..Scale::default() };
+    let filling = Scale { fill_gaps: Some(0.01), pixel_um: Some(0.5), ..scale.clone() };
+    let words = file(grid("-9999", "cellsize 0.5").as_bytes(), &scale).unwrap_err().to_string();
+    assert!(
+        words.contains("1 heights are gaps (-9999 by the header) (0.50 %)") && words.contains("--fill-gaps 0.005"),
+        "{words}"
+    );
+    let filled = file(grid("-9999", "cellsize 0.5").as_bytes(), &filling).unwrap();
+    let whole = file(grid("0.20", "cellsize 0.5").as_bytes(), &Scale { pixel_um: Some(0.5), ..scale.clone() }).unwrap();
+    assert!(filled.um.iter().zip(&whole.um).all(|(a, b)| (a - b).abs() < 1e-9));
+    assert!(filled.notes.iter().any(|n| n.contains("1 gaps (0.50 %) filled")), "{:?}", filled.notes);
+    let oblong = Scale { pixel_um: Some(0.5), ..scale };
+    let found = file(grid("0.20", "dx 1\ndy 0.5").as_bytes(), &oblong).unwrap();
+    assert_eq!((found.width, found.height, found.pixel_um), (39, 10, 0.5));
+    assert!((found.um[39 + 5] - 0.5 * (whole.um[20 + 2] + whole.um[20 + 3])).abs() < 1e-6);
+    assert!(found.notes.iter().any(|n| n.contains("interpolated to squares")), "{:?}", found.notes);
+    let words = file(grid("0.20", "dx 5\ndy 0.5").as_bytes(), &oblong).unwrap_err().to_string();
+    assert!(words.contains("more than 4 : 1") && words.contains("every 10th point"), "{words}");
 }

@@ -50,7 +50,7 @@ where
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     write::<C>(&path, samples, says);
-    read(&path, &Scale { pixel_um, range_um, channel: None })
+    read(&path, &Scale { pixel_um, range_um, ..Scale::default() })
 }
 
 fn close(found: &[f64], wanted: &[f64]) {
@@ -112,7 +112,7 @@ fn imagej_states_pitch_and_unit() {
     };
     assert!((in_unit("nm", [(1, 125), (1, 125)]).unwrap().pixel_um - 0.125).abs() < 1e-9);
     assert!((in_unit("cm", [(80_000, 1), (80_000, 1)]).unwrap().pixel_um - 0.125).abs() < 1e-9);
-    assert!(problem(in_unit("um", [(8, 1), (4, 1)])).contains("square"));
+    assert!(problem(in_unit("um", [(8, 1), (1, 1)])).contains("4 : 1"));
     assert!(problem(in_unit("pixel", [(8, 1), (8, 1)])).contains("--pixel-um"));
     // A calibration of the values.
     let text = "ImageJ=1.54f\nunit=um\ncf=0\nc0=-5.0\nc1=0.01\nvunit=nm\n";
@@ -174,6 +174,6 @@ fn damaged_height_maps_never_panic() {
             copy.truncate(dice() % whole.len());
         }
         std::fs::write(&path, &copy).unwrap();
-        _ = read(&path, &Scale { pixel_um: None, range_um: Some(0.5), channel: None });
+        _ = read(&path, &Scale { pixel_um: None, range_um: Some(0.5), ..Scale::default() });
     }
 }

@@ -19,6 +19,8 @@ pub struct Job<'a> {
     pub table: &'a Path,
     /// The environment in which the error of the picture is measured.
     pub environment: Option<&'a Path>,
+    /// Layer of an OpenEXR environment that has several pictures.
+    pub layer: Option<&'a str>,
     /// New folder for the results.
     pub out: &'a Path,
     /// What is asked.
@@ -36,7 +38,7 @@ pub fn factor(job: &Job<'_>, progress: &dyn Progress) -> Result<Report> {
     job.settings.check()?;
     let folder = OutputFolder::begin(job.out, job.overwrite)?;
     let table = Table::read(job.table)?;
-    let environment = job.environment.map(|path| Environment::read(path, None)).transpose()?;
+    let environment = job.environment.map(|path| Environment::read(path, job.layer)).transpose()?;
     progress.stage("factorising", 0);
     let factors = Factors::of(&table, &job.settings)?;
     progress.check()?;

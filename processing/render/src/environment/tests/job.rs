@@ -27,7 +27,7 @@ fn a_table_is_factorised_into_files() {
     };
     write_exr(&sky, 128, 64, &["R", "G", "B"], &[], &light).unwrap();
     let settings = Settings { max_error: 0.02, ..Settings::default() };
-    let job = Job { table: &lut, environment: Some(&sky), out: &out, settings, overwrite: false };
+    let job = Job { table: &lut, environment: Some(&sky), layer: None, out: &out, settings, overwrite: false };
     let report = factor(&job, &Silent).unwrap();
     assert!(report.error <= 0.02 && report.separable && report.picture_error.unwrap() < 0.02, "{report:?}");
     assert_eq!(report.pattern, "two directions");
@@ -38,6 +38,14 @@ fn a_table_is_factorised_into_files() {
     // What is there stays, unless it may be replaced.
     assert!(factor(&job, &Silent).is_err());
     assert!(factor(&Job { overwrite: true, ..job }, &Silent).is_ok());
+    // Of several pictures one is named.
+    let names = ["day.R", "day.G", "day.B", "night.R", "night.G", "night.B"];
+    write_exr(&sky, 128, 64, &names, &[], &|c, y, row| light(c % 3, y, row)).unwrap();
+    let again = Job { overwrite: true, ..job };
+    let words = factor(&again, &Silent).unwrap_err().to_string();
+    assert!(words.contains("\"day\", \"night\"") && words.contains("--layer"), "{words}");
+    let night = factor(&Job { layer: Some("night"), ..again }, &Silent).unwrap();
+    assert!((night.picture_error.unwrap() - report.picture_error.unwrap()).abs() < 1e-9);
 }
 
 #[test]
@@ -46,7 +54,14 @@ fn bad_input_leaves_nothing_behind() {
     let [lut, sky, out] = ["lut.exr", "sky.exr", "out"].map(|name| folder.path().join(name));
     write(&lattice(32, 0.7, [0.2, 1.7], 0.17, 0.04), &lut);
     write_exr(&sky, 16, 8, &["R", "G", "B"], &[], &|_, _, row| row.fill(f32::INFINITY)).unwrap();
-    let job = Job { table: &lut, environment: Some(&sky), out: &out, settings: Settings::default(), overwrite: false };
+    let job = Job {
+        table: &lut,
+        environment: Some(&sky),
+        layer: None,
+        out: &out,
+        settings: Settings::default(),
+        overwrite: false,
+    };
     let words = factor(&job, &Silent).unwrap_err().to_string();
     assert!(words.contains("sky.exr") && words.contains("inf"), "{words}");
     let words = factor(&Job { table: &sky, environment: None, ..job }, &Silent).unwrap_err().to_string();
@@ -185,7 +200,7 @@ fn errors_are_those_of_the_files() {
         let folder = tempfile::tempdir().unwrap();
         let [lut, out] = ["lut.exr", "out"].map(|name| folder.path().join(name));
         write(table, &lut);
-        let job = Job { table: &lut, environment: None, out: &out, settings, overwrite: false };
+        let job = Job { table: &lut, environment: None, layer: None, out: &out, settings, overwrite: false };
         let report = factor(&job, &Silent).unwrap();
         let read = Table::read(&lut).unwrap();
         let error = |folder: &Path, between: bool| written_error(folder, settings.parts, &read, between);

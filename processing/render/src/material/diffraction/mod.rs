@@ -133,6 +133,8 @@ impl Diffraction {
                 file,
                 pixel_um,
                 range_um,
+                channel,
+                fill_gaps,
                 orientation_deg,
                 coherence_um,
                 reflectance,
@@ -140,10 +142,9 @@ impl Diffraction {
             } => {
                 known(reflectance)?;
                 sigma(*coherence_um)?;
-                let field = height::read(
-                    &folder.join(file),
-                    &Scale { pixel_um: *pixel_um, range_um: *range_um, channel: None },
-                )?;
+                let (pixel_um, range_um, fill_gaps) = (*pixel_um, *range_um, *fill_gaps);
+                let scale = Scale { pixel_um, range_um, channel: channel.clone(), fill_gaps };
+                let field = height::read(&folder.join(file), &scale)?;
                 let turn = degrees("orientation_deg", *orientation_deg)?;
                 let light = (*coherence_um, reflectance.clone());
                 let relief = Relief::new(&field, light, (turn, *lossless), accuracy.error, progress)?;

@@ -74,5 +74,5 @@ fn masked_heights_are_gaps() {
     };
     holds(&with(&mask), "empty mask");
     mask[7] = 1.0;
-    refused(&with(&mask), &["1 heights are masked", "column 2, row 1", "Gwyddion"]);
+    refused(&with(&mask), &["1 heights are masked", "column 2, row 1", "--fill-gaps 0.05"]);
 }

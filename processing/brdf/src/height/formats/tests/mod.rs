@@ -55,7 +55,7 @@ fn le<const N: usize>(values: &[f64], number: impl Fn(f64) -> [u8; N]) -> Vec<u8
 fn flags_that_contradict_a_file_are_refused() {
     let bytes = gwyddion::sample();
     let with =
-        |pixel_um: Option<f64>, range_um: Option<f64>| file(&bytes, &Scale { pixel_um, range_um, channel: None });
+        |pixel_um: Option<f64>, range_um: Option<f64>| file(&bytes, &Scale { pixel_um, range_um, ..Scale::default() });
     assert!(with(Some(0.2005), Some(0.088)).is_ok());
     let problem = |result: nacre_base::Result<HeightField>| result.unwrap_err().to_string();
     let pitch = problem(with(Some(0.21), None));

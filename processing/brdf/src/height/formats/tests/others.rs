@@ -62,7 +62,8 @@ fn nanosurf_surfer_and_bcr_are_read() {
         holds(&bytes, "bcr");
     }
     for bytes in [dsaa(), dsbb()] {
-        let scale = |pixel_um, range_um| Scale { pixel_um: Some(pixel_um), range_um: Some(range_um), channel: None };
+        let scale =
+            |pixel_um, range_um| Scale { pixel_um: Some(pixel_um), range_um: Some(range_um), ..Scale::default() };
         let field = file(&bytes, &scale(PITCH, 0.086)).unwrap();
         assert!(field.um.iter().zip(NM).all(|(um, nm)| (um * 1e3 - nm).abs() < 1e-6), "{:?}", field.um);
         refused(&bytes, &["unit", "--pixel-um"]);
