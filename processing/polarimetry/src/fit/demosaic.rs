@@ -41,10 +41,21 @@ impl std::str::FromStr for Demosaic {
 /// independent. Of the edge-aware method, which decides by the noise itself, they are measured on even light (test `variances_are_measured`).
 #[derive(Clone, Copy)]
 pub(crate) struct Variances {
+    /// Of an image's pixel.
+    pub image: f64,
     /// Of one that the residual of the fit tells: Var(I0 + I90 - I45 - I135)/4.
     pub residual: f64,
     /// Of one that S1 and S2 tell: Var(S1)/2 and Var(S2)/2.
     pub stokes: f64,
+}
+
+impl Variances {
+    /// Factor from the residuals of a fit to so many images to those of independent images with the same noise of S1 and S2. Each frame after the
+    /// first adds differences between images to the one residual of four angles.
+    pub fn of_residuals(self, images: usize) -> f64 {
+        let more = images.saturating_sub(4) as f64;
+        self.stokes * (1.0 + more) / (self.residual + more * self.image)
+    }
 }
 
 impl Demosaic {
@@ -56,9 +67,9 @@ impl Demosaic {
 
     pub(crate) fn variances(self) -> Variances {
         match self {
-            Self::None => Variances { residual: 1.0, stokes: 1.0 },
-            Self::Bilinear => Variances { residual: 9.0 / 16.0, stokes: 9.0 / 16.0 },
-            Self::EdgeAware => Variances { residual: 0.393, stokes: 0.211 },
+            Self::None => Variances { image: 1.0, residual: 1.0, stokes: 1.0 },
+            Self::Bilinear => Variances { image: 9.0 / 16.0, residual: 9.0 / 16.0, stokes: 9.0 / 16.0 },
+            Self::EdgeAware => Variances { image: 0.633, residual: 0.393, stokes: 0.211 },
         }
     }
 }

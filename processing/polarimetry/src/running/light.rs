@@ -51,17 +51,19 @@ pub(super) struct Photographed<'a> {
 ///
 /// Where images behind the sensor's polarizers are interpolated, the noise is that of independent images with the same noise of S1 and S2.
 pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
-    let (mut noise, source) = noise_of_images(taken, maps, design);
     let variances = taken.demosaic.variances();
-    let seen = match source {
-        NoiseSource::Given | NoiseSource::Assumed | NoiseSource::Repeats => 1.0,
-        NoiseSource::Estimated => variances.residual,
-    };
-    noise.iter_mut().for_each(|n| *n = n.scaled(variances.stokes / seen));
+    let of_residuals = variances.of_residuals(taken.views.len()) as f32;
+    if taken.demosaic != Demosaic::None {
+        maps.residual.iter_mut().for_each(|v| *v *= of_residuals);
+    }
+    let (mut noise, source) = noise_of_images(taken, maps, design);
+    if source != NoiseSource::Estimated {
+        noise.iter_mut().for_each(|n| *n = n.scaled(variances.stokes));
+    }
     (noise, source)
 }
 
-/// The same, given or assumed of the sensor's pixels, or estimated from the images as they are.
+/// The same, given or assumed of the sensor's pixels, or estimated from the residuals.
 fn noise_of_images(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
     let Photographed { frames, linearizer, brackets, views, sample, demosaic, shifts } = taken;
     let of_camera = || {

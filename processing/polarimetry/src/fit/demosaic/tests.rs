@@ -56,13 +56,17 @@ fn variances_are_measured() {
         let mean = |of: &dyn Fn(usize) -> f64| (0..found[0].len()).map(of).sum::<f64>() / found[0].len() as f64;
         let i = |k: usize, at: usize| f64::from(found[k][at]) - 100.0;
         // 90 and 45° above 135 and 0°.
+        let image = mean(&|at| (0..4).map(|k| i(k, at).powi(2)).sum::<f64>() / 4.0);
         let residual = mean(&|at| (i(3, at) + i(0, at) - i(1, at) - i(2, at)).powi(2) / 4.0);
         let s1 = mean(&|at| (i(3, at) - i(0, at)).powi(2) / 2.0);
         let s2 = mean(&|at| (i(1, at) - i(2, at)).powi(2) / 2.0);
         let said = method.variances();
         println!("{method:?}: residual {residual:.4}, S1 {s1:.4}, S2 {s2:.4}");
-        for (name, measured, said) in [("residual", residual, said.residual), ("stokes", (s1 + s2) / 2.0, said.stokes)]
-        {
+        for (name, measured, said) in [
+            ("image", image, said.image),
+            ("residual", residual, said.residual),
+            ("stokes", (s1 + s2) / 2.0, said.stokes),
+        ] {
             assert!((measured / said - 1.0).abs() < 0.03, "{method:?} {name}: {measured}, said {said}");
         }
     }
