@@ -146,6 +146,31 @@ fn a_single_raw_frame_of_a_sensor_is_recognised() {
     assert!(refused.contains("3 analyser angles"), "{refused}");
 }
 
+/// A raw frame of a colour sensor: recognised, imported by name, and reconstructed with one pixel per 4 × 4.
+#[test]
+fn a_colour_sensor_is_recognised_and_described_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos(&folder);
+    let layout = [90.0, 45.0, 135.0, 0.0];
+    let value = |x: u32, y: u32| {
+        let filter = [0.4, 1.0, 1.0, 0.6][(x / 2 % 2 + 2 * (y / 2 % 2)) as usize];
+        (light(x / 4, y / 4, layout[(x % 2 + 2 * (y % 2)) as usize]) * filter * 60_000.0).round() as u16
+    };
+    ImageBuffer::from_fn(128, 96, |x, y| Luma([value(x, y)])).save(photos.join("frame.png")).unwrap();
+    let refused = nacre(["import", photos.to_str().unwrap()]).expect(2).stderr();
+    assert!(refused.contains("--layout: sony-colour"), "{refused}");
+    let kind = ["--kind", "division-of-focal-plane"];
+    let (imported, report) =
+        measured(folder.path(), &[&kind[..], &["--layout", "lucid-colour", "--channel", "b"]].concat());
+    assert_eq!((&imported["layout"], &imported["channel"]), (&"lucid-colour".into(), &"b".into()));
+    assert_eq!((&report["width"], &report["sensor"]["map_pixel_px"]), (&32.into(), &4.into()));
+    let wrong = nacre([&["import", photos.to_str().unwrap()][..], &kind, &["--layout", "nikon"]].concat());
+    assert!(wrong.expect(2).stderr().contains("sony-colour"));
+    let twice = ["--layout", "sony", "--colour", "rggb"];
+    let refused = nacre([&["import", photos.to_str().unwrap()][..], &kind, &twice].concat()).expect(2).stderr();
+    assert!(refused.contains("--colour"), "{refused}");
+}
+
 #[test]
 fn photographs_of_one_angle_that_differ_are_named() {
     let folder = tempfile::tempdir().unwrap();

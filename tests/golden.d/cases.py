@@ -54,6 +54,10 @@ CASES = [
         "reconstruct polarization series --out maps",
         "reconstruct polarization green --out green-maps",
         "reconstruct polarization frame --out camera",
+        "import raw --kind division-of-focal-plane --layout sony-colour --channel luminance --out coloured",
+        "reconstruct polarization coloured --out colour-camera",
+        "reconstruct polarization frame --out bilinear --demosaic bilinear",
+        "reconstruct polarization frame --out edge-aware --demosaic edge-aware",
         "reconstruct polarization series --out gratings --model auto",
     ]),
     Case("hdr", {

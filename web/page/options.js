@@ -6,6 +6,7 @@ import { MODELS } from "./plan.js";
 const ALL_MODELS = [["", "Gratings for sessions, plain polarization for uploads"], ["plain", "Plain: Stokes, angle and degree of polarization"], ...MODELS];
 
 const SMOOTHINGS = [["none", "None"], ["light", "Light (10 rounds)"], ["strong", "Strong (50 rounds)"]];
+const DEMOSAICS = [["none", "None: one pixel per super-pixel"], ["bilinear", "Bilinear: full size"], ["edge-aware", "Edge-aware: full size (Li et al. 2019)"]];
 const PERIODS = [
   ["", "None"],
   ["contrast", "From the polarization, for an assumed surface"],
@@ -44,6 +45,8 @@ export function optionFields(report = {}) {
     range.hidden = from.value === "";
     assumed.hidden = from.value !== "contrast";
   }
+  const demosaic = select(DEMOSAICS, report.sensor?.demosaic ?? "none", { id: "demosaic" });
+  const demosaicField = field("Interpolation of sensor frames", demosaic, { hint: "Of monochrome polarization sensors; model plain only" });
   // Smoothing, offset, oblique incidence and periods are of gratings.
   const offsetField = field("Offset (°)", offset, { hint: "The method leaves one open; set it where one orientation is known" });
   const smoothField = field("Smoothing of pictures", smooth);
@@ -51,13 +54,14 @@ export function optionFields(report = {}) {
   const ofGratings = () => model.value !== "plain";
   function gratings() {
     for (const row of [obliqueRow, offsetField, smoothField, periodField]) row.hidden = !ofGratings();
+    demosaicField.hidden = ofGratings();
     for (const row of [mapsRow, fullRow]) row.hidden = !ofGratings() || smooth.value === "none";
     if (ofGratings()) paint();
     else range.hidden = assumed.hidden = true;
   }
   for (const choice of [model, smooth]) choice.addEventListener("change", gratings);
   gratings();
-  const element = h("div", { class: "stack" }, h("div", { class: "fields" }, field("Model", model), offsetField),
+  const element = h("div", { class: "stack" }, h("div", { class: "fields" }, field("Model", model), offsetField, demosaicField),
     obliqueRow, smoothField, mapsRow, fullRow, periodField, range, assumed);
   function period() {
     const range_um = [shortest.valueAsNumber, longest.valueAsNumber];
@@ -74,6 +78,6 @@ export function optionFields(report = {}) {
         method: "polarization", ...(model.value && { model: model.value }), oblique: oblique.checked ? "auto" : "off", offset_deg: offset.valueAsNumber || 0,
         smooth: smooth.value, smooth_maps: maps.checked && smooth.value !== "none", smoothed_exr: full.checked && smooth.value !== "none", period: period(),
       }
-      : { method: "polarization", model: "plain" }),
+      : { method: "polarization", model: "plain", demosaic: demosaic.value }),
   };
 }

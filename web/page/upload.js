@@ -14,6 +14,15 @@ import { tableFields } from "./tableform.js";
 /** Endings of photographs and height fields; others are left out of a folder that is dropped. */
 const ENDINGS = "png tif tiff jpg jpeg exr webp fits fit fts npy dng cr2 cr3 nef nrw arw raf orf rw2 pef bmp hdr txt asc csv dat tsv xyz gwy ibw x3p spm sdf nid ezd grd bcr bcrf 000 001 002 003 004 005 006 007 008 009".split(" ").map((ending) => `.${ending}`);
 
+/** Polarization sensors by name, as `nacre import --layout` knows them; others are described by their angles. */
+const SENSORS = [
+  ["sony", "Sony IMX250MZR, IMX253MZR, IMX264MZR"], ["sony-colour", "Sony IMX250MYR, IMX253MYR, IMX264MYR (colour)"],
+  ["lucid", "Lucid Phoenix, Triton (-P)"], ["lucid-colour", "Lucid Phoenix, Triton (-Q, colour)"],
+  ["flir", "FLIR Blackfly S (S5P)"], ["flir-colour", "FLIR Blackfly S (S5PC, colour)"],
+  ["4d-v1", "4D PolarCam, version 1"], ["4d-v2", "4D PolarCam, version 2"], ["4d-u4", "4D PolarCam U4"], ["", "Another one"],
+];
+const FILTERS = [["", "None: a monochrome sensor"], ...["rggb", "bggr", "grbg", "gbrg"].map((order) => [order, order.toUpperCase()])];
+
 /** Whether a file has one of them. */
 function likely(name) {
   return ENDINGS.some((ending) => name.toLowerCase().endsWith(ending));
@@ -33,11 +42,15 @@ export async function uploadPage(main, { signal }) {
   const body = h("tbody");
   const listing = h("table", { hidden: true }, h("thead", {}, h("tr", {}, ["Photograph", "Size", "Analyser (°)", ""].map((t) => h("th", { scope: "col", class: t === "Size" && "number" }, t)))), body);
   const transfer = select([["", "As the files state, or as usual for their type"], ["linear", "Linear, as from measuring cameras"], ["srgb", "sRGB, as in JPEG and most pictures"]], "", { id: "transfer" });
-  const channel = select([["", "Grey, or green of colour files"], ["r", "Red"], ["g", "Green"], ["b", "Blue"]], "", { id: "channel" });
+  const channel = select([["", "Grey, or green of colour files and sensors"], ["r", "Red"], ["g", "Green"], ["b", "Blue"], ["luminance", "Mean of a colour sensor's filters"]], "", { id: "channel" });
   const light = select([["", "Unknown"], ["circular_panel", "A display behind a quarter-wave retarder"], ["linear_panel", "A bare LCD"], ["other", "Other light"]], "", { id: "illumination" });
   const source = select([["analyser", "A rotating analyser"], ["sensor", "A polarization sensor (raw frames)"]], "analyser", { id: "source", onchange: paint });
+  const known = select(SENSORS, "sony", { id: "sensor", onchange: paint });
   const layout = h("input", { id: "layout", value: "90, 45, 135, 0", onchange: judge });
-  const sensor = field("Angles of a 2 × 2 block (°)", layout, { hint: "Top left, top right, bottom left, bottom right; the data sheet has them" });
+  const layoutField = field("Angles of a 2 × 2 block (°)", layout, { hint: "Top left, top right, bottom left, bottom right; the data sheet has them" });
+  const filters = select(FILTERS, "", { id: "filters" });
+  const filtersField = field("Colour filters", filters, { hint: "Each covers 2 × 2 polarizers" });
+  const sensor = h("div", { class: "fields" }, field("Sensor", known), layoutField, filtersField);
   let refusal = "";
   const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"], ["bokeh", "Lines and heights of a grating, from an out-of-focus highlight"], ["flash", "Orientations and periods of tiles, under a flash"], ["foil", "Orientations and periods of a foil's random dots, from one photograph under a flash"], ["brdf", "The light that a surface diffracts, from an image of its heights"], ["calibrate", "A camera, from photographs of a board"], ["map", "Other maps, from orientation.exr and period.exr"]], "polarization", { id: "method", onchange: paint });
   const options = optionFields();
@@ -101,6 +114,7 @@ export async function uploadPage(main, { signal }) {
     const polarized = method.value === "polarization";
     angled.hidden = !polarized;
     sensor.hidden = source.value !== "sensor";
+    layoutField.hidden = filtersField.hidden = known.value !== "";
     values.hidden = !polarized && !alone();
     for (const [name, form] of Object.entries(forms)) form.element.hidden = name !== method.value;
     about.hidden = !["hdr", "lut", "bokeh", "foil"].includes(method.value) || photographs.length < 2;
@@ -140,7 +154,7 @@ export async function uploadPage(main, { signal }) {
       return;
     }
     if (source.value === "sensor") {
-      const right = blockAngles().length === 4;
+      const right = known.value !== "" || blockAngles().length === 4;
       problems.replaceChildren(...(right ? [] : [h("ul", { class: "problems" }, h("li", {}, "The block needs four angles, such as 90, 45, 135, 0."))]));
       start.disabled = photographs.length === 0 || !right;
       return;
@@ -162,13 +176,19 @@ export async function uploadPage(main, { signal }) {
     return layout.value.split(/[,;\s]+/).filter(Boolean).map(Number).filter(Number.isFinite);
   }
 
+  /** Polarizers and colours of the sensor, as `frames.json` has them. */
+  function filtersOnPixels() {
+    if (known.value) return { layout: known.value };
+    const [a, b, c, d] = blockAngles();
+    return { layout: [[a, b], [c, d]], ...(filters.value && { colour: filters.value }) };
+  }
+
   async function begin() {
     start.disabled = true;
     const total = photographs.reduce((sum, p) => sum + p.file.size, 0);
     say(progress, `Uploading ${bytes(total)}…`);
-    const [a, b, c, d] = blockAngles();
     const description = source.value === "sensor"
-      ? { kind: "division_of_focal_plane", layout: [[a, b], [c, d]], frames: photographs.map((p) => ({ file: p.file.name })) }
+      ? { kind: "division_of_focal_plane", ...filtersOnPixels(), frames: photographs.map((p) => ({ file: p.file.name })) }
       : { kind: "polarization", frames: photographs.map((p) => ({ file: p.file.name, analyser_deg: p.deg })) };
     if (transfer.value) description.transfer = transfer.value;
     if (light.value) description.illumination = light.value;

@@ -41,8 +41,9 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
                 return Err(Problem::bad("options do not belong to the method polarization, which has its own"));
             }
             let frames = load(input)?;
-            spec.polarization()?.check(&frames)?;
-            Ok(nacre_polarimetry::check_memory(&frames)?)
+            let options = spec.polarization()?;
+            options.check(&frames)?;
+            Ok(nacre_polarimetry::check_memory(&frames, options.demosaic)?)
         }
         Method::Hdr => {
             if spec.session.is_some() {

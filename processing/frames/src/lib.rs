@@ -3,6 +3,7 @@
 
 mod clipping;
 pub mod hdr;
+mod layout;
 mod linear;
 mod load;
 mod noise;
@@ -11,10 +12,11 @@ mod stated;
 mod tags;
 
 pub use clipping::Clipping;
+pub use layout::{Bayer, Filters, Layout, Sensor};
 pub use linear::{LinearFrame, Linearizer};
 pub use load::{LoadedFrames, check, load, planned, save};
 pub use noise::{ASSUMED, BELOW_WHITE_SIGMA, FrameNoise, NoiseModel, NoiseSource};
-pub use sensor::is_mosaic;
+pub use sensor::{Mosaic, mosaic};
 pub use tags::{Tagged, exposures};
 
 use nacre_base::{Error, Result};
@@ -48,13 +50,17 @@ pub struct FrameSet {
     /// that reach it are not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub white: Option<f64>,
-    /// Channel of colour files (default: the nearest to `wavelength_nm`, or green; all of kind exposures). Refused for grey ones.
+    /// Channel of colour files and of colour polarization sensors (default: the nearest to `wavelength_nm`, or green; all of kind
+    /// exposures). Refused for grey ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub channel: Option<Channel>,
-    /// Analyser angles in degrees of each 2×2 block, `[[top left, top right], [bottom left, bottom right]]`. Required for
-    /// division_of_focal_plane, refused otherwise.
+    /// Analyser angles of each 2×2 block of the sensor: a name such as `"sony"`, or degrees, `[[top left, top right], [bottom left,
+    /// bottom right]]`. Required for division_of_focal_plane, refused otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub layout: Option<[[f64; 2]; 2]>,
+    pub layout: Option<Layout>,
+    /// Colour filters of each 4×4 super-pixel of a colour polarization sensor whose `layout` is in degrees. Sensors with a name state their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub colour: Option<Bayer>,
     /// Light that fell on the sample (default: unknown). Where it is a circular panel, the default of a reconstruction is a model of gratings, else
     /// plain polarimetry.
     #[serde(default, skip_serializing_if = "Illumination::is_unknown")]
@@ -134,7 +140,7 @@ impl std::str::FromStr for Illumination {
 pub enum Kind {
     /// The angle of an analyser in front of the camera.
     Polarization,
-    /// The angle of four analysers on each 2×2 block of the sensor.
+    /// The angle of four analysers on each 2×2 block of the sensor, which may have colour filters too.
     DivisionOfFocalPlane,
     /// The exposure time.
     Exposures,
@@ -226,6 +232,8 @@ pub enum Channel {
     G,
     /// Blue.
     B,
+    /// The mean of the four colour filters of a colour polarization sensor; of EXR files their channel Y.
+    Luminance,
 }
 
 /// Distances on the bench.
@@ -256,6 +264,7 @@ impl FrameSet {
             white: None,
             channel: None,
             layout: None,
+            colour: None,
             illumination: Illumination::Unknown,
             noise: None,
             angle_sigma_deg: None,
@@ -367,12 +376,27 @@ impl Channel {
             Self::R => "red",
             Self::G => "green",
             Self::B => "blue",
+            Self::Luminance => "luminance",
+        }
+    }
+
+    /// Its name in an EXR file.
+    pub fn letter(self) -> &'static str {
+        match self {
+            Self::R => "R",
+            Self::G => "G",
+            Self::B => "B",
+            Self::Luminance => "Y",
         }
     }
 
     /// Position in an RGB pixel.
     pub fn index(self) -> usize {
-        self as usize
+        match self {
+            Self::R => 0,
+            Self::G | Self::Luminance => 1,
+            Self::B => 2,
+        }
     }
 }
 

@@ -52,7 +52,7 @@ impl Linearizer {
             factor: 1.0 / (white - black),
             white,
             table: Vec::new(),
-            channel: set.channel.map_or(0, |c| c.index()),
+            channel: set.file_channel(),
             dark: Vec::new(),
             darks: Vec::new(),
             spare: Mutex::default(),

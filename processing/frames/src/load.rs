@@ -1,7 +1,7 @@
 //! Reading and checking `frames.json`. It may come from anywhere, so nothing in it is trusted.
 
 use super::stated::Stated;
-use super::{Channel, Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, SESSION_FILE, Spot, Transfer};
+use super::{Channel, Distances, FILE_NAME, FrameSet, Fringes, GAMMAS, Kind, Layout, SESSION_FILE, Spot, Transfer};
 use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
 use nacre_image::{Info, Raster, Samples, details, read};
@@ -205,15 +205,34 @@ fn check_values(path: &Path, set: &FrameSet, by: By) -> Result<()> {
     if let Some(problem) = set.material.and_then(|m| m.problem()) {
         return bad("material", problem.into(), "correct the numbers");
     }
-    match (set.kind, set.layout) {
-        (Kind::DivisionOfFocalPlane, None) => {
-            bad("layout", "is missing".into(), "give the angles of the 2×2 block, [[90,45],[135,0]] for many sensors")
-        }
-        (kind, Some(_)) if kind != Kind::DivisionOfFocalPlane => {
-            bad("layout", "belongs to kind division_of_focal_plane only".into(), "remove it or change kind")
-        }
-        _ => Ok(()),
+    check_layout(&bad, set)
+}
+
+/// What belongs to polarization sensors.
+fn check_layout(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) -> Result<()> {
+    let of_sensor = set.kind == Kind::DivisionOfFocalPlane;
+    let key = if set.layout.is_some() { "layout" } else { "colour" };
+    if !of_sensor && (set.layout.is_some() || set.colour.is_some()) {
+        return bad(key, "belongs to kind division_of_focal_plane only".into(), "remove it or change kind");
     }
+    match set.layout {
+        None if of_sensor => {
+            let remedy = "give the sensor's name, such as sony, or the angles of the 2×2 block, [[90,45],[135,0]] for many sensors";
+            return bad("layout", "is missing".into(), remedy);
+        }
+        Some(Layout::Named(_)) if set.colour.is_some() => {
+            return bad("colour", "is given beside a layout with a name, which states it".into(), "remove it");
+        }
+        Some(Layout::Angles(angles)) if !angles.as_flattened().iter().all(|a| a.abs() <= 1e6) => {
+            return bad("layout", format!("{angles:?} are no angles in degrees"), "correct them");
+        }
+        _ => {}
+    }
+    if set.channel == Some(Channel::Luminance) && set.filters().is_none_or(|f| f.colour.is_none()) {
+        let remedy = "give r, g or b, or the layout of a colour sensor";
+        return bad("channel", "luminance is of colour polarization sensors".into(), remedy);
+    }
+    Ok(())
 }
 
 /// What belongs to some kinds of set only, and numbers of spots.
@@ -312,39 +331,50 @@ fn inside(path: &Path, folder: &Path, key: &str, name: &Path) -> Result<PathBuf>
 fn check_channels(file: &Path, set: &mut FrameSet, info: &Info, by: By) -> Result<Option<String>> {
     let channel = by.name("channel");
     let chosen = match (info.channels, set.channel) {
-        (1, Some(_)) => {
-            let problem = "is grey, so it has no channels to choose from";
-            return Err(Error::file(file, problem, format!("leave out {channel}")));
-        }
-        (3, _) if set.kind == Kind::DivisionOfFocalPlane => {
-            if !is_grey(&read(file)?) {
-                let problem = format!("is {info}; a raw polarization-sensor frame is grey with even width and height");
-                return Err(Error::file(file, problem, "give the camera's raw, not demosaicked frame"));
-            }
-            set.channel = Some(Channel::R);
-            Some("red, green and blue are equal: taken as grey".to_owned())
-        }
-        (3, None) if set.kind != Kind::Exposures => {
-            let nearest = set.wavelength_nm.map_or(Channel::G, Channel::nearest);
-            set.channel = Some(nearest);
-            let reason = set.wavelength_nm.map_or(String::new(), |nm| format!(", the nearest to {nm} nm,"));
-            Some(format!(
-                "colour photographs: the {} channel{reason} is used; {channel} chooses another",
-                nearest.name()
-            ))
-        }
+        _ if set.layout.is_some() => check_sensor(file, set, info, &channel)?,
+        (1, Some(_)) => return Err(without_channels(file, &channel)),
+        (3, None) if set.kind != Kind::Exposures => Some(nearest_channel("colour photographs", set, &channel)),
         _ => None,
     };
-    if set.kind == Kind::DivisionOfFocalPlane && info.width % 2 + info.height % 2 > 0 {
-        let problem = format!("is {info}; a raw polarization-sensor frame is grey with even width and height");
-        return Err(Error::file(file, problem, "give the camera's raw, not demosaicked frame"));
-    }
     let (black, white) = (set.black.unwrap_or(0.0), set.white.unwrap_or(info.depth.full_scale().into()));
     if black < white {
         return Ok(chosen);
     }
     let remedy = format!("correct {} and {}", by.name("black"), by.name("white"));
     Err(Error::file(file, format!("black ({black}) is not below white ({white})"), remedy))
+}
+
+/// The same of polarization sensors, whose raw frames have one channel or three equal ones.
+fn check_sensor(file: &Path, set: &mut FrameSet, info: &Info, channel: &str) -> Result<Option<String>> {
+    let Some(filters) = set.filters() else { return Ok(None) };
+    let side = filters.block();
+    if info.width % side + info.height % side > 0 || info.channels == 3 && !is_grey(&read(file)?) {
+        let problem =
+            format!("is {info}; a raw frame of this sensor is grey, with width and height that {side} divides");
+        return Err(Error::file(file, problem, "give the camera's raw, not demosaicked frame"));
+    }
+    let equal = (info.channels == 3).then_some("red, green and blue are equal: taken as grey");
+    Ok(match (filters.colour, set.channel) {
+        (None, Some(_)) if equal.is_none() => return Err(without_channels(file, channel)),
+        (Some(_), None) => Some(nearest_channel("colour polarization sensor", set, channel)),
+        (Some(_), Some(_)) => None,
+        (None, _) => {
+            set.channel = None;
+            equal.map(str::to_owned)
+        }
+    })
+}
+
+fn without_channels(file: &Path, channel: &str) -> Error {
+    Error::file(file, "is grey, so it has no channels to choose from", format!("leave out {channel}"))
+}
+
+/// Chooses the channel of `what` that is nearest to the set's wavelength, and says so.
+fn nearest_channel(what: &str, set: &mut FrameSet, channel: &str) -> String {
+    let nearest = set.wavelength_nm.map_or(Channel::G, Channel::nearest);
+    set.channel = Some(nearest);
+    let reason = set.wavelength_nm.map_or(String::new(), |nm| format!(", the nearest to {nm} nm,"));
+    format!("{what}: the {} channel{reason} is used; {channel} chooses another", nearest.name())
 }
 
 /// Whether red, green and blue are equal in all pixels.

@@ -40,6 +40,13 @@ pub struct FrameNoise {
     pub floor: f64,
 }
 
+impl FrameNoise {
+    /// With variances multiplied.
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { shot: self.shot * factor, floor: self.floor * factor }
+    }
+}
+
 impl NoiseModel {
     /// Noise of a frame whose sensor values were multiplied by `scale = 1/(exposure · gain)`; `step` is the
     /// distance between two codes in sensor units (0 for floating point).

@@ -1,4 +1,4 @@
-//! Tells raw frames of sensors with a mosaic of filters from other photographs.
+//! Recognises raw frames of sensors with a mosaic of filters.
 
 use nacre_base::statistics::median;
 use nacre_image::{Raster, Samples};
@@ -18,13 +18,31 @@ mod limits {
     pub const OF_MEAN: f64 = 0.01;
 }
 
-/// Whether pixels of 2 × 2 blocks differ as behind the polarizers or colour filters of a sensor.
-pub fn is_mosaic(raster: &Raster) -> bool {
-    let [across, down] = [raster.width, raster.height].map(|n| n / (2 * TILE));
-    if raster.width % 2 + raster.height % 2 > 0 || across == 0 || down == 0 {
+/// The mosaic of filters on a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mosaic {
+    /// Polarizers or colours that repeat every 2 pixels.
+    Every2,
+    /// Colours that each cover 2 × 2 polarizers (or 2 × 2 plain pixels): they repeat every 4 pixels.
+    Every4,
+}
+
+/// The mosaic behind which a photograph was taken; none where pixels do not differ as behind polarizers or colour filters.
+pub fn mosaic(raster: &Raster) -> Option<Mosaic> {
+    // Sums over blocks of 2 × 2 pixels lose the polarizers and keep the colours above them.
+    [(2, Mosaic::Every4), (1, Mosaic::Every2)]
+        .into_iter()
+        .find(|(bin, _)| differs(raster, *bin))
+        .map(|(_, found)| found)
+}
+
+/// Whether sums over `bin` × `bin` pixels differ within blocks of 2 × 2 of them.
+fn differs(raster: &Raster, bin: usize) -> bool {
+    let [across, down] = [raster.width, raster.height].map(|n| n / (2 * TILE * bin));
+    if raster.width % (2 * bin) + raster.height % (2 * bin) > 0 || across == 0 || down == 0 {
         return false;
     }
-    let value = |x: usize, y: usize| {
+    let pixel = |x: usize, y: usize| {
         let at = (y * raster.width + x) * raster.channels;
         match &raster.samples {
             Samples::U8(v) => f64::from(v[at]),
@@ -32,6 +50,8 @@ pub fn is_mosaic(raster: &Raster) -> bool {
             Samples::F32(v) => f64::from(v[at]),
         }
     };
+    let value =
+        |x: usize, y: usize| -> f64 { (0..bin * bin).map(|k| pixel(bin * x + k % bin, bin * y + k / bin)).sum() };
     let every = |n: usize| (0..n).step_by(n.div_ceil(TILES));
     let (mut within, mut between, mut level) = ([const { vec![] }; 6], [vec![], vec![]], vec![]);
     for (row, column) in every(down).flat_map(|row| every(across).map(move |column| (row, column))) {
@@ -65,11 +85,11 @@ mod tests {
     /// `kind(x, y)` gives the factor of a pixel on a smooth picture with noise.
     fn frame(kind: impl Fn(usize, usize) -> f64) -> Raster {
         let value = |i: usize| {
-            let (x, y) = (i % 120, i / 120);
+            let (x, y) = (i % 128, i / 128);
             let picture = 2000.0 + 800.0 * (x as f64 / 17.0).sin() + 10.0 * y as f64;
             (picture * kind(x, y)) as u16 + (i * 7919 % 11) as u16
         };
-        Raster { width: 120, height: 90, channels: 1, samples: Samples::U16((0..120 * 90).map(value).collect()) }
+        Raster { width: 128, height: 96, channels: 1, samples: Samples::U16((0..128 * 96).map(value).collect()) }
     }
 
     #[test]
@@ -79,12 +99,15 @@ mod tests {
                 let angle: f64 = layout[x % 2 + 2 * (y % 2)];
                 0.5 + 0.1 * (2.0 * (angle.to_radians() - 0.3)).cos()
             };
-            assert!(is_mosaic(&frame(analyser)));
+            assert_eq!(mosaic(&frame(analyser)), Some(Mosaic::Every2));
+            let coloured = |x: usize, y: usize| analyser(x, y) * [0.4, 1.0, 1.0, 0.6][x / 2 % 2 + 2 * (y / 2 % 2)];
+            assert_eq!(mosaic(&frame(coloured)), Some(Mosaic::Every4));
         }
-        assert!(is_mosaic(&frame(|x, y| [0.4, 1.0, 1.0, 0.6][x % 2 + 2 * (y % 2)])), "colour filters");
-        assert!(!is_mosaic(&frame(|_, _| 1.0)), "grey");
+        let bayer = |x: usize, y: usize| [0.4, 1.0, 1.0, 0.6][x % 2 + 2 * (y % 2)];
+        assert_eq!(mosaic(&frame(bayer)), Some(Mosaic::Every2), "colour filters");
+        assert_eq!(mosaic(&frame(|_, _| 1.0)), None, "grey");
         let texture = |x: usize, y: usize| 0.7 + 0.05 * ((x * 31 + y * 17) % 7) as f64;
-        assert!(!is_mosaic(&frame(texture)), "texture");
+        assert_eq!(mosaic(&frame(texture)), None, "texture");
     }
 
     #[test]
@@ -96,9 +119,9 @@ mod tests {
             println!("skipped: no test data");
             return;
         }
-        assert!(is_mosaic(&nacre_image::read(&raw).unwrap()));
+        assert_eq!(mosaic(&nacre_image::read(&raw).unwrap()), Some(Mosaic::Every2));
         for other in ["polarization/rotating_analyser_630nm/000.png", "hdr/stack_room_exp_2.jpg"] {
-            assert!(!is_mosaic(&nacre_image::read(&data.join(other)).unwrap()), "{other}");
+            assert_eq!(mosaic(&nacre_image::read(&data.join(other)).unwrap()), None, "{other}");
         }
     }
 }

@@ -155,15 +155,8 @@ impl Channels {
         match settings.bands()? {
             Wavelength::Channels(_) => ["R", "G", "B"].into_iter().map(take).collect(),
             Wavelength::Band(nm) => {
-                let of_color = match settings.channel {
-                    Some(Channel::R) => "R",
-                    Some(Channel::G) => "G",
-                    Some(Channel::B) => "B",
-                    None if nm >= 590.0 => "R",
-                    None if nm >= 500.0 => "G",
-                    None => "B",
-                };
-                take("Y").or_else(|_| take(of_color)).map(|p| vec![p])
+                let of_color = settings.channel.unwrap_or_else(|| Channel::nearest(nm));
+                take("Y").or_else(|_| take(of_color.letter())).map(|p| vec![p])
             }
         }
     }

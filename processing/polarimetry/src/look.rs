@@ -2,12 +2,12 @@
 
 use crate::fit::bracket::{noise_of_bracket, read};
 use crate::fit::merge::Merge;
-use crate::fit::views::{View, brackets, views};
+use crate::fit::views::{Photograph, View, brackets, views};
 use crate::orient;
-use crate::{Design, Running};
+use crate::{Demosaic, Design, Running};
 use nacre_base::text::{from_json, read_text};
 use nacre_base::{Error, Result};
-use nacre_frames::{Kind, LinearFrame, Linearizer, LoadedFrames};
+use nacre_frames::{Kind, Linearizer, LoadedFrames};
 use nacre_image::registration::Resampler;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -57,6 +57,8 @@ pub struct PutRight {
     angle_errors_deg: Vec<f64>,
     /// By how much photographs were moved back.
     shifts_px: Vec<[f64; 2]>,
+    /// How images behind a sensor's polarizers were interpolated.
+    demosaic: Demosaic,
 }
 
 impl PutRight {
@@ -69,6 +71,11 @@ impl PutRight {
         struct Said {
             analyser_errors_deg: Option<Vec<f64>>,
             registration: Option<Moved>,
+            sensor: Option<Sensor>,
+        }
+        #[derive(Deserialize)]
+        struct Sensor {
+            demosaic: Demosaic,
         }
         #[derive(Deserialize)]
         struct Moved {
@@ -80,6 +87,7 @@ impl PutRight {
         let said: Said = from_json(&text).map_err(|problem| Error::file(&path, problem, AGAIN))?;
         Ok(Self {
             angle_errors_deg: said.analyser_errors_deg.unwrap_or_default(),
+            demosaic: said.sensor.map(|s| s.demosaic).unwrap_or_default(),
             shifts_px: said.registration.filter(|m| m.corrected).map(|m| m.shifts_px).unwrap_or_default(),
         })
     }
@@ -129,9 +137,9 @@ pub struct Point {
 /// `Input` when the set is no polarization set, the pixel lies outside, or other photographs were put right.
 pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Result<Probe> {
     let brackets = brackets(&frames.set.frames);
-    let mut views = views(frames, &brackets)?;
-    let block = views.first().map_or(1, |v| v.block);
-    let size = [frames.info.width / block, frames.info.height / block];
+    let mut views = views(frames, &brackets, right.demosaic)?;
+    let step = views.first().map_or(1, |v| v.step);
+    let size = [frames.info.width / step, frames.info.height / step];
     if x >= size[0] || y >= size[1] {
         let problem = format!("pixel {x}, {y} lies outside of {} × {}", size[0], size[1]);
         return Err(Error::file(&frames.path, problem, "choose one inside"));
@@ -146,7 +154,7 @@ pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Res
     // Value and weight per view.
     let (mut points, mut merged, mut saturated) = (vec![], vec![], false);
     for (i, bracket) in brackets.iter().enumerate() {
-        let photographs = read(frames, &linearizer, bracket)?;
+        let photographs = read(frames, &linearizer, bracket, right.demosaic)?;
         let noise = noise_of_bracket(frames, &linearizer, bracket);
         for (v, view) in views.iter().enumerate().filter(|(_, view)| view.bracket == i) {
             let back = right.shifts_px.get(v).map(|shift| Resampler::new(*shift, size[0], size[1]));
@@ -178,7 +186,7 @@ pub fn probe(frames: &LoadedFrames, [x, y]: [usize; 2], right: &PutRight) -> Res
 
 /// Light of a photograph at a pixel of its view, whose rows have `width` pixels, moved back, and whether it is bad.
 fn value(
-    photograph: &LinearFrame,
+    photograph: &Photograph,
     view: &View,
     back: Option<&Resampler>,
     [x, y]: [usize; 2],
@@ -186,11 +194,8 @@ fn value(
 ) -> (f32, u8) {
     let (mut light, mut bad) = (vec![0.0; width], vec![0; width]);
     match back {
-        Some(back) => back.row(y, |y, light, bad| photograph.row(y, light, bad), &mut light, &mut bad),
-        None => {
-            let [left, top] = view.position;
-            photograph.strided(y * view.block + top, left, view.block, &mut light, &mut bad);
-        }
+        Some(back) => back.row(y, |y, light, bad| photograph.row(view, y, light, bad), &mut light, &mut bad),
+        None => photograph.row(view, y, &mut light, &mut bad),
     }
     (light[x], bad[x])
 }

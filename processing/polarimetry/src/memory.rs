@@ -1,5 +1,6 @@
 //! How much memory a set of photographs needs.
 
+use crate::fit::demosaic::Demosaic;
 use crate::fit::views::{View, brackets, views};
 use nacre_base::Result;
 use nacre_frames::LoadedFrames;
@@ -12,6 +13,9 @@ const ALIKE: u64 = 44;
 /// The same where exposures are merged: 22 floats.
 const MERGED: u64 = 88;
 
+/// Bytes per pixel while a photograph is interpolated: the four images and two estimates of one.
+const INTERPOLATED: u64 = 24;
+
 /// Photographs, or brackets of them, that are decoded at a time.
 const AT_A_TIME: u64 = 2;
 
@@ -19,45 +23,52 @@ const AT_A_TIME: u64 = 2;
 ///
 /// # Errors
 /// `Input`, naming the first photograph, and for sets of another kind.
-pub fn check_memory(frames: &LoadedFrames) -> Result<()> {
+pub fn check_memory(frames: &LoadedFrames, demosaic: Demosaic) -> Result<()> {
     let brackets = brackets(&frames.set.frames);
-    let needed = needed(frames, &brackets, &views(frames, &brackets)?);
+    let needed = needed(frames, &brackets, &views(frames, &brackets, demosaic)?, demosaic);
     frames.set.frames.first().map_or(Ok(()), |first| budget::check(&frames.file(&first.file), frames.info, needed))
 }
 
 /// Most bytes that a reconstruction takes at a time. Their number does not grow with that of the photographs.
-fn needed(frames: &LoadedFrames, brackets: &[Vec<usize>], views: &[View]) -> u64 {
+fn needed(frames: &LoadedFrames, brackets: &[Vec<usize>], views: &[View], demosaic: Demosaic) -> u64 {
     let LoadedFrames { set, info, .. } = frames;
     let pixels = (info.width * info.height) as u64;
-    let block = views.first().map_or(1, |view| view.block) as u64;
+    let step = views.first().map_or(1, |view| view.step) as u64;
     let exposures = brackets.iter().map(Vec::len).max().unwrap_or(1) as u64;
     let darks: BTreeSet<_> = set.frames.iter().filter_map(|f| f.dark.as_ref()).chain(&set.dark).collect();
     let planes = darks.len() as u64 + u64::from(set.flat.is_some());
     let map = if exposures > 1 { MERGED } else { ALIKE };
-    pixels / (block * block) * map + AT_A_TIME * exposures * budget::decoded(*info) + 4 * pixels * planes
+    let images = if demosaic == Demosaic::None { 0 } else { INTERPOLATED };
+    pixels / (step * step) * map
+        + AT_A_TIME * exposures * (budget::decoded(*info) + pixels * images)
+        + 4 * pixels * planes
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nacre_frames::{Frame, FrameSet, Kind};
+    use nacre_frames::{Frame, FrameSet, Kind, Layout, Sensor};
     use nacre_image::{Depth, Info};
     use std::path::Path;
 
     const MEGAPIXEL: u64 = 1 << 20;
 
     fn bytes_per_pixel(kind: Kind, change: impl Fn(&mut FrameSet)) -> u64 {
+        interpolated(kind, Demosaic::None, change)
+    }
+
+    fn interpolated(kind: Kind, demosaic: Demosaic, change: impl Fn(&mut FrameSet)) -> u64 {
         let frame = |angle: f64| Frame { analyser_deg: Some(angle), ..Frame::new("a.png") };
         let mut set = FrameSet::new(kind, [0.0, 45.0, 90.0, 135.0].map(frame).to_vec());
         if kind == Kind::DivisionOfFocalPlane {
-            (set.frames, set.layout) = (vec![Frame::new("a.png")], Some([[90.0, 45.0], [135.0, 0.0]]));
+            (set.frames, set.layout) = (vec![Frame::new("a.png")], Some(Layout::Named(Sensor::Sony)));
         }
         change(&mut set);
         let info = Info { width: 1024, height: 1024, channels: 1, depth: Depth::U16 };
         let (path, folder) = ("frames.json".into(), Path::new(".").into());
         let frames = LoadedFrames { path, folder, set, info, warnings: vec![], from_session: false };
         let brackets = brackets(&frames.set.frames);
-        needed(&frames, &brackets, &views(&frames, &brackets).unwrap()) / MEGAPIXEL
+        needed(&frames, &brackets, &views(&frames, &brackets, demosaic).unwrap(), demosaic) / MEGAPIXEL
     }
 
     #[test]
@@ -72,6 +83,7 @@ mod tests {
         };
         assert_eq!(bytes_per_pixel(Kind::Polarization, bracketed), 88 + 4 * 4);
         assert_eq!(bytes_per_pixel(Kind::DivisionOfFocalPlane, |_| ()), 11 + 2 * 4);
+        assert_eq!(interpolated(Kind::DivisionOfFocalPlane, Demosaic::Bilinear, |_| ()), 44 + 2 * (4 + 24));
         let corrected = |set: &mut FrameSet| {
             (set.dark, set.flat) = (Some("dark.png".into()), Some("flat.png".into()));
             set.frames.iter_mut().for_each(|f| f.dark = Some("own.png".into()));

@@ -1,6 +1,7 @@
 //! Options of a reconstruction.
 
-use crate::{Align, Model, Oblique, PeriodMethod, Smoothing};
+use crate::fit::views::brackets;
+use crate::{Align, Demosaic, Model, Oblique, PeriodMethod, Smoothing};
 use nacre_base::{Error, Result};
 use nacre_frames::{Illumination, LoadedFrames};
 
@@ -13,6 +14,8 @@ pub struct Options {
     pub align: Align,
     /// Whether oblique incidence is taken out.
     pub oblique: Oblique,
+    /// How images behind each polarizer of a sensor are made.
+    pub demosaic: Demosaic,
     /// Added to every orientation, to fix the gauge (degrees).
     pub offset_deg: f64,
     /// How orientations are smoothed in pictures.
@@ -58,7 +61,30 @@ impl Options {
         if self.model_for(frames) == Model::Plain {
             self.check_plain()?;
         }
+        if self.demosaic != Demosaic::None {
+            self.check_demosaic(frames)?;
+        }
         self.period.as_ref().map(|p| p.completed(frames.set.wavelength_nm)).transpose()
+    }
+
+    /// Refuses interpolated images of what is no raw frame of a monochrome sensor, and models that need independent pixels.
+    fn check_demosaic(&self, frames: &LoadedFrames) -> Result<()> {
+        let colour = frames.set.filters().is_some_and(|f| f.colour.is_some());
+        let (problem, remedy) = if frames.set.layout.is_none() {
+            ("interpolates raw frames of polarization sensors, and these photographs are none", "leave it out")
+        } else if colour {
+            ("interpolates frames of monochrome sensors, and this one has colour filters", "leave it out")
+        } else if brackets(&frames.set.frames).iter().any(|b| b.len() > 1) {
+            ("cannot merge exposures", "leave it out, or give the frames of one exposure")
+        } else if self.model_for(frames) != Model::Plain {
+            (
+                "shares noise between pixels, which models of gratings count as independent",
+                "leave it out, or add --model plain",
+            )
+        } else {
+            return Ok(());
+        };
+        Err(Error::input("--demosaic", problem, remedy))
     }
 
     /// Refuses options that plain polarimetry has no use for.

@@ -17,8 +17,9 @@ use std::path::Path;
 /// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which
 /// nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
-    let mut running = Running::new(load(input)?)?;
-    options.check(&running.frames)?;
+    let frames = load(input)?;
+    options.check(&frames)?;
+    let mut running = Running::new(frames, options.demosaic)?;
     let folder = OutputFolder::begin(out, options.overwrite)?;
     running.add_all(progress)?;
     running.finish(folder, options, progress)

@@ -8,8 +8,8 @@ use nacre_base::Error;
 use nacre_base::progress::Progress;
 use nacre_base::text::from_json;
 use nacre_frames::{
-    Channel, Clipping, FILE_NAME, Frame, FrameSet, Illumination, Kind, LoadedFrames, Transfer, check, exposures,
-    is_mosaic, save,
+    Bayer, Channel, Clipping, FILE_NAME, Frame, FrameSet, Illumination, Kind, Layout, LoadedFrames, Mosaic, Transfer,
+    check, exposures, mosaic, save,
 };
 use nacre_image::{details, photographs, read};
 use std::path::{Path, PathBuf};
@@ -20,8 +20,10 @@ use std::sync::{Mutex, PoisonError};
 pub struct Options {
     /// What varies between the photographs.
     pub kind: Kind,
-    /// Analyser angles in degrees of each 2×2 block of the sensor, for `DivisionOfFocalPlane`.
-    pub layout: Option<[[f64; 2]; 2]>,
+    /// Analyser angles of each 2×2 block of the sensor, for `DivisionOfFocalPlane`.
+    pub layout: Option<Layout>,
+    /// Colour filters of the sensor, where the layout has no name.
+    pub colour: Option<Bayer>,
     /// Light that fell on the sample.
     pub illumination: Illumination,
     /// Transfer function of the files (default: as they state it, else sRGB where one is a JPEG, else linear).
@@ -71,6 +73,7 @@ pub fn describe(
         white: options.white,
         channel: options.channel,
         layout: options.layout,
+        colour: options.colour,
         illumination: options.illumination,
         ..FrameSet::new(options.kind, files.iter().zip(angles).zip(tags).map(frame).collect())
     };
@@ -82,19 +85,29 @@ pub fn describe(
 /// Least number of analyser angles that tell polarization.
 const MIN_ANGLES: usize = 3;
 
-/// Refuses fewer than three photographs behind an analyser. `sensor` is the remedy where one looks like a raw frame of a polarization sensor.
+/// Refuses fewer than three photographs behind an analyser. `sensor` is the remedy where one looks like a raw frame of a polarization sensor, given
+/// the name of a layout to expect.
 ///
 /// # Errors
 /// `Input` for fewer than three, or for one that cannot be read.
-pub fn check_number(folder: &Path, files: &[PathBuf], kind: Kind, sensor: &str) -> Result<(), Error> {
+pub fn check_number(
+    folder: &Path,
+    files: &[PathBuf],
+    kind: Kind,
+    sensor: impl Fn(&str) -> String,
+) -> Result<(), Error> {
     let [first, ..] = files else { return Ok(()) };
     if kind != Kind::Polarization || files.len() >= MIN_ANGLES {
         return Ok(());
     }
     let path = folder.join(first);
-    if is_mosaic(&read(&path)?) {
-        let problem = "looks like a raw frame of a sensor with polarizers (or colour filters) on its pixels";
-        return Err(Error::file(&path, problem, sensor));
+    let looks = match mosaic(&read(&path)?) {
+        Some(Mosaic::Every2) => Some(("polarizers (or colour filters) on its pixels", "sony")),
+        Some(Mosaic::Every4) => Some(("colour filters over blocks of 2 × 2 pixels, as over polarizers", "sony-colour")),
+        None => None,
+    };
+    if let Some((filters, layout)) = looks {
+        return Err(Error::file(&path, format!("looks like a raw frame of a sensor with {filters}"), sensor(layout)));
     }
     let problem =
         format!("holds {} photographs; polarization needs {MIN_ANGLES} analyser angles at least", files.len());
@@ -137,7 +150,7 @@ pub fn decode_all(frames: &LoadedFrames, progress: &dyn Progress) -> Result<Opti
     let set = &frames.set;
     progress.stage("decoding photographs", set.frames.len() as u64);
     let clipping = Mutex::new(Clipping::default());
-    let channel = set.channel.map_or(0, Channel::index);
+    let channel = set.file_channel();
     let next = Mutex::new(set.frames.iter());
     let decode = || -> Result<(), Error> {
         loop {
@@ -184,6 +197,7 @@ pub fn from_names(folder: &Path) -> Result<String, Error> {
     let options = Options {
         kind: Kind::Polarization,
         layout: None,
+        colour: None,
         illumination: Illumination::Unknown,
         transfer: None,
         channel: None,
@@ -191,8 +205,11 @@ pub fn from_names(folder: &Path) -> Result<String, Error> {
         white: None,
     };
     let files = photographs(folder)?;
-    let sensor =
-        "describe it as kind division_of_focal_plane with its layout (frames.json; on the page: Polarization by)";
+    let sensor = |layout: &str| {
+        format!(
+            "describe it as kind division_of_focal_plane with its layout, {layout} for instance (frames.json; on the page: Polarization by)"
+        )
+    };
     check_number(folder, &files, options.kind, sensor)?;
     let angles = named_angles("the upload", &files, "send a frames.json that says the angles as the part frames")?;
     Ok(save(&describe(folder, &files, Some(angles), &options)?.frames.set))

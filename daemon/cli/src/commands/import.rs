@@ -1,12 +1,12 @@
 //! `nacre import`: a `frames.json` for photographs taken elsewhere.
 
-use crate::commands::values::{ChannelName, transfer};
+use crate::commands::values::{BayerName, ChannelName, transfer};
 use crate::console::Console;
 use clap::ValueEnum;
 use nacre_base::Error;
 use nacre_capture::Failure;
 use nacre_capture::import::{Described, Options, angles_in_names, check_number, decode_all, describe, named_angles};
-use nacre_frames::{Channel, FILE_NAME, Frame, FrameSet, Illumination, Kind, Transfer, save};
+use nacre_frames::{Bayer, Channel, FILE_NAME, Frame, FrameSet, Illumination, Kind, Layout, Transfer, save};
 use nacre_image::{OutputFolder, list, write_whole};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,9 @@ Examples:
   nacre import photos/                       angles from names: 045.png, psi_22.5deg.tif, I_-45.png, m22p5.png
   nacre import photos/ --out series          copies the photographs beside the frames.json
   nacre import photos/ --angles-deg 0,45,90,135 --channel g
-  nacre import raw/ --kind division-of-focal-plane --layout 90,45,135,0
+  nacre import raw/ --kind division-of-focal-plane --layout sony
+  nacre import raw/ --kind division-of-focal-plane --layout lucid-colour --channel r
+  nacre import raw/ --kind division-of-focal-plane --layout 0,45,135,90 --colour rggb
   nacre import bracket/ --kind exposures --channel g
 
 Exposure times and ISO are read from EXIF where the files have it.")]
@@ -40,9 +42,15 @@ pub struct Args {
     /// Take the given angles even where file names hold other ones.
     #[arg(long, requires = "angles_deg")]
     ignore_names: bool,
-    /// Angles of each 2×2 block of a polarization sensor: top left, top right, bottom left, bottom right.
-    #[arg(long, value_delimiter = ',', default_value = "90,45,135,0", allow_negative_numbers = true)]
-    layout: Vec<f64>,
+    /// Sensor or camera by name, or the angles of each 2×2 block of its pixels: top left, top right, bottom left, bottom right.
+    ///
+    /// Names: sony, lucid, flir (90,45,135,0); sony-colour, lucid-colour, flir-colour (the same below colour filters rggb); 4d-v1
+    /// (45,90,0,135), 4d-v2 (90,135,45,0), 4d-u4 (90,45,135,0). Crops that begin at odd pixels and mirrored frames have another order.
+    #[arg(long, default_value = "90,45,135,0", allow_hyphen_values = true, value_name = "NAME|A,B,C,D")]
+    layout: Layout,
+    /// Colour filters of a polarization sensor whose layout is given in degrees: each covers 2×2 polarizers.
+    #[arg(long, value_enum)]
+    colour: Option<BayerName>,
     /// Light that fell on the sample: circular_panel (a display behind a quarter-wave retarder), linear_panel, other or unknown. Under a
     /// circular panel, reconstructions find orientations of gratings by default, else plain polarimetry.
     #[arg(long, default_value = "unknown", value_name = "LIGHT")]
@@ -51,7 +59,7 @@ pub struct Args {
     /// profile), else srgb for JPEG and linear for the rest.
     #[arg(long, value_parser = transfer)]
     transfer: Option<Transfer>,
-    /// Channel of colour files: r, g or b (default: g).
+    /// Channel of colour files and of colour polarization sensors (default: g). luminance is of the latter: the mean of the colours.
     #[arg(long, value_enum)]
     channel: Option<ChannelName>,
     /// File value of no light.
@@ -94,11 +102,14 @@ struct Imported<'a> {
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let (files, mut skipped) = list(&args.folder)?;
     skipped.retain(|name| !name.extension().is_some_and(|e| e == "json" || e == "txt"));
-    let sensor =
-        "if it is a polarization sensor's, give --kind division-of-focal-plane and the --layout of the data sheet";
+    let sensor = |layout: &str| {
+        format!(
+            "if it is a polarization sensor's, give --kind division-of-focal-plane and its --layout: {layout} for instance, or that of the data sheet"
+        )
+    };
     check_number(&args.folder, &files, kind(args), sensor)?;
     let angles = angles(args, &files)?;
-    let Described { mut frames, transfer_from } = describe(&args.folder, &files, angles, &options(args)?)?;
+    let Described { mut frames, transfer_from } = describe(&args.folder, &files, angles, &options(args))?;
     frames.warnings.extend(decode_all(&frames, console)?);
     let text = save(&frames.set);
     let target = match &args.out {
@@ -191,27 +202,17 @@ fn kind(args: &Args) -> Kind {
 }
 
 /// How the frame set is described beyond its angles.
-fn options(args: &Args) -> Result<Options, Error> {
-    let layout = match (args.kind, args.layout.as_slice()) {
-        (KindName::DivisionOfFocalPlane, &[a, b, c, d]) => Some([[a, b], [c, d]]),
-        (KindName::DivisionOfFocalPlane, _) => {
-            return Err(Error::input(
-                "--layout",
-                format!("{} angles", args.layout.len()),
-                "give four, 90,45,135,0 for instance",
-            ));
-        }
-        _ => None,
-    };
-    Ok(Options {
+fn options(args: &Args) -> Options {
+    Options {
         kind: kind(args),
-        layout,
+        layout: Some(args.layout).filter(|_| args.kind == KindName::DivisionOfFocalPlane),
+        colour: args.colour.map(Bayer::from),
         illumination: args.illumination,
         transfer: args.transfer,
         channel: args.channel.map(Channel::from),
         black: args.black,
         white: args.white,
-    })
+    }
 }
 
 /// Writes `frames.json` beside the photographs.

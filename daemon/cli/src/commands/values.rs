@@ -1,7 +1,7 @@
 //! Values as the command line says them.
 
 use clap::ValueEnum;
-use nacre_frames::{Channel, Transfer};
+use nacre_frames::{Bayer, Channel, Transfer};
 
 /// As many numbers as wanted, with commas.
 pub(in crate::commands) fn numbers<T: std::str::FromStr, const N: usize>(
@@ -23,12 +23,34 @@ pub(super) fn transfer(text: &str) -> Result<Transfer, String> {
     }
 }
 
+/// Colour filters of a sensor.
+#[derive(Clone, Copy, ValueEnum)]
+pub(super) enum BayerName {
+    Rggb,
+    Bggr,
+    Grbg,
+    Gbrg,
+}
+
+impl From<BayerName> for Bayer {
+    fn from(name: BayerName) -> Self {
+        match name {
+            BayerName::Rggb => Self::Rggb,
+            BayerName::Bggr => Self::Bggr,
+            BayerName::Grbg => Self::Grbg,
+            BayerName::Gbrg => Self::Gbrg,
+        }
+    }
+}
+
 /// A channel of a colour file.
 #[derive(Clone, Copy, ValueEnum)]
 pub(super) enum ChannelName {
     R,
     G,
     B,
+    /// The mean of a colour polarization sensor's filters, or channel Y of an EXR file.
+    Luminance,
 }
 
 impl From<ChannelName> for Channel {
@@ -37,6 +59,7 @@ impl From<ChannelName> for Channel {
             ChannelName::R => Self::R,
             ChannelName::G => Self::G,
             ChannelName::B => Self::B,
+            ChannelName::Luminance => Self::Luminance,
         }
     }
 }

@@ -25,7 +25,7 @@ use nacre_capture::Failure;
 use nacre_capture::plan::Method;
 use nacre_frames::Transfer;
 use nacre_lut::{LightPhotograph, Settings};
-use nacre_polarimetry::{Align, Oblique, Options, PeriodMethod, Smoothing};
+use nacre_polarimetry::{Align, Demosaic, Oblique, Options, PeriodMethod, Smoothing};
 use record::Record;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -66,6 +66,9 @@ pub struct Spec {
     /// Whether oblique incidence is taken out. Jobs of earlier versions do not say.
     #[serde(default)]
     pub oblique: Oblique,
+    /// How images behind the polarizers of a sensor are interpolated. Jobs of earlier versions do not say.
+    #[serde(default)]
+    pub demosaic: Demosaic,
     /// Added to every orientation.
     pub offset_deg: f64,
     /// How orientations are smoothed in pictures. Jobs of earlier versions say nothing of it and of what follows.
@@ -136,6 +139,7 @@ impl Spec {
             model,
             align: Align::Auto,
             oblique: self.oblique,
+            demosaic: self.demosaic,
             offset_deg: self.offset_deg,
             smooth: self.smooth,
             smooth_maps: self.smooth_maps,

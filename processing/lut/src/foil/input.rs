@@ -15,14 +15,9 @@ use std::path::Path;
 /// `Input` for what is no photograph in linear light of the size that the geometry is for.
 pub(super) fn read_light(path: &Path, channel: Channel) -> Result<Light> {
     let exr = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
-    let name = match channel {
-        Channel::R => "R",
-        Channel::G => "G",
-        Channel::B => "B",
-    };
     if exr {
         let mut map = read_exr(path)?;
-        let values = map.take("Y", path).or_else(|_| map.take(name, path))?;
+        let values = map.take("Y", path).or_else(|_| map.take(channel.letter(), path))?;
         return Ok(Light { width: map.width, height: map.height, values });
     }
     let raster = nacre_image::read(path)?;

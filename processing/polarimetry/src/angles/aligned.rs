@@ -80,8 +80,7 @@ impl AngleErrors {
 /// What resampling leaves of the noise that a camera is said to have.
 pub(crate) fn smoothed_noise(noise: &mut [FrameNoise], shifts: &[[f64; 2]], [width, height]: [usize; 2]) {
     for (noise, shift) in noise.iter_mut().zip(shifts) {
-        let factor = Resampler::new(*shift, width, height).noise_factor();
-        (noise.shot, noise.floor) = (noise.shot * factor, noise.floor * factor);
+        *noise = noise.scaled(Resampler::new(*shift, width, height).noise_factor());
     }
 }
 

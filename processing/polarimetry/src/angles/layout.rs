@@ -18,7 +18,7 @@ const CROSSED_DEG: f64 = 1.0;
 
 /// A warning where another layout fits clearly better than the stated one.
 pub(crate) fn contradiction(frames: &LoadedFrames, views: &[View], sample: &Sample) -> Option<String> {
-    let layout = frames.set.layout?.concat();
+    let layout = frames.set.filters()?.angles;
     let crossed = |a: usize, b: usize| ((layout[a] - layout[b]).rem_euclid(180.0) - 90.0).abs() < CROSSED_DEG;
     let stated = PAIRINGS.iter().position(|([a, b, c, d], _)| crossed(*a, *b) && crossed(*c, *d))?;
     let mismatch: Vec<f64> =
@@ -40,7 +40,7 @@ pub(crate) fn contradiction(frames: &LoadedFrames, views: &[View], sample: &Samp
 fn typical_mismatch([a, b, c, d]: &[usize; 4], views: &[View], sample: &Sample) -> Option<f64> {
     let kept = &views[..sample.views().min(views.len())];
     // The four pixels of a block are views one after the other.
-    let blocks = (0..kept.len() / 4).filter(|k| kept[4 * k..4 * k + 4].iter().all(|v| v.block == 2));
+    let blocks = (0..kept.len() / 4).filter(|k| kept[4 * k..4 * k + 4].iter().all(|v| v.block > 1));
     let values = blocks.flat_map(|k| {
         let [a, b, c, d] = [a, b, c, d].map(|i| sample.view(4 * k + i));
         (0..a.len()).map(move |i| [a[i], b[i], c[i], d[i]].map(f64::from))

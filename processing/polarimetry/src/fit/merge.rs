@@ -44,8 +44,7 @@ impl Merge {
 
     /// With variances multiplied.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
-        let scaled = |n: &FrameNoise| FrameNoise { shot: n.shot * factor, floor: n.floor * factor };
-        Self { noise: self.noise.iter().map(scaled).collect() }
+        Self { noise: self.noise.iter().map(|n| n.scaled(factor)).collect() }
     }
 
     /// Noise of merged exposures where none is saturated: exact in the light and in the dark.

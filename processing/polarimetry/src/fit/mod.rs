@@ -6,6 +6,7 @@
 //! Measured: docs/charts.md, "Speed".
 
 pub(crate) mod bracket;
+pub(crate) mod demosaic;
 pub(crate) mod design;
 mod kernel;
 pub(crate) mod merge;

@@ -1,7 +1,8 @@
 //! Which photographs of a set belong together: exposures at one analyser angle, and the angles behind one photograph.
 
+use crate::fit::demosaic::{Demosaic, FullSize};
 use nacre_base::{Error, Result};
-use nacre_frames::{Frame, Kind, LoadedFrames};
+use nacre_frames::{Frame, Kind, LinearFrame, LoadedFrames};
 
 /// Most exposures that are merged into one; they are decoded at the same time.
 pub const MAX_BRACKET: usize = 16;
@@ -12,13 +13,16 @@ const SAME_ANGLE_DEG: f64 = 1e-6;
 /// Exposures closer than this are one exposure, as a share.
 const SAME_EXPOSURE: f64 = 1e-6;
 
-/// One intensity image at one analyser angle: the exposures taken there, or one position of their 2×2 blocks.
+/// One intensity image at one analyser angle: the exposures taken there, or those pixels of a sensor that have this angle.
 pub(crate) struct View {
     /// Number of the exposures among the [`brackets`].
     pub(crate) bracket: usize,
-    /// `(x, y)` inside the block and the block's size.
-    pub(crate) position: [usize; 2],
+    /// Pixels of a super-pixel, `(x, y)`, whose light is averaged.
+    pub(crate) pixels: Vec<[usize; 2]>,
+    /// Side of a super-pixel; 1 for cameras without polarizers on their pixels.
     pub(crate) block: usize,
+    /// Pixels of the photograph along the side of a pixel of the maps: that of a super-pixel, or 1 where images are interpolated.
+    pub(crate) step: usize,
     /// Of the analyser, in rad: as it is said to be, or as residuals tell.
     pub(crate) angle: f64,
     /// As it is said to be.
@@ -50,22 +54,53 @@ fn same_angle(a: &Frame, b: &Frame) -> bool {
     }
 }
 
+/// A decoded photograph, and the images behind its polarizers where they are interpolated.
+pub(crate) struct Photograph<'a> {
+    pub(crate) frame: LinearFrame<'a>,
+    pub(crate) full: Option<FullSize>,
+}
+
+impl Photograph<'_> {
+    /// Row `y` of a view, of which maps have a row of pixels: its light, and `bad[x]` set to 1 where that cannot be used.
+    pub(crate) fn row(&self, view: &View, y: usize, light: &mut [f32], bad: &mut [u8]) {
+        if let Some(full) = &self.full {
+            return full.row(view, y, light, bad);
+        }
+        let mut strided = |[x, top]: [usize; 2], light: &mut [f32]| {
+            self.frame.strided(y * view.block + top, x, view.block, light, bad);
+        };
+        let [first, rest @ ..] = &view.pixels[..] else { return };
+        strided(*first, light);
+        if rest.is_empty() {
+            return;
+        }
+        let mut other = vec![0.0; light.len()];
+        for pixel in rest {
+            strided(*pixel, &mut other);
+            light.iter_mut().zip(&other).for_each(|(sum, v)| *sum += v);
+        }
+        let share = 1.0 / view.pixels.len() as f32;
+        light.iter_mut().for_each(|v| *v *= share);
+    }
+}
+
 /// What the photographs show, bracket by bracket.
-pub(crate) fn views(frames: &LoadedFrames, brackets: &[Vec<usize>]) -> Result<Vec<View>> {
+pub(crate) fn views(frames: &LoadedFrames, brackets: &[Vec<usize>], demosaic: Demosaic) -> Result<Vec<View>> {
     let set = &frames.set;
     let indexed = brackets.iter().enumerate().filter_map(|(i, b)| Some((i, set.frames.get(*b.first()?)?)));
-    Ok(match (set.kind, set.layout) {
+    Ok(match (set.kind, set.filters()) {
         (Kind::Polarization, _) => indexed
             .map(|(bracket, f)| {
                 let angle = f.analyser_deg.unwrap_or_default().to_radians();
-                View { bracket, position: [0, 0], block: 1, angle, said: angle }
+                View { bracket, pixels: vec![[0, 0]], block: 1, step: 1, angle, said: angle }
             })
             .collect(),
-        (Kind::DivisionOfFocalPlane, Some(layout)) => indexed
-            .flat_map(|(bracket, _)| (0..4).map(move |k| (bracket, [k % 2, k / 2])))
-            .map(|(bracket, position)| {
-                let angle = layout[position[1]][position[0]].to_radians();
-                View { bracket, position, block: 2, angle, said: angle }
+        (Kind::DivisionOfFocalPlane, Some(filters)) => indexed
+            .flat_map(|(bracket, _)| (0..4).map(move |k| (bracket, k)))
+            .map(|(bracket, k)| {
+                let (angle, block) = (filters.angles[k].to_radians(), filters.block());
+                let step = if demosaic == Demosaic::None { block } else { 1 };
+                View { bracket, pixels: filters.pixels(k, set.channel), block, step, angle, said: angle }
             })
             .collect(),
         _ => {

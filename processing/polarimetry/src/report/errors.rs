@@ -218,11 +218,18 @@ pub(crate) struct Shifts {
     pub sigma: f64,
 }
 
+/// By how much the pixels of a view lie beside the middle of their super-pixel, in pixels of the maps.
+fn beside(view: &View) -> [f64; 2] {
+    let mean = |axis: usize| view.pixels.iter().map(|p| p[axis] as f64 + 0.5).sum::<f64>() / view.pixels.len() as f64;
+    [0, 1].map(|axis| 0.5 - mean(axis) / view.block as f64)
+}
+
 /// None when nothing is known. The views of a polarization sensor's blocks are known to lie beside each other.
 fn of_shifts(views: &[View], alignment: Option<&Alignment>) -> Option<Shifts> {
     if views.iter().any(|v| v.block > 1) {
-        let beside = |v: &View| v.position.map(|p| 0.5 - (p as f64 + 0.5) / v.block as f64);
-        return Some(Shifts { known: views.iter().map(beside).collect(), sigma: 0.0 });
+        // Interpolated images lie on each other.
+        let known = if views.iter().any(|v| v.step > 1) { views.iter().map(beside).collect() } else { vec![] };
+        return Some(Shifts { known, sigma: 0.0 });
     }
     let Alignment { shifts_px, sigma_px, corrected, .. } = alignment?;
     let known = if *corrected { vec![] } else { shifts_px.clone() };

@@ -6,10 +6,10 @@ use crate::orientation::smooth::SPACE_SIGMA_PX;
 use crate::report::errors::Systematic;
 use crate::solve::Solved;
 use crate::{
-    Alignment, CircleCheck, Design, ErrorReport, FrameNoise, Illumination, Model, ModelReport, NoiseSource,
+    Alignment, CircleCheck, Demosaic, Design, ErrorReport, FrameNoise, Illumination, Model, ModelReport, NoiseSource,
     ObliqueReport, Options, PeriodReport, RepeatsReport, Smoothing,
 };
-use nacre_frames::LoadedFrames;
+use nacre_frames::{Channel, LoadedFrames};
 use serde::Serialize;
 
 /// Result of a polarization reconstruction, in words and numbers.
@@ -27,6 +27,9 @@ pub struct Report {
     pub width: usize,
     /// Rows of the map.
     pub height: usize,
+    /// How maps were made of frames of a polarization sensor; none for other photographs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<SensorReport>,
     /// Pixels counted, and their quality.
     pub pixels: Pixels,
     /// The noise model behind σ.
@@ -68,6 +71,27 @@ pub struct Report {
     pub frames: Vec<String>,
     /// Wall time per stage.
     pub seconds: Seconds,
+}
+
+/// How maps were made of frames of a polarization sensor.
+#[derive(Clone, Debug, Serialize)]
+pub struct SensorReport {
+    /// Pixels along the side of the sensor's super-pixel: 2, or 4 with colour filters.
+    pub superpixel_px: usize,
+    /// Pixels of the sensor along the side of a pixel of the maps: those of a super-pixel, or 1 where images were interpolated.
+    pub map_pixel_px: usize,
+    /// Colour whose pixels were used, of colour sensors; several in a super-pixel were averaged.
+    pub channel: Option<Channel>,
+    /// How images behind each polarizer were interpolated.
+    pub demosaic: Demosaic,
+}
+
+impl SensorReport {
+    fn new(frames: &LoadedFrames, demosaic: Demosaic) -> Option<Self> {
+        let superpixel_px = frames.set.filters()?.block();
+        let map_pixel_px = if demosaic == Demosaic::None { superpixel_px } else { 1 };
+        Some(Self { superpixel_px, map_pixel_px, channel: frames.set.channel, demosaic })
+    }
 }
 
 /// How many pixels carry an orientation and how well.
@@ -140,7 +164,6 @@ impl Report {
         solved: &Solved,
     ) -> Self {
         let (circle, choice) = (solved.circle, solved.choice.as_ref());
-        let block = if frames.set.layout.is_some() { 2 } else { 1 };
         let mean = |of: fn(&FrameNoise) -> f64| noise.iter().map(of).sum::<f64>() / noise.len().max(1) as f64;
         let set = &frames.set;
         let smooth = if asked == Model::Plain { Smoothing::NONE } else { options.smooth };
@@ -179,8 +202,9 @@ impl Report {
             model_reason: choice.map_or_else(|| reason().into(), |c| c.reason.clone()),
             models: choice.map(Choice::report).unwrap_or_default(),
             warnings,
-            width: frames.info.width / block,
-            height: frames.info.height / block,
+            width: solved.map.width,
+            height: solved.map.height,
+            sensor: SensorReport::new(frames, options.demosaic),
             error_estimate_deg: error.total_deg,
             error,
             pixels,
@@ -201,8 +225,8 @@ impl Report {
             oblique: solved.oblique.clone(),
             offset_deg: options.offset_deg,
             analyser_errors_deg: None,
-            analyser_deg: match set.layout {
-                Some(layout) => layout.concat().repeat(set.frames.len()),
+            analyser_deg: match set.filters() {
+                Some(filters) => filters.angles.repeat(set.frames.len()),
                 None => set.frames.iter().filter_map(|f| f.analyser_deg).collect(),
             },
             condition: design.condition,

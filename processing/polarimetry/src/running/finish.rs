@@ -79,7 +79,7 @@ impl Running {
     /// Stokes parameters of all pixels, and the noise of every view.
     fn solve_intensities(self, corrections: Corrections) -> Result<(Fitted, StokesMaps)> {
         let design = self.design()?;
-        let Self { frames, linearizer, brackets, views, sums, sample, read_and_fit_s, .. } = self;
+        let Self { frames, linearizer, brackets, views, demosaic, sums, sample, read_and_fit_s, .. } = self;
         let Corrections { alignment, angle_errors } = corrections;
         linearizer.rest();
         let mut maps = sums.solve(&design);
@@ -90,6 +90,7 @@ impl Running {
             brackets: &brackets,
             views: &views,
             sample: &sample,
+            demosaic,
             shifts: shifts(alignment.as_ref()),
         };
         let noise = noise_of(&taken, &mut maps, &design);
@@ -159,7 +160,7 @@ impl Fitted {
     fn request(&self, options: &Options, model: Model) -> Asked {
         let Self { frames, views, angles, .. } = self;
         let size = [frames.info.width, frames.info.height];
-        let stand = frames.set.geometry.and_then(|g| Stand::new(&g, size, views.first().map_or(1, |v| v.block)));
+        let stand = frames.set.geometry.and_then(|g| Stand::new(&g, size, views.first().map_or(1, |v| v.step)));
         Asked {
             offset: options.offset_deg.to_radians(),
             stand: stand.map(|stand| (stand, frames.set.material.unwrap_or_default())),

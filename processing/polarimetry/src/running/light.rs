@@ -4,6 +4,7 @@ use crate::angles::aligned::smoothed_noise;
 use crate::angles::repeats::{calibrate, pairs};
 use crate::angles::sample::Sample;
 use crate::fit::bracket::noise_of_bracket;
+use crate::fit::demosaic::Demosaic;
 use crate::fit::merge::Merge;
 use crate::fit::views::View;
 use crate::fit::weighted::{scale_variances, variance_factor};
@@ -40,14 +41,31 @@ pub(super) struct Photographed<'a> {
     pub brackets: &'a [Vec<usize>],
     pub views: &'a [View],
     pub sample: &'a Sample,
+    pub demosaic: Demosaic,
     /// Shifts in pixels that were undone, which smooths.
     pub shifts: Option<&'a [[f64; 2]]>,
 }
 
 /// Noise of every view: as given, or from repeats, or from the residuals, or assumed. Maps of merged exposures know their
 /// variances, which are corrected by the residuals where no noise is given.
+///
+/// Where images behind the sensor's polarizers are interpolated, the noise is that of independent images with the same noise of S1 and S2.
 pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
-    let Photographed { frames, linearizer, brackets, views, sample, shifts } = taken;
+    let variances = taken.demosaic.variances();
+    let of_residuals = variances.of_residuals(taken.views.len()) as f32;
+    if taken.demosaic != Demosaic::None {
+        maps.residual.iter_mut().for_each(|v| *v *= of_residuals);
+    }
+    let (mut noise, source) = noise_of_images(taken, maps, design);
+    if source != NoiseSource::Estimated {
+        noise.iter_mut().for_each(|n| *n = n.scaled(variances.stokes));
+    }
+    (noise, source)
+}
+
+/// The same, given or assumed of the sensor's pixels, or estimated from the residuals.
+fn noise_of_images(taken: &Photographed, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
+    let Photographed { frames, linearizer, brackets, views, sample, demosaic, shifts } = taken;
     let of_camera = || {
         let view = |v: &View| Merge::together(&noise_of_bracket(frames, linearizer, &brackets[v.bracket]));
         let mut noise: Vec<FrameNoise> = views.iter().map(view).collect();
@@ -61,8 +79,7 @@ pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Des
     }
     if !maps.covariance.is_empty() {
         let Some(factor) = variance_factor(maps, design) else { return (of_camera(), NoiseSource::Assumed) };
-        let scaled = |n: FrameNoise| FrameNoise { shot: n.shot * factor, floor: n.floor * factor };
-        let noise = of_camera().into_iter().map(scaled).collect();
+        let noise = of_camera().into_iter().map(|n| n.scaled(factor)).collect();
         scale_variances(maps, factor);
         return (noise, NoiseSource::Estimated);
     }
@@ -71,7 +88,9 @@ pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Des
     let scale = all.iter().map(|f| f.scale()).sum::<f64>() / all.len() as f64;
     let quantisation = (step * scale).powi(2) / 12.0;
     let black = linearizer.lowest().map_or(f64::NEG_INFINITY, |v| v * scale);
-    if let Some(noise) = calibrate(sample, &pairs(frames, views, sample.views()), black, quantisation) {
+    // Interpolated pixels share noise with their whole block, of which repeats are judged by their scatter.
+    let repeats = if *demosaic == Demosaic::None { pairs(frames, views, sample.views()) } else { vec![] };
+    if let Some(noise) = calibrate(sample, &repeats, black, quantisation) {
         return (vec![noise; views.len()], NoiseSource::Repeats);
     }
     match estimate_noise(maps, design) {
@@ -83,18 +102,19 @@ pub(super) fn noise_of(taken: &Photographed, maps: &mut StokesMaps, design: &Des
     }
 }
 
-/// Evens out illumination and vignetting: a common factor per pixel that no orientation depends on.
+/// Evens out illumination and vignetting: a common factor per pixel, of a sensor that of its whole super-pixel, that no orientation depends on.
 pub(super) fn divide_by_flat(frames: &LoadedFrames, linearizer: &Linearizer, maps: &mut StokesMaps) -> Result<()> {
     let Some(flat) = &frames.set.flat else { return Ok(()) };
     let light = linearizer.plane(&frames.file(flat))?;
-    let (block, width) = (frames.info.width / maps.width, frames.info.width);
+    let (step, width) = (frames.info.width / maps.width, frames.info.width);
+    let block = frames.set.filters().map_or(1, |f| f.block());
     let mean = light.iter().map(|&v| f64::from(v)).sum::<f64>() / light.len() as f64;
     if mean <= 0.0 {
         return Err(Error::file(&frames.file(flat), "is black", "give a photograph of an evenly lit white surface"));
     }
     let area = (block * block) as f32 * mean as f32;
     for i in 0..maps.s0.len() {
-        let (x, y) = (i % maps.width * block, i / maps.width * block);
+        let [x, y] = [i % maps.width, i / maps.width].map(|at| at * step / block * block);
         let sum: f32 = (0..block).flat_map(|j| light[(y + j) * width + x..][..block].iter()).sum();
         let factor = if sum > 0.0 { area / sum } else { f32::NAN };
         for plane in [&mut maps.s0, &mut maps.s1, &mut maps.s2] {

@@ -6,14 +6,15 @@ mod moved;
 
 use crate::angles::sample::{Sample, sampled};
 use crate::fit::bracket::{noise_of_bracket, read};
+use crate::fit::demosaic::Demosaic;
 use crate::fit::merge::Merge;
 use crate::fit::sums::Sums;
-use crate::fit::views::{View, brackets, views};
+use crate::fit::views::{Photograph, View, brackets, views};
 use crate::{Design, FrameNoise, NoiseSource, StokesMaps, check_memory};
 use light::{Photographed, noise_of};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
-use nacre_frames::{Frame, LinearFrame, Linearizer, LoadedFrames};
+use nacre_frames::{Frame, Linearizer, LoadedFrames};
 use nacre_image::registration::Registrar;
 use std::time::Instant;
 
@@ -28,6 +29,7 @@ pub struct Running {
     /// Numbers of the photographs that are merged into one view each.
     pub(crate) brackets: Vec<Vec<usize>>,
     pub(crate) views: Vec<View>,
+    demosaic: Demosaic,
     pub(crate) sums: Sums,
     /// A few pixels of every view.
     pub(crate) sample: Sample,
@@ -39,12 +41,13 @@ pub struct Running {
 }
 
 impl Running {
-    /// Begins with a set whose photographs are all there, or will be when they are asked for.
+    /// Begins with a set whose photographs are all there, or will be when they are asked for. Interpolated images are of raw frames of
+    /// monochrome sensors, one exposure each.
     ///
     /// # Errors
     /// `Input` when the set is of another kind or its angles cannot tell an orientation.
-    pub fn new(frames: LoadedFrames) -> Result<Self> {
-        let running = Self::open(frames)?;
+    pub fn new(frames: LoadedFrames, demosaic: Demosaic) -> Result<Self> {
+        let running = Self::begin(frames, demosaic)?;
         running.design()?;
         Ok(running)
     }
@@ -55,17 +58,32 @@ impl Running {
     /// # Errors
     /// `Input` when the set is of another kind or needs more memory than there is.
     pub fn open(frames: LoadedFrames) -> Result<Self> {
-        check_memory(&frames)?;
+        Self::begin(frames, Demosaic::None)
+    }
+
+    fn begin(frames: LoadedFrames, demosaic: Demosaic) -> Result<Self> {
+        check_memory(&frames, demosaic)?;
         let brackets = brackets(&frames.set.frames);
-        let views = views(&frames, &brackets)?;
+        let views = views(&frames, &brackets, demosaic)?;
         let linearizer = Linearizer::new(&frames)?;
-        let block = views.first().map_or(1, |v| v.block);
-        let size = [frames.info.width / block, frames.info.height / block];
+        let (block, step) = views.first().map_or((1, 1), |v| (v.block, v.step));
+        let size = [frames.info.width / step, frames.info.height / step];
         let sums = Sums::new(brackets.iter().any(|b| b.len() > 1), size[0], size[1]);
         let registered = block == 1 && views.len() <= REGISTERED;
         let registrar = registered.then(|| Registrar::new(size[0], size[1]));
         let sample = Sample::new(size[0], size[1]);
-        Ok(Self { frames, linearizer, brackets, views, sums, sample, registrar, added: 0, read_and_fit_s: 0.0 })
+        Ok(Self {
+            frames,
+            linearizer,
+            brackets,
+            views,
+            demosaic,
+            sums,
+            sample,
+            registrar,
+            added: 0,
+            read_and_fit_s: 0.0,
+        })
     }
 
     /// More photographs of the series: all those at its next analyser angle. They are taken in by [`Self::add`].
@@ -77,7 +95,7 @@ impl Running {
         let first = self.frames.set.frames.len();
         self.brackets.extend(brackets(&photographs).into_iter().map(|b| b.into_iter().map(|k| first + k).collect()));
         self.frames.set.frames.extend(photographs);
-        self.views = views(&self.frames, &self.brackets)?;
+        self.views = views(&self.frames, &self.brackets, self.demosaic)?;
         if self.views.len() > REGISTERED {
             self.registrar = None;
         }
@@ -104,9 +122,9 @@ impl Running {
     /// `Input` when it cannot be read or there is none left.
     pub fn add(&mut self) -> Result<()> {
         let begun = Instant::now();
-        let Self { frames, linearizer, brackets, views, sums, sample, registrar, added, .. } = self;
+        let Self { frames, linearizer, brackets, views, demosaic, sums, sample, registrar, added, .. } = self;
         let bracket = brackets.get(*added).map_or(&[][..], |b| b);
-        let taken = Taken::new(frames, linearizer, bracket)?;
+        let taken = Taken::new(frames, linearizer, bracket, *demosaic)?;
         fold((sums, sample, registrar), views, *added, &[taken]);
         self.added += 1;
         self.read_and_fit_s += begun.elapsed().as_secs_f64();
@@ -118,11 +136,11 @@ impl Running {
     pub(crate) fn add_all(&mut self, progress: &dyn Progress) -> Result<()> {
         let (begun, all) = (Instant::now(), self.brackets.len());
         progress.stage("reading and fitting", all as u64);
-        let Self { frames, linearizer, brackets, views, sums, sample, registrar, added, .. } = self;
+        let Self { frames, linearizer, brackets, views, demosaic, sums, sample, registrar, added, .. } = self;
         while *added < all {
             progress.check()?;
             let first = *added;
-            let take = |i: usize| Taken::new(frames, linearizer, &brackets[i]);
+            let take = |i: usize| Taken::new(frames, linearizer, &brackets[i], *demosaic);
             let (a, b) = rayon::join(|| take(first), || (first + 1 < all).then(|| take(first + 1)));
             let taken = [Some(a), b].into_iter().flatten().collect::<Result<Vec<_>>>()?;
             fold((&mut *sums, &mut *sample, &mut *registrar), views, first, &taken);
@@ -136,20 +154,21 @@ impl Running {
     /// Noise of the maps so far.
     pub(crate) fn noise(&self, maps: &mut StokesMaps, design: &Design) -> (Vec<FrameNoise>, NoiseSource) {
         let views = &self.views[..self.sums.views()];
-        let Self { frames, linearizer, brackets, sample, .. } = self;
-        noise_of(&Photographed { frames, linearizer, brackets, views, sample, shifts: None }, maps, design)
+        let Self { frames, linearizer, brackets, sample, demosaic, .. } = self;
+        let taken = Photographed { frames, linearizer, brackets, views, sample, demosaic: *demosaic, shifts: None };
+        noise_of(&taken, maps, design)
     }
 }
 
 /// The decoded photographs of a bracket, and how they are merged.
 struct Taken<'a> {
-    photographs: Vec<LinearFrame<'a>>,
+    photographs: Vec<Photograph<'a>>,
     merge: Merge,
 }
 
 impl<'a> Taken<'a> {
-    fn new(frames: &LoadedFrames, linearizer: &'a Linearizer, bracket: &[usize]) -> Result<Self> {
-        let photographs = read(frames, linearizer, bracket)?;
+    fn new(frames: &LoadedFrames, linearizer: &'a Linearizer, bracket: &[usize], demosaic: Demosaic) -> Result<Self> {
+        let photographs = read(frames, linearizer, bracket, demosaic)?;
         Ok(Self { photographs, merge: Merge::new(noise_of_bracket(frames, linearizer, bracket)) })
     }
 }
@@ -165,8 +184,8 @@ fn fold(
     let seen: Vec<(&View, &Taken)> = views.iter().filter_map(|v| Some((v, of(v)?))).collect();
     let angles: Vec<(f64, &Merge)> = seen.iter().map(|(view, taken)| (view.angle, &taken.merge)).collect();
     let row = |v: usize, k: usize, row: usize, light: &mut [f32], bad: &mut [u8]| {
-        let (View { position: [x, y], block, .. }, taken) = seen[v];
-        taken.photographs[k].strided(row * block + y, *x, *block, light, bad);
+        let (view, taken) = seen[v];
+        taken.photographs[k].row(view, row, light, bad);
     };
     sums.add_several(&angles, row);
     for (v, (_, taken)) in seen.iter().enumerate() {
@@ -175,10 +194,10 @@ fn fold(
     let Some(registrar) = registrar else { return };
     for Taken { photographs, merge } in taken {
         match photographs.as_slice() {
-            [one] => registrar.add(|y, left, light, bad| one.strided(y, left, 1, light, bad)),
+            [one] => registrar.add(|y, left, light, bad| one.frame.strided(y, left, 1, light, bad)),
             several => registrar.add(|y, left, light, bad| {
                 let mut variances = vec![0.0; light.len()];
-                merge.row(|k, light, bad| several[k].strided(y, left, 1, light, bad), light, &mut variances, bad);
+                merge.row(|k, light, bad| several[k].frame.strided(y, left, 1, light, bad), light, &mut variances, bad);
             }),
         }
     }

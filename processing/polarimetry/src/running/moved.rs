@@ -4,6 +4,7 @@ use super::Running;
 use crate::angles::aligned::{AngleErrors, alignment};
 use crate::angles::sample::{Sample, sampled};
 use crate::fit::bracket::{noise_of_bracket, read};
+use crate::fit::demosaic::Demosaic;
 use crate::fit::merge::Merge;
 use crate::fit::sums::Sums;
 use crate::{Align, Alignment};
@@ -46,11 +47,11 @@ fn fit_moved_back(running: &Running, shifts: &[[f64; 2]], progress: &dyn Progres
     for (view, shift) in views.iter().zip(shifts) {
         progress.check()?;
         let bracket = &brackets[view.bracket];
-        let photographs = read(frames, linearizer, bracket)?;
+        let photographs = read(frames, linearizer, bracket, Demosaic::None)?;
         let back = Resampler::new(*shift, width, height);
         let merge = Merge::new(noise_of_bracket(frames, linearizer, bracket)).scaled(back.noise_factor());
         let row = |k: usize, y: usize, values: &mut [f32], bad: &mut [u8]| {
-            back.row(y, |y, v, b| photographs[k].row(y, v, b), values, bad);
+            back.row(y, |y, v, b| photographs[k].row(view, y, v, b), values, bad);
         };
         sums.add(view.angle, &merge, row);
         sampled(&mut sample, photographs.len(), &merge, row);

@@ -4,3 +4,4 @@ pub(crate) mod bracket;
 pub(crate) mod plain;
 pub(crate) mod precision;
 pub(crate) mod repeats;
+pub(crate) mod sensor;

@@ -1,6 +1,7 @@
 //! Studies of polarization imaging (2018 paper, section 5): how many frames, what precision, which model, and what breaks
 //! each of them. Scenes are synthetic series, so the truth is known.
 
+mod demosaic;
 mod frames;
 mod illumination;
 mod maps;
@@ -25,6 +26,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
         illumination::study(effort),
     ];
     all.extend(stress::studies(effort));
+    all.extend(demosaic::studies(effort));
     all
 }
 

@@ -4,7 +4,8 @@ use crate::commands::said::{lines, meets};
 use crate::console::Console;
 use nacre_capture::Failure;
 use nacre_polarimetry::{
-    Align, AngleSource, ErrorReport, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report, Smoothing,
+    Align, AngleSource, Demosaic, ErrorReport, Metal, Model, Oblique, Options, PeriodMethod, PeriodReport, Report,
+    SensorReport, Smoothing,
 };
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ Examples:
   nacre reconstruct polarization session --out result
   nacre reconstruct polarization series/frames.json --out result --force --json
   nacre reconstruct polarization series --out result --model auto
+  nacre reconstruct polarization sensor --out result --demosaic edge-aware
   nacre reconstruct polarization session --out result --offset-deg 12.5 --smooth strong
   nacre reconstruct polarization session --out result --contrast-period 1.2,3 --depth-um 0.1
   nacre reconstruct polarization session --out result --relative-period 0.7,2
@@ -46,6 +48,12 @@ pub struct Polarization {
     /// it; off leaves it, and σ holds it.
     #[arg(long, default_value = "off", value_name = "auto|off")]
     oblique: Oblique,
+    /// Maps of a monochrome polarization sensor in full size: how images behind each polarizer are interpolated (model plain).
+    ///
+    /// none: one map pixel per 2×2 super-pixel, the fastest and least noisy. bilinear: means of the nearest pixels. edge-aware:
+    /// along edges, by Newton polynomials of the difference between polarizers (Li et al. 2019).
+    #[arg(long, default_value = "none", value_name = "none|bilinear|edge-aware")]
+    demosaic: Demosaic,
     /// Degrees added to every orientation, where one is known.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     offset_deg: f64,
@@ -104,6 +112,7 @@ impl Polarization {
             model: self.model,
             align: self.align,
             oblique: self.oblique,
+            demosaic: self.demosaic,
             offset_deg: self.offset_deg,
             smooth: self.smooth,
             smooth_maps: self.smooth_maps,
@@ -152,6 +161,9 @@ pub fn summary(report: &Report) -> String {
         report.model,
         report.model_reason
     );
+    if let Some(sensor) = &report.sensor {
+        let _ = writeln!(text, "sensor    {}", map_pixel(sensor));
+    }
     let plain = report.model == Model::Plain.word();
     let carry = if plain { "have an angle of polarization" } else { "carry an orientation" };
     let bare = |n: usize| if plain { String::new() } else { format!("{:.1} % metal without a grating, ", percent(n)) };
@@ -197,6 +209,17 @@ pub fn summary(report: &Report) -> String {
         s.total, s.read_and_fit, s.solve, s.write
     );
     text
+}
+
+/// What a pixel of the maps is on the sensor.
+fn map_pixel(sensor: &SensorReport) -> String {
+    let side = sensor.map_pixel_px;
+    match (sensor.demosaic, sensor.channel) {
+        (Demosaic::None, None) => format!("one map pixel per {side} × {side} pixels"),
+        (Demosaic::None, Some(channel)) => format!("one map pixel per {side} × {side} pixels, {}", channel.name()),
+        (Demosaic::Bilinear, _) => "one map pixel per pixel, by bilinear interpolation".into(),
+        (Demosaic::EdgeAware, _) => "one map pixel per pixel, by edge-aware interpolation".into(),
+    }
 }
 
 /// What the error is made of.
