@@ -48,13 +48,15 @@ export function optionFields(report = {}) {
   const demosaic = select(DEMOSAICS, report.sensor?.demosaic ?? "none", { id: "demosaic" });
   const demosaicField = field("Interpolation of sensor frames", demosaic, { hint: "Of monochrome polarization sensors; model plain only" });
   // Smoothing, offset, oblique incidence and periods are of gratings.
+  const align = h("input", { type: "checkbox", id: "align", checked: report.registration?.corrected ?? false });
+  const alignRow = h("label", { class: "check" }, align, h("span", {}, "Move photographs that are shifted against each other back"));
   const offsetField = field("Offset (°)", offset, { hint: "The method leaves one open; set it where one orientation is known" });
   const smoothField = field("Smoothing of pictures", smooth);
   const periodField = field("Periods", from);
   const ofGratings = () => model.value !== "plain";
   function gratings() {
     for (const row of [obliqueRow, offsetField, smoothField, periodField]) row.hidden = !ofGratings();
-    demosaicField.hidden = ofGratings();
+    demosaicField.hidden = alignRow.hidden = ofGratings();
     for (const row of [mapsRow, fullRow]) row.hidden = !ofGratings() || smooth.value === "none";
     if (ofGratings()) paint();
     else range.hidden = assumed.hidden = true;
@@ -62,7 +64,7 @@ export function optionFields(report = {}) {
   for (const choice of [model, smooth]) choice.addEventListener("change", gratings);
   gratings();
   const element = h("div", { class: "stack" }, h("div", { class: "fields" }, field("Model", model), offsetField, demosaicField),
-    obliqueRow, smoothField, mapsRow, fullRow, periodField, range, assumed);
+    alignRow, obliqueRow, smoothField, mapsRow, fullRow, periodField, range, assumed);
   function period() {
     const range_um = [shortest.valueAsNumber, longest.valueAsNumber];
     if (from.value === "") return null;
@@ -78,6 +80,6 @@ export function optionFields(report = {}) {
         method: "polarization", ...(model.value && { model: model.value }), oblique: oblique.checked ? "auto" : "off", offset_deg: offset.valueAsNumber || 0,
         smooth: smooth.value, smooth_maps: maps.checked && smooth.value !== "none", smoothed_exr: full.checked && smooth.value !== "none", period: period(),
       }
-      : { method: "polarization", model: "plain", demosaic: demosaic.value }),
+      : { method: "polarization", model: "plain", align: align.checked ? "auto" : "off", demosaic: demosaic.value }),
   };
 }

@@ -187,6 +187,7 @@ export async function uploadPage(main, { signal }) {
     start.disabled = true;
     const total = photographs.reduce((sum, p) => sum + p.file.size, 0);
     say(progress, `Uploading ${bytes(total)}…`);
+    /** @type {Record<string, any>} */
     const description = source.value === "sensor"
       ? { kind: "division_of_focal_plane", ...filtersOnPixels(), frames: photographs.map((p) => ({ file: p.file.name })) }
       : { kind: "polarization", frames: photographs.map((p) => ({ file: p.file.name, analyser_deg: p.deg })) };

@@ -9,7 +9,7 @@ use axum::response::{IntoResponse, Response};
 use nacre_capture::fields::fields;
 use nacre_capture::plan::Method;
 use nacre_capture::session::SESSION_FILE;
-use nacre_polarimetry::{Demosaic, Oblique, PeriodMethod, Smoothing};
+use nacre_polarimetry::{Align, Demosaic, Oblique, PeriodMethod, Smoothing};
 use nacre_render::SoFar;
 use nacre_store::jobs::{Job, JobState, LightUpload, Spec};
 use serde::{Deserialize, Serialize};
@@ -62,6 +62,10 @@ pub struct Request {
     /// where the camera stood and the points are likelier then.
     #[schema(value_type = Option<String>, example = "off")]
     oblique: Option<Oblique>,
+    /// Whether photographs that are shifted against each other are moved back: `auto`, where that is worth it (the default of models of
+    /// gratings), or `off` (the default of the model plain).
+    #[schema(value_type = Option<String>, example = "auto")]
+    align: Option<Align>,
     /// Maps of a monochrome polarization sensor in full size: how images behind each polarizer are interpolated, `bilinear` or `edge-aware`
     /// (model plain). Default: `none`, one pixel per super-pixel.
     #[schema(value_type = Option<String>, example = "none")]
@@ -257,6 +261,7 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         options: body.options,
         model: body.model.unwrap_or_default(),
         oblique: body.oblique.unwrap_or_default(),
+        align: body.align,
         demosaic: body.demosaic.unwrap_or_default(),
         offset_deg,
         smooth: body.smooth.unwrap_or_default(),

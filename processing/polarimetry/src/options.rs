@@ -10,8 +10,8 @@ use nacre_frames::{Illumination, LoadedFrames};
 pub struct Options {
     /// The model; [`Options::model_for`] says which one is the default.
     pub model: Option<Model>,
-    /// Whether photographs are moved back onto each other.
-    pub align: Align,
+    /// Whether photographs are moved back onto each other; [`Options::align_for`] says which is the default.
+    pub align: Option<Align>,
     /// Whether oblique incidence is taken out.
     pub oblique: Oblique,
     /// How images behind each polarizer of a sensor are made.
@@ -40,6 +40,12 @@ impl Options {
             Illumination::LinearPanel | Illumination::Other => false,
         };
         self.model.unwrap_or(if circular { Model::Auto } else { Model::Plain })
+    }
+
+    /// Whether photographs are moved back. By default under models of gratings; plain polarimetry leaves the photographs as they are, and says where
+    /// they are shifted.
+    pub fn align_for(&self, frames: &LoadedFrames) -> Align {
+        self.align.unwrap_or(if self.model_for(frames) == Model::Plain { Align::Off } else { Align::Auto })
     }
 
     /// Refuses what makes no sense, before anything is done; returns how periods are told, with the photographs' wavelength.

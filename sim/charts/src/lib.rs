@@ -81,7 +81,7 @@ impl Bench {
 
 /// Photographs that a wedged analyser shifts.
 fn registration(effort: Effort) -> Study {
-    let options = |align| Options { model: Some(Model::Sinusoid), align, ..Options::default() };
+    let options = |align| Options { model: Some(Model::Sinusoid), align: Some(align), ..Options::default() };
     Bench {
         name: "stress-wedge",
         title: "Photographs shifted by a wedged analyser",

@@ -66,6 +66,9 @@ pub struct Spec {
     /// Whether oblique incidence is taken out. Jobs of earlier versions do not say.
     #[serde(default)]
     pub oblique: Oblique,
+    /// Whether photographs are moved back onto each other; the default of the model where it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub align: Option<Align>,
     /// How images behind the polarizers of a sensor are interpolated. Jobs of earlier versions do not say.
     #[serde(default)]
     pub demosaic: Demosaic,
@@ -137,7 +140,7 @@ impl Spec {
         let model = Some(self.model.as_str()).filter(|word| !word.is_empty()).map(parsed).transpose()?;
         Ok(Options {
             model,
-            align: Align::Auto,
+            align: self.align,
             oblique: self.oblique,
             demosaic: self.demosaic,
             offset_deg: self.offset_deg,

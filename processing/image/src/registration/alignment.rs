@@ -64,8 +64,8 @@ impl Alignment {
         self.is_left().then(|| {
             let left = self.left_px();
             format!(
-                "photographs lie {left:.2} pixels from each other (root mean square) and are left so, as asked: wherever the sample changes they show \
-                 different places, which widens σ; leave out --align off to have them moved back"
+                "photographs are shifted by {left:.2} pixels against each other (root mean square), and not moved back: at edges they show different \
+                 places, which widens σ; --align auto moves them back"
             )
         })
     }

@@ -254,8 +254,8 @@ fn default_reason(light: Illumination, grating_like: bool) -> &'static str {
             "the default under a linear panel: models of gratings assume circular light, which needs a quarter-wave retarder"
         }
         (_, true) => {
-            "the default unless a circular panel is declared; the points (S1/S0, S2/S0) lie on a circle to their noise, as of a grating under \
-             circular light: if it is one, choose the model auto for orientations"
+            "the default unless a circular panel is declared. The points (S1/S0, S2/S0) lie on a circle, as of a grating under circular light: the \
+             model auto would find its orientation"
         }
         (Illumination::Unknown, _) => {
             "the default where the illumination is unknown; choose the model auto if this is a grating lit by a circular panel"

@@ -33,7 +33,7 @@ impl Running {
     pub fn finish(mut self, folder: OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
         let period = options.check(&self.frames)?;
         let model = options.model_for(&self.frames);
-        let corrections = self.correct(options.align, progress)?;
+        let corrections = self.correct(options.align_for(&self.frames), progress)?;
         let start = Instant::now();
         let (fitted, mut maps) = self.solve_intensities(corrections)?;
         let writer = Writer { folder: &folder, frames: &fitted.frames, options, model, progress };

@@ -63,7 +63,7 @@ impl Series {
     pub(crate) fn reconstructed(&self, folder: &Path, told: Option<NoiseModel>) -> Report {
         self.photograph(folder, told);
         // Moving photographs back smooths their noise.
-        let (model, align, smooth) = (Some(crate::Model::Sinusoid), Align::Off, Smoothing::NONE);
+        let (model, align, smooth) = (Some(crate::Model::Sinusoid), Some(Align::Off), Smoothing::NONE);
         let options = Options { model, align, smooth, ..Options::default() };
         reconstruct(folder, &folder.join("out"), &options, &Silent).unwrap()
     }

@@ -41,9 +41,10 @@ pub struct Polarization {
     /// centre of the circle that they lie on; curve: the nearest place on the curve of the fitted film.
     #[arg(long, value_name = "MODEL")]
     model: Option<Model>,
-    /// auto moves photographs that lie shifted against each other back, where that is worth it; off leaves them.
-    #[arg(long, default_value = "auto", value_name = "auto|off")]
-    align: Align,
+    /// auto moves photographs that are shifted against each other back, where that is worth it; off leaves them [default: auto for models
+    /// of gratings, off for plain].
+    #[arg(long, value_name = "auto|off")]
+    align: Option<Align>,
     /// auto takes out what oblique incidence does, where the photographs say where the camera stood and fit better with
     /// it; off leaves it, and σ holds it.
     #[arg(long, default_value = "off", value_name = "auto|off")]

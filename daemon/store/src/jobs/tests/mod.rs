@@ -39,6 +39,7 @@ fn spec(model: &str) -> Spec {
         options: None,
         model: model.into(),
         oblique: Oblique::Auto,
+        align: Some(Align::Off),
         demosaic: Demosaic::EdgeAware,
         offset_deg: 1.25,
         smooth: Smoothing::LIGHT,
