@@ -47,6 +47,10 @@ const WORTH: f64 = 0.05 * PI / 180.0;
 const DRIFT: f64 = 1e-3;
 const DRIFT_SIGMA: f64 = 5.0;
 
+/// Least variance of the polarization over the pixels, relative to the square of the light, from which angles and light can be told apart: points
+/// (S1/S0, S2/S0) that scatter by 3 %.
+const VARIED: f64 = 1e-3;
+
 /// And nor are they where no more than this share of it can be told.
 const KNOWN: f64 = 0.5;
 
@@ -95,7 +99,7 @@ pub fn misses(
 }
 
 /// The same, also where no correction is worth it. None where nothing can be told.
-fn estimate(
+pub(super) fn estimate(
     views: &[&[f32]],
     angles: &[f64],
     stated: Option<f64>,
@@ -105,6 +109,9 @@ fn estimate(
         return None;
     }
     let n = angles.len();
+    if !is_varied(views, angles, &fit)? {
+        return None;
+    }
     let mut errors: DVector<f64> = DVector::zeros(n);
     let mut last = None;
     for _ in 0..PASSES {
@@ -127,6 +134,15 @@ fn estimate(
     };
     let lights = centred(found.rows(LIGHT * n, n).into_owned());
     Some(Misses { errors: centred(errors), left: left(ANGLE), lights, lights_left: left(LIGHT) })
+}
+
+/// Whether polarization varies over the pixels: where it does not, errors of angles and changes of the light look the same.
+fn is_varied(views: &[&[f32]], angles: &[f64], fit: impl Fn(&[f64], &Design) -> StokesMaps) -> Option<bool> {
+    let design = Design::new(angles).ok()?;
+    let moments = Evidence::new(views, &design, &fit(angles, &design))?.all().moments;
+    let mut eigenvalues: Vec<f64> = moments.symmetric_eigenvalues().iter().copied().collect();
+    eigenvalues.sort_by(f64::total_cmp);
+    Some(eigenvalues[1] > VARIED * eigenvalues[2])
 }
 
 fn root_mean_square(errors: &[f64]) -> f64 {

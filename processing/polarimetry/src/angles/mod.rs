@@ -2,6 +2,8 @@
 
 pub(crate) mod aligned;
 pub(crate) mod angle_error;
+#[cfg(test)]
+mod drift_tests;
 pub(crate) mod duplicates;
 pub(crate) mod layout;
 pub(crate) mod repeats;

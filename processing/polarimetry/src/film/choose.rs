@@ -46,9 +46,6 @@ const FEW_CURVE_POINTS: usize = 1000;
 /// tell less of the orientations in view; 50 would leave out 13 more of all 606.
 const HOPELESS: f64 = 100.0;
 
-/// A curve that is less likely by more than this (-2 ln) than another one that it could be is not where it could be: two standard deviations.
-const AS_LIKELY: f64 = 4.0;
-
 /// How much farther along a curve that is taken for a circle points are off than across it: the median of the 146 films drawn in `choose_tests`
 /// that leave a circle by more than their noise (a tenth of them less than 1.8, a tenth more than 11.7).
 const BENT: f64 = 6.0;
@@ -76,7 +73,7 @@ pub(crate) struct Choice {
     pub chosen: usize,
     /// The one that is taken for right: the chosen one, or the likeliest where another one was asked for.
     pub right: usize,
-    /// -2 ln likelihood of the points that models are compared on under the chosen one, its parameters paid for.
+    /// Penalised −2 ln likelihood of the chosen model.
     pub likelihood: f64,
     /// How much larger than the noise the scatter about the chosen curve is, as a variance.
     pub widened: f64,
@@ -250,8 +247,7 @@ fn compare(candidates: &mut Vec<Candidate>, points: &[CloudPoint], widened: f64)
     hopeful.into_iter().zip(first).map(or_scaled).collect()
 }
 
-/// The candidates, simplest first as before, those that are not hopeless as likely as they can be. Whatever explains the points with fewer
-/// parameters does so with more: where no curve of more is as likely, its search ended elsewhere, and one goes on from there.
+/// The candidates, simplest first as before; the likelihood of those that are not hopeless is maximised.
 fn made_likeliest(
     pairs: &[(Candidate, Evidence)],
     hopeless: f64,
@@ -260,11 +256,7 @@ fn made_likeliest(
 ) -> (Vec<Candidate>, Vec<Evidence>) {
     let mut done: Vec<(Candidate, Evidence)> = vec![];
     for of_set in pairs.chunk_by(|(a, _), (b, _)| (a.model, a.extended) == (b.model, b.extended)) {
-        let likeliest = |all: &[(Candidate, Evidence)]| {
-            let films = all.iter().filter(|(c, _)| c.film.is_some());
-            films.min_by(|a, b| a.1.likelihood.total_cmp(&b.1.likelihood)).map(|(c, e)| (c.clone(), e.likelihood))
-        };
-        let (simpler, first) = (likeliest(&done), done.len());
+        let first = done.len();
         for (candidate, before) in of_set {
             let hopeful = before.total <= hopeless;
             let Some(now) = candidate.film.filter(|_| hopeful).and_then(|film| likelier(candidate, film, noisier))
@@ -282,14 +274,6 @@ fn made_likeliest(
                 Some(known) => *known = now,
                 None => done.push(now),
             }
-        }
-        let least = likeliest(&done[first..]).map_or(f64::INFINITY, |(_, likelihood)| likelihood);
-        if let (Some((simpler, of_simpler)), Some((richer, _))) = (simpler, of_set.first())
-            && of_simpler + AS_LIKELY < least
-        {
-            let gone_on = simpler.film.and_then(|film| likelier(richer, film, noisier));
-            let now = gone_on.map(|c| Candidate { widened: simpler.widened.min(c.widened), ..c });
-            done.extend(now.map(|c| (c.clone(), evidence(&c))));
         }
     }
     done.into_iter().unzip()
@@ -382,7 +366,7 @@ fn reason(
         return "asked for".into();
     }
     if enough && candidates[chosen].model == Model::Sinusoid {
-        return "(S1/S0, S2/S0) lie on a circle about the origin to their noise, so nothing more is needed".into();
+        return "the points (S1/S0, S2/S0) lie on a circle about the origin to their noise".into();
     }
     if candidates.len() == 1 {
         return "the points (S1/S0, S2/S0) lie together away from the origin: they cannot tell a film from polarized light".into();
@@ -393,11 +377,10 @@ fn reason(
     let simpler = (0..candidates.len()).filter(|k| candidates[*k].parameters < candidates[chosen].parameters);
     match simpler.min_by(|a, b| behind[*a].total_cmp(&behind[*b])) {
         Some(next) => format!(
-            "it explains the points (S1/S0, S2/S0) better than {} by {:.0} in -2 ln likelihood, its {} parameters paid for",
+            "preferred over {} (penalised −2 ln likelihood lower by {:.0})",
             candidates[next].name(),
-            behind[next] - behind[chosen],
-            candidates[chosen].parameters
+            behind[next] - behind[chosen]
         ),
-        None => "nothing more explains the points (S1/S0, S2/S0) better".into(),
+        None => "no model with more parameters explains the points (S1/S0, S2/S0) better".into(),
     }
 }

@@ -7,9 +7,15 @@
 //! | `circle` | a circle about any centre | a weak film |
 //! | `curve` | the closed curve of the 2018 paper's Eq. 4-6 | any film; with the axis, and where needed the front reflection and the retarder's error, fitted as well |
 //!
-//! The better the model the more there is to fit, and what the points cannot tell apart is noise in the result. So `auto`
-//! takes the model of most evidence: -2 ln likelihood of each half of the points where the distribution of the orientations in
-//! view is that of the other half, and what its parameters must be worth (Laplace's factor for curves, Schwarz' for circles).
+//! More parameters explain the points better, and add their own uncertainty to the result. So `auto` compares the models by their
+//! penalised −2 ln likelihood, and takes the simplest of those near the minimum:
+//!
+//! - The likelihood of each half of the points is that under the distribution of orientations of the other half (nonparametric maximum
+//!   likelihood, Kiefer and Wolfowitz 1956).
+//! - The penalty is Laplace's factor for curves, whose parameters have priors, and k ln n for circles (BIC, Schwarz 1978).
+//! - Whether a difference may be chance is judged by the test of Vuong (1989): its standard deviation over the points.
+//!
+//! docs/models.md lists the thresholds of the decision and the scenes that need each of them.
 
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::curve::{Curve, Film};
@@ -131,14 +137,14 @@ pub(crate) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
     found
 }
 
-/// How likely the points are under a candidate.
+/// Penalised likelihood of a candidate.
 #[derive(Clone)]
 pub(crate) struct Evidence {
-    /// -2 ln likelihood, the parameters paid for.
+    /// Penalised −2 ln likelihood.
     pub total: f64,
-    /// The same without what its parameters must be worth.
+    /// −2 ln likelihood of the points and the prior of the parameters, without the penalty.
     pub likelihood: f64,
-    /// What each point adds.
+    /// Contribution of each point.
     pub terms: Vec<f64>,
 }
 
@@ -148,7 +154,7 @@ impl Evidence {
         Self { total: best + scale * (self.total - least), terms: vec![], ..self }
     }
 
-    /// Standard deviation that the difference of two has by chance (Vuong 1989): how differently the single points decide.
+    /// Standard deviation of the difference of two −2 ln likelihoods by chance: √n times that of its contributions by single points (Vuong 1989).
     pub fn chance(&self, other: &Self) -> f64 {
         let n = self.terms.len().max(1) as f64;
         let differences = || self.terms.iter().zip(&other.terms).map(|(a, b)| a - b);
@@ -170,8 +176,7 @@ impl Candidate {
         (at.iter().map(|p| (p[0] - middle[0]).powi(2) + (p[1] - middle[1]).powi(2)).sum::<f64>() / 64.0).sqrt()
     }
 
-    /// -2 ln likelihood of points whose variances are `widened` times their noise, and what its parameters must be worth
-    /// (Schwarz).
+    /// Penalised −2 ln likelihood of points whose variances are `widened` times their noise.
     pub(crate) fn evidence(&self, points: &[CloudPoint], widened: f64) -> Evidence {
         let points: Vec<CloudPoint> = points.iter().map(|p| p.with_noise(widened)).collect();
         let terms = if points.len() < MIXTURE {
@@ -184,7 +189,7 @@ impl Candidate {
 
     /// The same, given what each point adds.
     pub(crate) fn paid(&self, terms: Vec<f64>) -> Evidence {
-        // Laplace's factor, or Schwarz' for it.
+        // Laplace's factor where parameters have priors, else that of Schwarz.
         let paid = self.told.unwrap_or(self.parameters as f64 * (terms.len().max(2) as f64).ln());
         let likelihood = terms.iter().sum::<f64>() + self.prior;
         Evidence { total: likelihood + paid, likelihood, terms }
