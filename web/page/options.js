@@ -3,7 +3,7 @@
 import { field, h, number, select } from "./dom.js";
 import { MODELS } from "./plan.js";
 
-const ALL_MODELS = [["", "Gratings for sessions, plain polarization for uploads"], ["plain", "Plain: Stokes, angle and degree of polarization"], ...MODELS];
+const ALL_MODELS = [["", "By the illumination: gratings under a circular panel, else plain"], ["plain", "Plain: Stokes, angle and degree of polarization"], ...MODELS];
 
 const SMOOTHINGS = [["none", "None"], ["light", "Light (10 rounds)"], ["strong", "Strong (50 rounds)"]];
 const DEMOSAICS = [["none", "None: one pixel per super-pixel"], ["bilinear", "Bilinear: full size"], ["edge-aware", "Edge-aware: full size (Li et al. 2019)"]];
@@ -47,9 +47,9 @@ export function optionFields(report = {}) {
   }
   const demosaic = select(DEMOSAICS, report.sensor?.demosaic ?? "none", { id: "demosaic" });
   const demosaicField = field("Interpolation of sensor frames", demosaic, { hint: "Of monochrome polarization sensors; model plain only" });
-  // Smoothing, offset, oblique incidence and periods are of gratings.
   const align = h("input", { type: "checkbox", id: "align", checked: report.registration?.corrected ?? false });
   const alignRow = h("label", { class: "check" }, align, h("span", {}, "Move photographs that are shifted against each other back"));
+  // Smoothing, offset, oblique incidence and periods are of gratings.
   const offsetField = field("Offset (°)", offset, { hint: "The method leaves one open; set it where one orientation is known" });
   const smoothField = field("Smoothing of pictures", smooth);
   const periodField = field("Periods", from);

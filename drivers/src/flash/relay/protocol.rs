@@ -9,13 +9,16 @@ pub const STATUS_REPORT: u8 = 1;
 /// Length of the status report.
 pub const STATUS_LENGTH: usize = 8;
 
+/// Serial number of a relay whose memory holds none: all bytes 0 or FF. It works as any other.
+pub const UNREADABLE: &str = "unreadable";
+
 const ON: u8 = 0xff;
 const OFF: u8 = 0xfd;
 
 /// What a relay says of itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Status {
-    /// Its serial number: five letters or digits.
+    /// Its serial number: five letters or digits, or [`UNREADABLE`].
     pub serial: String,
     /// Channels that are on: bit 0 for channel 1.
     pub on: u8,
@@ -29,8 +32,13 @@ pub fn switch(channel: u8, on: bool) -> [u8; 9] {
 /// Reads a status report; None when it is none. The serial number takes the place of the report's number.
 pub fn status(report: &[u8]) -> Option<Status> {
     let [serial @ .., 0, _, on] = <&[u8; STATUS_LENGTH]>::try_from(report).ok()? else { return None };
-    let printable = serial.iter().all(u8::is_ascii_graphic);
-    printable.then(|| Status { serial: serial.iter().map(|b| char::from(*b)).collect(), on: *on })
+    let erased = [0, 0xff].iter().any(|erased| serial.iter().all(|b| b == erased));
+    let serial = match erased {
+        true => UNREADABLE.to_owned(),
+        false if serial.iter().all(u8::is_ascii_graphic) => serial.iter().map(|b| char::from(*b)).collect(),
+        false => return None,
+    };
+    Some(Status { serial, on: *on })
 }
 
 impl Status {
@@ -59,6 +67,15 @@ mod tests {
         assert_eq!((status.serial.as_str(), status.is_on(1), status.is_on(2)), ("BITFT", false, true));
         assert_eq!(channels("www.dcttech.com USBRelay2"), Some(2));
         assert_eq!(channels("USBRelay99"), None);
+    }
+
+    #[test]
+    fn erased_serial_numbers_are_unreadable() {
+        for erased in [0, 0xff] {
+            let report = [erased, erased, erased, erased, erased, 0, 0, 1];
+            assert_eq!(status(&report), Some(Status { serial: UNREADABLE.into(), on: 1 }));
+        }
+        assert_eq!(status(&[0xff, 0xff, 0xff, 0xff, 0, 0, 0, 1]), None);
     }
 
     #[test]

@@ -239,7 +239,12 @@ fn finish(set: &Set, films: &[Film], sums: &[CloudPoint], points: &[CloudPoint])
         let fits = films.par_iter().filter_map(|start| family.fit(sums, &taken(free, start), 60));
         let near = distinct(best_first(fits, |f| f.cost));
         let fits = near.par_iter().take(2).filter_map(|f| family.fit(points, &f.parameters, 10));
-        let near = distinct(best_first(fits, |f| f.cost));
+        // A front reflection, retarder error or stray light at its limit stands for something that the model does not hold.
+        let inside = |f: &Fitted| {
+            let mut more = free.iter().zip(&f.parameters).filter(|(k, _)| (4..SHADE).contains(*k));
+            more.all(|(k, p)| p.abs() < 0.99 * LIMITS[*k])
+        };
+        let near = distinct(best_first(fits.filter(inside), |f| f.cost));
         near.iter().map(|fit| candidate(set, family, fit, film(&fit.parameters), points)).collect()
     })
 }
