@@ -3,6 +3,7 @@
 
 mod clipping;
 pub mod hdr;
+mod illumination;
 mod layout;
 mod linear;
 mod load;
@@ -12,6 +13,7 @@ mod stated;
 mod tags;
 
 pub use clipping::Clipping;
+pub use illumination::Illumination;
 pub use layout::{Bayer, Filters, Layout, Sensor};
 pub use linear::{LinearFrame, Linearizer};
 pub use load::{LoadedFrames, check, load, planned, save};
@@ -93,45 +95,6 @@ pub struct FrameSet {
     /// What the sample is made of (default: a film of index 1.5 on aluminium).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub material: Option<Material>,
-}
-
-/// Light that falls on the sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Illumination {
-    /// Nobody said.
-    #[default]
-    Unknown,
-    /// A display behind a quarter-wave retarder: circular polarization, which models of gratings need (2018 paper, section 5.1).
-    CircularPanel,
-    /// A bare LCD: linear polarization.
-    LinearPanel,
-    /// Any other light: lamps, flash, daylight.
-    Other,
-}
-
-impl Illumination {
-    /// All, with their names in files and options.
-    pub const ALL: [(Self, &str); 4] = [
-        (Self::Unknown, "unknown"),
-        (Self::CircularPanel, "circular_panel"),
-        (Self::LinearPanel, "linear_panel"),
-        (Self::Other, "other"),
-    ];
-
-    fn is_unknown(&self) -> bool {
-        *self == Self::Unknown
-    }
-}
-
-impl std::str::FromStr for Illumination {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|(_, name)| *name == text.replace('-', "_"));
-        let known = || Self::ALL.map(|(_, name)| name).join(", ");
-        found.map(|(light, _)| light).ok_or_else(|| format!("{text:?} is no illumination; give one of {}", known()))
-    }
 }
 
 /// What varies between the photographs of a set.
