@@ -185,7 +185,8 @@ export async function sessionPage(main, { id, signal }) {
     const angles = new Set(frames.map((f) => f.analyser_deg).filter((deg) => typeof deg === "number"));
     if (!session.has_results && angles.size < 3) return;
     const from = session.has_results ? `/reconstructions/${id}/maps/${shown}.png?` : `${base}/live.png?map=${shown}&`;
-    const { blob, range } = await picture(`${from}width=${pixels(map)}`, { signal });
+    const { blob, range, palette } = await picture(`${from}width=${pixels(map)}`, { signal });
+    rose.dye(palette);
     show(map, blob);
     mapEmpty.hidden = true;
     legend.replaceChildren(shown === "orientation" ? rose : bar(range, shown === "sigma" ? "°" : ""));
