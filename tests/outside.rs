@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use nacre_processing::image::Palette;
 use nacre_tests::http::{Service, begin, events, finished, form, plan};
 use nacre_tests::{BENCH, NEVER, Place, listing, nacre};
 use serde_json::json;
@@ -54,6 +55,26 @@ fn uploaded_photographs_become_maps() {
         service.post("/api/v1/reconstructions", &asked).expect(400);
     }
     assert_eq!(service.get("/api/v1/reconstructions").expect(200).json()["items"][1]["id"], id.as_str());
+    // Pictures have the colours that the report states, whatever was asked for.
+    for (asked, palette) in [(json!({}), "cyclic"), (json!({ "palette": "hsv" }), "hsv")] {
+        let mut body = json!({ "upload": uploaded["id"] });
+        body.as_object_mut().unwrap().extend(asked.as_object().unwrap().clone());
+        let job = service.post("/api/v1/reconstructions", &body).expect(202).json();
+        let job = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+        service.until(&job, |job| job["state"] == "done");
+        assert_eq!(service.get(&job).expect(200).json()["report"]["palette"], palette);
+        let picture = service.get(&format!("{job}/maps/aolp.png")).expect(200);
+        assert_eq!(picture.header("x-nacre-palette"), Some(palette.to_owned()));
+        let drawn = image::load_from_memory(&picture.body).unwrap().into_rgb8();
+        let pixel = service.get(&format!("{job}/pixel?x=3&y=4")).expect(200).json();
+        let theta = pixel["aolp_deg"].as_f64().unwrap().to_radians() as f32;
+        let wanted = palette.parse::<Palette>().unwrap().color(theta);
+        assert!(
+            drawn.get_pixel(3, 4).0.iter().zip(wanted).all(|(a, b)| a.abs_diff(b) <= 2),
+            "{palette}: not {wanted:?}"
+        );
+    }
+    service.post("/api/v1/reconstructions", &json!({ "upload": uploaded["id"], "palette": "jet" })).expect(400);
 
     let good = photograph(60);
     for (parts, words) in [

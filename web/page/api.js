@@ -132,14 +132,16 @@ export function query(values) {
 }
 
 /**
- * A picture with what its headers tell: the range of its colours, if any.
+ * A picture with what its headers tell: the range of its colours, if any, and the palette of angles.
  * @param {string} path
  * @param {Sending} [options]
  */
 export async function picture(path, options) {
   const response = await send(path, options);
   const range = (response.headers.get("X-Nacre-Range") ?? "").split(/[ ,]+/).filter(Boolean).map(Number);
-  return { blob: await response.blob(), range: range.length === 2 && range.every(Number.isFinite) ? range : null };
+  /** @type {"cyclic" | "hsv"} */
+  const palette = response.headers.get("X-Nacre-Palette") === "hsv" ? "hsv" : "cyclic";
+  return { blob: await response.blob(), range: range.length === 2 && range.every(Number.isFinite) ? range : null, palette };
 }
 
 /**

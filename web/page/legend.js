@@ -2,6 +2,7 @@
 
 import { fixed } from "./format.js";
 import { h, pen } from "./dom.js";
+import { CYCLIC } from "./palette.js";
 
 // Sixth-order fit of viridis by M. Zucker (CC0).
 const VIRIDIS = [
@@ -18,13 +19,28 @@ export function viridis(t) {
   return `rgb(${rgb.join(" ")})`;
 }
 
-/** Colour of an orientation in degrees; the wheel of hues runs once through 180°. */
-export const orientationColor = (deg) => `hsl(${2 * deg} 100% 50%)`;
+/** What the wheel of a palette says to those who do not see it. */
+const SPOKEN = {
+  cyclic: "pale yellow is 0°, along the picture's rows; blue 45°, near black 90°, brown 135°, anticlockwise",
+  hsv: "red is 0°, along the picture's rows; yellow-green 45°, cyan 90°, violet 135°, anticlockwise",
+};
 
-/** The wheel. An orientation is a line, so each colour is at both its ends; `mark(deg)` draws that line. */
+/**
+ * Colour of an orientation in degrees; the palette runs once through 180°.
+ * @param {number} deg
+ * @param {keyof SPOKEN} palette
+ */
+export function orientationColor(deg, palette) {
+  if (palette === "hsv") return `hsl(${2 * deg} 100% 50%)`;
+  const steps = CYCLIC.length / 180;
+  return `#${CYCLIC[((Math.round(deg * steps) % CYCLIC.length) + CYCLIC.length) % CYCLIC.length]}`;
+}
+
+/** The wheel. An orientation is a line, so each colour is at both its ends; `mark(deg)` draws that line, `dye(palette)` changes the colours. */
 export function wheel(size = 132) {
-  const canvas = h("canvas", { class: "wheel", width: 2 * size, height: 2 * size, role: "img",
-    "aria-label": "Colour wheel: red is 0°, along the picture's rows; yellow-green 45°, cyan 90°, violet 135°, anticlockwise" });
+  const canvas = h("canvas", { class: "wheel", width: 2 * size, height: 2 * size, role: "img" });
+  /** @type {keyof SPOKEN} */
+  let palette = "cyclic";
   canvas.style.width = canvas.style.height = `${size}px`;
   const draw = (marked) => {
     const context = pen(canvas);
@@ -35,7 +51,7 @@ export function wheel(size = 132) {
     context.translate(size, size);
     // Sectors overlap a little: seams between them would show.
     for (let i = 0; i < 360; i++) {
-      context.fillStyle = orientationColor(i + 0.5);
+      context.fillStyle = orientationColor(i + 0.5, palette);
       context.beginPath();
       context.arc(0, 0, radius, (-(i + 1.3) * Math.PI) / 180, (-i * Math.PI) / 180);
       context.arc(0, 0, 0.5 * radius, (-i * Math.PI) / 180, (-(i + 1.3) * Math.PI) / 180, true);
@@ -67,8 +83,14 @@ export function wheel(size = 132) {
   };
   // The ink is known once the canvas is in the page, and changes with the theme.
   const refresh = () => draw(last);
+  const dye = (/** @type {keyof SPOKEN} */ wanted) => {
+    palette = wanted;
+    canvas.setAttribute("aria-label", `Colour wheel: ${SPOKEN[palette]}`);
+    refresh();
+  };
+  canvas.setAttribute("aria-label", `Colour wheel: ${SPOKEN[palette]}`);
   requestAnimationFrame(refresh);
-  return Object.assign(canvas, { mark, refresh });
+  return Object.assign(canvas, { mark, refresh, dye });
 }
 
 /** The bar from `low` to `high`; without a range it says which end is which. */

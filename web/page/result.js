@@ -121,7 +121,8 @@ function showMaps(main, job, signal) {
   const load = async (region, width, stop) => {
     const part = region ? `&x=${region[0]}&y=${region[1]}&w=${region[2]}&h=${region[3]}` : "";
     const map = shown;
-    const { blob, range } = await picture(`${base}/maps/${map}.png?width=${width}${part}`, { signal: stop });
+    const { blob, range, palette } = await picture(`${base}/maps/${map}.png?width=${width}${part}`, { signal: stop });
+    rose.dye(palette);
     if (map === shown && !region) paintLegend(range);
     return createImageBitmap(blob);
   };

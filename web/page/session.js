@@ -112,6 +112,8 @@ export async function sessionPage(main, { id, signal }) {
 
   /** What events told last of state and stage, so that only changes are listed. */
   const told = { state: "", stage: "" };
+  /** Number of events about the state. */
+  let statesTold = 0;
   /** Lists what happened; the time is the service's, so that it is the same after a reload. */
   function note(text, time) {
     log.prepend(h("li", {}, h("time", {}, happened(time)), text));
@@ -121,7 +123,10 @@ export async function sessionPage(main, { id, signal }) {
   async function command(verb) {
     for (const button of Object.values(buttons)) button.disabled = true;
     try {
-      take(await post(`${base}/${verb}`));
+      const before = statesTold;
+      const answer = await post(`${base}/${verb}`);
+      // An event that came before the answer is newer than it.
+      if (statesTold === before) take(answer);
     } catch (problem) {
       complain(problem);
     }
@@ -185,7 +190,8 @@ export async function sessionPage(main, { id, signal }) {
     const angles = new Set(frames.map((f) => f.analyser_deg).filter((deg) => typeof deg === "number"));
     if (!session.has_results && angles.size < 3) return;
     const from = session.has_results ? `/reconstructions/${id}/maps/${shown}.png?` : `${base}/live.png?map=${shown}&`;
-    const { blob, range } = await picture(`${from}width=${pixels(map)}`, { signal });
+    const { blob, range, palette } = await picture(`${from}width=${pixels(map)}`, { signal });
+    rose.dye(palette);
     show(map, blob);
     mapEmpty.hidden = true;
     legend.replaceChildren(shown === "orientation" ? rose : bar(range, shown === "sigma" ? "°" : ""));
@@ -225,6 +231,7 @@ export async function sessionPage(main, { id, signal }) {
 
   const handlers = {
     state(next) {
+      statesTold += 1;
       // The state of a session that nobody works on has no time: its journal has told what happened.
       if (next.time && next.state !== told.state) note(`State: ${next.state}`, next.time);
       if (next.time && next.stage && next.stage !== told.stage) note(`Stage: ${words(next.stage)}`, next.time);

@@ -70,6 +70,7 @@ pub const ASSETS: &[(&str, Asset)] = &[
     row!("new.js", SCRIPT),
     row!("options.js", SCRIPT),
     row!("outcome.js", SCRIPT),
+    row!("palette.js", SCRIPT),
     row!("patterns.js", SCRIPT),
     row!("pictures.js", SCRIPT),
     row!("bokehform.js", SCRIPT),

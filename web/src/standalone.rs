@@ -8,7 +8,7 @@ use flate2::write::GzEncoder;
 use std::io::Write;
 
 /// Scripts of the viewer. A page from disk may load no module files: they are data addresses that an import map names.
-const MODULES: [&str; 18] = [
+const MODULES: [&str; 19] = [
     "card",
     "comparing",
     "dom",
@@ -16,6 +16,7 @@ const MODULES: [&str; 18] = [
     "layer",
     "legend",
     "painter",
+    "palette",
     "parsed",
     "pointing",
     "ruler",

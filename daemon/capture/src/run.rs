@@ -231,8 +231,13 @@ fn results(
     let results = folder.join("results");
     let findings = match planned.method {
         Method::Polarization => {
-            let options =
-                Options { model: planned.model, oblique: planned.oblique, overwrite: true, ..Options::default() };
+            let options = Options {
+                model: planned.model,
+                oblique: planned.oblique,
+                palette: planned.palette,
+                overwrite: true,
+                ..Options::default()
+            };
             let report = match running {
                 Some(running) => running.finish(OutputFolder::begin(&results, true)?, &options, progress)?,
                 None => nacre_polarimetry::reconstruct(folder, &results, &options, progress)?,

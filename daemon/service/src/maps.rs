@@ -1,7 +1,7 @@
 //! Maps as pictures, tables and NumPy arrays.
 
 use super::problem::{Answer, Problem};
-use nacre_image::{MASKED, Rgb, Samples, encode_png8, orientation_color, read, read_exr, viridis};
+use nacre_image::{MASKED, Palette, Rgb, Samples, encode_png8, read, read_exr, viridis};
 use std::io;
 use std::path::Path;
 
@@ -14,6 +14,8 @@ pub struct View {
     pub width: usize,
     /// Left, top, width and height in the map; all of it when it is not given.
     pub region: Option<[usize; 4]>,
+    /// Colours of angles.
+    pub palette: Palette,
 }
 
 /// A map by name: its file in `folder` and its channel. Results of plain polarimetry have no orientations; their σ and mask are those of the
@@ -59,7 +61,22 @@ pub fn range_header(name: &str, plane: &[f32]) -> (&'static str, String) {
     ("x-nacre-range", format!("{low},{high}"))
 }
 
-/// A picture of a plane: orientations in hues, the others from dark to light over their range.
+/// The header that tells the page which colours angles have.
+pub fn palette_header(palette: Palette) -> (&'static str, String) {
+    ("x-nacre-palette", palette.to_string())
+}
+
+/// Colours of angles in the pictures of a result folder. Reports of versions that had hues alone do not name them.
+pub fn palette(folder: &Path) -> Palette {
+    #[derive(serde::Deserialize)]
+    struct Report {
+        palette: Palette,
+    }
+    let report = std::fs::read(folder.join("report.json")).ok();
+    report.and_then(|bytes| serde_json::from_slice(&bytes).ok()).map_or(Palette::Hsv, |report: Report| report.palette)
+}
+
+/// A picture of a plane: angles in the colours of the palette, the others from dark to light over their range.
 ///
 /// # Errors
 /// A sentence when the view is empty.
@@ -71,7 +88,7 @@ pub fn picture(name: &str, plane: &[f32], width: usize, view: &View, encode: &En
     if w == 0 || h == 0 {
         return Err(format!("the region holds no pixel of the map, which is {width} × {height}"));
     }
-    let color = colors(name, plane);
+    let color = colors(name, plane, view.palette);
     let step = w.div_ceil(view.width.clamp(1, MAX_WIDTH)).max(1);
     let (columns, rows) = (w.div_ceil(step), h.div_ceil(step));
     let mut bytes = Vec::with_capacity(3 * columns * rows);
@@ -90,9 +107,12 @@ pub fn range(name: &str, plane: &[f32]) -> [f32; 2] {
     [if matches!(name, "s0" | "period") { at(0.01) } else { 0.0 }, at(0.99)]
 }
 
-fn colors(name: &str, plane: &[f32]) -> Box<dyn Fn(f32) -> Rgb> {
+fn colors(name: &str, plane: &[f32], palette: Palette) -> Box<dyn Fn(f32) -> Rgb> {
     match name {
-        "orientation" | "smoothed" | "aolp" => Box::new(|v| if v.is_finite() { orientation_color(v) } else { MASKED }),
+        "orientation" | "smoothed" | "aolp" => {
+            let table = palette.table();
+            Box::new(move |v| table.color(v))
+        }
         "mask" => Box::new(|v| if v > 0.5 { [240, 240, 240] } else { MASKED }),
         _ => {
             let [low, high] = range(name, plane);
@@ -179,7 +199,7 @@ mod tests {
         let plane = vec![0.5_f32; 20 * 10];
         let size = |region, width| {
             let encode = |w: usize, h: usize, _: usize, _: &[u8]| Ok(vec![w as u8, h as u8]);
-            picture("sigma", &plane, 20, &View { width, region }, &encode)
+            picture("sigma", &plane, 20, &View { width, region, palette: Palette::Cyclic }, &encode)
         };
         assert_eq!(size(None, 100).unwrap(), [20, 10]);
         assert_eq!(size(None, 5).unwrap(), [5, 3]);

@@ -9,6 +9,7 @@ use axum::response::{IntoResponse, Response};
 use nacre_capture::fields::fields;
 use nacre_capture::plan::Method;
 use nacre_capture::session::SESSION_FILE;
+use nacre_image::Palette;
 use nacre_polarimetry::{Align, Demosaic, Oblique, PeriodMethod, Smoothing};
 use nacre_render::SoFar;
 use nacre_store::jobs::{Job, JobState, LightUpload, Spec};
@@ -38,12 +39,14 @@ pub struct Request {
     /// 500} | {"count": 30}, "scale": {"pixel": 2.5} | {"lines": {"per_mm": 50}}, "lens": {"focal_mm", "f_number", "distance_m"},
     /// "wavelength_nm": 450, "known": {"shape": "blazed", "depth_um": 0.4}, "calibration": {"gain_um", "offset"}, "slice": [x0, y0, x1,
     /// y1], "slice_width": 15}`. Of `spots`: `{"geometry": {…as in geometry.json}, "wavelength_nm":
-    /// 560, "wavelength_sigma_nm": 1, "panel_mm": [520, 320], "aperture_mm": 10, "periods_um": [0.7, 4], "mirror_deg": 0.2}`. Of `brdf`, for uploaded height fields: `{"pixel_um": 0.08, "range_um": 0.4, "level": false, "size": 512,
+    /// 560, "wavelength_sigma_nm": 1, "panel_mm": [520, 320], "aperture_mm": 10, "periods_um": [0.7, 4], "mirror_deg": 0.2, "palette": "cyclic" |
+    /// "hsv", "no_scale_bar": false}`. Of `brdf`, for uploaded height fields: `{"pixel_um": 0.08, "range_um": 0.4, "level": false, "size": 512,
     /// "settings": {"light_deg": [30, 0], "method": "auto", "coherence_um": 65, "max_error": 0.01, "normalisation": "brdf" | "relative",
     /// "reflectance": "perfect" | "schlick=0.04" | "gold", "shadowing": false, "illuminant": "D65", "observer": "1931"}}`. Of
     /// `flash`, of which `tiles` and `size_mm`, or `reference_px`, are needed: `{"tiles": [10, 8], "size_mm": [297, 210], "reference_px": [x,
     /// y, w, h], "geometry": {…}, "corners_px": [[x, y], …], "camera_mm": 500, "light_height_mm": 200, "wavelength_nm": 560, "period_um":
-    /// [1.2, 2.4], "orientation": "half" | "image", "period": "auto" | "sample" | "pixel"}`. Of `foil`: `{"geometry": {…},
+    /// [1.2, 2.4], "orientation": "half" | "image", "period": "auto" | "sample" | "pixel", "palette": "cyclic" |
+    /// "hsv"}`. Of `foil`: `{"geometry": {…},
     /// "period_um": [0.8, 1.5], "bins": [180, 64], "depth_um": 0.08, "light_height_mm": 300}`. Of `calibrate`, for uploaded photographs of a
     /// board: `{"board": [9, 6], "square_mm": 25, "sample_corners_px": [[x, y], …], "sample_mm": [120, 80], "wavelength_nm": 532}`; or, for
     /// photographs of the light in a mirror (or for none at all), to go on from an earlier calibration: `{"geometry": {…as in geometry.json},
@@ -51,7 +54,7 @@ pub struct Request {
     /// "wavelength_nm": 532, "wavelength_sigma_nm": 0.5, "lamp": "A", "filter": [[nm, share], …], "response": [[nm, share], …]}`. Of `map`, for
     /// a session's maps or uploaded ones: `{"rotate_deg": 30, "resample": 2, "tile": [4, 3], "size": [w, h], "layout": "repeat" | "mirror" |
     /// "brick", "orientation_offset_deg": 5, "period": {"quadratic": [0.8, 1.6]} | {"sine_squared": [0.8, 1.6]} | {"table": [[deg, um],
-    /// …]}, "scale": 1.05, "offset_um": -0.02, "clamp_um": [0.7, 2]}`. Of `render`, for an uploaded scene: `{"samples": 256, "max_error":
+    /// …]}, "scale": 1.05, "offset_um": -0.02, "clamp_um": [0.7, 2], "palette": "cyclic" | "hsv"}`. Of `render`, for an uploaded scene: `{"samples": 256, "max_error":
     /// 0.01, "wavelengths": null, "check": false, "spectral_nm": 10}`.
     #[schema(value_type = Option<Object>)]
     options: Option<serde_json::Value>,
@@ -84,6 +87,11 @@ pub struct Request {
     /// surface; the last three can be left out).
     #[schema(value_type = Option<Object>)]
     period: Option<PeriodMethod>,
+    /// Colours of angles in pictures: `cyclic` (the default) or `hsv`. Of `spots`, `flash` and `map` it is one of the options.
+    #[schema(value_type = Option<String>, example = "cyclic")]
+    palette: Option<Palette>,
+    /// Leave the scale bar out of pictures (default: false). They have one where the pixel size on the sample is known.
+    no_scale_bar: Option<bool>,
 }
 
 /// A reconstruction.
@@ -268,6 +276,8 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
         smooth_maps: body.smooth_maps.unwrap_or(false),
         smoothed_exr: body.smoothed_exr.unwrap_or(false),
         period: body.period,
+        palette: body.palette.unwrap_or_default(),
+        no_scale_bar: body.no_scale_bar.unwrap_or(false),
     };
     let input = app.input_of(&spec)?;
     // Refused here rather than by the job, so that whoever asks learns it at once.

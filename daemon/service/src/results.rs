@@ -128,8 +128,10 @@ pub async fn map(
         "png" | "csv" | "npy" => {}
         _ => return Err(missing()),
     }
+    let palette = maps::palette(&folder);
     let view = maps::View {
         width: super::picture_width(region.width, 1024)?,
+        palette,
         region: match (region.x, region.y, region.w, region.h) {
             (None, None, None, None) => None,
             (x, y, w, h) => {
@@ -151,7 +153,7 @@ pub async fn map(
     })
     .await?;
     if content == "image/png" {
-        return Ok(([range], png(Ok(bytes))?).into_response());
+        return Ok(([range, maps::palette_header(palette)], png(Ok(bytes))?).into_response());
     }
     Ok(([(header::CONTENT_TYPE, content.to_owned()), (header::CONTENT_DISPOSITION, attached)], bytes).into_response())
 }

@@ -128,9 +128,9 @@ pub async fn frame(
         (status = 404, body = Problem)))]
 pub async fn live(State(app): State<Arc<App>>, At(id): At<String>, Params(query): Params<LiveMap>) -> Answer<Response> {
     app.session_folder(&id)?;
-    let Some(glance) = app.run(&id).and_then(|r| r.map_so_far()) else {
-        return Err(Problem::not_found("map yet").remedy("wait for frames at three angles"));
-    };
+    let missing = || Problem::not_found("map yet").remedy("wait for frames at three angles");
+    let run = app.run(&id).ok_or_else(missing)?;
+    let glance = run.map_so_far().ok_or_else(missing)?;
     let name = query.map.unwrap_or_else(|| "orientation".into());
     let plane = match name.as_str() {
         "orientation" => &glance.orientation,
@@ -138,9 +138,10 @@ pub async fn live(State(app): State<Arc<App>>, At(id): At<String>, Params(query)
         "dolp" => &glance.dolp,
         _ => return Err(Problem::bad(format!("map is {name:?}; give orientation, sigma or dolp"))),
     };
-    let view = maps::View { width: super::picture_width(query.width, 512)?, region: None };
+    let palette = run.plan.reconstruct.as_ref().map(|r| r.palette).unwrap_or_default();
+    let view = maps::View { width: super::picture_width(query.width, 512)?, region: None, palette };
     let body = png(maps::picture(&name, plane, glance.width, &view, &encode_png8).map_err(std::io::Error::other));
-    Ok(([maps::range_header(&name, plane)], body?).into_response())
+    Ok(([maps::range_header(&name, plane), maps::palette_header(palette)], body?).into_response())
 }
 
 /// The files of a session.

@@ -160,11 +160,11 @@ pub fn write_check_picture(path: &Path, check: &GratingCheck) -> Result<()> {
     write_whole(path, peaks_picture(check).as_bytes())
 }
 
-/// Writes a height field as an EXR map (`height` in µm, attribute `pixel_um`) and, if a path is given, as a picture.
+/// Writes a height field as an EXR map (`height` in µm, attribute `pixel_um`) and, if a path is given, as a picture, with a scale bar or without.
 ///
 /// # Errors
 /// `Output` when the system refuses.
-pub fn write_height(path: &Path, picture: Option<&Path>, field: &HeightField) -> Result<()> {
+pub fn write_height(path: &Path, picture: Option<(&Path, bool)>, field: &HeightField) -> Result<()> {
     let attributes = [("units", Attribute::Text("µm".into())), ("pixel_um", Attribute::Number(field.pixel_um))];
     let (w, h) = (field.width, field.height);
     write_whole_with(path, |file| {
@@ -172,10 +172,11 @@ pub fn write_height(path: &Path, picture: Option<&Path>, field: &HeightField) ->
             row.iter_mut().zip(&field.um[y * w..]).for_each(|(to, from)| *to = *from as f32);
         })
     })?;
-    let Some(picture) = picture else { return Ok(()) };
+    let Some((picture, scale_bar)) = picture else { return Ok(()) };
     let [low, high] = field.ends_um();
     let value = |x: usize, y: usize| Some(field.um[y * w + x] as f32);
-    let canvas = scalar_picture(w, h, &value, low as f32, high as f32, "height (µm)", "Height field");
+    let bar_um = scale_bar.then_some(field.pixel_um);
+    let canvas = scalar_picture([w, h], &value, [low as f32, high as f32], "height (µm)", "Height field", bar_um);
     let encoded = encode_png8(canvas.width, canvas.height, 3, &canvas.rgb).map_err(|e| Error::output(picture, e))?;
     write_whole(picture, &encoded)
 }

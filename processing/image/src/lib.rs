@@ -22,6 +22,7 @@ mod listing;
 pub mod lobe;
 mod npy;
 mod openexr;
+mod palette;
 mod picture;
 mod png;
 mod primaries;
@@ -30,6 +31,7 @@ mod raster;
 mod raw;
 mod read;
 pub mod registration;
+mod scale_bar;
 mod source;
 #[cfg(test)]
 mod tests;
@@ -53,9 +55,8 @@ pub use light::{Light, read_light};
 pub use listing::{list, photograph_in, photographs};
 pub use nacre_base::{json, write_whole, write_whole_with};
 pub use openexr::{ExrMap, read_exr};
-pub use picture::{
-    MASKED, hsv, orientation_color, orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis, wheel,
-};
+pub use palette::{ColorTable, MASKED, Palette};
+pub use picture::{orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis};
 pub use raster::{Depth, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples};
 pub use read::{EXTENSIONS, info, read, read_into, size};
 pub use write::{

@@ -1,35 +1,18 @@
 //! Maps as pictures for people: colours, a legend that explains them, a title.
 
-use std::f32::consts::PI;
-
 use rayon::prelude::*;
 
 use super::canvas::{Canvas, Rgb, text_width};
+use super::palette::{ColorTable, MASKED, Palette};
+use super::scale_bar::ScaleBar;
 use nacre_base::vectors::vectorised;
 
 const PAPER: Rgb = [250, 250, 250];
 const INK: Rgb = [25, 25, 25];
-/// Colour of masked pixels: a grey that neither the hues nor the scalar colours contain.
-pub const MASKED: Rgb = [64, 64, 64];
-/// Colours of the table for orientations: enough that none of the 1530 saturated hues is missed.
-const HUES: usize = 6120;
-/// And of that for numbers.
+/// Colours of the table for numbers.
 const SHADES: usize = 1024;
-
-/// sRGB of hue, saturation and value, each 0 to 1; hue wraps around.
-pub fn hsv(h: f32, s: f32, v: f32) -> Rgb {
-    let channel = |n: f32| {
-        let k = (n + h.rem_euclid(1.0) * 6.0).rem_euclid(6.0);
-        let value = v * (1.0 - s * k.min(4.0 - k).clamp(0.0, 1.0));
-        (value * 255.0).round().clamp(0.0, 255.0) as u8
-    };
-    [channel(5.0), channel(3.0), channel(1.0)]
-}
-
-/// Colour of an orientation in radians; θ and θ + π have the same.
-pub fn orientation_color(theta: f32) -> Rgb {
-    hsv(theta / PI, 1.0, 1.0)
-}
+/// Height of a scale bar with its label and the gap above, in text sizes.
+const SCALE_BAR: f32 = 3.0;
 
 /// Perceptually uniform dark to light colours for 0 to 1: the sixth-order fit of viridis by M. Zucker (CC0).
 pub fn viridis(t: f32) -> Rgb {
@@ -50,7 +33,7 @@ pub fn viridis(t: f32) -> Rgb {
 /// around (`cx`, `cy`), coloured at angle φ, anticlockwise from the right, as the orientation φ. An orientation is
 /// a line, so each colour is at both of its ends. Labels for 0°, 45°, 90° and 135° stand outside the ring and need
 /// about 0.6 · `radius` of room to the right, a third above.
-pub fn wheel(canvas: &mut Canvas, cx: f32, cy: f32, radius: f32, inner: f32) {
+fn wheel(canvas: &mut Canvas, [cx, cy]: [f32; 2], [radius, inner]: [f32; 2], palette: Palette) {
     let reach = radius.ceil() as i64 + 1;
     let (mx, my) = (cx.round() as i64, cy.round() as i64);
     for y in my - reach..=my + reach {
@@ -59,7 +42,7 @@ pub fn wheel(canvas: &mut Canvas, cx: f32, cy: f32, radius: f32, inner: f32) {
             let distance = dx.hypot(dy);
             let coverage = (radius - distance + 0.5).min(distance - inner + 0.5);
             if coverage > 0.0 {
-                canvas.blend(x, y, orientation_color(dy.atan2(dx)), coverage);
+                canvas.blend(x, y, palette.color(dy.atan2(dx)), coverage);
             }
         }
     }
@@ -77,61 +60,55 @@ fn label_size(radius: f32) -> f32 {
     (0.3 * radius).max(11.0)
 }
 
-/// A map of orientations at full resolution with its legend to the right: title, colour wheel, what is masked.
+/// A map of orientations at full resolution with its legend to the right: title, colour wheel, what is masked, scale bar.
 ///
 /// `pixel(column, row)` is an orientation in radians (any branch), or `None` or NaN where masked; it is called from
-/// several threads. Lines of `title` are wrapped to the width of the legend.
+/// several threads. Lines of `title` are wrapped to the width of the legend. `pixel_um` is the size of a pixel on the sample, or `None` for
+/// no scale bar.
 pub fn orientation_picture(
-    width: usize,
-    height: usize,
+    size: [usize; 2],
     pixel: &(dyn Fn(usize, usize) -> Option<f32> + Sync),
     title: &str,
+    palette: Palette,
+    pixel_um: Option<f64>,
 ) -> Canvas {
-    orientation_rows(width, height, &by_pixel(pixel), title)
+    orientation_rows(size, &by_pixel(pixel), title, palette, pixel_um)
 }
 
 /// The same of rows: `fill(row, values)` writes one, NaN where masked.
-pub fn orientation_rows(width: usize, height: usize, fill: &(dyn Fn(usize, &mut [f32]) + Sync), title: &str) -> Canvas {
-    let legend = Legend::new(height, title, 14.0);
+pub fn orientation_rows(
+    [width, height]: [usize; 2],
+    fill: &(dyn Fn(usize, &mut [f32]) + Sync),
+    title: &str,
+    palette: Palette,
+    pixel_um: Option<f64>,
+) -> Canvas {
+    let legend = Legend::new([width, height], title, 14.0, pixel_um);
     let mut canvas = legend.canvas(width, height);
-    let hues = (0..HUES).map(|i| orientation_color(PI * i as f32 / HUES as f32));
-    let colors: Vec<Rgb> = hues.chain([MASKED]).collect();
-    let index = |theta: f32| {
-        let turns = theta / PI;
-        let hue = ((turns - turns.floor()) * HUES as f32 + 0.5) as i32;
-        if !theta.is_finite() {
-            HUES as i32
-        } else if hue >= HUES as i32 {
-            0
-        } else {
-            hue
-        }
-    };
-    paint(&mut canvas, [width, height], fill, &colors, index);
+    paint(&mut canvas, [width, height], fill, palette.table().colors(), ColorTable::index);
     let mut y = legend.title(&mut canvas, width);
     let em = legend.em;
     let radius = 0.28 * legend.width as f32;
     y += 1.5 * em.max(label_size(radius));
     let cx = width as f32 + 0.5 * legend.width as f32;
-    wheel(&mut canvas, cx, y + radius, radius, 0.5 * radius);
-    legend.swatch(&mut canvas, width, y + 2.0 * radius + 1.2 * em);
+    wheel(&mut canvas, [cx, y + radius], [radius, 0.5 * radius], palette);
+    legend.keys(&mut canvas, width, y + 2.0 * radius + 1.2 * em);
     canvas
 }
 
-/// A map of numbers at full resolution with its legend to the right: title, colour bar with ticks, what is masked.
+/// A map of numbers at full resolution with its legend to the right: title, colour bar with ticks, what is masked, scale bar.
 ///
 /// `value(column, row)` is `None` or NaN where masked; values outside `lo..hi` get the colour of the nearer end.
-/// `label` names the quantity and its unit.
+/// `label` names the quantity and its unit. `pixel_um` is the size of a pixel on the sample, or `None` for no scale bar.
 pub fn scalar_picture(
-    width: usize,
-    height: usize,
+    size: [usize; 2],
     value: &(dyn Fn(usize, usize) -> Option<f32> + Sync),
-    lo: f32,
-    hi: f32,
+    range: [f32; 2],
     label: &str,
     title: &str,
+    pixel_um: Option<f64>,
 ) -> Canvas {
-    scalar_rows([width, height], &by_pixel(value), [lo, hi], label, title)
+    scalar_rows(size, &by_pixel(value), range, label, title, pixel_um)
 }
 
 /// The same of rows: `fill(row, values)` writes one, NaN where masked.
@@ -141,8 +118,9 @@ pub fn scalar_rows(
     [lo, hi]: [f32; 2],
     label: &str,
     title: &str,
+    pixel_um: Option<f64>,
 ) -> Canvas {
-    let legend = Legend::new(height, &format!("{title}\n\n{label}"), 12.0);
+    let legend = Legend::new([width, height], &format!("{title}\n\n{label}"), 12.0, pixel_um);
     let mut canvas = legend.canvas(width, height);
     let table: Vec<Rgb> = (0..SHADES).map(|i| viridis(i as f32 / (SHADES - 1) as f32)).collect();
     let scale = if hi > lo { (SHADES - 1) as f32 / (hi - lo) } else { 0.0 };
@@ -154,10 +132,10 @@ pub fn scalar_rows(
     paint(&mut canvas, [width, height], fill, &colors, index);
     let em = legend.em;
     let top = (legend.title(&mut canvas, width) + 1.2 * em) as usize;
-    let room = canvas.height as f32 - top as f32 - 3.5 * em;
+    let room = canvas.height as f32 - top as f32 - (3.5 + legend.below()) * em;
     let bar = Bar { x: width + em as usize, top, length: room.clamp(6.0 * em, 24.0 * em) as usize, em };
     bar.draw(&mut canvas, &table, lo, hi);
-    legend.swatch(&mut canvas, width, (top + bar.length) as f32 + 1.2 * em);
+    legend.keys(&mut canvas, width, (top + bar.length) as f32 + 1.2 * em);
     canvas
 }
 
@@ -200,16 +178,25 @@ struct Legend {
     lines: Vec<String>,
     /// Height that everything needs, pixels.
     needed: usize,
+    scale_bar: Option<ScaleBar>,
 }
 
 impl Legend {
-    /// For a map of `height` rows; `body` is the height of what follows the title, in text sizes.
-    fn new(height: usize, title: &str, body: f32) -> Self {
+    /// For a map of `height` rows; `body` is the height of what follows the title, in text sizes, but for the scale bar.
+    fn new([columns, height]: [usize; 2], title: &str, body: f32, pixel_um: Option<f64>) -> Self {
         let em = (height as f32 / 40.0).clamp(15.0, 120.0);
         let width = (14.0 * em) as usize;
-        let lines = wrap(title, em, width as f32 - 2.0 * em);
-        let needed = (em * (1.0 + 1.25 * lines.len() as f32 + body)).ceil() as usize;
-        Self { em, width, lines, needed }
+        let room = width as f32 - 2.0 * em;
+        let lines = wrap(title, em, room);
+        let scale_bar = pixel_um.and_then(|um| ScaleBar::new(um, columns, room.into()));
+        let mut legend = Self { em, width, lines, needed: 0, scale_bar };
+        legend.needed = (em * (1.0 + 1.25 * legend.lines.len() as f32 + body + legend.below())).ceil() as usize;
+        legend
+    }
+
+    /// Height of the scale bar, in text sizes.
+    fn below(&self) -> f32 {
+        if self.scale_bar.is_some() { SCALE_BAR } else { 0.0 }
     }
 
     fn canvas(&self, width: usize, height: usize) -> Canvas {
@@ -226,10 +213,14 @@ impl Legend {
         y
     }
 
-    fn swatch(&self, canvas: &mut Canvas, left: usize, y: f32) {
+    /// What masked pixels look like, and the scale bar.
+    fn keys(&self, canvas: &mut Canvas, left: usize, y: f32) {
         let (x, side) = (left as f32 + self.em, self.em);
         canvas.rectangle(x as usize, y as usize, side as usize, side as usize, MASKED);
         canvas.text(x + 1.5 * side, y, side, INK, "masked");
+        if let Some(bar) = &self.scale_bar {
+            bar.draw(canvas, [x, y + 2.0 * side], side, INK);
+        }
     }
 }
 
@@ -300,12 +291,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hsv_corners() {
-        assert_eq!(hsv(0.0, 1.0, 1.0), [255, 0, 0]);
-        assert_eq!(hsv(1.0, 1.0, 1.0), [255, 0, 0]);
-        assert_eq!(hsv(1.0 / 3.0, 1.0, 1.0), [0, 255, 0]);
-        assert_eq!(hsv(2.0 / 3.0, 1.0, 1.0), [0, 0, 255]);
-        assert_eq!(hsv(0.3, 0.0, 0.5), [128, 128, 128]);
+    fn viridis_is_dark_to_light() {
         assert_eq!(viridis(0.0)[2], 85);
         assert!(viridis(1.0)[0] > 245 && viridis(1.0)[2] < 45);
     }
@@ -313,7 +299,7 @@ mod tests {
     #[test]
     fn wheel_has_each_colour_at_both_ends_of_its_line() {
         let mut canvas = Canvas::new(201, 201, PAPER);
-        wheel(&mut canvas, 100.0, 100.0, 60.0, 30.0);
+        wheel(&mut canvas, [100.0; 2], [60.0, 30.0], Palette::Hsv);
         let at = |degrees: f32| {
             let (sin, cos) = (degrees / 360.0 * TAU).sin_cos();
             let (x, y) = ((100.0 + 45.0 * cos).round() as usize, (100.0 - 45.0 * sin).round() as usize);
@@ -347,9 +333,10 @@ mod tests {
                 (dx.hypot(dy) < cy && dx.hypot(dy) > 0.2 * cy).then(|| dy.atan2(dx))
             };
             let title = "Orientation of the gratings\nCD, 532 nm, 12 analyser angles";
-            let orientation = orientation_picture(w, h, &angle, title);
+            let um = Some(25.0);
+            let orientation = orientation_picture([w, h], &angle, title, Palette::Cyclic, um);
             let radius = |x: usize, y: usize| angle(x, y).map(|_| (x as f32 - cx).hypot(y as f32 - cy) / cy * 1.9);
-            let scalar = scalar_picture(w, h, &radius, 0.35, 1.9, "σ of the orientation (°)", title);
+            let scalar = scalar_picture([w, h], &radius, [0.35, 1.9], "σ of the orientation (°)", title, um);
             assert!(orientation.width > w && orientation.height >= h && scalar.height >= h);
             assert_eq!(orientation.rgb[..3], MASKED);
             if let Some(folder) = &keep {
@@ -357,5 +344,19 @@ mod tests {
                 scalar.save_png(&folder.join(format!("scalar_{w}x{h}.png"))).unwrap();
             }
         }
+    }
+
+    #[test]
+    fn a_scale_bar_leaves_the_map_as_it_is() {
+        let (w, h) = (200, 600);
+        let angle = |x: usize, y: usize| Some((x + y) as f32 / 100.0);
+        let [with, without] =
+            [Some(10.0), None].map(|um| orientation_picture([w, h], &angle, "Orientation", Palette::Cyclic, um));
+        assert_eq!([with.width, with.height], [without.width, without.height]);
+        let rows = |c: &Canvas| c.rgb.chunks_exact(3 * c.width).flat_map(|r| r[..3 * w].to_vec()).collect::<Vec<_>>();
+        assert_eq!(rows(&with), rows(&without));
+        // 500 µm are 50 pixels of ink in a row.
+        let ink = |c: &Canvas, n| c.rgb.as_chunks::<3>().0.chunk_by(|a, b| a == b).any(|r| r[0] == INK && r.len() == n);
+        assert!(ink(&with, 50) && !ink(&without, 50));
     }
 }

@@ -76,7 +76,8 @@ impl Output<'_> {
         write_png8(&folder.path("lut.png"), size, size, 3, &self.picture())?;
         let coverage = |x: usize, y: usize| Some(self.at(y * size + x)[3]);
         let title = "Coverage";
-        let canvas = scalar_picture(size, size, &coverage, 0.0, 1.0, "part of each entry that was measured", title);
+        let canvas =
+            scalar_picture([size; 2], &coverage, [0.0, 1.0], "part of each entry that was measured", title, None);
         canvas.save_png(&folder.path("coverage.png"))?;
         folder.write("profile.csv", self.profile().as_bytes())
     }

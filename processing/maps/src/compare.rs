@@ -133,7 +133,7 @@ fn described(name: &str, maps: &Maps) -> Compared {
 }
 
 /// Size of a map's pixels in µm, if its header has it.
-fn pixel_um(maps: &Maps) -> Option<f64> {
+pub(super) fn pixel_um(maps: &Maps) -> Option<f64> {
     maps.maps.values().find_map(|m| m.attributes.get("pixel_um")?.parse().ok()).filter(|p: &f64| *p > 0.0)
 }
 

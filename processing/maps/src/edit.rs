@@ -4,6 +4,7 @@ use super::asset::{Kind, Map, Maps};
 use super::curve::Curve;
 use super::layout::{Layout, wrapped};
 use nacre_base::{Error, Result};
+use nacre_image::Palette;
 use serde::{Deserialize, Serialize};
 
 /// Edits, done in the order in which they stand here.
@@ -30,6 +31,12 @@ pub struct Edits {
     pub offset_um: Option<f64>,
     /// Least and most period, in µm.
     pub clamp_um: Option<[f64; 2]>,
+    /// Colours of angles in the picture.
+    #[serde(skip_serializing)]
+    pub palette: Palette,
+    /// Leave the scale bar out of the picture. It has one where the maps have `pixel_um`.
+    #[serde(skip_serializing)]
+    pub no_scale_bar: bool,
 }
 
 /// Edits maps.
@@ -76,7 +83,8 @@ impl Edits {
             curve.clone().checked()?;
         }
         let bad = |what: &str, problem: String, remedy: &str| Err(Error::input(what, problem, remedy));
-        if *self == (Edits { layout: self.layout, ..Edits::default() }) {
+        let drawn = Edits { palette: self.palette, no_scale_bar: self.no_scale_bar, ..Edits::default() };
+        if *self == (Edits { layout: self.layout, ..drawn }) {
             return bad("edit", "changes nothing".into(), "say what to do; see --help");
         }
         let orientation = maps.maps.contains_key(&Kind::Orientation);

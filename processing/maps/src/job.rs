@@ -5,7 +5,7 @@ use super::edit::{Edits, edit};
 use super::picture::before_and_after;
 use nacre_base::Result;
 use nacre_base::progress::Progress;
-use nacre_image::OutputFolder;
+use nacre_image::{OutputFolder, Palette};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -37,6 +37,8 @@ pub struct Report {
     pub method: &'static str,
     /// The edits.
     pub edits: Edits,
+    /// Colours of angles in the picture.
+    pub palette: Palette,
     /// Maps before.
     pub before: About,
     /// And after.
@@ -75,9 +77,10 @@ pub fn edit_folder(
     progress.check()?;
     let folder = OutputFolder::begin(out, overwrite)?;
     after.write(&folder)?;
-    before_and_after(&before, &after).save_png(&folder.path("before-after.png"))?;
-    let (edits, warnings) = (edits.clone(), vec![]);
-    let report = Report { method: "map", edits, before: About::of(&before), after: About::of(&after), warnings };
+    before_and_after(&before, &after, edits.palette, !edits.no_scale_bar).save_png(&folder.path("before-after.png"))?;
+    let (edits, palette, warnings) = (edits.clone(), edits.palette, vec![]);
+    let (of_before, of_after) = (About::of(&before), About::of(&after));
+    let report = Report { method: "map", edits, palette, before: of_before, after: of_after, warnings };
     folder.write_json("report.json", &report)?;
     folder.commit()?;
     progress.step();

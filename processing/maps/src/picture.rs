@@ -1,23 +1,28 @@
 //! Maps side by side, for people.
 
 use super::asset::{Kind, Map, Maps};
-use nacre_image::{Canvas, orientation_picture, scalar_picture};
+use super::compare::pixel_um;
+use nacre_image::{Canvas, Palette, orientation_picture, scalar_picture};
 
 /// Longest side of a map in a picture, in pixels.
 const LONGEST: usize = 900;
 
 /// One row per kind of map: before on the left, after on the right, in the same colours and, for periods, on the same scale.
-pub fn before_and_after(before: &Maps, after: &Maps) -> Canvas {
-    side_by_side(&[("before", before), ("after", after)])
+pub fn before_and_after(before: &Maps, after: &Maps, palette: Palette, scale_bar: bool) -> Canvas {
+    side_by_side(&[("before", before), ("after", after)], palette, scale_bar)
 }
 
-/// One row per kind of map, one column per set of maps, in the same colours and, for periods, on the same scale.
-pub fn side_by_side(all: &[(&str, &Maps)]) -> Canvas {
+/// One row per kind of map, one column per set of maps, in the same colours and, for periods, on the same scale. Maps that have `pixel_um` get a
+/// scale bar where one is asked for.
+pub fn side_by_side(all: &[(&str, &Maps)], palette: Palette, scale_bar: bool) -> Canvas {
     let mut rows: Vec<Vec<Canvas>> = vec![];
     for kind in Kind::ALL {
         let range = range(all.iter().filter_map(|(_, maps)| maps.maps.get(&kind)));
-        let row: Vec<Canvas> =
-            all.iter().filter_map(|(word, maps)| Some(one(maps, maps.maps.get(&kind)?, kind, word, range))).collect();
+        let draw = |(word, maps): &(&str, &Maps)| {
+            let bar_um = pixel_um(maps).filter(|_| scale_bar);
+            Some(one(maps, maps.maps.get(&kind)?, kind, word, range, palette, bar_um))
+        };
+        let row: Vec<Canvas> = all.iter().filter_map(draw).collect();
         if !row.is_empty() {
             rows.push(row);
         }
@@ -44,14 +49,23 @@ fn range<'a>(maps: impl Iterator<Item = &'a Map>) -> [f32; 2] {
     if low <= high { [low, high] } else { [0.0, 1.0] }
 }
 
-fn one(maps: &Maps, map: &Map, kind: Kind, word: &str, [low, high]: [f32; 2]) -> Canvas {
+fn one(
+    maps: &Maps,
+    map: &Map,
+    kind: Kind,
+    word: &str,
+    range: [f32; 2],
+    palette: Palette,
+    pixel_um: Option<f64>,
+) -> Canvas {
     // Every so manieth pixel of a large map.
     let step = maps.width.max(maps.height).div_ceil(LONGEST);
-    let (width, height) = (maps.width.div_ceil(step), maps.height.div_ceil(step));
+    let shown = [maps.width.div_ceil(step), maps.height.div_ceil(step)];
     let value = |x: usize, y: usize| Some(map.value[y * step * maps.width + x * step]);
     let size = format!("{word}, {} × {} pixels", maps.width, maps.height);
+    let bar_um = pixel_um.map(|um| um * step as f64);
     match kind {
-        Kind::Orientation => orientation_picture(width, height, &value, &format!("Orientation {size}")),
-        Kind::Period => scalar_picture(width, height, &value, low, high, "period (µm)", &format!("Period {size}")),
+        Kind::Orientation => orientation_picture(shown, &value, &format!("Orientation {size}"), palette, bar_um),
+        Kind::Period => scalar_picture(shown, &value, range, "period (µm)", &format!("Period {size}"), bar_um),
     }
 }

@@ -321,7 +321,7 @@ fn before_and_after_are_drawn() {
     let all = maps(300, 200);
     let curve = Curve::of("sine-squared=0.8,1.6").unwrap();
     let new = edit(&all, &Edits { rotate_deg: Some(30.0), period: Some(curve), ..Edits::default() }).unwrap();
-    let canvas = before_and_after(&all, &new);
+    let canvas = before_and_after(&all, &new, nacre_image::Palette::Cyclic, true);
     assert!(canvas.width > 900 && canvas.height > 500);
     if let Some(folder) = std::env::var_os("NACRE_PICTURES") {
         canvas.save_png(&std::path::PathBuf::from(folder).join("map-edit.png")).unwrap();

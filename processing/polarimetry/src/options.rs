@@ -4,6 +4,7 @@ use crate::fit::views::brackets;
 use crate::{Align, Demosaic, Model, Oblique, PeriodMethod, Smoothing};
 use nacre_base::{Error, Result};
 use nacre_frames::{Illumination, LoadedFrames};
+use nacre_image::Palette;
 
 /// What the user may choose.
 #[derive(Clone, Debug, Default)]
@@ -26,6 +27,10 @@ pub struct Options {
     pub smoothed_exr: bool,
     /// Makes a map of periods, too.
     pub period: Option<PeriodMethod>,
+    /// Colours of angles in pictures.
+    pub palette: Palette,
+    /// Leave the scale bar out of pictures. They have one where `pixel_um` of the geometry is known.
+    pub no_scale_bar: bool,
     /// Replace results that are already there.
     pub overwrite: bool,
 }

@@ -111,7 +111,7 @@ fn known_distributions_are_found_and_made_anew() {
             let top = sorted[sorted.len() * 99 / 100];
             for (word, values) in [("measured", &light.values), ("made", &new)] {
                 let value = |x: usize, y: usize| Some(values[y * scene.width + x]);
-                scalar_picture(scene.width, scene.height, &value, 0.0, top, "radiance", word)
+                scalar_picture([scene.width, scene.height], &value, [0.0, top], "radiance", word, None)
                     .save_png(&folder.join(format!("foil-{name}-{word}.png")))
                     .unwrap();
             }

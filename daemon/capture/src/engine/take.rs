@@ -137,6 +137,8 @@ impl Taker<'_> {
                     self.hands.dark().await?;
                     self.hands.stopwatch.pause();
                     self.prepared = false;
+                    // A paused session has stored all frames that were taken.
+                    self.flush().await;
                     // Before the event of the pause, so that a client that hears of it sees the state `paused`. A wish that came
                     // meanwhile is seen in the next turn of the loop.
                     let _ = self.control.send(Input::Settled);

@@ -7,6 +7,7 @@ use crate::fields::fields;
 use nacre_base::Error;
 use nacre_base::text::{from_json, from_toml, read_text};
 use nacre_frames::Illumination;
+use nacre_image::Palette;
 use nacre_lut::bokeh::PsfChoice;
 use nacre_optics::color::NAMES;
 use nacre_polarimetry::{MAX_BRACKET, Model, Oblique};
@@ -193,8 +194,9 @@ impl Plan {
                 return Err(format!("reconstruct.lut.illuminant is none of {}", NAMES.join(", ")));
             }
         }
-        if merges && (planned.model.is_some_and(|m| m != Model::Auto) || planned.oblique != Oblique::Off) {
-            return Err("reconstruct.model and oblique belong to the method polarization; remove them".into());
+        let alien = planned.model.is_some_and(|m| m != Model::Auto) || planned.oblique != Oblique::Off;
+        if merges && (alien || planned.palette != Palette::default()) {
+            return Err("reconstruct.model, oblique and palette belong to the method polarization; remove them".into());
         }
         Ok(())
     }

@@ -15,6 +15,7 @@ pub use steps::{Role, State, Step, groups};
 
 use nacre_drivers::Pattern;
 use nacre_frames::Illumination;
+use nacre_image::Palette;
 use nacre_lut::bokeh;
 use nacre_periods::flash;
 use nacre_periods::spots;
@@ -102,6 +103,9 @@ pub struct ReconstructPlan {
     /// Whether oblique incidence is taken out.
     #[serde(default)]
     pub oblique: Oblique,
+    /// Colours of angles in pictures; those of the methods spots and flash are among their options.
+    #[serde(default)]
+    pub palette: Palette,
     /// Of the method lut: wavelength, scale, light and so on. What the bench says of wavelength and geometry is known without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lut: Option<Box<nacre_lut::Settings>>,

@@ -5,7 +5,7 @@ use super::sim::{BenchOptions, simulate};
 use crate::console::Console;
 use nacre_base::Error;
 use nacre_capture::Failure;
-use nacre_image::{Canvas, OutputFolder, orientation_picture, read, read_exr, scalar_picture};
+use nacre_image::{Canvas, OutputFolder, Palette, orientation_picture, read, read_exr, scalar_picture};
 use nacre_polarimetry::{Comparison, Options, Report, compare, reconstruct};
 use nacre_service::view::Look;
 use nacre_sim::{BenchConfig, Truth};
@@ -33,6 +33,9 @@ Exits with 1 when the mean orientation error is not under 0.5°.")]
 pub struct Args {
     #[command(flatten)]
     options: BenchOptions,
+    /// Colours of angles in pictures: cyclic (even steps, also for colour-blind readers) or hsv.
+    #[arg(long, default_value = "cyclic", value_name = "cyclic|hsv")]
+    palette: Palette,
     /// New folder for session, results and pictures (default: nacre-demo, or the next free nacre-demo-N).
     #[arg(long)]
     out: Option<PathBuf>,
@@ -77,12 +80,12 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let (taken, bench) = simulate(&config, &args.options.angles_deg, &folder, console)?;
     folder.commit()?;
     let captured = start.elapsed().as_secs_f64();
-    let report = reconstruct(&session, &result, &Options::default(), console)?;
+    let report = reconstruct(&session, &result, &Options { palette: args.palette, ..Options::default() }, console)?;
     let reconstructed = start.elapsed().as_secs_f64();
 
     let judged = bench.look(|bench| -> Result<Judged, Failure> {
         let judged = judge(&result, bench.truth())?;
-        overview(&session, &judged, bench.truth())?.save_png(&result.join("overview.png"))?;
+        overview(&session, &judged, bench.truth(), args.palette)?.save_png(&result.join("overview.png"))?;
         Ok(judged)
     })?;
     let within_bound = judged.error.is_some_and(|e| e.mean_deg < BOUND_DEG);
@@ -138,6 +141,7 @@ struct Judged {
     width: usize,
     height: usize,
     orientation: Vec<f32>,
+    pixel_um: Option<f64>,
     error: Option<Comparison>,
     error_pure: Option<Comparison>,
     invented: usize,
@@ -151,11 +155,12 @@ fn judge(result: &Path, truth: &Truth) -> Result<Judged, Failure> {
     let error = compare(&orientation, &sigma, &truth.orientation, |_| true);
     let error_pure = compare(&orientation, &sigma, &truth.orientation, |i| truth.purity[i] > PURE);
     let invented = orientation.iter().zip(&truth.orientation).filter(|(m, t)| m.is_finite() && !t.is_finite()).count();
-    Ok(Judged { width: map.width, height: map.height, orientation, error, error_pure, invented })
+    let pixel_um = map.attributes.get("pixel_um").and_then(|um| um.parse().ok());
+    Ok(Judged { width: map.width, height: map.height, orientation, pixel_um, error, error_pure, invented })
 }
 
 /// Photograph, measured map, truth and error side by side.
-fn overview(session: &Path, judged: &Judged, truth: &Truth) -> Result<Canvas, Failure> {
+fn overview(session: &Path, judged: &Judged, truth: &Truth, palette: Palette) -> Result<Canvas, Failure> {
     const SIDE: usize = 520;
     let step = judged.width.max(judged.height).div_ceil(SIDE).max(1);
     let (width, height) = (judged.width / step, judged.height / step);
@@ -174,7 +179,8 @@ fn overview(session: &Path, judged: &Judged, truth: &Truth) -> Result<Canvas, Fa
         let grey = (255.0 * (f32::from(codes[at(x, y)]) / f32::from(top)).powf(1.0 / 2.2)) as u8;
         photo.set(x, y, [grey; 3]);
     }
-    let mut photograph = orientation_picture(width, height, &|_, _| None, "One of the photographs");
+    let size = [width, height];
+    let mut photograph = orientation_picture(size, &|_, _| None, "One of the photographs", palette, None);
     photograph.fill([250, 250, 250]);
     photograph.blit(&photo, 0, 0);
     photograph.text(width as f32 + 16.0, 16.0, 15.0, [30, 30, 30], "One of the photographs");
@@ -183,11 +189,14 @@ fn overview(session: &Path, judged: &Judged, truth: &Truth) -> Result<Canvas, Fa
         let difference = nacre_polarimetry::angle_difference(measured.into(), known.into());
         known.is_finite().then(|| difference.abs().to_degrees() as f32)
     };
+    let measured = |x: usize, y: usize| gauge(judged.orientation[at(x, y)]);
+    let known = |x: usize, y: usize| gauge(truth.orientation[at(x, y)] + offset);
+    let bar_um = judged.pixel_um.map(|um| um * step as f64);
     let panels = [
         photograph,
-        orientation_picture(width, height, &|x, y| gauge(judged.orientation[at(x, y)]), "Measured orientation"),
-        orientation_picture(width, height, &|x, y| gauge(truth.orientation[at(x, y)] + offset), "True orientation"),
-        scalar_picture(width, height, &error, 0.0, 2.0, "error (°)", "Difference"),
+        orientation_picture(size, &measured, "Measured orientation", palette, bar_um),
+        orientation_picture(size, &known, "True orientation", palette, bar_um),
+        scalar_picture(size, &error, [0.0, 2.0], "error (°)", "Difference", bar_um),
     ];
     let (w, h) = panels.iter().fold((0, 0), |(w, h), p| (w.max(p.width), h.max(p.height)));
     let gap = 12;

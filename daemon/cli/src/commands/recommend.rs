@@ -4,7 +4,7 @@ use crate::commands::said::lines;
 use crate::console::Console;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
-use nacre_image::OutputFolder;
+use nacre_image::{OutputFolder, Palette};
 use nacre_maps::recommend::{Advice, Need, Report, recommend};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -25,6 +25,9 @@ pub struct Recommend {
     /// What is to be known: orientations with absolute periods, or orientations alone.
     #[arg(long, default_value = "period", value_name = "period|orientation")]
     need: Need,
+    /// Colours of angles in tile.png of a map: cyclic (even steps, also for colour-blind readers) or hsv.
+    #[arg(long, default_value = "cyclic", value_name = "cyclic|hsv")]
+    palette: Palette,
     /// Folder for report.json and tile.png.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -37,7 +40,7 @@ pub struct Recommend {
 pub fn run(args: &Recommend, console: &Console) -> Result<(), Failure> {
     console.stage("looking", 1);
     let folder = args.out.as_deref().map(|out| OutputFolder::begin(out, args.force)).transpose()?;
-    let (report, picture) = recommend(&args.input, args.need)?;
+    let (report, picture) = recommend(&args.input, args.need, args.palette)?;
     console.check()?;
     let mut text = summary(&report);
     if let (Some(folder), Some(out)) = (folder, &args.out) {

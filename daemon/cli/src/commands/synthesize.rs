@@ -1,14 +1,15 @@
 //! `nacre synthesize`.
 
 use crate::commands::said::lines;
-use crate::commands::values::numbers;
+use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
-use nacre_image::{OutputFolder, orientation_picture};
-use nacre_lut::foil::{Distribution, Dots, Shape, synthesize};
+use nacre_image::{OutputFolder, Palette, orientation_picture};
+use nacre_lut::foil::{Distribution, Dots, Made, Shape, synthesize};
 use nacre_maps::Kind;
 use nacre_periods::calibration::Gray;
+use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -39,6 +40,8 @@ pub struct Args {
     /// The same seed gives the same maps.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    pictures: PictureArgs,
     /// Replace files that are already in the folder.
     #[arg(long)]
     force: bool,
@@ -57,6 +60,14 @@ struct ShapeArgs {
     /// The bright half of this picture, anywhere.
     #[arg(long, value_name = "IMAGE")]
     mask: Option<PathBuf>,
+}
+
+/// What was drawn.
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    made: &'a Made,
+    palette: Palette,
 }
 
 /// Draws and writes maps.
@@ -81,13 +92,17 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     console.check()?;
     let folder = OutputFolder::begin(&args.out, args.force)?;
     made.maps.write(&folder)?;
+    let PictureArgs { palette, bar } = args.pictures;
     if let Some(map) = made.maps.maps.get(&Kind::Orientation) {
+        let bar_um = (!bar.no_scale_bar).then_some(args.pixel_um);
         let width = made.maps.width;
         let value = |x: usize, y: usize| Some(map.value[y * width + x]);
-        let picture = orientation_picture(width, made.maps.height, &value, "Orientation of the dots");
+        let picture =
+            orientation_picture([width, made.maps.height], &value, "Orientation of the dots", palette, bar_um);
         picture.save_png(&folder.path("orientation.png"))?;
     }
-    folder.write_json("report.json", &made.report)?;
+    let report = Report { made: &made.report, palette };
+    folder.write_json("report.json", &report)?;
     folder.commit()?;
     let r = &made.report;
     let mut text = format!(
@@ -101,6 +116,6 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     );
     text += &lines(&[], &r.warnings);
     let _ = write!(text, "wrote     {}", args.out.display());
-    console.result(&text, r);
+    console.result(&text, &report);
     Ok(())
 }

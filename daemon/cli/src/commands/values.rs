@@ -2,6 +2,25 @@
 
 use clap::ValueEnum;
 use nacre_frames::{Bayer, Channel, Transfer};
+use nacre_image::Palette;
+
+/// How pictures of maps are drawn.
+#[derive(Clone, Copy, clap::Args)]
+pub(in crate::commands) struct PictureArgs {
+    /// Colours of angles in pictures: cyclic (even steps, also for colour-blind readers) or hsv.
+    #[arg(long, default_value = "cyclic", value_name = "cyclic|hsv")]
+    pub palette: Palette,
+    #[command(flatten)]
+    pub bar: BarArgs,
+}
+
+/// Whether pictures have a scale bar.
+#[derive(Clone, Copy, clap::Args)]
+pub(in crate::commands) struct BarArgs {
+    /// Leave the scale bar out of pictures. They have one where the pixel size on the sample is known.
+    #[arg(long)]
+    pub no_scale_bar: bool,
+}
 
 /// As many numbers as wanted, with commas.
 pub(in crate::commands) fn numbers<T: std::str::FromStr, const N: usize>(

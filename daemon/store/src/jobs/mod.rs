@@ -24,6 +24,7 @@ use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::plan::Method;
 use nacre_frames::Transfer;
+use nacre_image::Palette;
 use nacre_lut::{LightPhotograph, Settings};
 use nacre_polarimetry::{Align, Demosaic, Oblique, Options, PeriodMethod, Smoothing};
 use record::Record;
@@ -86,6 +87,12 @@ pub struct Spec {
     /// From what periods are told, if they are.
     #[serde(default)]
     pub period: Option<PeriodMethod>,
+    /// Colours of angles in pictures. Jobs of earlier versions do not say.
+    #[serde(default)]
+    pub palette: Palette,
+    /// Leave the scale bar out of pictures.
+    #[serde(default)]
+    pub no_scale_bar: bool,
 }
 
 /// Uploaded photographs of a light's mirror image, as `nacre reconstruct lut --light` takes them.
@@ -148,6 +155,8 @@ impl Spec {
             smooth_maps: self.smooth_maps,
             smoothed_exr: self.smoothed_exr,
             period: self.period.clone(),
+            palette: self.palette,
+            no_scale_bar: self.no_scale_bar,
             overwrite: true,
         })
     }

@@ -8,6 +8,7 @@ mod exr_files;
 mod formats;
 mod hdr_files;
 mod matrix;
+mod palette;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -97,6 +97,9 @@ pub struct Options {
     /// Pixels across that it is the mean of.
     #[serde(default = "slice_width")]
     pub slice_width: usize,
+    /// Leave the scale bar out of pictures. They have one where the size of a pixel is known.
+    #[serde(default)]
+    pub no_scale_bar: bool,
     /// Replace results that are already there.
     #[serde(skip)]
     pub overwrite: bool,
@@ -133,6 +136,7 @@ impl Options {
             wavelength_nm: BLUE_NM,
             slice: None,
             slice_width: SLICE_WIDTH,
+            no_scale_bar: false,
             overwrite: false,
         }
     }

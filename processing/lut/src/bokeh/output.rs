@@ -5,7 +5,9 @@ use nacre_base::Result;
 use nacre_image::{Attribute, OutputFolder, scalar_picture, write_exr};
 
 /// Writes `deconvolved.exr`, `height.exr`, their pictures, `slice.csv`, and `calibration.json` where one was made.
-pub(super) fn write(folder: &OutputFolder, outcome: &Outcome) -> Result<()> {
+///
+/// Pictures have a scale bar where the size of a pixel is known.
+pub(super) fn write(folder: &OutputFolder, outcome: &Outcome, scale_bar: bool) -> Result<()> {
     let map = &outcome.map;
     let height = outcome.height();
     let unit = if outcome.calibration.is_some() { "µm" } else { "relative, 0 to 1" };
@@ -30,7 +32,9 @@ pub(super) fn write(folder: &OutputFolder, outcome: &Outcome) -> Result<()> {
         folder.sync(&file)?;
         let [low, high] = super::height::ends(values);
         let value = |x: usize, y: usize| Some(values[y * map.width + x]);
-        let picture = scalar_picture(map.width, map.height, &value, low as f32, high as f32, label, "Bokeh photograph");
+        let (size, range) = ([map.width, map.height], [low as f32, high as f32]);
+        let bar_um = outcome.scale.pixel_um.filter(|_| scale_bar);
+        let picture = scalar_picture(size, &value, range, label, "Bokeh photograph", bar_um);
         picture.save_png(&folder.path(&format!("{name}.png")))?;
     }
     if let Some(slice) = &outcome.slice {

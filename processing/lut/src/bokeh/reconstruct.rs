@@ -56,7 +56,7 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     let mut report = outcome.report(input, options, psf_name, noise);
     report.warnings.splice(0..0, source.warnings(transfer));
     report.merged = source.merged;
-    output::write(&folder, &outcome)?;
+    output::write(&folder, &outcome, !options.no_scale_bar)?;
     progress.check()?;
     report.seconds = Seconds { read: read_s, deconvolve: deconvolve_s, total: begun.elapsed().as_secs_f64() };
     folder.write_json("report.json", &report)?;

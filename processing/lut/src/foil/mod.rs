@@ -20,7 +20,7 @@ pub use distribution::Distribution;
 pub use measure::{Light, Settings, measure};
 pub use output::picture;
 pub use report::Report;
-pub use synthesize::{Dots, Shape, Synthesis, synthesize};
+pub use synthesize::{Dots, Made, Shape, Synthesis, synthesize};
 
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};

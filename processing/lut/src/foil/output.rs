@@ -23,5 +23,5 @@ pub fn picture(found: &Distribution, relative: bool) -> Canvas {
         1.0 / low,
         1.0 / high
     );
-    scalar_picture(w * zoom[0], h * zoom[1], &value, 0.0, top as f32, "share, 1 is even", &title)
+    scalar_picture([w * zoom[0], h * zoom[1]], &value, [0.0, top as f32], "share, 1 is even", &title, None)
 }

@@ -11,8 +11,7 @@ pub use repeats::Repeats;
 use crate::{Kind, Maps};
 use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
-use nacre_image::Gray;
-use nacre_image::{Canvas, Field};
+use nacre_image::{Canvas, Field, Gray, MASKED, Palette};
 use num_complex::Complex32;
 use repeats::{repeats, unevenness};
 use serde::Serialize;
@@ -75,6 +74,8 @@ pub struct Report {
     pub width: usize,
     /// Rows.
     pub height: usize,
+    /// Colours of angles in the picture of a map.
+    pub palette: Palette,
     /// The tile that is repeated, if there is one.
     pub repeats: Option<Repeats>,
     /// Mean fourth power of the slopes over their squared mean square.
@@ -95,10 +96,10 @@ pub struct Report {
 ///
 /// # Errors
 /// `Input` for what is neither.
-pub fn recommend(input: &Path, need: Need) -> Result<(Report, Canvas)> {
+pub fn recommend(input: &Path, need: Need, palette: Palette) -> Result<(Report, Canvas)> {
     let is_map = input.is_dir()
         || input.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr")) && { Maps::read(input).is_ok() };
-    let (field, shown, scale, warning) = if is_map { of_map(input)? } else { of_photograph(input)? };
+    let (field, shown, scale, warning) = if is_map { of_map(input, palette)? } else { of_photograph(input)? };
     let repeats = repeats(&field, scale);
     let unevenness = unevenness(&field);
     let discrete = unevenness > DISCRETE;
@@ -117,7 +118,7 @@ pub fn recommend(input: &Path, need: Need) -> Result<(Report, Canvas)> {
     let size = [field.width, field.height].map(|n| (n as f64 * scale).round() as usize);
     let picture = picture(&field, &shown, repeats.as_ref(), scale);
     let [width, height] = size;
-    Ok((Report { width, height, repeats, unevenness, discrete, advice, why, otherwise, warnings }, picture))
+    Ok((Report { width, height, palette, repeats, unevenness, discrete, advice, why, otherwise, warnings }, picture))
 }
 
 fn judged(repeats: Option<&Repeats>, discrete: bool, need: Need) -> (Advice, String, String) {
@@ -210,7 +211,7 @@ fn without_lighting(gray: &Gray) -> Field {
     Field { width: w, height: h, values, mask: vec![1.0; w * h] }.centered()
 }
 
-fn of_map(input: &Path) -> Result<Seen> {
+fn of_map(input: &Path, palette: Palette) -> Result<Seen> {
     let mut maps = Maps::read(input)?;
     let full = maps.width;
     let longest = maps.width.max(maps.height);
@@ -226,7 +227,8 @@ fn of_map(input: &Path) -> Result<Seen> {
     }
     let line = |(v, m): (&f32, &f32)| if *m > 0.0 { Complex32::from_polar(1.0, 2.0 * v) } else { Complex32::default() };
     let values = map.value.iter().zip(&map.mask).map(line).collect();
-    let color = |(v, m): (&f32, &f32)| if *m > 0.0 { nacre_image::orientation_color(*v) } else { [40; 3] };
+    let colors = palette.table();
+    let color = |(v, m): (&f32, &f32)| if *m > 0.0 { colors.color(*v) } else { MASKED };
     let shown = map.value.iter().zip(&map.mask).map(color).collect();
     let field = Field { width: maps.width, height: maps.height, values, mask: map.mask.clone() };
     Ok((field.centered(), shown, full as f64 / maps.width as f64, None))

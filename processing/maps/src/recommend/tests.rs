@@ -1,6 +1,6 @@
 use super::*;
 use crate::Map;
-use nacre_image::{OutputFolder, write_png16_gray};
+use nacre_image::{OutputFolder, Palette, write_png16_gray};
 use std::f64::consts::PI;
 
 /// A number from 0 to 1 for a cell, without a pattern.
@@ -43,7 +43,7 @@ fn tiles_of_polygons_are_for_the_flash() {
     for (seed, [w, h]) in [(1, [64.0, 48.0]), (2, [55.5, 61.25]), (3, [90.0, 70.0])] {
         let tile = |x: f64, y: f64| 0.2 + 0.6 * chance(polygon([x, y], [w, h], seed), 3, seed);
         let home = photograph([600, 440], &tile);
-        let (report, picture) = recommend(&home.path().join("a.png"), Need::Period).unwrap();
+        let (report, picture) = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap();
         assert_eq!(report.advice, Advice::Flash, "{seed}: {report:?}");
         let found = report.repeats.unwrap();
         assert!((found.copies - 600.0 * 440.0 / (w * h)).abs() < 0.02 * found.copies, "{found:?}");
@@ -59,20 +59,20 @@ fn what_changes_gradually_or_is_there_once_is_for_fringes() {
     let wave =
         |x: f64, y: f64| 0.5 + 0.2 * (2.0 * PI * x / 60.0).sin() + 0.2 * (2.0 * PI * (y / 45.0 + x / 60.0)).sin();
     let home = photograph([600, 440], &wave);
-    let (report, _) = recommend(&home.path().join("a.png"), Need::Period).unwrap();
+    let (report, _) = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap();
     assert!(report.advice == Advice::Spots && report.repeats.is_some() && !report.discrete, "{report:?}");
     assert!(report.why.contains("gradually"), "{report:?}");
     // Polygons that are all different.
     let once = |x: f64, y: f64| 0.2 + 0.6 * chance(polygon([x, y], [600.0, 440.0], 4), 3, 4);
     let home = photograph([600, 440], &once);
-    let (report, _) = recommend(&home.path().join("a.png"), Need::Period).unwrap();
+    let (report, _) = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap();
     assert!(report.advice == Advice::Spots && report.repeats.is_none() && report.discrete, "{report:?}");
-    let (report, _) = recommend(&home.path().join("a.png"), Need::Orientation).unwrap();
+    let (report, _) = recommend(&home.path().join("a.png"), Need::Orientation, Palette::Cyclic).unwrap();
     assert_eq!(report.advice, Advice::Polarization);
     // A tile that is there six times.
     let few = |x: f64, y: f64| 0.2 + 0.6 * chance(polygon([x, y], [200.0, 220.0], 5), 3, 5);
     let home = photograph([600, 440], &few);
-    let (report, _) = recommend(&home.path().join("a.png"), Need::Period).unwrap();
+    let (report, _) = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap();
     assert!(report.advice == Advice::Spots && report.repeats.is_some_and(|r| r.copies < 7.0), "{report:?}");
 }
 
@@ -97,7 +97,7 @@ fn maps_of_orientation_are_looked_at_as_lines() {
     let folder = OutputFolder::begin(&home.path().join("out"), false).unwrap();
     maps.write(&folder).unwrap();
     folder.commit().unwrap();
-    let (report, _) = recommend(&home.path().join("out"), Need::Period).unwrap();
+    let (report, _) = recommend(&home.path().join("out"), Need::Period, Palette::Cyclic).unwrap();
     assert!((report.repeats.unwrap().copies - 45.0).abs() < 1.0, "{report:?}");
     assert_eq!(report.advice, Advice::Flash, "{report:?}");
 }
@@ -105,13 +105,13 @@ fn maps_of_orientation_are_looked_at_as_lines() {
 #[test]
 fn what_is_no_picture_is_refused() {
     let home = tempfile::tempdir().unwrap();
-    assert!(recommend(home.path(), Need::Period).is_err());
-    assert!(recommend(&home.path().join("none.png"), Need::Period).is_err());
+    assert!(recommend(home.path(), Need::Period, Palette::Cyclic).is_err());
+    assert!(recommend(&home.path().join("none.png"), Need::Period, Palette::Cyclic).is_err());
     write_png16_gray(&home.path().join("a.png"), 8, 8, &[1; 64]).unwrap();
-    let problem = recommend(&home.path().join("a.png"), Need::Period).unwrap_err().to_string();
+    let problem = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap_err().to_string();
     assert!(problem.contains("32 pixels"), "{problem}");
     // Nothing but even grey.
     write_png16_gray(&home.path().join("a.png"), 64, 64, &[500; 4096]).unwrap();
-    let (report, _) = recommend(&home.path().join("a.png"), Need::Period).unwrap();
+    let (report, _) = recommend(&home.path().join("a.png"), Need::Period, Palette::Cyclic).unwrap();
     assert!(report.repeats.is_none() && !report.discrete, "{report:?}");
 }

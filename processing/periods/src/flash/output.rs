@@ -12,6 +12,7 @@ const SHOWN: usize = 640;
 pub(super) struct Output<'a> {
     pub found: &'a [Found],
     pub report: &'a Report,
+    pub scale_bar: bool,
 }
 
 impl Output<'_> {
@@ -70,11 +71,13 @@ impl Output<'_> {
         let r = self.report;
         // Tiles are small: each of their pixels is a square, so that there is something to see.
         let zoom = (SHOWN / r.width.max(r.height).max(1)).clamp(1, 16);
-        let (width, height) = (zoom * r.width, zoom * r.height);
+        let size = [zoom * r.width, zoom * r.height];
+        let bar_um = self.scale_bar.then(|| r.pixel_um / zoom as f64);
         let shown = |x: usize, y: usize| at(y / zoom * r.width + x / zoom);
         let save = |picture: Canvas, name: &str| picture.save_png(&folder.path(name));
         let orientation = |x: usize, y: usize| shown(x, y).map(|g| g.orientation as f32);
-        save(orientation_picture(width, height, &orientation, "Orientation\nflash photographs"), "orientation.png")?;
+        let title = "Orientation\nflash photographs";
+        save(orientation_picture(size, &orientation, title, r.palette, bar_um), "orientation.png")?;
         let of = |g: &Grating| (1000.0 / self.period(g)) as f32;
         let lines = |x: usize, y: usize| shown(x, y).map(of);
         let values = |of: &dyn Fn(&Grating) -> f32| {
@@ -89,11 +92,12 @@ impl Output<'_> {
         let least = 0.02 * high;
         let [low, high] = if high - low > least { [low, high] } else { [low - least, high + least] };
         let label = if r.relative { "lines per mm (relative)" } else { "lines per mm" };
-        save(scalar_picture(width, height, &lines, low, high, label, "Period"), "period.png")?;
+        save(scalar_picture(size, &lines, [low, high], label, "Period", bar_um), "period.png")?;
         let degrees = |g: &Grating| g.orientation_sigma.to_degrees() as f32;
         let sigma = |x: usize, y: usize| shown(x, y).map(degrees);
         let all = values(&degrees);
         let top = all.get(all.len() * 98 / 100).copied().unwrap_or(1.0);
-        save(scalar_picture(width, height, &sigma, 0.0, top, "σ of the orientation (°)", "Uncertainty"), "sigma.png")
+        let label = "σ of the orientation (°)";
+        save(scalar_picture(size, &sigma, [0.0, top], label, "Uncertainty", bar_um), "sigma.png")
     }
 }

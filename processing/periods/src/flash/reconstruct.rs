@@ -58,7 +58,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     progress.stage("writing", 1);
     let mut report = job.report(&found, period, &lobe, &prior, &settings);
     report.warnings.splice(0..0, job.of_files.iter().cloned());
-    Output { found: &found, report: &report }.write(&folder)?;
+    Output { found: &found, report: &report, scale_bar: !settings.no_scale_bar }.write(&folder)?;
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { read, fit: fitted - read, write: total - fitted, total };
     folder.write_json("report.json", &report)?;

@@ -1,6 +1,7 @@
 //! What is said of the maps.
 
 use super::settings::{Orientation, PeriodChoice};
+use nacre_image::Palette;
 use serde::Serialize;
 
 /// Report of a reconstruction.
@@ -12,6 +13,8 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// What was taken for granted.
     pub assumptions: Vec<String>,
+    /// Colours of angles in pictures.
+    pub palette: Palette,
     /// Pixels of the maps.
     pub width: usize,
     /// Rows.

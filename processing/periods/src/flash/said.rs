@@ -68,6 +68,7 @@ impl Job {
             method: "flash",
             warnings: vec![],
             assumptions: vec![],
+            palette: settings.palette,
             width: self.tiling.width,
             height: self.tiling.height,
             pixel_um: 1000.0 * self.tiling.pitch_mm,

@@ -1,6 +1,7 @@
 //! What the user may choose.
 
 use nacre_base::{Error, Result};
+use nacre_image::Palette;
 use nacre_optics::geometry::Geometry;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -46,6 +47,10 @@ pub struct Settings {
     pub trust_lights: bool,
     /// Size of a pixel of the maps on the sheet, in mm (default: that of the photographs).
     pub pixel_mm: Option<f64>,
+    /// Colours of angles in pictures.
+    pub palette: Palette,
+    /// Leave the scale bar out of pictures.
+    pub no_scale_bar: bool,
     /// Replace results that are already there.
     #[serde(skip)]
     pub overwrite: bool,

@@ -3,7 +3,7 @@
 use super::answer::{Grating, Verdict};
 use super::scan::Found;
 use nacre_base::Result;
-use nacre_image::{Attribute, OutputFolder, orientation_picture, scalar_picture, write_exr};
+use nacre_image::{Attribute, OutputFolder, Palette, orientation_picture, scalar_picture, write_exr};
 
 /// What is written.
 pub(super) struct Output<'a> {
@@ -12,6 +12,8 @@ pub(super) struct Output<'a> {
     pub height: usize,
     pub wavelength_nm: f64,
     pub pixel_um: Option<f64>,
+    pub palette: Palette,
+    pub scale_bar: bool,
     /// σ of all periods together over the period: wavelength and distances.
     pub scale_sigma: f64,
     /// σ that all orientations share, in rad.
@@ -43,13 +45,15 @@ impl Output<'_> {
             self.period(i).map(|p| p.map(|v| v as f32))
         })?;
         let turn = |x: usize, y: usize| self.at(y * size[0] + x).map(|g| g.orientation as f32);
-        orientation_picture(size[0], size[1], &turn, "Orientation").save_png(&folder.path("orientation.png"))?;
+        let bar_um = self.pixel_um.filter(|_| self.scale_bar);
+        orientation_picture(size, &turn, "Orientation", self.palette, bar_um)
+            .save_png(&folder.path("orientation.png"))?;
         let period = |x: usize, y: usize| self.at(y * size[0] + x).map(|g| g.period_um as f32);
         let [low, high] = self.range();
         let [many, few] = [low, high].map(|p| 1000.0 / p);
         let title = format!("Period\n{few:.0} to {many:.0} lines/mm");
         let label = format!("µm ({low:.2} is {many:.0} lines/mm, {high:.2} is {few:.0})");
-        scalar_picture(size[0], size[1], &period, low, high, &label, &title).save_png(&folder.path("period.png"))
+        scalar_picture(size, &period, [low, high], &label, &title, bar_um).save_png(&folder.path("period.png"))
     }
 
     fn exr(

@@ -78,7 +78,9 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     let [scale_sigma, turn_sigma] =
         by_geometry.map_or([by_wavelength, 0.0], |[scale, turn]| [by_wavelength.hypot(scale), turn]);
     let pixel_um = frames.set.geometry.and_then(|g| g.pixel_um);
-    let output = Output { found: &found, width, height, wavelength_nm, pixel_um, scale_sigma, turn_sigma };
+    let (palette, scale_bar) = (settings.palette, !settings.no_scale_bar);
+    let output =
+        Output { found: &found, width, height, wavelength_nm, pixel_um, palette, scale_bar, scale_sigma, turn_sigma };
     output.write(&folder)?;
     let resolved =
         || (0..width * height).filter(|i| found.verdicts[*i] == Verdict::Resolved).filter_map(|i| found.gratings[i]);
@@ -87,6 +89,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
         method: "spots",
         warnings: vec![],
         assumptions: bench.assumptions.clone(),
+        palette: settings.palette,
         width,
         height,
         fringes: shown.len(),

@@ -1,6 +1,7 @@
 //! `report.json` of a spot scan.
 
 use super::response::Response;
+use nacre_image::Palette;
 use serde::Serialize;
 
 /// Result of a spot scan, in words and numbers.
@@ -12,6 +13,8 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// What is taken for granted.
     pub assumptions: Vec<String>,
+    /// Colours of angles in pictures.
+    pub palette: Palette,
     /// Pixels per row.
     pub width: usize,
     /// Rows.

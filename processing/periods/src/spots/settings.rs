@@ -2,6 +2,7 @@
 
 use super::answer::Demands;
 use nacre_base::{Error, Result};
+use nacre_image::Palette;
 use nacre_optics::geometry::Geometry;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -30,6 +31,10 @@ pub struct Settings {
     pub periods_um: [f64; 2],
     /// How far the mirror direction may be from where the geometry puts it, one standard deviation in degrees: an uneven surface.
     pub mirror_deg: f64,
+    /// Colours of angles in pictures.
+    pub palette: Palette,
+    /// Leave the scale bar out of pictures. They have one where `pixel_um` is known.
+    pub no_scale_bar: bool,
     /// A folder of `reconstruct polarization` whose orientations help where fringes alone do not tell.
     #[serde(skip)]
     #[schemars(skip)]
@@ -50,6 +55,8 @@ impl Default for Settings {
             aperture_mm: None,
             periods_um: [0.7, 4.0],
             mirror_deg: 0.2,
+            palette: Palette::default(),
+            no_scale_bar: false,
             polarization: None,
             overwrite: false,
         }

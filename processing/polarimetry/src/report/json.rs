@@ -10,6 +10,7 @@ use crate::{
     ObliqueReport, Options, PeriodReport, RepeatsReport, Smoothing,
 };
 use nacre_frames::{Channel, LoadedFrames};
+use nacre_image::Palette;
 use serde::Serialize;
 
 /// Result of a polarization reconstruction, in words and numbers.
@@ -58,6 +59,8 @@ pub struct Report {
     pub period: Option<PeriodReport>,
     /// What was done about oblique incidence; none where photographs do not say where the camera stood.
     pub oblique: Option<ObliqueReport>,
+    /// Colours of angles in pictures.
+    pub palette: Palette,
     /// Offset that was added to all orientations. The method finds orientations up to one common offset only.
     pub offset_deg: f64,
     /// By how much the analyser stood beside each of its positions, in degrees, their mean taken as 0: found by residuals and put right.
@@ -223,6 +226,7 @@ impl Report {
             },
             period: None,
             oblique: solved.oblique.clone(),
+            palette: options.palette,
             offset_deg: options.offset_deg,
             analyser_errors_deg: None,
             analyser_deg: match set.filters() {

@@ -72,18 +72,26 @@ impl Writer<'_> {
         })?;
         let period = |x: usize, y: usize| Some(found.period_um[y * width + x]).filter(|p| p.is_finite());
         let [low, high] = scale_of(&found.period_um);
-        scalar_picture(width, height, &period, low, high, &method.label(), "Period")
+        scalar_picture([width, height], &period, [low, high], &method.label(), "Period", self.bar_um(width, 1))
             .save_png(&self.folder.path("period.png"))?;
         self.progress.check()
+    }
+
+    /// Size on the sample of a pixel of maps of `width` columns, in µm.
+    fn pixel_um(&self, width: usize) -> Option<f64> {
+        let block = self.frames.info.width / width;
+        self.frames.set.geometry?.pixel_um.map(|um| um * block as f64)
+    }
+
+    /// The same of pictures that show every `step`-th pixel; `None` for no scale bar.
+    fn bar_um(&self, width: usize, step: usize) -> Option<f64> {
+        self.pixel_um(width).filter(|_| !self.options.no_scale_bar).map(|um| um * step as f64)
     }
 
     /// Units, pixel pitch and wavelength for the header of an EXR.
     fn attributes(&self, width: usize, units: &str) -> Vec<(&'static str, Attribute)> {
         let mut attributes = vec![("units", Attribute::Text(units.into()))];
-        if let Some(pixel) = self.frames.set.geometry.and_then(|g| g.pixel_um) {
-            let block = self.frames.info.width / width;
-            attributes.push(("pixel_um", Attribute::Number(pixel * block as f64)));
-        }
+        attributes.extend(self.pixel_um(width).map(|um| ("pixel_um", Attribute::Number(um))));
         if let Some(wavelength) = self.frames.set.wavelength_nm {
             attributes.push(("wavelength_nm", Attribute::Number(wavelength)));
         }
@@ -165,7 +173,8 @@ impl Writer<'_> {
         let top = top_of_scale(some).min(highest);
         let size = [width.div_ceil(step), height.div_ceil(step)];
         let row = |y: usize, row: &mut [f32]| fill(y * step * width, step, row);
-        scalar_rows(size, &row, [0.0, top], label, title).save_png(&self.folder.path(name))?;
+        let picture = scalar_rows(size, &row, [0.0, top], label, title, self.bar_um(width, step));
+        picture.save_png(&self.folder.path(name))?;
         self.progress.step();
         self.progress.check()
     }
@@ -179,7 +188,8 @@ impl Writer<'_> {
         let small = reduced(map, step);
         let small = small.as_ref().unwrap_or(map);
         let draw = |name: &str, title: &str, values: &[f32]| {
-            orientation_rows(small.width, small.height, &|y, row| copy(values, y, row), title)
+            let (size, bar_um) = ([small.width, small.height], self.bar_um(map.width, step));
+            orientation_rows(size, &|y, row| copy(values, y, row), title, self.options.palette, bar_um)
                 .save_png(&self.folder.path(name))
         };
         if self.model == Model::Plain {

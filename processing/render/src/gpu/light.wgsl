@@ -98,10 +98,24 @@ fn lit(view: vec3<f32>, light: vec3<f32>, width: f32, lamp: i32, at: Groove) -> 
     return covered * top + below(covered, view, light) * rough_lit(view, light) * white;
 }
 
-// Colours of a hue in turns, and from dark to light: those of the maps' pictures.
-fn hue(turn: f32) -> vec3<f32> {
-    return clamp(abs(fract(turn + vec3(0.0, 2.0 / 3.0, 1.0 / 3.0)) * 6.0 - 3.0) - 1.0, vec3(0.0), vec3(1.0));
+// Linear sRGB of an orientation in half turns: the palette `cyclic` of processing/image/src/palette.rs, which explains it.
+fn cyclic(turns: f32) -> vec3<f32> {
+    let p = 6.2831853 * turns;
+    let first = 5.847 + p - 0.009 * cos(p) - 0.030 * sin(p) - 0.090 * cos(2.0 * p) + 0.052 * sin(2.0 * p);
+    let u = first + 0.003 * cos(3.0 * p) - 0.027 * sin(3.0 * p) + 0.014 * cos(4.0 * p) + 0.007 * cos(5.0 * p) - 0.005 * sin(5.0 * p);
+    let lightness = 0.566 + 0.368 * cos(u);
+    let a = -0.007 - 0.041 * cos(u) - 0.057 * sin(u);
+    let b = 0.017 * cos(u) - 0.094 * sin(u);
+    let l = lightness + 0.39633778 * a + 0.21580376 * b;
+    let m = lightness - 0.10556135 * a - 0.06385417 * b;
+    let s = lightness - 0.08948418 * a - 1.2914855 * b;
+    let red = 4.0767417 * l * l * l - 3.3077116 * m * m * m + 0.23096993 * s * s * s;
+    let green = -1.268438 * l * l * l + 2.6097574 * m * m * m - 0.3413194 * s * s * s;
+    let blue = -0.0041960863 * l * l * l - 0.7034186 * m * m * m + 1.7076147 * s * s * s;
+    return vec3(red, green, blue);
 }
+
+// From dark to light: the colours of numbers in the maps' pictures.
 
 fn rising(t: f32) -> vec3<f32> {
     // The sixth-order fit of viridis by M. Zucker (CC0).
@@ -126,7 +140,7 @@ fn overlay(at: Groove) -> vec3<f32> {
     }
     let show = scene.what.z;
     if show == 1.0 {
-        return linear_of_srgb(hue(atan2(at.across.y, at.across.x) / PI));
+        return cyclic(atan2(at.across.y, at.across.x) / PI);
     }
     let value = select(at.sigma, at.period, show == 2.0);
     let ends = select(scene.range.zw, scene.range.xy, show == 2.0);

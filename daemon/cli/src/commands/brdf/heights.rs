@@ -2,6 +2,7 @@
 
 use super::common::Surface;
 use crate::commands::said;
+use crate::commands::values::BarArgs;
 use crate::console::Console;
 use nacre_brdf::height::Quality;
 use nacre_brdf::output::{vacant, write_height};
@@ -25,6 +26,8 @@ pub struct Heights {
     /// The height field.
     #[arg(long, value_name = "FILE.exr")]
     out: PathBuf,
+    #[command(flatten)]
+    bar: BarArgs,
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
@@ -44,7 +47,7 @@ impl Heights {
         let files = vec![self.out.clone(), picture.clone()];
         vacant(&files, self.force)?;
         let (field, quality) = self.surface.read(65.0, console)?;
-        write_height(&self.out, Some(&picture), &field)?;
+        write_height(&self.out, Some((&picture, !self.bar.no_scale_bar)), &field)?;
         let q = &quality;
         let mut text =
             format!("surface   {} × {} pixels of {} µm, {:.4} µm deep", q.width, q.height, q.pixel_um, q.range_um);

@@ -1,6 +1,7 @@
 //! `nacre brdf surface`.
 
 use crate::commands::said;
+use crate::commands::values::BarArgs;
 use crate::console::Console;
 use clap::ValueEnum;
 use nacre_base::Error;
@@ -43,6 +44,8 @@ pub struct Surface {
     /// The height field.
     #[arg(long, value_name = "FILE.exr")]
     out: PathBuf,
+    #[command(flatten)]
+    bar: BarArgs,
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
@@ -116,7 +119,7 @@ impl Surface {
             angle: self.angle.to_radians(),
         };
         let field = surface.field()?;
-        write_height(&self.out, Some(&picture), &field)?;
+        write_height(&self.out, Some((&picture, !self.bar.no_scale_bar)), &field)?;
         let quality = Quality::of(&field, 65.0);
         let text = format!(
             "surface   {0} × {0} pixels of {1:.5} µm\n{2}wrote     {3}\nwrote     {4}",

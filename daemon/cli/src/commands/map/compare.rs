@@ -1,10 +1,11 @@
 //! `nacre map compare`.
 
 use crate::commands::said::lines;
+use crate::commands::values::PictureArgs;
 use crate::console::Console;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
-use nacre_image::OutputFolder;
+use nacre_image::{OutputFolder, Palette};
 use nacre_maps::{Agreement, Compared, Maps, compare, side_by_side};
 use serde::Serialize;
 use std::fmt::Write;
@@ -29,6 +30,8 @@ pub struct Compare {
     /// Leave them where they are: their upper left corners are one place.
     #[arg(long)]
     unaligned: bool,
+    #[command(flatten)]
+    pictures: PictureArgs,
     /// Replace files that are already in the folder.
     #[arg(long)]
     force: bool,
@@ -39,6 +42,7 @@ pub struct Compare {
 struct Report<'a> {
     inputs: &'a [PathBuf],
     aligned: bool,
+    palette: Palette,
     maps: &'a [Compared],
     warnings: &'a [String],
 }
@@ -56,9 +60,10 @@ impl Compare {
         let found = compare(all, !self.unaligned)?;
         console.check()?;
         let shown: Vec<(&str, &Maps)> = found.maps.iter().map(|(name, maps)| (name.as_str(), maps)).collect();
-        side_by_side(&shown).save_png(&folder.path("compared.png"))?;
-        let report =
-            Report { inputs: &self.inputs, aligned: !self.unaligned, maps: &found.compared, warnings: &found.warnings };
+        let PictureArgs { palette, bar } = self.pictures;
+        side_by_side(&shown, palette, !bar.no_scale_bar).save_png(&folder.path("compared.png"))?;
+        let (maps, warnings) = (&found.compared, &found.warnings);
+        let report = Report { inputs: &self.inputs, aligned: !self.unaligned, palette, maps, warnings };
         folder.write_json("report.json", &report)?;
         folder.commit()?;
         let mut text = String::new();

@@ -2,7 +2,7 @@
 
 mod compare;
 
-use crate::commands::values::numbers;
+use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
 use clap::{Subcommand, ValueEnum};
 use nacre_base::progress::Progress;
@@ -72,6 +72,8 @@ pub struct Edit {
     /// Least and most period in µm.
     #[arg(long, value_name = "MIN,MAX", value_parser = |t: &str| numbers::<f64, 2>(t, "the least and the most: 0.7,2"), allow_hyphen_values = true)]
     clamp: Option<[f64; 2]>,
+    #[command(flatten)]
+    pictures: PictureArgs,
     /// Replace files that are already in the folder.
     #[arg(long)]
     force: bool,
@@ -159,6 +161,8 @@ impl Edit {
             scale: self.scale,
             offset_um: self.offset_um,
             clamp_um: self.clamp,
+            palette: self.pictures.palette,
+            no_scale_bar: self.pictures.bar.no_scale_bar,
         };
         let (after, report) = edit_folder(&self.input, &self.out, &edits, self.force, console)?;
         finish(console, &self.out, &after, &report);

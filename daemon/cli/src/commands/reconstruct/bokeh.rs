@@ -1,7 +1,7 @@
 //! `nacre reconstruct bokeh`.
 
 use crate::commands::said::lines;
-use crate::commands::values::{numbers, transfer};
+use crate::commands::values::{BarArgs, numbers, transfer};
 use crate::console::Console;
 use clap::ValueEnum;
 use nacre_capture::Failure;
@@ -94,6 +94,8 @@ pub struct Bokeh {
     /// Pixels across that the slice is the mean of.
     #[arg(long, value_name = "PX", default_value_t = bokeh::SLICE_WIDTH)]
     slice_width: usize,
+    #[command(flatten)]
+    bar: BarArgs,
     /// Replace results that are already in the folder.
     #[arg(long, visible_alias = "overwrite")]
     force: bool,
@@ -196,6 +198,7 @@ impl Bokeh {
             wavelength_nm: self.wavelength,
             slice: self.slice,
             slice_width: self.slice_width,
+            no_scale_bar: self.bar.no_scale_bar,
             overwrite: self.force,
             ..Options::new(psf)
         })

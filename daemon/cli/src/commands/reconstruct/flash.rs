@@ -1,7 +1,7 @@
 //! `nacre reconstruct flash`.
 
 use crate::commands::said::{lines, meets};
-use crate::commands::values::numbers;
+use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
 use nacre_capture::Failure;
 use nacre_optics::geometry;
@@ -83,6 +83,8 @@ pub struct Flash {
     /// is larger.
     #[arg(long, value_name = "DEG")]
     max_error: Option<f64>,
+    #[command(flatten)]
+    pictures: PictureArgs,
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
@@ -130,6 +132,8 @@ impl Flash {
             light_sigma_mm: self.light_sigma_mm,
             trust_lights: self.trust_lights,
             pixel_mm: self.pixel_mm,
+            palette: self.pictures.palette,
+            no_scale_bar: self.pictures.bar.no_scale_bar,
             overwrite: self.force,
         };
         let report = flash::reconstruct(&self.input, &self.out, &settings, console)?;

@@ -1,6 +1,7 @@
 //! `nacre reconstruct polarization`.
 
 use crate::commands::said::{lines, meets};
+use crate::commands::values::PictureArgs;
 use crate::console::Console;
 use nacre_capture::Failure;
 use nacre_polarimetry::{
@@ -101,6 +102,8 @@ pub struct Polarization {
     /// Also write smoothed.exr: the smoothed orientations at full size.
     #[arg(long)]
     smoothed_exr: bool,
+    #[command(flatten)]
+    pictures: PictureArgs,
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
@@ -119,6 +122,8 @@ impl Polarization {
             smooth_maps: self.smooth_maps,
             smoothed_exr: self.smoothed_exr,
             period: self.period(),
+            palette: self.pictures.palette,
+            no_scale_bar: self.pictures.bar.no_scale_bar,
             overwrite: self.force,
         };
         let report = nacre_polarimetry::reconstruct(&self.input, &self.out, &options, console)?;

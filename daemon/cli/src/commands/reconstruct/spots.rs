@@ -1,7 +1,7 @@
 //! `nacre reconstruct spots`.
 
 use crate::commands::said::lines;
-use crate::commands::values::numbers;
+use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
 use nacre_capture::Failure;
 use nacre_optics::geometry;
@@ -55,6 +55,8 @@ pub struct Spots {
     /// Results of `reconstruct polarization` of the same sample and camera, which decide between gratings.
     #[arg(long, value_name = "DIR")]
     polarization: Option<PathBuf>,
+    #[command(flatten)]
+    pictures: PictureArgs,
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
@@ -76,6 +78,8 @@ impl Spots {
             aperture_mm: self.aperture,
             periods_um: self.periods,
             mirror_deg: self.mirror,
+            palette: self.pictures.palette,
+            no_scale_bar: self.pictures.bar.no_scale_bar,
             polarization: self.polarization.clone(),
             overwrite: self.force,
         };

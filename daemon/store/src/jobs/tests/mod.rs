@@ -46,6 +46,8 @@ fn spec(model: &str) -> Spec {
         smooth_maps: false,
         smoothed_exr: false,
         period: None,
+        palette: Palette::Hsv,
+        no_scale_bar: false,
     }
 }
 
