@@ -58,6 +58,7 @@ CASES = [
         "reconstruct polarization coloured --out colour-camera",
         "reconstruct polarization frame --out bilinear --demosaic bilinear",
         "reconstruct polarization frame --out edge-aware --demosaic edge-aware",
+        "reconstruct polarization frame --out hues --palette hsv --no-scale-bar",
         "reconstruct polarization series --out gratings --model auto",
     ]),
     Case("hdr", {

@@ -49,14 +49,14 @@ export function wheel(size = 132) {
     context.resetTransform();
     context.clearRect(0, 0, 2 * size, 2 * size);
     context.translate(size, size);
-    // Sectors overlap a little: seams between them would show.
-    for (let i = 0; i < 360; i++) {
-      context.fillStyle = orientationColor(i + 0.5, palette);
-      context.beginPath();
-      context.arc(0, 0, radius, (-(i + 1.3) * Math.PI) / 180, (-i * Math.PI) / 180);
-      context.arc(0, 0, 0.5 * radius, (-i * Math.PI) / 180, (-(i + 1.3) * Math.PI) / 180, true);
-      context.fill();
-    }
+    // Angles of the canvas run clockwise.
+    const colors = context.createConicGradient(0, 0, 0);
+    for (let i = 0; i <= 360; i++) colors.addColorStop(i / 360, orientationColor(-i, palette));
+    context.fillStyle = colors;
+    context.beginPath();
+    context.arc(0, 0, radius, 0, 2 * Math.PI);
+    context.arc(0, 0, 0.5 * radius, 0, 2 * Math.PI, true);
+    context.fill();
     context.fillStyle = ink;
     context.font = `${0.19 * size}px system-ui, sans-serif`;
     context.textBaseline = "middle";
@@ -67,13 +67,16 @@ export function wheel(size = 132) {
     }
     if (typeof marked !== "number") return;
     context.rotate((-marked * Math.PI) / 180);
-    context.strokeStyle = ink;
-    context.lineWidth = 4;
     context.lineCap = "round";
     context.beginPath();
     context.moveTo(-radius, 0);
     context.lineTo(radius, 0);
-    context.stroke();
+    // A light rim, as the ring has dark colours too.
+    for (const [color, thick] of [["#fff", 9], ["#000", 4]]) {
+      context.strokeStyle = String(color);
+      context.lineWidth = Number(thick);
+      context.stroke();
+    }
   };
   /** @type {number | null} */
   let last = null;
