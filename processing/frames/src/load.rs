@@ -208,7 +208,7 @@ fn check_values(path: &Path, set: &FrameSet, by: By) -> Result<()> {
     check_layout(&bad, set)
 }
 
-/// What belongs to polarization sensors.
+/// Checks the keys of polarization sensors: `layout`, `colour` and `channel`.
 fn check_layout(bad: &impl Fn(&str, String, &str) -> Result<()>, set: &FrameSet) -> Result<()> {
     let of_sensor = set.kind == Kind::DivisionOfFocalPlane;
     let key = if set.layout.is_some() { "layout" } else { "colour" };

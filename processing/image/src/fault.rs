@@ -10,7 +10,7 @@ use nacre_base::Error;
 /// Remedy for a damaged file.
 pub(super) const RENEW: &str = "copy or export the file again";
 
-/// Remedy for integers of up to 16 bits of a kind that is not read.
+/// Remedy for unsupported files with integer samples of up to 16 bits.
 pub(super) const SAME_DEPTH: &str = "convert it to a grey or RGB PNG or TIFF of the same depth";
 
 /// Remedy for numbers that integers of up to 16 bits do not hold.

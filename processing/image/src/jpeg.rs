@@ -112,8 +112,8 @@ fn pixels(file: &[u8], info: Info) -> Decoded<Vec<u8>> {
     Ok(samples)
 }
 
-/// Decodes a strip or tile of a TIFF with so many columns, and rows from the second to the third number. `ycc` tells whether its three
-/// channels are converted to RGB.
+/// Decodes a strip or tile of a TIFF, of `columns` columns and `least` to `most` rows. With `ycc` its three channels are converted from YCbCr to
+/// RGB.
 pub(super) fn chunk(file: &[u8], [columns, least, most]: [usize; 3], channels: usize, ycc: bool) -> Decoded<Vec<u8>> {
     let color = match (channels, ycc) {
         (1, _) => ColorSpace::Luma,
@@ -162,7 +162,8 @@ fn header(source: &mut Source) -> Decoded<Info> {
     }
 }
 
-/// The coding of a frame by its marker, where that is not Huffman's of a baseline, extended or progressive picture (ITU-T T.81, table B.1).
+/// Name of a coding that is not decoded, by the marker of its frame (ITU-T T.81, table B.1). None for Huffman-coded baseline, extended and
+/// progressive frames, which are decoded.
 fn coding(marker: u8) -> Option<&'static str> {
     match marker {
         0xc0..=0xc2 => None,

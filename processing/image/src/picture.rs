@@ -182,7 +182,7 @@ struct Legend {
 }
 
 impl Legend {
-    /// For a map of `height` rows; `body` is the height of what follows the title, in text sizes, but for the scale bar.
+    /// Lays out the legend of a map of `columns` × `height` pixels; `body` is the height of wheel or colour bar with labels, in text sizes.
     fn new([columns, height]: [usize; 2], title: &str, body: f32, pixel_um: Option<f64>) -> Self {
         let em = (height as f32 / 40.0).clamp(15.0, 120.0);
         let width = (14.0 * em) as usize;
@@ -213,7 +213,7 @@ impl Legend {
         y
     }
 
-    /// What masked pixels look like, and the scale bar.
+    /// Draws the key of masked pixels and the scale bar.
     fn keys(&self, canvas: &mut Canvas, left: usize, y: f32) {
         let (x, side) = (left as f32 + self.em, self.em);
         canvas.rectangle(x as usize, y as usize, side as usize, side as usize, MASKED);

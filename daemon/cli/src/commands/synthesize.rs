@@ -62,7 +62,7 @@ struct ShapeArgs {
     mask: Option<PathBuf>,
 }
 
-/// What was drawn.
+/// JSON output of `nacre synthesize`.
 #[derive(Serialize)]
 struct Report<'a> {
     #[serde(flatten)]

@@ -10,7 +10,7 @@ pub(super) const MOST: f64 = 0.5;
 /// Rounds of relaxation on each grid. The coarser grid gives the start, so that few are needed.
 const ROUNDS: usize = 16;
 
-/// Fills values that are no numbers, where `scale` allows so many; returns a note about it. `word` is the file's word for gaps:
+/// Fills NaN and infinite heights if their share is at most `scale.fill_gaps`; returns a note. `word` is the file's term for gaps, such as
 /// "are bad points".
 ///
 /// Inside a gap each height is the mean of its neighbours (Laplace's equation).

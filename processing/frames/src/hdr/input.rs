@@ -23,7 +23,7 @@ pub fn check_input(input: &Path) -> Result<()> {
 /// Reads and checks what is to be merged. `white` replaces that of the photographs and their description.
 ///
 /// # Errors
-/// `Input` for anything that is not one view in several exposures, and for a white that is not above black.
+/// `Input` if the photographs are not one view in several exposures, or if `white` is not above black.
 pub(super) fn bracket(input: &Path, white: Option<f64>) -> Result<LoadedFrames> {
     let bare = input.is_dir() && !input.join(FILE_NAME).exists();
     let mut frames = if bare { tagged(input)? } else { load(input)? };

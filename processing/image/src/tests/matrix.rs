@@ -29,7 +29,7 @@ fn largest(raster: &Raster, differences: &[f64], inside: bool) -> f64 {
     counted.fold(0.0, |most, d| if d.is_nan() { *d } else { most.max(*d) })
 }
 
-/// What became of a file; an error is a violated expectation.
+/// Outcome of a file: equal, or refused by name. Errors are violated expectations.
 fn outcome(path: &Path, expectation: &str, channels: usize, kind: &str) -> Result<&'static str, String> {
     match (read(path), expectation.split_once(' ').unwrap_or((expectation, "0"))) {
         (Err(error), ("refused", words)) => {

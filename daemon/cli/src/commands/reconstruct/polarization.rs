@@ -217,7 +217,7 @@ pub fn summary(report: &Report) -> String {
     text
 }
 
-/// What a pixel of the maps is on the sensor.
+/// Number of sensor pixels behind each map pixel, in words.
 fn map_pixel(sensor: &SensorReport) -> String {
     let side = sensor.map_pixel_px;
     match (sensor.demosaic, sensor.channel) {
