@@ -48,7 +48,7 @@ pub struct SessionDoc {
     /// Why such a series has ended: `met`, `at_most` or `cannot`.
     #[schema(value_type = Option<String>)]
     ended: Option<Ending>,
-    /// What it does now.
+    /// What it does now; none once it has given the devices back.
     stage: Option<String>,
     /// Seconds until that is done.
     eta_s: Option<f64>,
