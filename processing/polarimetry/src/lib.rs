@@ -55,6 +55,7 @@ pub use options::Options;
 pub use orientation::orient::{MASK_SNR, OrientationMaps, orient};
 pub use orientation::period::{PeriodMaps, PeriodScale, polarization_of, relative_period};
 pub use orientation::period_map::{Metal, PeriodMethod, PeriodReport};
+pub use orientation::polarizers::widen_between_polarizers;
 pub use orientation::smooth::{Smoothing, smooth, smoothed_orientation};
 pub use precision::Precision;
 pub use reconstruct::reconstruct;

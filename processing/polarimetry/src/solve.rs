@@ -9,6 +9,7 @@ use crate::film::correction::{Corrected, choose_corrected};
 use crate::film::locate::{Lens, locate};
 use crate::orientation::edges::{widen_at_edges, widen_where_apart};
 use crate::orientation::orient::phases;
+use crate::orientation::polarizers::Places;
 use crate::{
     CircleCheck, Design, FrameNoise, MASK_SNR, Model, ObliqueReport, OrientationMaps, StokesMaps, check_circle,
 };
@@ -30,6 +31,15 @@ pub(crate) struct Solved {
     pub oblique: Option<ObliqueReport>,
 }
 
+/// How far the views of a pixel show different places.
+#[derive(Default)]
+pub(crate) struct Seen {
+    /// Root mean square of the shifts between photographs that are left, in pixels.
+    pub apart_px: f64,
+    /// Of a polarization sensor.
+    pub places: Option<Places>,
+}
+
 /// Pixels that a thread works on in one go.
 const CHUNK: usize = 1 << 14;
 
@@ -39,10 +49,13 @@ impl Solved {
         Self { map, without_grating: 0, circle: None, choice: None, classes: None, grating_like: false, oblique: None }
     }
 
-    /// σ of noise becomes that of noise, of the model, of what the lens mixes at edges, and of photographs that are left so many pixels apart.
+    /// σ of noise becomes that of noise, of the model, of what the lens mixes at edges, and of photographs or polarizers that see different places.
     /// Plain polarimetry has no model that could be wrong, and light that a lens mixes has the polarization of the mixture.
-    pub fn tell_systematic(&mut self, maps: &StokesMaps, model: Model, apart_px: f64) {
-        widen_where_apart(&mut self.map, apart_px as f32);
+    pub fn tell_systematic(&mut self, maps: &StokesMaps, model: Model, seen: &Seen) {
+        widen_where_apart(&mut self.map, seen.apart_px as f32);
+        if let Some(places) = &seen.places {
+            places.widen(maps, &mut self.map);
+        }
         if model == Model::Plain {
             return;
         }
@@ -68,7 +81,7 @@ impl Solved {
 /// Orientations alone: for charts.
 pub fn orient_with(maps: &mut StokesMaps, design: &Design, noise: &[FrameNoise], asked: &Asked) -> OrientationMaps {
     let mut solved = solve_model(maps, design, noise, asked);
-    solved.tell_systematic(maps, asked.model, 0.0);
+    solved.tell_systematic(maps, asked.model, &Seen::default());
     solved.map
 }
 

@@ -66,6 +66,20 @@ impl<'a> Covariance<'a> {
         Self::ratios(self.all(i, fitted), fitted)
     }
 
+    /// σ of the degree of linear polarization at pixel `i` of noise, to first order, or larger by as much as `angle_sigma` (rad), σ of its
+    /// angle, is larger than noise makes it: other errors of the points (S1/S0, S2/S0) have all directions.
+    pub(crate) fn degree_sigma(&self, i: usize, fitted: [f32; 3], angle_sigma: f32) -> f32 {
+        let all = self.all(i, fitted);
+        let ([a, c, s], [_, _, _, vc, vcs, vs]) = (fitted, all);
+        let modulation = c.hypot(s);
+        let (u, v) = (c / modulation, s / modulation);
+        let [xx, xy, yy] = Self::ratios(all, fitted);
+        let along = (u * u * xx + 2.0 * u * v * xy + v * v * yy).max(0.0);
+        let across = v * v * vc - 2.0 * u * v * vcs + u * u * vs;
+        let wider = (2.0 * modulation * angle_sigma).powi(2) / across;
+        if a > 0.0 { (along * wider.max(1.0)).sqrt() } else { f32::NAN }
+    }
+
     /// The same from AA, AC, AS, CC, CS and SS.
     #[inline(always)]
     pub(crate) fn ratios([aa, ac, as_, cc, cs, ss]: [f32; 6], [a, c, s]: [f32; 3]) -> [f32; 3] {

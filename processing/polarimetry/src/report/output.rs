@@ -1,8 +1,12 @@
 //! Maps and pictures of a result folder.
 
+use crate::fit::noise::Covariance;
 use crate::report::disk::Disk;
 use crate::report::reduced::reduced;
-use crate::{Model, Options, OrientationMaps, PeriodMaps, PeriodMethod, Smoothing, StokesMaps, smoothed_orientation};
+use crate::{
+    Design, FrameNoise, Model, Options, OrientationMaps, PeriodMaps, PeriodMethod, Smoothing, StokesMaps,
+    smoothed_orientation,
+};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
 use nacre_base::vector_atan::{atan2, folded};
@@ -43,8 +47,16 @@ impl Writer<'_> {
     /// Writes `orientation.exr` (of plain polarimetry `aolp.exr`), `smoothed.exr` where it was asked for, and the pictures.
     ///
     /// Pictures are compressed while maps, which are not, are written and synced by `disk`.
-    pub fn maps(&self, maps: StokesMaps, map: &OrientationMaps, disk: &Disk) -> Result<()> {
-        let numbers = || if self.model == Model::Plain { self.aolp(&maps, map) } else { self.orientation(&maps, map) };
+    pub fn maps(
+        &self,
+        maps: StokesMaps,
+        map: &OrientationMaps,
+        (design, noise): (&Design, &[FrameNoise]),
+        disk: &Disk,
+    ) -> Result<()> {
+        let covariance = Covariance::new(design, noise, &maps.covariance);
+        let plain = || self.aolp(&maps, map, &covariance);
+        let numbers = || if self.model == Model::Plain { plain() } else { self.orientation(&maps, map) };
         let (numbers, pictures) = disk.beside(numbers, || {
             self.scalars(&maps, map)?;
             self.picture(map)
@@ -113,14 +125,20 @@ impl Writer<'_> {
     }
 
     /// `aolp.exr` of plain polarimetry.
-    fn aolp(&self, maps: &StokesMaps, map: &OrientationMaps) -> Result<()> {
-        let units = "aolp, sigma: rad; dolp, correlation: 0 to 1; mask: 1 measured, 0 masked";
+    fn aolp(&self, maps: &StokesMaps, map: &OrientationMaps, covariance: &Covariance) -> Result<()> {
+        let units = "aolp, sigma: rad; dolp, sigma_dolp, correlation: 0 to 1; mask: 1 measured, 0 masked";
         let attributes = self.attributes(maps.width, units);
-        let channels = ["aolp", "dolp", "sigma", "mask", "correlation"];
+        let channels = ["aolp", "dolp", "sigma", "sigma_dolp", "mask", "correlation"];
         self.exr("aolp.exr", [maps.width, maps.height], &channels, &attributes, &|c, y, row| match c {
             0 | 1 => polarization(maps, c, y, row),
             2 => copy(&map.sigma, y, row),
-            3 => mask(&map.orientation, y, row),
+            3 => {
+                for (i, out) in (y * maps.width..).zip(row) {
+                    let fitted = [&maps.s0, &maps.s1, &maps.s2].map(|plane| 0.5 * plane[i]);
+                    *out = covariance.degree_sigma(i, fitted, map.sigma[i]);
+                }
+            }
+            4 => mask(&map.orientation, y, row),
             _ => copy(&maps.correlation, y, row),
         })?;
         self.progress.step();

@@ -9,12 +9,14 @@ use crate::angles::repeats::{compare_halves, pairs};
 use crate::angles::sample::Sample;
 use crate::angles::{duplicates, layout};
 use crate::film::stand::Stand;
+use crate::fit::demosaic::Demosaic;
 use crate::fit::views::View;
+use crate::orientation::polarizers::Places;
 use crate::report::disk::Disk;
 use crate::report::errors::{Angles, systematic};
 use crate::report::json::Pixels;
 use crate::report::output::Writer;
-use crate::solve::{Solved, solve_with};
+use crate::solve::{Seen, Solved, solve_with};
 use crate::{
     Align, Alignment, Asked, Design, FrameNoise, Model, NoiseSource, ObliqueReport, Options, RepeatsReport, Report,
     StokesMaps, smooth,
@@ -54,8 +56,8 @@ impl Running {
             report.period = Some(said);
         }
         // The report has these terms one by one.
-        solved.tell_systematic(&maps, model, fitted.apart_px());
-        writer.maps(maps, &solved.map, &disk)?;
+        solved.tell_systematic(&maps, model, &fitted.seen());
+        writer.maps(maps, &solved.map, (&fitted.design, &fitted.noise.0), &disk)?;
         report.took(fitted.read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
         folder.write_json("report.json", &report)?;
         progress.check()?;
@@ -101,6 +103,7 @@ impl Running {
             linearizer,
             brackets,
             views,
+            demosaic,
             sample,
             design,
             noise,
@@ -130,6 +133,7 @@ struct Fitted {
     linearizer: Linearizer,
     brackets: Vec<Vec<usize>>,
     views: Vec<View>,
+    demosaic: Demosaic,
     sample: Sample,
     design: Design,
     /// Of every view, and its source.
@@ -176,9 +180,10 @@ impl Fitted {
         shifts(self.alignment.as_ref()).map_or(1.0, |shifts| correlated(shifts, size))
     }
 
-    /// Pixels that photographs still lie apart.
-    fn apart_px(&self) -> f64 {
-        self.alignment.as_ref().map_or(0.0, Alignment::left_px)
+    /// How far the views of a pixel show different places.
+    fn seen(&self) -> Seen {
+        let places = Places::of(&self.views, &self.design, self.demosaic);
+        Seen { apart_px: self.alignment.as_ref().map_or(0.0, Alignment::left_px), places }
     }
 
     /// The report, but for what took how long and for periods.

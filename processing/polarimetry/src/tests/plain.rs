@@ -120,6 +120,12 @@ fn plain_results_hold_light_alone() {
     // 9216 pixels tell their scatter to 0.7 %, and their noise to as much.
     assert!((said / scatter - 1.0).abs() < 0.03, "{said} {scatter}");
     assert!(map.channels["mask"].iter().all(|m| *m == 1.0));
+    let (degrees, sigmas) = (&map.channels["dolp"], &map.channels["sigma_dolp"]);
+    let wanted = |i: usize| 0.6 + 0.05 * (i % map.width) as f32 / map.width as f32;
+    let squares = degrees.iter().enumerate().map(|(i, v)| (v - wanted(i)).powi(2));
+    let scatter = (squares.sum::<f32>() / degrees.len() as f32).sqrt();
+    let said = sigmas.iter().sum::<f32>() / sigmas.len() as f32;
+    assert!((said / scatter - 1.0).abs() < 0.03, "{said} {scatter}");
     let noise = report.error.noise_deg.unwrap();
     assert!(report.error_estimate_deg.unwrap() >= noise && report.error.model_deg == Some(0.0));
 }

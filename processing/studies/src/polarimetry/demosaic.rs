@@ -3,7 +3,9 @@
 use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
 use nacre_base::Result;
 use nacre_polarimetry::synthetic::normal;
-use nacre_polarimetry::{Demosaic, Design, Fit, FrameNoise, angle_difference, demosaiced, orient};
+use nacre_polarimetry::{
+    Demosaic, Design, Fit, FrameNoise, angle_difference, demosaiced, orient, widen_between_polarizers,
+};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::time::Instant;
@@ -112,7 +114,8 @@ fn run(kind: Kind, method: Demosaic, frequency: f64, side: usize, seed: u64) -> 
     fit.add_several(&angles, |k, y, row, _| row.copy_from_slice(&images[k][y * width..][..width]));
     let mut maps = fit.solve(&design);
     let noise = vec![CAMERA.scaled(method.noise_factor()); 4];
-    let found = orient(&mut maps, &design, &noise, 0.0);
+    let mut found = orient(&mut maps, &design, &noise, 0.0);
+    widen_between_polarizers(&mut found, &maps, &design, method);
     let seconds = begun.elapsed().as_secs_f64() / (side * side) as f64 * 1e6;
 
     let (mut sum, mut predicted, mut answered, mut wrong) = (0.0, 0.0, 0, 0);
