@@ -8,6 +8,7 @@ use serde_json::json;
 use std::fs;
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
+use std::os::unix::net::UnixDatagram;
 use std::time::{Duration, Instant};
 
 /// Clients have 5 s.
@@ -171,4 +172,26 @@ fn the_service_ends_whatever_clients_do() {
         let left = again.get(&format!("/api/v1/sessions/{id}")).expect(200).json();
         assert_eq!(left["state"], "idle", "{left}");
     }
+}
+
+/// As `Type=notify` and `WatchdogSec=` of a unit want it.
+#[test]
+fn systemd_is_told_that_it_is_ready_alive_and_stopping() {
+    let place = Place::with_bench("", BENCH);
+    let socket = UnixDatagram::bind(place.path("notify")).unwrap();
+    socket.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    let next = || {
+        let mut bytes = [0; 512];
+        let count = socket.recv(&mut bytes).unwrap();
+        String::from_utf8_lossy(&bytes[..count]).into_owned()
+    };
+    let variables = [("NOTIFY_SOCKET", place.text("notify")), ("WATCHDOG_USEC", "200000".into())];
+    let mut service =
+        Service::with_environment(&place, &variables.each_ref().map(|(name, value)| (*name, value.as_str())));
+    let ready = next();
+    assert!(ready.starts_with("READY=1\n") && ready.contains(&service.address.to_string()), "{ready}");
+    assert_eq!([next(), next()], ["WATCHDOG=1\n"; 2]);
+    service.signal("TERM");
+    while next() != "STOPPING=1\n" {}
+    assert_eq!(service.ended(), Some(0));
 }

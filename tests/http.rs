@@ -47,6 +47,13 @@ impl Service {
         Self::run(command, mark, place, &[&["--sim", "--bench", &place.text("bench.toml")], more].concat())
     }
 
+    /// On a small simulated bench, with these environment variables.
+    pub fn with_environment(place: &Place, variables: &[(&str, &str)]) -> Self {
+        let (mut command, mark) = command();
+        command.envs(variables.iter().copied());
+        Self::run(command, mark, place, &["--sim", "--bench", &place.text("bench.toml")])
+    }
+
     fn run(mut command: Command, mark: String, place: &Place, args: &[&str]) -> Self {
         command.args(["serve", "--listen", "127.0.0.1:0"]).args(args);
         command.args(["--data", &place.text("data")]).current_dir(place.path(""));

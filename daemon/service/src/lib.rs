@@ -26,6 +26,7 @@ mod runs;
 mod scenes;
 mod session_data;
 mod sessions;
+mod supervised;
 mod uploads;
 pub mod view;
 
@@ -268,10 +269,13 @@ pub async fn serve(
     let app = App::open(config, place).await?;
     let bind = |e: std::io::Error| Error::input(listen, format!("cannot be listened on: {e}"), "give another --listen");
     let listener = connections::listen(listen).map_err(bind)?;
-    ready(listener.local_addr().map_err(bind)?);
+    let address = listener.local_addr().map_err(bind)?;
+    ready(address);
+    supervised::ready(address);
     let closing = app.clone();
     let graceful = async move {
         stop.await;
+        supervised::stopping();
         closing.stopping.send_replace(true);
         // First of all the light, and a session in progress, which survives that.
         let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;

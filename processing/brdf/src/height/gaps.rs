@@ -102,12 +102,13 @@ mod tests {
     #[test]
     fn holes_in_a_plane_are_filled_with_the_plane() {
         let path = Path::new("x.asc");
-        for side in [1, 3, 11] {
+        // Heights differ by up to 0.5 across the largest hole; relaxation ends after some rounds.
+        for (side, most) in [(1, 1e-12), (3, 1e-12), (11, 0.005)] {
             let mut values = with_hole(side);
             let note = fill(path, WIDTH, &mut values, "are gaps", &allowed(0.2)).unwrap().unwrap();
             assert!(note.starts_with(&format!("{} gaps", side * side)), "{note}");
             let off = values.iter().zip(plane()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(off < 0.005, "{side}: {off}");
+            assert!(off < most, "{side}: {off}");
         }
     }
 

@@ -74,8 +74,17 @@ mod tests {
             assert_eq!([columns, found.len() / columns], new);
             assert_eq!(size([width, rows], sides), new);
             let truth = wave(new[0], new[1], [sides[0].min(sides[1]); 2]);
-            let off = found.iter().zip(truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(off < 0.06, "{sides:?}: {off}");
+            let off = |margin: usize| {
+                let inside = |i: &usize| {
+                    let (x, y) = (i % columns, i / columns);
+                    x.min(columns - 1 - x) >= margin && y.min(new[1] - 1 - y) >= margin
+                };
+                (0..found.len()).filter(inside).map(|i| (found[i] - truth[i]).abs()).fold(0.0, f64::max)
+            };
+            // Half-way between pixels a wave of 12.5 pixels has (9 cos(w/2) - cos(3w/2))/8 of its height, w = 2π/12.5: 0.0013 less. Beside the
+            // border a neighbour is missing.
+            assert!(off(3) < 0.0014, "{sides:?}: {}", off(3));
+            assert!(off(0) < 0.06, "{sides:?}: {}", off(0));
         }
     }
 }

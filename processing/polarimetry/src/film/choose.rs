@@ -377,7 +377,7 @@ fn reason(
     let simpler = (0..candidates.len()).filter(|k| candidates[*k].parameters < candidates[chosen].parameters);
     match simpler.min_by(|a, b| behind[*a].total_cmp(&behind[*b])) {
         Some(next) => format!(
-            "preferred over {} (penalised −2 ln likelihood lower by {:.0})",
+            "preferred over {}, penalised −2 ln likelihood lower by {:.0}",
             candidates[next].name(),
             behind[next] - behind[chosen]
         ),

@@ -162,7 +162,7 @@ impl Writer<'_> {
     }
 
     fn scalars(&self, maps: &StokesMaps, map: &OrientationMaps) -> Result<()> {
-        // Up to the mask's limit of 1/8 rad, on a scale that the bulk of the pixels fills.
+        // On a scale that the bulk of the pixels fills.
         self.scalar("sigma.png", "σ (°)", "Uncertainty", f32::INFINITY, maps, &|first, step, row| {
             let pixels = map.orientation[first..].iter().zip(&map.sigma[first..]).step_by(step);
             for (out, (theta, sigma)) in row.iter_mut().zip(pixels) {
