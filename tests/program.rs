@@ -31,6 +31,7 @@ mod render;
 mod renders;
 mod resume;
 mod service;
+mod soak;
 mod spots;
 mod until;
 mod viewer;

@@ -1,0 +1,210 @@
+//! Sessions one after the other, with faults, stops and kills at random: no frame is lost, every end is explained, and the service does not grow.
+//!
+//! `NACRE_SESSIONS` says how many (200), `NACRE_SEED` which.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_tests::http::{Service, begin};
+use nacre_tests::{BENCH, Place, data};
+use serde_json::{Value, json};
+use std::fs;
+use std::time::Duration;
+
+/// Commands to devices in a session, about; faults are spread over them.
+const COMMANDS: u64 = 60;
+
+/// Most tries until a session is complete: no fault lasts longer.
+const TRIES: usize = 40;
+
+/// Growth of the resident memory that is none, in KiB: caches that fill.
+const GROWTH_KB: u64 = 16 << 10;
+
+fn variable(name: &str, otherwise: u64) -> u64 {
+    std::env::var(name).map_or(otherwise, |v| v.parse().unwrap())
+}
+
+/// Numbers at random (splitmix64).
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, most: u64) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (mixed ^ (mixed >> 31)) % most
+    }
+
+    /// A bench on which something goes wrong now and then during so many sessions.
+    fn bench(&mut self, sessions: u64) -> String {
+        const FAULTS: [(&str, &str); 13] = [
+            ("stage", "stops_short"),
+            ("stage", "nonsense"),
+            ("stage", "silent"),
+            ("stage", "lost"),
+            ("camera", "silent"),
+            ("camera", "lost"),
+            ("camera", "wrong_size"),
+            ("camera", "damaged"),
+            ("display", "silent"),
+            ("display", "other_pattern"),
+            ("flash", "wrong_state"),
+            ("clock", "set_back"),
+            ("interlock", "opens"),
+        ];
+        let fault = |_| {
+            let (device, kind) = FAULTS[self.below(FAULTS.len() as u64) as usize];
+            let (after, times) = (self.below(COMMANDS * sessions), 1 + self.below(5));
+            format!("{{ device = \"{device}\", kind = \"{kind}\", after = {after}, times = {times} }}")
+        };
+        let faults: Vec<String> = (0..sessions).map(fault).collect();
+        format!("{BENCH}faults = [{}]", faults.join(", "))
+    }
+}
+
+/// Files, threads and resident memory in KiB of the service.
+fn resources(service: &Service) -> [u64; 3] {
+    let folder = |name: &str| fs::read_dir(format!("/proc/{}/{name}", service.pid())).unwrap().count() as u64;
+    [folder("fd"), folder("task"), service.memory()]
+}
+
+struct Soak {
+    place: Place,
+    dice: Dice,
+    /// The data set of an undisturbed session.
+    whole: Vec<(String, Vec<u8>)>,
+    /// Sessions that a kill interrupted.
+    interrupted: Vec<String>,
+    /// Ends by their reasons.
+    ends: std::collections::BTreeMap<String, usize>,
+    complete: u64,
+}
+
+impl Soak {
+    /// A session from its begin to its comparison with the undisturbed one. Returns the service, unless it was killed.
+    fn session(&mut self, service: Service, may_kill: bool) -> Option<Service> {
+        let id = begin(&service, &plan());
+        let base = format!("/api/v1/sessions/{id}");
+        let wait = |dice: &mut Dice| std::thread::sleep(Duration::from_millis(dice.below(60)));
+        match self.dice.below(if may_kill { 8 } else { 7 }) {
+            0 => {
+                wait(&mut self.dice);
+                service.post("/api/v1/stop", &json!({})).expect(200);
+            }
+            // These are refused where the session has ended before.
+            which @ 1..=3 => {
+                wait(&mut self.dice);
+                service.post(&format!("{base}/{}", ["stop", "abort", "pause"][which as usize - 1]), &json!({}));
+                wait(&mut self.dice);
+                service.post(&format!("{base}/resume"), &json!({}));
+            }
+            7 => {
+                wait(&mut self.dice);
+                service.kill();
+                self.interrupted.push(id);
+                return None;
+            }
+            _ => {}
+        }
+        self.finish(&service, &id);
+        Some(service)
+    }
+
+    /// Goes on with a session until it is complete.
+    fn finish(&mut self, service: &Service, id: &str) {
+        let base = format!("/api/v1/sessions/{id}");
+        for _ in 0..TRIES {
+            let over = |s: &Value| match s["state"].as_str().unwrap() {
+                "paused" => true,
+                state => s["stage"].is_null() && ["finished", "failed", "idle"].contains(&state),
+            };
+            let session = service.until(&base, over);
+            if session["state"] == "finished" {
+                return self.compare(service, id);
+            }
+            let why =
+                session["error"].as_str().map_or_else(String::new, |e| e.split(':').next().unwrap_or(e).to_owned());
+            assert!(!why.is_empty() || session["state"] == "paused", "an end without a reason: {session}");
+            *self.ends.entry(why).or_default() += 1;
+            let resumed = service.post(&format!("{base}/resume"), &json!({}));
+            assert!([202, 409].contains(&resumed.status), "{}", resumed.text());
+        }
+        panic!("session {id} is never complete: {}", service.get(&base).text());
+    }
+
+    /// Its data are those of the undisturbed session; then it is deleted.
+    fn compare(&mut self, service: &Service, id: &str) {
+        let folder = self.place.path("data/sessions").join(id);
+        assert!(data(&folder) == self.whole, "{id}: the data set differs");
+        let base = format!("/api/v1/sessions/{id}");
+        let token = service.get(&format!("{base}/deletion")).expect(200).json()["token"].as_str().unwrap().to_owned();
+        service.send("DELETE", &format!("{base}?token={token}"), &[], b"").expect(200);
+        assert!(!folder.exists());
+        self.complete += 1;
+    }
+}
+
+fn plan() -> Value {
+    json!({ "plan": {
+        "kind": "free",
+        "steps": [
+            { "analyser_deg": 30.0, "exposure_ms": 8.0 },
+            { "analyser_deg": 30.0, "exposure_ms": 8.0, "flash": true },
+            { "analyser_deg": 10.0, "exposure_ms": 3.0, "display": { "diameter_mm": 40.0 } },
+            { "analyser_deg": 10.0, "exposure_ms": 3.0, "flash": true, "display": { "pattern": "black" } },
+        ],
+    } })
+}
+
+#[test]
+fn sessions_by_the_hundred_lose_no_frame() {
+    let sessions = variable("NACRE_SESSIONS", 200);
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let id = begin(&service, &plan());
+    service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "finished" && s["stage"].is_null());
+    let whole = data(&place.path("data/sessions").join(&id));
+    drop(service);
+    let dice = Dice(variable("NACRE_SEED", 1));
+    let mut soak = Soak { place, dice, whole, interrupted: vec![], ends: Default::default(), complete: 0 };
+
+    // Half of them in lives of the service that end by a kill.
+    let mut kills = 0;
+    while soak.complete < sessions / 2 {
+        let mut service = Some(begun(&mut soak, 20));
+        while let Some(alive) = service.take() {
+            if soak.complete >= sessions / 2 {
+                break;
+            }
+            service = soak.session(alive, true);
+            kills += u64::from(service.is_none());
+        }
+    }
+    // The others in one life, during which nothing grows.
+    let mut service = begun(&mut soak, sessions / 2);
+    let mut first = None;
+    let begin = soak.complete;
+    while soak.complete < sessions {
+        service = soak.session(service, false).unwrap();
+        if soak.complete >= begin + 10 && first.is_none() {
+            first = Some(resources(&service));
+        }
+    }
+    let [before, after] = [first.unwrap(), resources(&service)];
+    println!(
+        "{} sessions, {kills} kills; files, threads and memory (KiB) of the service: {before:?}, then {after:?}; ends: {:?}",
+        soak.complete, soak.ends
+    );
+    assert!(after[0] <= before[0] + 4 && after[1] <= before[1] + 4, "{before:?} {after:?}");
+    assert!(after[2] <= before[2] + GROWTH_KB, "{before:?} {after:?}");
+    assert!(kills > 0 && soak.ends.len() > 5, "{kills} {:?}", soak.ends);
+}
+
+/// A service on a bench with faults during so many sessions, which first completes what was interrupted.
+fn begun(soak: &mut Soak, sessions: u64) -> Service {
+    fs::write(soak.place.path("bench.toml"), soak.dice.bench(sessions)).unwrap();
+    let service = Service::start(&soak.place, &[]);
+    for id in std::mem::take(&mut soak.interrupted) {
+        soak.finish(&service, &id);
+    }
+    service
+}
