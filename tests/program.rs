@@ -12,6 +12,7 @@ mod catalogue;
 mod chart;
 mod command_line;
 mod connections;
+mod contained;
 mod emulated;
 mod faults;
 mod files;

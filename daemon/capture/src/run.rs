@@ -38,7 +38,7 @@ pub struct Taken {
     pub results: Option<PathBuf>,
     /// From the last frame to the finished results.
     pub results_after_s: Option<f64>,
-    /// Report of the results.
+    /// Report of the results, unless another process made them.
     pub report: Option<Findings>,
     /// How a series that ends by its σ has ended.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -87,7 +87,15 @@ pub struct Capture<'a> {
     pub control: Arc<Control>,
     /// Told of everything that happens.
     pub observer: &'a dyn Observer,
+    /// Makes the results in another process, from the stored frames; in this one where it is none.
+    pub elsewhere: Option<&'a Elsewhere>,
 }
+
+/// Makes the results of a session in its folder [`RESULTS`].
+pub type Elsewhere = dyn Fn(&Path, &dyn Progress) -> Result<(), Failure> + Sync;
+
+/// Folder of the results within a session's.
+pub const RESULTS: &str = "results";
 
 impl Capture<'_> {
     /// Meters if need be, makes the session folder `out`, and takes all frames.
@@ -171,11 +179,19 @@ impl Capture<'_> {
         let outcome = self.engine().run(session, description, metering.unwrap_or_default())?;
         let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Error::output(&folder, e))?;
         let begun = Instant::now();
-        let results = match &description.plan.reconstruct {
-            Some(planned) => Some(results(planned, outcome.running, &folder, self.observer)?),
-            None => None,
+        let (results, report) = match (&description.plan.reconstruct, self.elsewhere) {
+            (None, _) => (None, None),
+            (Some(planned), None) => {
+                let (results, report) = results(planned, outcome.running, &folder, self.observer)?;
+                (Some(results), Some(report))
+            }
+            (Some(_), Some(elsewhere)) => {
+                // The memory is for the other process.
+                drop(outcome.running);
+                elsewhere(&folder, self.observer)?;
+                (Some(folder.join(RESULTS)), None)
+            }
         };
-        let (results, report) = results.unzip();
         Ok(Taken {
             session: folder,
             frames: journal.planned(&description.plan)[0],
@@ -220,6 +236,17 @@ pub fn check_limits(plan: &Plan, place: &Path, limits: &crate::plan::Limits) -> 
     Err(Error::file(place, problems.join("; "), "change the plan or the bench").into())
 }
 
+/// Makes the results that a session's plan asks for from its stored frames. Earlier ones are replaced.
+///
+/// # Errors
+/// `Input` for a folder that is no session, or whose plan asks for none; otherwise as the reconstruction answers.
+pub fn reconstruct_session(folder: &Path, progress: &dyn Progress) -> Result<(), Error> {
+    let bad = |problem: String| Error::file(folder, problem, "give a session whose plan has the key reconstruct");
+    let description = SessionFile::read(folder).map_err(|e| bad(format!("cannot be read: {e}")))?;
+    let planned = description.plan.reconstruct.ok_or_else(|| bad("has no results to make".into()))?;
+    results(&planned, None, folder, progress).map(drop)
+}
+
 /// Finishes the reconstruction that followed the frames, or makes it from the whole session; earlier results of the same
 /// session are replaced.
 fn results(
@@ -227,8 +254,8 @@ fn results(
     running: Option<Running>,
     folder: &Path,
     progress: &dyn Progress,
-) -> Result<(PathBuf, Findings), Failure> {
-    let results = folder.join("results");
+) -> Result<(PathBuf, Findings), Error> {
+    let results = folder.join(RESULTS);
     let findings = match planned.method {
         Method::Polarization => {
             let options = Options {
@@ -273,7 +300,7 @@ fn results(
         }
         Method::Foil | Method::Calibrate | Method::Map | Method::Brdf | Method::Render => {
             let problem = "makes of photographs what is made of other things";
-            return Err(Error::input("plan", problem, "leave reconstruct out, and upload what it is made of").into());
+            return Err(Error::input("plan", problem, "leave reconstruct out, and upload what it is made of"));
         }
     };
     Ok((results, findings))

@@ -98,6 +98,9 @@ enum Command {
     /// Hold a flash and see to it that it goes off; started by other commands.
     #[command(hide = true)]
     Guardian(commands::manual::Guardian),
+    /// Do a computation that another process of this program asks for on standard input.
+    #[command(hide = true, name = nacre_base::contained::COMMAND)]
+    Job,
 }
 
 /// Runs the command line of this process.
@@ -107,6 +110,10 @@ pub fn main() -> ExitCode {
         return commands::manual::guardian(args);
     }
     nacre_base::numeric::flush_subnormals();
+    nacre_base::contained::register();
+    if let Command::Job = cli.command {
+        return commands::job::run();
+    }
     let console = Console::new(cli.json);
     let leaks = leaks::Leaks::watch();
     let result = match cli.command {
@@ -136,7 +143,7 @@ pub fn main() -> ExitCode {
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),
         Command::Schema(args) => commands::schema::run(&args, &console),
-        Command::Guardian(_) => Ok(()),
+        Command::Guardian(_) | Command::Job => Ok(()),
     };
     if let Some(found) = leaks.found() {
         console.note(&format!("nacre: left behind: {found}"));

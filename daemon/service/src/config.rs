@@ -70,6 +70,10 @@ pub struct LimitsSection {
     pub requests: usize,
     /// Event streams at once.
     pub subscribers: usize,
+    /// Memory in MiB that the process of a reconstruction, or of a camera raw file's decoder, may take. Default: three quarters of the
+    /// machine's memory, or of a smaller limit of the service's control group or process.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub job_memory_mib: Option<u64>,
 }
 
 impl Default for Config {
@@ -87,7 +91,15 @@ impl Default for Config {
 
 impl Default for LimitsSection {
     fn default() -> Self {
-        Self { body_kib: 1024, upload_mib: 4096, request_s: 60, client_s: 20, requests: 64, subscribers: 256 }
+        Self {
+            body_kib: 1024,
+            upload_mib: 4096,
+            request_s: 60,
+            client_s: 20,
+            requests: 64,
+            subscribers: 256,
+            job_memory_mib: None,
+        }
     }
 }
 
@@ -134,6 +146,7 @@ impl Config {
             ("client_s", l.client_s),
             ("requests", l.requests as u64),
             ("subscribers", l.subscribers as u64),
+            ("job_memory_mib", l.job_memory_mib.unwrap_or(1)),
         ] {
             if !(1..=1 << 30).contains(&value) {
                 return Err(format!("limits.{key} is {value}; give a number from 1 to {}", 1 << 30));

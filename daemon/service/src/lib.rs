@@ -29,6 +29,7 @@ mod sessions;
 mod supervised;
 mod uploads;
 pub mod view;
+pub mod work;
 
 use axum::Json;
 use axum::extract::{FromRequest, FromRequestParts, Path as AxumPath, Query, Request};
@@ -148,6 +149,9 @@ impl App {
             let path = config.data.join(folder);
             std::fs::create_dir_all(&path).map_err(|e| Error::output(&path, e))?;
         }
+        if let Some(mib) = config.limits.job_memory_mib {
+            nacre_image::budget::allow(mib << 20);
+        }
         let simulated = place.simulated.is_some() && !place.section.has_real_device();
         let link = Arc::new(Link::default());
         let place = Place { page: Some(link.clone()), ..place };
@@ -156,7 +160,7 @@ impl App {
         let rebuilt = catalogue.rebuild(&[config.data.join("sessions")], &nacre_base::progress::Silent).await?;
         tracing::info!(sessions = rebuilt.sessions, "catalogue rebuilt");
         let renders = Arc::new(renders::Renders::default());
-        let jobs = Jobs::open(&config.data, methods::work(config.data.clone(), renders.clone())).await?;
+        let jobs = Jobs::open(&config.data, work::jobs(config.data.clone(), renders.clone())).await?;
         let bench = Bench::open(place).await?;
         let found =
             bench.work(|owner| Ok((owner.rig.devices.limits(), owner.runtime.block_on(owner.rig.watch.ids())))).await;

@@ -1,7 +1,7 @@
 //! What each method of `/api/v1/reconstructions` refuses and does.
 
 use super::problem::{Answer, Problem};
-use super::renders::Renders;
+use super::work::result_folder;
 use nacre_base::Error;
 use nacre_base::progress::Progress;
 use nacre_capture::plan::Method;
@@ -14,9 +14,9 @@ use nacre_optics::color;
 use nacre_periods::calibration;
 use nacre_periods::flash;
 use nacre_periods::spots;
-use nacre_store::jobs::{Spec, Work};
+use nacre_render::Glimpse;
+use nacre_store::jobs::Spec;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Refuses what no job could do; `uploads` is where the service has them.
 pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
@@ -112,8 +112,7 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
             if matches!(options.psf, bokeh::PsfChoice::Image(_)) {
                 return Err(Problem::bad("psf: an image of a point is for the command line; give {\"sigma\": PX}"));
             }
-            options.check()?;
-            Ok(hdr::Source::check(input)?)
+            Ok(bokeh::check_input(input, &options)?)
         }
         Method::Render => {
             if spec.session.is_some() {
@@ -140,60 +139,59 @@ fn as_sent(error: Error, folder: &Path) -> Error {
     }
 }
 
-/// What the job queue does.
-pub fn work(data: PathBuf, renders: Arc<Renders>) -> Work {
-    Arc::new(move |spec: &Spec, progress: &dyn Progress| {
-        let input = match (&spec.session, &spec.upload) {
-            (Some(id), _) => data.join("sessions").join(id),
-            (None, Some(id)) => data.join("uploads").join(id),
-            // It may go on from an earlier one, without photographs.
-            _ if spec.method == Method::Calibrate => PathBuf::new(),
-            _ => return Err(Error::input("reconstruction", "names no photographs", "ask again").into()),
-        };
-        let out = data.join("reconstructions").join(&spec.id);
-        match spec.method {
-            Method::Polarization => {
-                nacre_polarimetry::reconstruct(&input, &out, &spec.polarization()?, progress)?;
-            }
-            Method::Hdr => {
-                let options = hdr::Options { overwrite: true, ..spec.options_of()? };
-                hdr::reconstruct(&input, &out, &options, progress)?;
-            }
-            Method::Lut => {
-                nacre_lut::reconstruct(&input, &out, &spec.table(&data.join("uploads"))?, progress)?;
-            }
-            Method::Foil => {
-                let settings = foil::Settings { overwrite: true, ..spec.options_of()? };
-                foil::reconstruct(&input, &out, &settings, progress)?;
-            }
-            Method::Calibrate => {
-                let done = calibration::calibrate_folder(&input, &out, &spec.options_of()?, true, progress);
-                done.map_err(|error| as_sent(error, &input))?;
-            }
-            Method::Map => {
-                nacre_maps::edit_folder(&maps_of(spec, &input), &out, &spec.options_of()?, true, progress)?;
-            }
-            Method::Flash => {
-                let settings = flash::Settings { overwrite: true, ..spec.options_of()? };
-                flash::reconstruct(&input, &out, &settings, progress)?;
-            }
-            Method::Brdf => nacre_brdf::render(&input, &out, &spec.options_of()?, true, progress)?,
-            Method::Spots => {
-                let settings = spots::Settings { overwrite: true, ..spec.options_of()? };
-                spots::reconstruct(&input, &out, &settings, progress)?;
-            }
-            Method::Bokeh => {
-                let options = bokeh::Options { overwrite: true, ..spec.options_of()? };
-                bokeh::reconstruct(&input, &out, &options, progress)?;
-            }
-            Method::Render => {
-                let options = spec.options_of()?;
-                let mut seen = |glimpse| renders.show(&spec.id, glimpse);
-                let done = nacre_render::render_folder(&input, &out, &options, true, progress, &mut seen);
-                renders.clear();
-                done.map_err(|error| as_sent(error, &input))?;
-            }
+/// Does a job of the service whose data folder this is. What there is to see of a rendering goes to `seen`.
+///
+/// # Errors
+/// As the method answers.
+pub fn perform(data: &Path, spec: &Spec, progress: &dyn Progress, seen: &mut dyn FnMut(Glimpse)) -> Result<(), Error> {
+    let input = match (&spec.session, &spec.upload) {
+        (Some(id), _) => data.join("sessions").join(id),
+        (None, Some(id)) => data.join("uploads").join(id),
+        // It may go on from an earlier one, without photographs.
+        _ if spec.method == Method::Calibrate => PathBuf::new(),
+        _ => return Err(Error::input("reconstruction", "names no photographs", "ask again")),
+    };
+    let out = result_folder(data, &spec.id);
+    match spec.method {
+        Method::Polarization => {
+            nacre_polarimetry::reconstruct(&input, &out, &spec.polarization()?, progress)?;
         }
-        Ok(())
-    })
+        Method::Hdr => {
+            let options = hdr::Options { overwrite: true, ..spec.options_of()? };
+            hdr::reconstruct(&input, &out, &options, progress)?;
+        }
+        Method::Lut => {
+            nacre_lut::reconstruct(&input, &out, &spec.table(&data.join("uploads"))?, progress)?;
+        }
+        Method::Foil => {
+            let settings = foil::Settings { overwrite: true, ..spec.options_of()? };
+            foil::reconstruct(&input, &out, &settings, progress)?;
+        }
+        Method::Calibrate => {
+            let done = calibration::calibrate_folder(&input, &out, &spec.options_of()?, true, progress);
+            done.map_err(|error| as_sent(error, &input))?;
+        }
+        Method::Map => {
+            nacre_maps::edit_folder(&maps_of(spec, &input), &out, &spec.options_of()?, true, progress)?;
+        }
+        Method::Flash => {
+            let settings = flash::Settings { overwrite: true, ..spec.options_of()? };
+            flash::reconstruct(&input, &out, &settings, progress)?;
+        }
+        Method::Brdf => nacre_brdf::render(&input, &out, &spec.options_of()?, true, progress)?,
+        Method::Spots => {
+            let settings = spots::Settings { overwrite: true, ..spec.options_of()? };
+            spots::reconstruct(&input, &out, &settings, progress)?;
+        }
+        Method::Bokeh => {
+            let options = bokeh::Options { overwrite: true, ..spec.options_of()? };
+            bokeh::reconstruct(&input, &out, &options, progress)?;
+        }
+        Method::Render => {
+            let options = spec.options_of()?;
+            let done = nacre_render::render_folder(&input, &out, &options, true, progress, seen);
+            done.map_err(|error| as_sent(error, &input))?;
+        }
+    }
+    Ok(())
 }

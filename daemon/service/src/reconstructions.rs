@@ -1,6 +1,7 @@
 //! `/api/v1/reconstructions`: jobs, and what they found.
 
 use super::problem::{Answer, Kind, Problem};
+use super::work::result_folder;
 use super::{App, At, Body, Params, blocking, events, methods};
 use axum::Json;
 use axum::extract::State;
@@ -178,7 +179,7 @@ impl App {
 
     /// Folder of the results of a job.
     pub fn result_folder(&self, id: &str) -> PathBuf {
-        self.config.data.join("reconstructions").join(id)
+        result_folder(&self.config.data, id)
     }
 
     /// Folder of the photographs of a job.

@@ -3,7 +3,7 @@
 use super::plans::PlanBody;
 use super::problem::{Answer, Kind, Problem};
 use super::runs::{Run, history, now};
-use super::{App, At, Body, Params, blocking, events};
+use super::{App, At, Body, Params, blocking, events, work};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -214,8 +214,13 @@ fn start(app: &Arc<App>, run: &Arc<Run>, new: bool) -> Answer<()> {
     let before = app.runs.insert(run.clone());
     let begun = app.bench.begin(&run.id, run.control.clone(), move |owner| {
         let (app, run) = worker;
-        let mut capture =
-            Capture { runtime: &owner.runtime, rig: &mut owner.rig, control: run.control.clone(), observer: &*run };
+        let mut capture = Capture {
+            runtime: &owner.runtime,
+            rig: &mut owner.rig,
+            control: run.control.clone(),
+            observer: &*run,
+            elsewhere: Some(&work::session),
+        };
         let taken = if new {
             capture.begin(run.plan.clone(), &run.folder, MortalDisk::default())
         } else {

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+pub mod contained;
 pub mod error;
 pub mod guard;
 pub mod least_squares;

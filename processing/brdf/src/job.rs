@@ -9,6 +9,7 @@ use super::settings::Settings;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_image::OutputFolder;
+use nacre_image::budget::Operation;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -76,7 +77,8 @@ impl MapOptions {
         self.settings.check()?;
         self.views().check()?;
         self.scale().check()?;
-        file(input).map(drop)
+        // Files that are no images hold 16 Mpixel at most.
+        Operation::Heights.check_file(&file(input)?)
     }
 
     fn views(&self) -> Views {

@@ -1,8 +1,9 @@
 //! The memory budget: photographs whose computation would not fit are refused before any memory is taken for them.
 
-use crate::Info;
+use crate::{Depth, Info, info, size};
 use nacre_base::{Error, Result};
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// Bytes of a GiB, for messages.
 const GIB: f64 = (1_u64 << 30) as f64;
@@ -10,6 +11,65 @@ const GIB: f64 = (1_u64 << 30) as f64;
 /// Bytes that a decoded photograph takes, and as much again for its decoder: alpha, coefficients of a progressive JPEG.
 pub fn decoded(info: Info) -> u64 {
     2 * (info.width * info.height * info.channels * info.depth.bytes()) as u64
+}
+
+/// Operations whose memory is predicted from the size of their input, each with its bytes per pixel beside the decoded file. Polarization
+/// and HDR, whose memory depends on brackets and dark photographs as well, predict theirs themselves.
+///
+/// The bounds are measured (peak of the resident memory at 4 and 16 Mpixel, in brackets) and rounded up. Not predicted, as no header says
+/// it, are calibration (windows of single photographs), meshes, lookup tables and their octaves (at most 2 GiB), transforms of height
+/// fields, and spectra of renderings: for these the limit of the job's process is the net ([`nacre_base::contained`]).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// Deconvolution of a photograph, or of so many pixels of it: 44 (39 with the file).
+    Bokeh(Option<usize>),
+    /// Lookup table of a photograph, or its light for the distribution of a foil: 12 per channel (14 with a grey file, 27 with a colour file).
+    Light,
+    /// Gratings under a flash: 16 for the photograph and that by room light, 50 for a tile that fills it.
+    Flash,
+    /// Fringes: 8 for each of so many, 200 for the fit.
+    Fringes(usize),
+    /// A height field and its transforms: 48 (42 with the file).
+    Heights,
+    /// A picture to be rendered: 64 (55).
+    Rendering,
+    /// So many maps that are read, and their edited copies: 24 each (value, σ and mask of both).
+    Maps(usize),
+}
+
+impl Operation {
+    fn bytes(self, info: Info) -> u64 {
+        let pixels = info.width * info.height;
+        let bytes = match self {
+            Self::Bokeh(part) => 44 * part.unwrap_or(pixels).min(pixels),
+            Self::Light => 12 * info.channels * pixels,
+            Self::Flash => (16 + 50) * pixels,
+            Self::Fringes(count) => (8 * count + 200) * pixels,
+            Self::Heights => 48 * pixels,
+            Self::Rendering => 64 * pixels,
+            Self::Maps(count) => 24 * count * pixels,
+        };
+        let file = if self == Self::Rendering { 0 } else { decoded(info) };
+        bytes as u64 + file
+    }
+
+    /// Refuses input with this header when the operation needs more bytes than are allowed.
+    ///
+    /// # Errors
+    /// As [`check`].
+    pub fn check(self, input: &Path, info: Info) -> Result<()> {
+        check(input, info, self.bytes(info))
+    }
+
+    /// [`Self::check`] by the header of a file, whose channels may be those of a map. A file whose header is not understood is left to
+    /// its reader.
+    ///
+    /// # Errors
+    /// As [`check`].
+    pub fn check_file(self, file: &Path) -> Result<()> {
+        let any = |[width, height]: [usize; 2]| Info { width, height, channels: 3, depth: Depth::F32 };
+        info(file).or_else(|_| size(file).map(any)).map_or(Ok(()), |info| self.check(file, info))
+    }
 }
 
 /// Refuses photographs like this one when their computation needs more bytes than are allowed.
@@ -20,26 +80,35 @@ pub fn check(photograph: &Path, info: Info, needed: u64) -> Result<()> {
     let Some(allowed) = allowed().filter(|allowed| needed > *allowed) else { return Ok(()) };
     let [needed, allowed] = [needed, allowed].map(|bytes| bytes as f64 / GIB);
     let problem = format!(
-        "is {info}; the computation needs {needed:.2} GiB of memory, and {allowed:.2} GiB are allowed (3/4 of this machine's, or of the process's limit)"
+        "is {info}; the computation needs {needed:.2} GiB of memory, and {allowed:.2} GiB are allowed (3/4 of this machine's, or of a limit)"
     );
     let remedy = "crop or scale down the photographs (a session: set camera.roi), raise the memory limit, or use a larger machine";
     Err(Error::file(photograph, problem, remedy))
 }
 
+static ALLOWED: OnceLock<Option<u64>> = OnceLock::new();
+
+/// Bytes that a computation may take, determined when first asked for: those of [`allow`], or three quarters of the least of the machine's
+/// memory, its control group's and the process's limit. A quarter is left to the program itself, its threads and other programs.
+/// None where the system does not say.
+pub fn allowed() -> Option<u64> {
+    *ALLOWED.get_or_init(measured)
+}
+
+/// States the bytes that a computation may take. Once these were asked for, this has no effect.
+pub fn allow(bytes: u64) {
+    let _ = ALLOWED.set(Some(bytes));
+}
+
 #[cfg(not(target_os = "linux"))]
-fn allowed() -> Option<u64> {
+fn measured() -> Option<u64> {
     None
 }
 
-/// Bytes that a computation may take, determined when first asked for; a quarter of the memory is left to the program itself, its
-/// threads and other programs.
 #[cfg(target_os = "linux")]
-fn allowed() -> Option<u64> {
-    static ALLOWED: std::sync::OnceLock<Option<u64>> = std::sync::OnceLock::new();
-    *ALLOWED.get_or_init(|| {
-        let least = [linux::physical(), linux::control_group(), linux::process()].into_iter().flatten().min()?;
-        Some(least / 4 * 3)
-    })
+fn measured() -> Option<u64> {
+    let least = [linux::physical(), linux::control_group(), linux::process()].into_iter().flatten().min()?;
+    Some(least / 4 * 3)
 }
 
 #[cfg(target_os = "linux")]
@@ -81,7 +150,6 @@ mod linux {
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::*;
-    use crate::Depth;
     use std::fs;
 
     #[test]
@@ -93,6 +161,27 @@ mod tests {
         for word in ["a/000.png", "8000 x 6000", "17179869184.00 GiB", "allowed", "crop"] {
             assert!(said.contains(word), "no {word} in: {said}");
         }
+    }
+
+    #[test]
+    fn bounds_are_above_the_measured_memory_per_pixel() {
+        let grey = Info { width: 1024, height: 1024, channels: 1, depth: Depth::U16 };
+        let colour = Info { channels: 3, ..grey };
+        let per_pixel = |operation: Operation, info| operation.bytes(info) >> 20;
+        for (operation, info, measured) in [
+            (Operation::Bokeh(None), grey, 39),
+            (Operation::Light, grey, 14),
+            (Operation::Light, colour, 27),
+            (Operation::Heights, grey, 42),
+            (Operation::Rendering, colour, 55),
+        ] {
+            let bound = per_pixel(operation, info);
+            assert!((measured..2 * measured).contains(&bound), "{operation:?}: {bound}");
+        }
+        assert_eq!(per_pixel(Operation::Bokeh(Some(1 << 18)), grey), 11 + 4);
+        assert_eq!(per_pixel(Operation::Fringes(9), grey), 272 + 4);
+        let told = Operation::Maps(1 << 30).check(Path::new("period.exr"), grey).unwrap_err().to_string();
+        assert!(told.contains("period.exr") && told.contains("allowed"), "{told}");
     }
 
     /// The machine's memory is known wherever there is a `/proc`, and less than all of it is allowed.

@@ -133,7 +133,7 @@ pub fn details(path: &Path) -> Result<Details> {
 fn of(path: &Path) -> Decoded<Details> {
     let mut source = open(path)?;
     let format = sniff(&mut source)?;
-    let info = header(source, format)?;
+    let info = header(path, source, format)?;
     // Decoders keep the file that they were given.
     let source = &mut open(path)?;
     let mut details = Details { info, encoding: None, white: None, black: None, orientation: 1, notes: vec![] };
@@ -157,7 +157,7 @@ fn of(path: &Path) -> Decoded<Details> {
         Format::Npy => details.levels(npy::levels(open(path)?)?),
         Format::Raw(kind) => {
             details.encoding = Some(Encoding { curve: Curve::Linear, source: "camera raw file".into() });
-            details.levels(raw::levels(open(path)?, kind)?);
+            details.levels(raw::levels(path, open(path)?, kind)?);
         }
     }
     Ok(details)

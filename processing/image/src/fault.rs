@@ -20,7 +20,7 @@ pub(super) const FLOATS: &str = "save it as a TIFF of 32-bit floats";
 #[derive(Debug)]
 pub(super) struct Fault {
     problem: String,
-    remedy: &'static str,
+    remedy: String,
 }
 
 /// Result of a decoder.
@@ -29,17 +29,17 @@ pub(super) type Decoded<T> = Result<T, Fault>;
 impl Fault {
     /// The content contradicts itself or ends early.
     pub(super) fn damaged(words: impl fmt::Display) -> Self {
-        Self { problem: format!("is truncated or damaged: {words}"), remedy: RENEW }
+        Self { problem: format!("is truncated or damaged: {words}"), remedy: RENEW.into() }
     }
 
     /// An image beyond the size limits.
     pub(super) fn too_large(problem: String) -> Self {
-        Self { problem, remedy: "crop or scale it down" }
+        Self { problem, remedy: "crop or scale it down".into() }
     }
 
     /// A file that cannot be opened as an image.
-    pub(super) fn unusable(problem: impl fmt::Display, remedy: &'static str) -> Self {
-        Self { problem: problem.to_string(), remedy }
+    pub(super) fn unusable(problem: impl fmt::Display, remedy: impl Into<String>) -> Self {
+        Self { problem: problem.to_string(), remedy: remedy.into() }
     }
 
     /// The error that a user sees.

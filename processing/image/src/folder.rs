@@ -10,6 +10,9 @@ use tempfile::{Builder, TempDir};
 
 use nacre_base::{Error, Result};
 
+/// Ending of the hidden folder in which results are collected.
+const PARTIAL: &str = ".partial";
+
 /// Results are collected in a hidden folder beside (or, on another file system, inside) the final one and put in
 /// place by [`OutputFolder::commit`]. Dropped without commit, nothing stays behind.
 #[derive(Debug)]
@@ -167,6 +170,21 @@ impl Drop for OutputFolder {
     }
 }
 
+/// Removes what a process that was killed has left of the output folder `out`. For callers that know that nobody fills it.
+pub fn sweep_unfinished(out: &Path) {
+    let Some(name) = out.file_name().map(|name| name.to_string_lossy().into_owned()) else { return };
+    let mark = format!(".{name}.");
+    for place in out.parent().into_iter().chain([out]) {
+        for entry in fs::read_dir(place).into_iter().flatten().flatten() {
+            let found = entry.file_name().to_string_lossy().into_owned();
+            if found.starts_with(&mark) && found.ends_with(PARTIAL) {
+                // What cannot be removed takes space, and is hidden.
+                _ = fs::remove_dir_all(entry.path());
+            }
+        }
+    }
+}
+
 fn not_empty(out: &Path) -> Error {
     Error::file(out, "exists and is not empty", "choose another --out or add --force")
 }
@@ -180,7 +198,7 @@ fn temporary(parent: &Path, name: &std::ffi::OsStr) -> io::Result<TempDir> {
     let mut prefix = std::ffi::OsString::from(".");
     prefix.push(name);
     prefix.push(".");
-    Builder::new().prefix(&prefix).suffix(".partial").permissions(Permissions::from_mode(0o777)).tempdir_in(parent)
+    Builder::new().prefix(&prefix).suffix(PARTIAL).permissions(Permissions::from_mode(0o777)).tempdir_in(parent)
 }
 
 /// Syncs every file and folder below `folder`, and `folder` itself.
@@ -233,6 +251,19 @@ mod tests {
         assert_eq!(listing(&home.path().join("a/b")).len(), 1);
         drop(folder);
         assert_eq!(listing(home.path()), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_sweep_removes_what_a_killed_process_left_and_nothing_else() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("result");
+        for name in [".result.Ab1.partial", "result", ".result.txt", ".other.Ab1.partial", "result/.result.x.partial"] {
+            fs::create_dir(home.path().join(name)).unwrap();
+        }
+        fs::write(home.path().join(".result.Ab1.partial/map.exr"), b"1").unwrap();
+        sweep_unfinished(&out);
+        assert_eq!(listing(home.path()), [".other.Ab1.partial", ".result.txt", "result"]);
+        assert!(listing(&out).is_empty());
     }
 
     #[test]

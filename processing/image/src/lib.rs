@@ -47,7 +47,7 @@ pub use convolution::Convolution;
 pub use correlation::{Correlation, Field};
 pub use details::{Curve, Details, Encoding, details};
 pub use exif::{Exposure, exposure};
-pub use folder::OutputFolder;
+pub use folder::{OutputFolder, sweep_unfinished};
 pub use gray::Gray;
 pub use homography::{homography, mapped};
 pub use interpolation::catmull_rom;
@@ -58,6 +58,7 @@ pub use openexr::{ExrMap, read_exr};
 pub use palette::{ColorTable, MASKED, Palette};
 pub use picture::{orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis};
 pub use raster::{Depth, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples};
+pub use raw::Decoding;
 pub use read::{EXTENSIONS, info, read, read_into, size};
 pub use write::{
     Attribute, Precision, encode_png8, encode_png16_gray, write_exr, write_exr_as, write_png8, write_png16_gray,

@@ -77,11 +77,11 @@ pub fn info(path: &Path) -> Result<Info> {
     decode(path, || {
         let mut source = open(path)?;
         let format = sniff(&mut source)?;
-        header(source, format)
+        header(path, source, format)
     })
 }
 
-pub(super) fn header(source: Source, format: Format) -> Decoded<Info> {
+pub(super) fn header(path: &Path, source: Source, format: Format) -> Decoded<Info> {
     match format {
         Format::Png => png::info(source),
         Format::Jpeg => jpeg::info(source),
@@ -92,7 +92,7 @@ pub(super) fn header(source: Source, format: Format) -> Decoded<Info> {
         Format::WebP => webp::info(source),
         Format::Fits => fits::info(source),
         Format::Npy => npy::info(source),
-        Format::Raw(kind) => raw::info(source, kind),
+        Format::Raw(kind) => raw::info(path, source, kind),
     }
 }
 
@@ -105,7 +105,7 @@ pub fn size(path: &Path) -> Result<[usize; 2]> {
         let mut source = open(path)?;
         match sniff(&mut source)? {
             Format::Exr => openexr::layer_size(source),
-            format => header(source, format).map(|info| [info.width, info.height]),
+            format => header(path, source, format).map(|info| [info.width, info.height]),
         }
     })
 }
@@ -133,7 +133,7 @@ pub fn read_into(path: &Path, spare: Vec<u16>) -> Result<Raster> {
             Format::WebP => webp::read(source),
             Format::Fits => fits::read(source),
             Format::Npy => npy::read(source),
-            Format::Raw(kind) => raw::read(source, kind),
+            Format::Raw(kind) => raw::read(path, source, kind),
         }
     })
 }
@@ -143,7 +143,7 @@ pub(super) fn taken(path: &Path) -> Option<raw::Taken> {
     let taken = decode(path, || {
         let mut source = open(path)?;
         Ok(match sniff(&mut source)? {
-            Format::Raw(kind) => raw::exposure(source, kind),
+            Format::Raw(kind) => raw::exposure(path, source, kind),
             _ => None,
         })
     });

@@ -8,6 +8,7 @@ use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_frames::hdr::{self, Source, is_bracket};
 use nacre_frames::{Channel, FILE_NAME, Transfer, load};
+use nacre_image::budget::Operation;
 use nacre_image::{Depth, read, read_exr};
 use std::path::{Path, PathBuf};
 
@@ -39,8 +40,8 @@ struct Channels {
 /// As [`reconstruct`](super::reconstruct) for settings and files that make no sense.
 pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
     settings.check()?;
-    Source::check(input)?;
-    settings.light.as_ref().map_or(Ok(()), |light| Source::check(&light.path))?;
+    Source::check(input, Operation::Light)?;
+    settings.light.as_ref().map_or(Ok(()), |light| Source::check(&light.path, Operation::Light))?;
     with_frames(input, settings).and_then(|(settings, _)| settings.bands().map(drop))
 }
 

@@ -1,6 +1,6 @@
 //! The whole job: a photograph to a table, pictures and a report in a new folder.
 
-use super::input::{Input, light, named, photograph};
+use super::input::{Input, check_input, light, named, photograph};
 use super::lookup::{Table, lookup};
 use super::output::Output;
 use super::report::{Report, Seconds};
@@ -24,7 +24,7 @@ const UNCOVERED: f64 = 0.05;
 /// which nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
     let begun = Instant::now();
-    settings.check()?;
+    check_input(input, settings)?;
     let folder = OutputFolder::begin(out, settings.overwrite)?;
     progress.stage("reading", 1);
     let Input { channels, settings, band_nm, merged, warnings: mut of_files } = photograph(input, settings, progress)?;

@@ -1,6 +1,7 @@
 //! Maps in memory and in their files.
 
 use nacre_base::{Error, Result};
+use nacre_image::budget::Operation;
 use nacre_image::{Attribute, ExrMap, MAX_PIXELS, OutputFolder, read_exr, write_exr};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -75,6 +76,7 @@ impl Maps {
         };
         let mut all: Option<Self> = None;
         for path in &files {
+            Operation::Maps(files.len()).check_file(path)?;
             let map = read_exr(path)?;
             let (width, height) = (map.width, map.height);
             let found = Kind::ALL.into_iter().find(|kind| map.channels.contains_key(kind.name()));

@@ -84,7 +84,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     for warning in rig.devices.camera.describe().warnings {
         console.note(&format!("warning: {warning}"));
     }
-    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console };
+    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console, elsewhere: None };
     let taken = match (plan, &args.out, &args.resume) {
         (Some((plan, _)), Some(out), _) => capture.begin(plan, out, MortalDisk::default()),
         (_, _, Some(folder)) => capture.resume(folder, MortalDisk::default()),

@@ -14,6 +14,7 @@ pub mod doctor;
 pub mod factor;
 pub mod import;
 pub mod init;
+pub mod job;
 pub mod manual;
 pub mod map;
 pub mod photograph;

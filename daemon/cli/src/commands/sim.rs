@@ -186,7 +186,7 @@ pub fn simulate(
     let mut rig = Rig::open(&runtime, &Place::here(config.clone()), console, &console.interrupted())?;
     steer(&runtime, &control, console.interrupted(), true)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
-    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console };
+    let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console, elsewhere: None };
     let taken = capture.begin(plan, &folder.path(""), RealDisk)?;
     let Some(bench) = rig.bench.take() else {
         return Err(Error::input("bench", "is not in this process", "report this").into());

@@ -39,6 +39,8 @@ use worker::Shared;
 
 /// How often a job is tried before it is set aside.
 pub const MAX_ATTEMPTS: u32 = 3;
+/// A job during which the service died in this attempt, or in a later one, is failed: it may be to blame.
+const MAX_CUT_OFF: u32 = 2;
 /// Longest log of a job, in bytes.
 pub const MAX_LOG: usize = 64 * 1024;
 /// Changes that a slow receiver may fall behind.
@@ -172,11 +174,11 @@ pub enum JobState {
     Running,
     /// It succeeded.
     Done,
-    /// It cannot succeed: something the user gave cannot be used.
+    /// It cannot succeed: something the user gave cannot be used, its process died, or the service died twice meanwhile.
     Failed,
     /// The user stopped it.
     Cancelled,
-    /// It failed, or took the process with it, too often; its log says how.
+    /// It failed too often; its log says how.
     SetAside,
 }
 

@@ -1,6 +1,6 @@
 //! The life of a job: which change leads from which state to which. Nothing here touches the database.
 
-use super::{Job, JobState, MAX_ATTEMPTS, Refusal};
+use super::{Job, JobState, MAX_ATTEMPTS, MAX_CUT_OFF, Refusal};
 use nacre_capture::Failure;
 
 /// A job while a transaction changes it.
@@ -109,8 +109,13 @@ impl Record {
     pub fn cut_off(&mut self) -> Result<(), Refusal> {
         if self.cancel {
             self.turn(JobState::Cancelled, "cancelled");
-        } else {
+        } else if self.job.attempts < MAX_CUT_OFF {
             self.again("the service was killed, or crashed, during this attempt");
+        } else {
+            self.error(
+                "the service was killed, or crashed, during this attempt too; retry the job if it was not to blame",
+            );
+            self.turn(JobState::Failed, "failed: it is not tried at every start of the service");
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 use super::formats::{self, Input};
 use super::{HeightField, gaps, picture, text, tiff};
 use nacre_base::{Error, Result};
+use nacre_image::budget::Operation;
 use std::io::Read;
 use std::path::Path;
 
@@ -78,6 +79,7 @@ pub fn read(path: &Path, scale: &Scale) -> Result<HeightField> {
     if scale.channel.is_some() {
         return Err(Error::file(path, "is an image, which --channel does not apply to", "leave out --channel"));
     }
+    Operation::Heights.check_file(path)?;
     image(path, scale)
 }
 

@@ -1,11 +1,13 @@
 //! One photograph for reconstructions that need one: a file, the merged exposures in a folder, or exposures that are merged first.
 
-use super::{Options, Report, check_input, reconstruct};
+use super::input::bracket;
+use super::{Options, Report, reconstruct};
 use crate::stated::warnings_of;
 use crate::{FILE_NAME, Transfer};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
-use nacre_image::{photograph_in, size};
+use nacre_image::budget::Operation;
+use nacre_image::{Depth, Info, photograph_in, size};
 use std::path::{Path, PathBuf};
 
 /// One photograph.
@@ -43,15 +45,19 @@ impl Source {
         }
     }
 
-    /// Refuses what is no photograph or too large, by its header.
+    /// Refuses what is no photograph, is too large, or needs more memory for an operation than is allowed, by its header.
     ///
     /// # Errors
     /// `Input`.
-    pub fn check(input: &Path) -> Result<()> {
+    pub fn check(input: &Path, operation: Operation) -> Result<()> {
         if is_bracket(input) {
-            return check_input(input);
+            let frames = bracket(input, None)?;
+            let merged = Info { depth: Depth::F32, ..frames.info };
+            return operation.check(&frames.file(&frames.set.frames[0].file), merged);
         }
-        size(&file(input).unwrap_or_else(|| input.to_owned())).map(drop)
+        let file = file(input).unwrap_or_else(|| input.to_owned());
+        size(&file)?;
+        operation.check_file(&file)
     }
 }
 

@@ -8,6 +8,8 @@ mod boxes;
 #[cfg(feature = "raw")]
 mod cells;
 #[cfg(feature = "raw")]
+mod contained;
+#[cfg(feature = "raw")]
 mod decode;
 #[cfg(feature = "raw")]
 mod limits;
@@ -15,13 +17,17 @@ mod recognise;
 #[cfg_attr(not(feature = "raw"), expect(dead_code, reason = "only decoding needs all of it"))]
 mod tags;
 
+use serde::{Deserialize, Serialize};
+
 pub(super) use recognise::{Kind, by_magic, by_tags};
 
 #[cfg(feature = "raw")]
-pub(super) use decode::{exposure, info, levels, read};
+pub use contained::Decoding;
+#[cfg(feature = "raw")]
+pub(super) use contained::{exposure, info, levels, read};
 
 /// How a photograph was taken; none where its tags do not say it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Taken {
     /// Exposure time in s.
     pub(super) seconds: Option<f64>,
@@ -32,10 +38,18 @@ pub(super) struct Taken {
 }
 
 #[cfg(not(feature = "raw"))]
+pub use absent::Decoding;
+#[cfg(not(feature = "raw"))]
 pub(super) use absent::{exposure, info, levels, read};
 
 #[cfg(not(feature = "raw"))]
 mod absent {
+    use std::path::Path;
+
+    use nacre_base::contained::Part;
+    use nacre_base::{Error, Result};
+    use serde::Deserialize;
+
     use super::{Kind, Taken};
     use crate::fault::{Decoded, Fault};
     use crate::raster::{Info, Raster};
@@ -44,24 +58,38 @@ mod absent {
     /// The command makes a linear picture of half the size without white balance, as reading it would.
     const REMEDY: &str = "convert it with `dcraw -4 -h -o 0 -r 1 1 1 1 -T FILE` to a linear 16-bit TIFF of half the size, or use a build with `--features raw`";
 
+    /// A camera raw file to be decoded by another process, which this build does not do.
+    #[derive(Debug, Deserialize)]
+    pub struct Decoding {}
+
+    impl Decoding {
+        /// Decodes the file in this process.
+        ///
+        /// # Errors
+        /// `Input`: this build does not decode any.
+        pub fn perform(&self) -> Result<Part> {
+            Err(Error::input("camera raw files", "are not read by this build of nacre", REMEDY))
+        }
+    }
+
     fn refused<T>(kind: Kind) -> Decoded<T> {
         let problem = format!("is a {} file (camera raw), which this build of nacre does not read", kind.name);
         Err(Fault::unusable(problem, REMEDY))
     }
 
-    pub(crate) fn info(_: Source, kind: Kind) -> Decoded<Info> {
+    pub(crate) fn info(_: &Path, _: Source, kind: Kind) -> Decoded<Info> {
         refused(kind)
     }
 
-    pub(crate) fn read(_: Source, kind: Kind) -> Decoded<Raster> {
+    pub(crate) fn read(_: &Path, _: Source, kind: Kind) -> Decoded<Raster> {
         refused(kind)
     }
 
-    pub(crate) fn levels(_: Source, kind: Kind) -> Decoded<Option<[f64; 2]>> {
+    pub(crate) fn levels(_: &Path, _: Source, kind: Kind) -> Decoded<Option<[f64; 2]>> {
         refused(kind)
     }
 
-    pub(crate) fn exposure(_: Source, _: Kind) -> Option<Taken> {
+    pub(crate) fn exposure(_: &Path, _: Source, _: Kind) -> Option<Taken> {
         None
     }
 }

@@ -16,8 +16,19 @@ use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_frames::hdr::Source;
 use nacre_image::OutputFolder;
+use nacre_image::budget::Operation;
 use std::path::Path;
 use std::time::Instant;
+
+/// Refuses what [`reconstruct`] would refuse, by the header of the photograph.
+///
+/// # Errors
+/// As [`reconstruct`].
+pub fn check_input(input: &Path, options: &Options) -> Result<()> {
+    options.check()?;
+    let part = options.crop.map(|crop| crop.0[2].saturating_mul(crop.0[3]));
+    Source::check(input, Operation::Bokeh(part))
+}
 
 /// Deconvolves the photograph `input` is or holds (exposures are merged first) and writes what it shows into the new folder `out`.
 ///
@@ -30,6 +41,7 @@ use std::time::Instant;
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
     let begun = Instant::now();
     let cutoff = options.check()?;
+    check_input(input, options)?;
     let (psf, psf_name) = options.psf()?;
     let folder = OutputFolder::begin(out, options.overwrite)?;
     progress.stage("reading", 1);

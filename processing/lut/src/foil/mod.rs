@@ -26,6 +26,7 @@ use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_frames::hdr::Source;
 use nacre_image::OutputFolder;
+use nacre_image::budget::Operation;
 use nacre_optics::geometry::{self, Geometry};
 use std::path::Path;
 
@@ -36,7 +37,7 @@ use std::path::Path;
 pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
     settings.check()?;
     geometry_of(input, settings)?;
-    Source::check(input)
+    Source::check(input, Operation::Light)
 }
 
 /// The geometry that was given, or lies beside the photograph.
@@ -57,7 +58,7 @@ fn geometry_of(input: &Path, settings: &Settings) -> Result<Geometry> {
 /// `Input` for anything about photograph, geometry or settings, before anything is written; `Output`; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
     let begun = std::time::Instant::now();
-    settings.check()?;
+    check_input(input, settings)?;
     let geometry = &geometry_of(input, settings)?;
     let folder = OutputFolder::begin(out, settings.overwrite)?;
     let (light, of_files) = input::read(input, geometry, progress)?;

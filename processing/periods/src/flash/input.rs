@@ -4,6 +4,7 @@ use super::photographs::{Groups, groups};
 use super::settings::Settings;
 use nacre_base::{Error, Result};
 use nacre_frames::{LoadedFrames, load};
+use nacre_image::budget::Operation;
 use nacre_optics::geometry::{self, Camera, Geometry, Pose};
 use std::path::Path;
 
@@ -14,6 +15,7 @@ use std::path::Path;
 pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
     settings.check()?;
     let frames = load(input)?;
+    check_memory(&frames)?;
     let settings = completed(settings, &frames)?;
     let groups = groups(&frames)?;
     known_lights(&groups, &settings, &frames)?;
@@ -23,6 +25,15 @@ pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
         return Err(Error::input("--size-mm", "is not known", remedy));
     }
     Ok(())
+}
+
+/// Refuses photographs whose reconstruction would not fit into memory, by the header of the first.
+///
+/// # Errors
+/// `Input`, naming it.
+pub(super) fn check_memory(frames: &LoadedFrames) -> Result<()> {
+    let first = frames.set.frames.first();
+    first.map_or(Ok(()), |first| Operation::Flash.check(&frames.file(&first.file), frames.info))
 }
 
 /// Settings with the geometry that lies beside the photographs, or that of the bench they were taken on, unless they have another one.

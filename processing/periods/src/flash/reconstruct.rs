@@ -5,7 +5,7 @@ use super::corners;
 use super::decide::decide;
 use super::fit::{Found, Observed, SPECULAR, Why, copies, fit};
 use super::highlight::{self, Highlight};
-use super::input::{completed, known_lights, wavelength};
+use super::input::{check_memory, completed, known_lights, wavelength};
 use super::lobe::Lobe;
 use super::output::Output;
 use super::paper::brightest;
@@ -50,6 +50,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     settings.check()?;
     let folder = OutputFolder::begin(out, settings.overwrite)?;
     let frames = load(input)?;
+    check_memory(&frames)?;
     let settings = completed(settings, &frames)?;
     let job = Job::read(&frames, &settings, progress)?;
     let read = begun.elapsed().as_secs_f64();

@@ -14,14 +14,12 @@ use super::signals::{Carrier, Signals, carriers};
 use super::solve::MAX_CARRIERS;
 use nacre_base::progress::Progress;
 use nacre_base::statistics::median;
-use nacre_base::{Error, Result};
-use nacre_frames::load;
+use nacre_base::Result;
+use nacre_frames::{LoadedFrames, load};
 use nacre_image::OutputFolder;
+use nacre_image::budget::Operation;
 use std::path::Path;
 use std::time::Instant;
-
-/// Largest memory of the answers in bytes.
-const MAX_BYTES: usize = 8 << 30;
 
 /// Refuses what [`reconstruct`] would refuse, without reading a pixel.
 ///
@@ -30,8 +28,14 @@ const MAX_BYTES: usize = 8 << 30;
 pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
     settings.check()?;
     let frames = load(input)?;
-    carriers(&frames, MAX_CARRIERS)?;
+    let shown = carriers(&frames, MAX_CARRIERS)?;
+    check_memory(&frames, shown.len())?;
     Bench::new(&frames, settings).map(drop)
+}
+
+fn check_memory(frames: &LoadedFrames, fringes: usize) -> Result<()> {
+    let first = &frames.set.frames[0];
+    Operation::Fringes(fringes).check(&frames.file(&first.file), frames.info)
 }
 
 /// Makes maps of orientation and period of `input` (a session of fringes) in the new folder `out`.
@@ -47,11 +51,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     let frames = load(input)?;
     let shown = carriers(&frames, MAX_CARRIERS)?;
     let bench = Bench::new(&frames, settings)?;
-    let bytes = frames.info.width * frames.info.height * 8 * shown.len();
-    if bytes > MAX_BYTES {
-        let problem = format!("needs {} GB for its answers; at most {} are taken", bytes >> 30, MAX_BYTES >> 30);
-        return Err(Error::file(&frames.path, problem, "take a smaller region of interest (camera.roi)"));
-    }
+    check_memory(&frames, shown.len())?;
     let known = settings.polarization.as_deref();
     let (width, height) = (frames.info.width, frames.info.height);
     let orientations = known.map(|folder| Orientations::read(folder, width, height)).transpose()?;

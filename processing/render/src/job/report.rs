@@ -2,7 +2,7 @@
 
 use super::spectral::SpectralReport;
 use crate::material::Notes;
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -56,14 +56,19 @@ pub struct Report {
 }
 
 /// Progress of a rendering.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SoFar {
     /// Passes that are done.
     pub passes: usize,
     /// Passes that are expected, from how the noise falls.
     pub of: usize,
-    /// Root mean square of the pixels' standard errors over the mean luminance; NaN after one pass.
+    /// Root mean square of the pixels' standard errors over the mean luminance; NaN (null in JSON) after one pass.
+    #[serde(deserialize_with = "null_is_nan")]
     pub noise: f64,
     /// Seconds that the remaining passes take.
     pub seconds_left: f64,
+}
+
+fn null_is_nan<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Option::deserialize(from).map(|number| number.unwrap_or(f64::NAN))
 }

@@ -19,6 +19,8 @@ use flat::Flat;
 use nacre_base::progress::Progress;
 use nacre_base::random::Stream;
 use nacre_base::{Error, Result};
+use nacre_image::budget::Operation;
+use nacre_image::{Depth, Info};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -57,7 +59,10 @@ pub(crate) fn check(scene: &Scene) -> Result<()> {
     if let Some(exposure) = exposure {
         number("exposure", *exposure, [1e-12, 1e12])?;
     }
-    Camera::new(camera, 0.0).map(drop)
+    let [width, height] = [camera.width, camera.height];
+    Camera::new(camera, 0.0)?;
+    let picture = Info { width, height, channels: 3, depth: Depth::F32 };
+    Operation::Rendering.check(Path::new("camera"), picture)
 }
 
 impl PreparedScene {

@@ -103,7 +103,7 @@ async fn no_job_is_lost_in_kills_at_any_time() {
     let known = fs::read_to_string(folder.path().join("known")).unwrap();
     assert!(known.lines().count() > 6, "{known}");
     for id in known.lines() {
-        until(&jobs, id, |job| matches!(job.state, JobState::Done | JobState::SetAside)).await;
+        until(&jobs, id, |job| matches!(job.state, JobState::Done | JobState::Failed)).await;
     }
     jobs.shutdown().await;
 }
@@ -124,13 +124,15 @@ async fn kills_count_as_attempts() {
     until(&jobs, &id, |job| job.progress > 0.0).await;
     jobs.shutdown().await;
 
-    for _ in 0..MAX_ATTEMPTS {
+    for _ in 0..MAX_CUT_OFF {
         kill_in_the_middle(folder.path(), false, Duration::ZERO);
     }
     let jobs = open(folder.path()).await;
     let job = jobs.get(&id).await.unwrap().unwrap();
-    assert_eq!((job.state, job.attempts), (JobState::SetAside, MAX_ATTEMPTS));
+    assert_eq!((job.state, job.attempts), (JobState::Failed, MAX_CUT_OFF));
     assert!(job.error.unwrap().contains("killed"));
+    let retried = jobs.retry(&id).await.unwrap();
+    assert_eq!((retried.state, retried.attempts), (JobState::Queued, 0));
     jobs.shutdown().await;
 }
 

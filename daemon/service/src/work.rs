@@ -1,0 +1,114 @@
+//! The computations of the service: jobs, and the results at the end of a session. Each runs in a process of its own
+//! ([`nacre_base::contained`]), so that neither the bench nor anybody's request depends on how it ends.
+
+use super::methods;
+use super::renders::Renders;
+use nacre_base::Error;
+use nacre_base::contained::{self, Death, Ended, Limits, Link, Part};
+use nacre_base::progress::Progress;
+use nacre_capture::Failure;
+use nacre_capture::run::{RESULTS, reconstruct_session};
+use nacre_image::{budget, sweep_unfinished};
+use nacre_render::{Glimpse, SoFar};
+use nacre_store::jobs::{Spec, Work};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What a process is to compute.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Task {
+    /// A job of the queue.
+    Job {
+        /// The service's data folder.
+        data: PathBuf,
+        /// The job.
+        spec: Box<Spec>,
+    },
+    /// The results that a session's plan asks for, from its stored frames.
+    Session(PathBuf),
+}
+
+impl Task {
+    /// The key of a task in the order to the process.
+    pub const KEY: &str = "service";
+
+    /// Does it in this process.
+    ///
+    /// # Errors
+    /// As the computation answers.
+    pub fn perform(&self, link: &Link) -> Result<Part, Error> {
+        match self {
+            Self::Job { data, spec } => {
+                let mut seen = |glimpse: Glimpse| link.show(Part { value: json!(glimpse.so_far), bytes: glimpse.png });
+                methods::perform(data, spec, link, &mut seen)?;
+            }
+            Self::Session(folder) => drop(reconstruct_session(folder, link)?),
+        }
+        Ok(Part::default())
+    }
+
+    /// The folder that it fills.
+    fn results(&self) -> PathBuf {
+        match self {
+            Self::Job { data, spec } => result_folder(data, &spec.id),
+            Self::Session(folder) => folder.join(RESULTS),
+        }
+    }
+
+    /// Has a process do it. Results are there whole or not at all, however it ends.
+    fn run(&self, progress: &dyn Progress, shown: &mut dyn FnMut(Part)) -> Result<(), Error> {
+        // A process that was killed leaves what it had begun, also that of an earlier start of the service.
+        let sweep = || sweep_unfinished(&self.results());
+        sweep();
+        let limits = Limits { memory: budget::allowed(), processor_s: None, background: true };
+        let ended = contained::run(json!({ Self::KEY: self }), limits, progress, shown);
+        ended.map(drop).map_err(|ended| {
+            sweep();
+            match ended {
+                Ended::Error(error) => error,
+                Ended::Died(death) => Error::input("computation", &death, remedy(&death)),
+            }
+        })
+    }
+}
+
+/// Folder of a job's results.
+pub fn result_folder(data: &Path, id: &str) -> PathBuf {
+    data.join("reconstructions").join(id)
+}
+
+fn remedy(death: &Death) -> &'static str {
+    match death {
+        Death::Memory(_) => {
+            "use fewer or smaller photographs (maps, meshes, pictures), or raise limits.job_memory_mib of the service"
+        }
+        Death::Killed => "use fewer or smaller photographs if the machine lacks memory; otherwise ask again",
+        Death::Crashed(_) | Death::Time(_) => "try other options, and report this with its photographs",
+        Death::NotStarted(_) => "restart the service",
+    }
+}
+
+/// Has a process do the jobs of the queue; pictures of renderings go to `renders`.
+pub fn jobs(data: PathBuf, renders: Arc<Renders>) -> Work {
+    Arc::new(move |spec: &Spec, progress: &dyn Progress| {
+        let task = Task::Job { data: data.clone(), spec: Box::new(spec.clone()) };
+        let done = task.run(progress, &mut |part| {
+            if let Ok(so_far) = serde_json::from_value::<SoFar>(part.value) {
+                renders.show(&spec.id, Glimpse { png: part.bytes, so_far });
+            }
+        });
+        renders.clear();
+        Ok(done?)
+    })
+}
+
+/// Has a process make the results of a session.
+///
+/// # Errors
+/// As the computation answers.
+pub fn session(folder: &Path, progress: &dyn Progress) -> Result<(), Failure> {
+    Ok(Task::Session(folder.into()).run(progress, &mut |_| ())?)
+}

@@ -1,0 +1,131 @@
+//! The process that does the work.
+
+use super::{Limits, Message, Order, Part};
+use crate::Error;
+use crate::progress::Progress;
+use serde_json::Value;
+use std::io::{self, BufRead, Read, Write};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Exit code of a process that was asked for nothing it understands.
+const MISUSED: u8 = 2;
+
+/// The way to the process that asked for the work.
+pub struct Link {
+    limits: Limits,
+    cancelled: Arc<AtomicBool>,
+    steps: AtomicU64,
+    done: AtomicU64,
+    out: Mutex<io::Stdout>,
+}
+
+impl Link {
+    /// Limits of this process.
+    pub fn limits(&self) -> Limits {
+        self.limits
+    }
+
+    /// Sends an intermediate result.
+    pub fn show(&self, part: Part) {
+        self.send(&Message::Shown { value: part.value, bytes: part.bytes.len() }, &part.bytes);
+    }
+
+    fn send(&self, message: &Message, bytes: &[u8]) {
+        let Ok(line) = serde_json::to_string(message) else { return };
+        let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
+        // Whoever no longer reads ends this process.
+        let _ = writeln!(out, "{line}").and_then(|()| out.write_all(bytes)).and_then(|()| out.flush());
+    }
+}
+
+impl Progress for Link {
+    fn stage(&self, name: &str, steps: u64) {
+        self.done.store(0, Ordering::Relaxed);
+        self.steps.store(steps, Ordering::Relaxed);
+        self.send(&Message::Stage { name: name.into(), steps }, &[]);
+    }
+
+    fn step(&self) {
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        let steps = self.steps.load(Ordering::Relaxed).max(1);
+        // A message for each percent.
+        let percent = |done: u64| done.saturating_mul(100) / steps;
+        if percent(done) != percent(done - 1) {
+            self.send(&Message::Steps(done), &[]);
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+}
+
+/// Serves one task on this process's standard streams: applies the limits that come with it, does it, and sends its result or error.
+pub fn serve(work: impl FnOnce(Value, &Link) -> Result<Part, Error>) -> ExitCode {
+    let mut line = String::new();
+    let read = io::stdin().lock().read_line(&mut line);
+    let Some(order) = read.ok().and_then(|_| serde_json::from_str::<Order>(&line).ok()) else {
+        let _ = writeln!(io::stderr(), "nacre: this command is for the program itself");
+        return ExitCode::from(MISUSED);
+    };
+    if let Err(error) = confine(&order) {
+        let _ = writeln!(io::stderr(), "the limits of the process cannot be set: {error}");
+        return ExitCode::FAILURE;
+    }
+    let cancelled = Arc::new(AtomicBool::new(false));
+    let wish = cancelled.clone();
+    std::thread::spawn(move || {
+        let _ = io::copy(&mut io::stdin().lock().by_ref(), &mut io::sink());
+        wish.store(true, Ordering::Relaxed);
+    });
+    let link = Link {
+        limits: order.limits,
+        cancelled,
+        steps: AtomicU64::new(0),
+        done: AtomicU64::new(0),
+        out: Mutex::new(io::stdout()),
+    };
+    match work(order.task, &link) {
+        Ok(part) => link.send(&Message::Done { value: part.value, bytes: part.bytes.len() }, &part.bytes),
+        Err(error) => link.send(&Message::Failed(error.into()), &[]),
+    }
+    ExitCode::SUCCESS
+}
+
+#[cfg(not(target_os = "linux"))]
+fn confine(_: &Order) -> io::Result<()> {
+    Ok(())
+}
+
+/// Sets the limits, and ends with the process that started this one.
+#[cfg(target_os = "linux")]
+fn confine(order: &Order) -> io::Result<()> {
+    use rustix::process::{Pid, Resource, Signal, getppid, nice, set_parent_process_death_signal};
+    set_parent_process_death_signal(Some(Signal::KILL))?;
+    // It may have ended before.
+    if getppid().map(Pid::as_raw_pid) != i32::try_from(order.parent).ok() {
+        return Err(io::Error::other("the process that asked for it has ended"));
+    }
+    // Of all that takes memory here this is the first to go. Without /proc it is as the others.
+    let _ = std::fs::write("/proc/self/oom_score_adj", "700");
+    if order.limits.background {
+        let _ = nice(10);
+    }
+    // The image of a process with gigabytes of photographs would fill the disk.
+    limit(Resource::Core, 0)?;
+    if let Some(bytes) = order.limits.memory {
+        limit(Resource::Data, bytes)?;
+    }
+    order.limits.processor_s.map_or(Ok(()), |seconds| limit(Resource::Cpu, seconds))
+}
+
+/// Lowers a limit.
+#[cfg(target_os = "linux")]
+fn limit(resource: rustix::process::Resource, most: u64) -> io::Result<()> {
+    use rustix::process::{Rlimit, getrlimit, setrlimit};
+    let now = getrlimit(resource);
+    let least = |limit: Option<u64>| Some(limit.map_or(most, |limit| limit.min(most)));
+    Ok(setrlimit(resource, Rlimit { current: least(now.current), maximum: now.maximum })?)
+}

@@ -1,0 +1,189 @@
+//! The process that asks for the work.
+
+use super::{COMMAND, Death, Ended, GRACE, Limits, Message, Order, PROGRAM, Part};
+use crate::Error;
+use crate::progress::Progress;
+use serde_json::Value;
+use std::collections::VecDeque;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// A wish to stop is looked for this often.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Messages on their way; a process that sends faster waits.
+const MESSAGES: usize = 16;
+
+/// Last lines of standard error that are kept, and the longest part of one.
+const LINES: usize = 8;
+const LINE_BYTES: u64 = 1000;
+
+/// Most bytes after a message: the largest photograph (64 Mpixel, three channels of 32 bits).
+const MOST_BYTES: usize = 1 << 30;
+
+/// Signals by their numbers, which Linux, macOS and the BSDs share.
+const SIGKILL: i32 = 9;
+const SIGXCPU: i32 = 24;
+
+/// Does a task in a process of its own; returns when it has ended. Intermediate results go to `shown`, with progress in between.
+///
+/// # Errors
+/// [`Ended::Error`] with the error of the work, `Cancelled` among them; [`Ended::Died`] when the process ended without a word.
+pub fn run(task: Value, limits: Limits, progress: &dyn Progress, shown: &mut dyn FnMut(Part)) -> Result<Part, Ended> {
+    let not_started = |error: io::Error| Ended::Died(Death::NotStarted(error.to_string()));
+    // What the work keeps on disk meanwhile goes with it, however it ends.
+    let scratch = tempfile::Builder::new().prefix("nacre-job-").tempdir().map_err(not_started)?;
+    let mut process = Process::start(task, limits, scratch.path()).map_err(not_started)?;
+    let (mut steps, mut asked) = (0_u64, None::<Instant>);
+    let answer = loop {
+        if asked.is_none() && progress.cancelled() {
+            // Its standard input closes.
+            (process.child.stdin, asked) = (None, Some(Instant::now()));
+        }
+        if asked.is_some_and(|since| since.elapsed() > GRACE) {
+            break None;
+        }
+        match process.messages.recv_timeout(LOOK) {
+            Ok((Message::Stage { name, steps: of }, _)) => {
+                steps = 0;
+                progress.stage(&name, of);
+            }
+            Ok((Message::Steps(done), _)) => {
+                (steps..done).for_each(|_| progress.step());
+                steps = done.max(steps);
+            }
+            Ok((Message::Shown { value, .. }, bytes)) => shown(Part { value, bytes }),
+            Ok((Message::Done { value, .. }, bytes)) => break Some(Ok(Part { value, bytes })),
+            Ok((Message::Failed(told), _)) => break Some(Err(Ended::Error(told.into()))),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break None,
+        }
+    };
+    let (status, words) = process.end(answer.is_none() && asked.is_none());
+    match answer {
+        Some(answer) => answer,
+        // However it ended, nobody waits for it.
+        None if asked.is_some() => Err(Ended::Error(Error::Cancelled)),
+        None => Err(Ended::Died(death(status, &words, limits))),
+    }
+}
+
+/// How a process died, from its exit status and its last words.
+fn death(status: Option<ExitStatus>, words: &VecDeque<String>, limits: Limits) -> Death {
+    let said = |phrase: &str| words.iter().find(|line| line.contains(phrase));
+    let signal = status.and_then(|status| status.signal());
+    // The words of Rust's allocator, of its panics and of a thread that was refused its stack.
+    if said("memory allocation of").is_some() || said("Cannot allocate memory").is_some() {
+        return Death::Memory(limits.memory);
+    }
+    match (signal, limits.processor_s) {
+        (Some(SIGXCPU), Some(seconds)) => Death::Time(seconds),
+        (Some(SIGKILL), _) => Death::Killed,
+        _ => {
+            let how = signal.map(|signal| format!("signal {signal}"));
+            let how = how.or_else(|| Some(format!("exit code {}", status?.code()?)));
+            let mut all: Vec<&str> = how.as_deref().into_iter().collect();
+            let last = said("overflowed its stack").or_else(|| said("panicked at"));
+            let after = last.and_then(|line| words.iter().skip_while(|l| *l != line).nth(1));
+            all.extend(last.into_iter().chain(after).map(|line| line.trim()));
+            Death::Crashed(all.join(": "))
+        }
+    }
+}
+
+/// A process with its streams.
+struct Process {
+    child: Child,
+    messages: Receiver<(Message, Vec<u8>)>,
+    reader: JoinHandle<()>,
+    words: JoinHandle<VecDeque<String>>,
+}
+
+impl Process {
+    fn start(task: Value, limits: Limits, scratch: &std::path::Path) -> io::Result<Self> {
+        let program = PROGRAM.get().ok_or_else(|| io::Error::other("the program has not registered itself"))?;
+        let order = serde_json::to_string(&Order { limits, parent: std::process::id(), task })?;
+        let mut child = Command::new(program)
+            .arg0("nacre")
+            .arg(COMMAND)
+            .env("TMPDIR", scratch)
+            // A backtrace would push the message of a panic out of the last lines.
+            .env("RUST_BACKTRACE", "0")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            // Ctrl-C is for the process that asked, which then stops this one.
+            .process_group(0)
+            .spawn()?;
+        let (Some(stdout), Some(stderr)) = (child.stdout.take(), child.stderr.take()) else {
+            return Err(io::Error::other("no pipe"));
+        };
+        let (tell, messages) = mpsc::sync_channel(MESSAGES);
+        let reader = std::thread::spawn(move || read(BufReader::new(stdout), &tell));
+        let words = std::thread::spawn(move || last_lines(BufReader::new(stderr)));
+        // A process that has died already says why on its standard error.
+        let _ = child.stdin.as_mut().map(|stdin| stdin.write_all(format!("{order}\n").as_bytes()));
+        Ok(Self { child, messages, reader, words })
+    }
+
+    /// Waits for the end of the process, which is killed after a grace, or at once unless it may still be about to end.
+    fn end(mut self, patiently: bool) -> (Option<ExitStatus>, VecDeque<String>) {
+        let begun = Instant::now();
+        while patiently && begun.elapsed() < GRACE && matches!(self.child.try_wait(), Ok(None)) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        self.kill();
+        let status = self.child.wait().ok();
+        drop(self.messages);
+        let _ = self.reader.join();
+        (status, self.words.join().unwrap_or_default())
+    }
+
+    /// Kills the process with its group.
+    fn kill(&mut self) {
+        #[cfg(target_os = "linux")]
+        if let (Ok(None), Some(group)) =
+            (self.child.try_wait(), i32::try_from(self.child.id()).ok().and_then(rustix::process::Pid::from_raw))
+        {
+            let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
+        }
+        let _ = self.child.kill();
+    }
+}
+
+/// Reads messages until the stream ends or nobody wants them.
+fn read(mut from: impl BufRead, tell: &SyncSender<(Message, Vec<u8>)>) {
+    let mut line = String::new();
+    while from.read_line(&mut line).is_ok_and(|n| n > 0) {
+        let Ok(message) = serde_json::from_str::<Message>(&line) else { return };
+        let mut bytes = vec![];
+        if let Message::Shown { bytes: count, .. } | Message::Done { bytes: count, .. } = message {
+            let taken = from.by_ref().take(count.min(MOST_BYTES) as u64).read_to_end(&mut bytes);
+            if taken.ok() != Some(count) {
+                return;
+            }
+        }
+        if tell.send((message, bytes)).is_err() {
+            return;
+        }
+        line.clear();
+    }
+}
+
+/// The last lines of a stream, once it has ended.
+fn last_lines(mut from: impl BufRead) -> VecDeque<String> {
+    let mut lines = VecDeque::new();
+    let mut line = vec![];
+    while from.by_ref().take(LINE_BYTES).read_until(b'\n', &mut line).is_ok_and(|n| n > 0) {
+        lines.push_back(String::from_utf8_lossy(&line).trim_end().to_owned());
+        if lines.len() > LINES {
+            lines.pop_front();
+        }
+        line.clear();
+    }
+    lines
+}
