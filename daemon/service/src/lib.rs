@@ -12,10 +12,14 @@ mod devices;
 mod display;
 mod events;
 mod files;
+mod heavy;
+mod keeper;
+mod keys;
 mod maps;
 mod measure;
 mod methods;
 mod metrics;
+mod paths;
 mod plans;
 mod problem;
 mod reconstructions;
@@ -26,16 +30,20 @@ mod runs;
 mod scenes;
 mod session_data;
 mod sessions;
+mod stored_uploads;
 mod uploads;
 pub mod view;
 
 use axum::Json;
 use axum::extract::{FromRequest, FromRequestParts, Path as AxumPath, Query, Request};
+use axum::http::header;
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, header};
 use axum::response::IntoResponse;
 use bench::Bench;
 use config::Config;
+use heavy::Heavy;
+use keeper::Stores;
+use keys::Keys;
 use metrics::Metrics;
 use nacre_base::Error;
 use nacre_capture::Failure;
@@ -44,7 +52,7 @@ use nacre_capture::plan::Limits;
 use nacre_capture::rig::Place;
 use nacre_capture::session::{SESSION_FILE, sha256};
 use nacre_drivers::display::DisplayConfig;
-use nacre_store::catalogue::{Catalogue, SessionRow};
+use nacre_store::catalogue::SessionRow;
 use nacre_store::jobs::Jobs;
 use problem::{Answer, Kind, Problem};
 use runs::Run;
@@ -63,9 +71,6 @@ const KEPT_RUNS: usize = 1000;
 /// and those of them with their events and last map.
 const KEPT_WHOLE: usize = 8;
 
-/// Idempotency keys that are remembered.
-const KEPT_KEYS: usize = 1024;
-
 /// Everything that handlers share.
 pub struct App {
     /// How the service is configured.
@@ -80,10 +85,8 @@ pub struct App {
     pub display: Option<DisplayConfig>,
     /// The newest measurement of the panel.
     pub measurement: Mutex<Option<Arc<measure::Measuring>>>,
-    /// Index of sessions.
-    pub catalogue: Catalogue,
-    /// Reconstructions.
-    pub jobs: Jobs,
+    /// Index of sessions, and reconstructions.
+    pub stores: Stores,
     /// The picture that is being rendered.
     pub renders: Arc<renders::Renders>,
     /// Runs of sessions.
@@ -100,7 +103,10 @@ pub struct App {
     pub stopping: watch::Sender<bool>,
     /// What is counted.
     pub metrics: Metrics,
-    keys: Mutex<VecDeque<(String, String)>>,
+    /// Idempotency keys.
+    pub keys: Keys,
+    /// Places for work that takes much memory.
+    pub heavy: Arc<Heavy>,
     /// Makes deletion tokens that nobody can guess, new with each start.
     secret: String,
 }
@@ -143,19 +149,13 @@ impl Runs {
 
 impl App {
     async fn open(config: Config, place: Place) -> Result<Arc<Self>, Failure> {
-        for folder in ["sessions", "reconstructions", "uploads"] {
-            let path = config.data.join(folder);
-            std::fs::create_dir_all(&path).map_err(|e| Error::output(&path, e))?;
-        }
+        paths::set_data_folder(&config.data);
         let simulated = place.simulated.is_some() && !place.section.has_real_device();
         let link = Arc::new(Link::default());
         let place = Place { page: Some(link.clone()), ..place };
         let display = place.section.display.clone();
-        let catalogue = Catalogue::open(&config.data.join("catalogue.db")).await?;
-        let rebuilt = catalogue.rebuild(&[config.data.join("sessions")], &nacre_base::progress::Silent).await?;
-        tracing::info!(sessions = rebuilt.sessions, "catalogue rebuilt");
         let renders = Arc::new(renders::Renders::default());
-        let jobs = Jobs::open(&config.data, methods::work(config.data.clone(), renders.clone())).await?;
+        let stores = Stores::open(&config.data, methods::work(config.data.clone(), renders.clone())).await?;
         let bench = Bench::open(place).await?;
         let found =
             bench.work(|owner| Ok((owner.rig.devices.limits(), owner.runtime.block_on(owner.rig.watch.ids())))).await;
@@ -166,8 +166,7 @@ impl App {
             bench,
             display,
             measurement: Mutex::default(),
-            catalogue,
-            jobs,
+            stores,
             renders,
             runs: Runs::default(),
             link,
@@ -176,7 +175,8 @@ impl App {
             requests: Arc::new(Semaphore::new(config.limits.requests)),
             stopping: watch::Sender::new(false),
             metrics: Metrics::default(),
-            keys: Mutex::default(),
+            keys: Keys::open(&config.data),
+            heavy: Arc::default(),
             secret: new_id() + &new_id(),
             config,
         }))
@@ -215,35 +215,17 @@ impl App {
         let owned = folder.to_path_buf();
         let read = blocking(move || Ok(SessionRow::read(&owned)?)).await;
         match read {
-            Ok(row) => {
-                if let Err(e) = self.catalogue.put(&row).await {
-                    tracing::warn!("not catalogued: {e}");
-                }
-            }
+            Ok(row) => self.stores.note(&row).await,
             Err(e) => tracing::debug!("nothing to catalogue: {}", e.detail()),
         }
     }
 
-    /// The `Idempotency-Key` of a request that makes a `what`, in a form that can be kept.
-    pub fn key(what: &str, headers: &HeaderMap) -> Option<String> {
-        headers.get("idempotency-key").map(|k| sha256(&[what.as_bytes(), b" ", k.as_bytes()].concat()))
-    }
-
-    /// What a request with this key made.
-    pub fn remembered(&self, key: Option<&String>) -> Option<String> {
-        let keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
-        keys.iter().find(|k| Some(&k.0) == key).map(|k| k.1.clone())
-    }
-
-    /// Remembers what a request with this key made.
-    pub fn remember(&self, key: Option<String>, id: &str) {
-        let Some(key) = key else { return };
-        let mut keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
-        keys.retain(|k| k.0 != key);
-        keys.push_back((key, id.to_owned()));
-        if keys.len() > KEPT_KEYS {
-            keys.pop_front();
-        }
+    /// The job queue.
+    ///
+    /// # Errors
+    /// `full` when it could not be opened yet, as the disk is full.
+    pub fn jobs(&self) -> Answer<&Jobs> {
+        self.stores.jobs().ok_or_else(Problem::full)
     }
 
     /// What confirms the deletion of a session or reconstruction.
@@ -252,14 +234,15 @@ impl App {
     }
 }
 
-/// Serves until `stop`; the light is off and everything is stored afterwards.
+/// Serves until `stop`; the light is off and everything is stored afterwards. `ready` is told the address, and what is wrong with the
+/// data folder, such as a full disk.
 ///
 /// # Errors
 /// The bench, the data folder or the address cannot be used.
 pub async fn serve(
     mut config: Config,
     place: Place,
-    ready: impl FnOnce(std::net::SocketAddr),
+    ready: impl FnOnce(std::net::SocketAddr, &[String]),
     stop: impl Future<Output = ()>,
 ) -> Result<(), Failure> {
     let listen = config.listen;
@@ -268,7 +251,8 @@ pub async fn serve(
     let app = App::open(config, place).await?;
     let bind = |e: std::io::Error| Error::input(listen, format!("cannot be listened on: {e}"), "give another --listen");
     let listener = connections::listen(listen).map_err(bind)?;
-    ready(listener.local_addr().map_err(bind)?);
+    ready(listener.local_addr().map_err(bind)?, &app.stores.problems());
+    let keeper = tokio::spawn(keeper::keep(app.clone()));
     let closing = app.clone();
     let graceful = async move {
         stop.await;
@@ -277,8 +261,9 @@ pub async fn serve(
         let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;
     };
     connections::serve(listener, router::router(&app), most, patience, graceful).await;
-    app.jobs.shutdown().await;
-    app.catalogue.close().await;
+    // It may be opening what is closed next.
+    let _ = keeper.await;
+    app.stores.close().await;
     Ok(())
 }
 
