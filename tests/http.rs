@@ -40,9 +40,14 @@ impl Service {
 
     /// On a small simulated bench, with so many open files at most.
     pub fn with_open_files(place: &Place, most: usize, more: &[&str]) -> Self {
+        Self::within(place, &["sh", "-c", &format!("ulimit -n {most}; exec \"$0\" \"$@\"")], more)
+    }
+
+    /// On a small simulated bench, started by a command that runs the program and its arguments, which follow, in its own place.
+    pub fn within(place: &Place, starter: &[&str], more: &[&str]) -> Self {
         let (program, mark) = command();
-        let mut command = Command::new("sh");
-        command.args(["-c", &format!("ulimit -n {most}; exec \"$0\" \"$@\"")]).arg(program.get_program());
+        let mut command = Command::new(starter[0]);
+        command.args(&starter[1..]).arg(program.get_program());
         command.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
         Self::run(command, mark, place, &[&["--sim", "--bench", &place.text("bench.toml")], more].concat())
     }

@@ -216,3 +216,46 @@ fn uploads_that_do_not_fit_into_memory_are_refused_when_asked_for() {
     let none = service.get("/api/v1/reconstructions").expect(200).json();
     assert_eq!(none["items"].as_array().unwrap().len(), 0);
 }
+
+/// Many views of one large map at once take little more than one: 12 Mpixel are 48 MiB per channel.
+#[test]
+fn views_of_a_large_map_are_bounded_in_memory() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let [input, maps] = ["in", "maps"].map(|name| place.text(name));
+    nacre(["sim", "render", "--sample", "cd", "--size", "32", "--angles-deg", "0,45,90", "--out", &input]).expect(0);
+    nacre(["reconstruct", "polarization", &input, "--out", &maps]).expect(0);
+    let map = fs::read(place.path("maps/orientation.exr")).unwrap();
+    let upload =
+        service.upload(&[("kind", "", b"maps"), ("file", "orientation.exr", &map)]).expect(201).json()["id"].clone();
+    let body = json!({ "upload": upload, "method": "map", "options": { "size": [4000, 3000] } });
+    let id = service.post("/api/v1/reconstructions", &body).expect(202).json()["id"].as_str().unwrap().to_owned();
+    let base = format!("/api/v1/reconstructions/{id}");
+    service.until(&base, |job| job["state"] == "done");
+    let status = format!("/proc/{}/status", service.pid());
+    let peak = || {
+        let text = fs::read_to_string(&status).unwrap();
+        let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:")).unwrap();
+        line.trim().trim_end_matches(" kB").parse::<u64>().unwrap() >> 10
+    };
+    for (path, times, allowed) in [
+        ("maps/orientation.png?width=256", 16, 300),
+        ("maps/sigma.png?width=1000", 16, 300),
+        ("maps/orientation.npy", 16, 400),
+        ("pixel?x=1&y=1", 16, 400),
+        ("view", 3, 400),
+    ] {
+        // The mark is that of these views alone.
+        fs::write(format!("/proc/{}/clear_refs", service.pid()), "5").unwrap();
+        std::thread::scope(|scope| {
+            let all: Vec<_> = (0..times).map(|_| scope.spawn(|| service.get(&format!("{base}/{path}")))).collect();
+            for answer in all {
+                let answer = answer.join().unwrap();
+                // A map by itself has no photographs, so that its pixels are refused.
+                assert_eq!(answer.status, if path.starts_with("pixel") { 404 } else { 200 }, "{path}: {}", answer.head);
+            }
+        });
+        println!("{times} times {path}: {} MiB", peak());
+        assert!(peak() < allowed, "{path}: {} MiB", peak());
+    }
+}

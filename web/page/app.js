@@ -150,7 +150,8 @@ async function about() {
   if (aboutShown || !service.reachable) return;
   aboutShown = true;
   try {
-    const { version } = await get("/about");
+    const { version, problems } = await get("/about");
+    for (const problem of problems) alarm("The service has a problem", problem, "");
     byId("about").replaceChildren(
       h("span", {}, `Nacre ${version}`),
       h("a", { href: "/display", target: "_blank", rel: "noopener" }, "Page for the panel"), h("a", { href: "/api/v1/openapi.json" }, "OpenAPI"));

@@ -19,7 +19,7 @@ const wanted = { text: "", method: "", state: "" };
  * @param {Visit} visit
  */
 export async function resultsPage(main, { signal }) {
-  const [sessions, jobs] = await Promise.all([get(`/sessions${query({ limit: 200 })}`, { signal }), get(`/reconstructions${query({ limit: MOST })}`, { signal })]);
+  const [sessions, jobs, uploads] = await Promise.all([get(`/sessions${query({ limit: 200 })}`, { signal }), get(`/reconstructions${query({ limit: MOST })}`, { signal }), get("/uploads", { signal })]);
   const names = namesOf(sessions.items);
   let items = jobs.items;
   const methods = [...new Set(items.map((job) => job.method))].sort();
@@ -34,6 +34,7 @@ export async function resultsPage(main, { signal }) {
   const list = h("ul", { class: "cards" });
   main.append(h("div", { class: "head" }, h("h1", { class: "grow" }, "Results"), h("a", { class: "button", href: "#/upload" }, "Upload"), h("a", { class: "button", href: "#/render" }, "Render")),
     h("div", { class: "panel filters fields", role: "search" }, field("Search", text), field("Method", method), field("State", state)), said, list);
+  if (uploads.items.some(unused)) main.append(unusedUploads(uploads.items.filter(unused), signal));
   // What each card shows, until it is seen.
   /** @type {Map<Element, Job>} */
   const unseen = new Map();
@@ -93,6 +94,37 @@ export async function resultsPage(main, { signal }) {
       complain(problem);
     }
   }
+}
+
+/** @param {Upload} upload */
+const unused = (upload) => upload.expires !== null;
+
+/**
+ * Uploads that no result uses, to be deleted before they expire. Folded, as they are looked for only when space is short.
+ * @param {Upload[]} uploads
+ * @param {AbortSignal} signal
+ */
+function unusedUploads(uploads, signal) {
+  const item = (/** @type {Upload} */ upload) => {
+    const title = `Upload of ${moment(upload.created)}`;
+    const element = h("li", { class: "panel card", "data-upload": upload.id },
+      h("div", { class: "about" },
+        h("span", { class: "title" }, title),
+        h("p", { class: "row soft" }, h("span", {}, `${upload.files} files, ${bytes(upload.bytes)}`), h("span", {}, `deleted after ${moment(upload.expires)}`))),
+      h("button", { type: "button", class: "quiet icon", "aria-label": `Delete ${title}`, title: "Delete", onclick: () => erase(upload, title, element) }, "✕"));
+    return element;
+  };
+  async function erase(upload, title, element) {
+    try {
+      if (!(await confirmed(`Delete “${title}”?`, `${upload.files} files, ${bytes(upload.bytes)}. They are gone for good.`, "Delete"))) return;
+      await send(`/uploads/${upload.id}`, { method: "DELETE", signal });
+      element.remove();
+      tell(`“${title}” is deleted.`);
+    } catch (problem) {
+      complain(problem);
+    }
+  }
+  return h("details", { id: "unused-uploads" }, h("summary", {}, `Uploads without a result (${uploads.length})`), h("ul", { class: "cards" }, ...uploads.map(item)));
 }
 
 /** The first picture there is. None is no problem. */

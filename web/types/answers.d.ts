@@ -69,6 +69,15 @@ interface Frame {
 }
 
 /** A reconstruction; report and options differ with the method. */
+interface Upload {
+    id: string;
+    created: number;
+    files: number;
+    bytes: number;
+    reconstructions: string[];
+    expires: number | null;
+}
+
 interface Job {
     id: string;
     method: string;

@@ -5,7 +5,7 @@ use super::App;
 use super::config::{Config, Role};
 use super::problem::{Kind, Problem};
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderValue, Method, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use nacre_capture::session::sha256;
@@ -14,8 +14,9 @@ use std::sync::Arc;
 /// Refuses requests from elsewhere and without the needed role; adds the headers that tell browsers to be careful.
 pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let path = request.uri().path();
-    let result = allowed_here(&app.config, request.headers())
-        .and_then(|()| allowed_to(&app.config, request.method(), path, request.headers()));
+    let (method, headers) = (request.method(), request.headers());
+    let result =
+        allowed_here(&app.config, method, path, headers).and_then(|()| allowed_to(&app.config, method, path, headers));
     let mut response = match result {
         Ok(()) => next.run(request).await,
         Err(problem) => problem.into_response(),
@@ -33,27 +34,81 @@ pub async fn check(State(app): State<Arc<App>>, request: Request, next: Next) ->
     response
 }
 
-/// The Host must be a name of ours (another one points here by DNS rebinding), and so must the Origin if there is one.
-fn allowed_here(config: &Config, headers: &HeaderMap) -> Result<(), Problem> {
-    let text = |name| headers.get(name).map(|v: &HeaderValue| v.to_str().unwrap_or("?"));
-    let Some(host) = text(header::HOST) else {
+/// The Host must be a name of ours (another one points here by DNS rebinding). So must be the Origin if there is one; requests that
+/// change something must come from our own page.
+fn allowed_here(config: &Config, method: &Method, path: &str, headers: &HeaderMap) -> Result<(), Problem> {
+    let Some(host) = text(headers, &header::HOST).next() else {
         return Err(Problem::bad("the Host header is missing"));
     };
-    let ours = |name: &str| is_ours(config, name);
-    if !ours(host) {
+    if !is_ours(config, host) {
         return Err(Problem::new(Kind::Forbidden, "the Host header names another host")
             .remedy("add the name to hosts in the configuration"));
     }
-    match text(header::ORIGIN) {
-        Some(origin)
-            if !origin.split_once("://").is_some_and(|(scheme, name)| scheme.starts_with("http") && ours(name)) =>
-        {
-            Err(Problem::new(Kind::Forbidden, "the request comes from a page elsewhere"))
+    let changes = needed(method, path) > Role::View || !is_safe(method);
+    let from_here = |origin: &str| match Address::of_origin(origin) {
+        Some(origin) if changes => origin.is_page_of(config, host),
+        Some(origin) => is_ours(config, &origin.host),
+        None => false,
+    };
+    let site = |site: &str| matches!(site, "same-origin" | "none") || (!changes && site == "same-site");
+    let sites = HeaderName::from_static("sec-fetch-site");
+    if text(headers, &header::ORIGIN).all(from_here) && text(headers, &sites).all(site) {
+        return Ok(());
+    }
+    Err(Problem::new(Kind::Forbidden, "the request comes from a page elsewhere").remedy(
+        "use the page of the service; behind a proxy, add the address of its page (https://NAME:PORT) to hosts in the configuration",
+    ))
+}
+
+/// The values of a header; what is no text is no valid one.
+fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> impl Iterator<Item = &'a str> {
+    headers.get_all(name).into_iter().map(|value| value.to_str().unwrap_or("?"))
+}
+
+/// The method by itself changes nothing.
+fn is_safe(method: &Method) -> bool {
+    matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS)
+}
+
+/// Where a page comes from.
+#[derive(PartialEq)]
+pub struct Address {
+    https: bool,
+    /// In lower case; addresses of IPv6 in brackets.
+    host: String,
+    port: u16,
+}
+
+impl Address {
+    /// Reads `http://NAME:PORT` or `https://NAME:PORT`; without a port, the usual one of the scheme.
+    pub fn of_origin(origin: &str) -> Option<Self> {
+        let (scheme, host) = origin.split_once("://")?;
+        match scheme {
+            "http" => Self::new(false, host),
+            "https" => Self::new(true, host),
+            _ => None,
         }
-        _ if text(header::HeaderName::from_static("sec-fetch-site")) == Some("cross-site") => {
-            Err(Problem::new(Kind::Forbidden, "the request comes from a page elsewhere"))
-        }
-        _ => Ok(()),
+    }
+
+    fn new(https: bool, host: &str) -> Option<Self> {
+        let usual = if https { 443 } else { 80 };
+        let (name, port) = match host.rsplit_once(':') {
+            Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()?),
+            _ => (host, usual),
+        };
+        let plain = |c: char| c.is_alphanumeric() || ".-_:[]".contains(c);
+        (!name.is_empty() && name.chars().all(plain)).then(|| Self { https, host: name.to_ascii_lowercase(), port })
+    }
+
+    /// Whether requests to `host` from a page of this address are those of our own page. The service itself speaks HTTP; names of
+    /// the configuration may be those of a proxy, which may speak HTTPS, and may pass on another Host than the browser's.
+    fn is_page_of(&self, config: &Config, host: &str) -> bool {
+        let Some(here) = Self::new(self.https, host) else { return false };
+        let named = config.hosts.iter().any(|name| name.eq_ignore_ascii_case(&self.host));
+        let usual_port = self.port == if self.https { 443 } else { 80 };
+        let proxied = named && usual_port && here.host != self.host;
+        let same = here == *self && (named || !self.https);
+        same || proxied || config.hosts.iter().any(|page| Self::of_origin(page).as_ref() == Some(self))
     }
 }
 
@@ -63,20 +118,26 @@ fn is_ours(config: &Config, name: &str) -> bool {
         Some((host, port)) if port.bytes().all(|b| b.is_ascii_digit()) && !port.is_empty() => host,
         _ => name,
     };
+    let of_page = |h: &str| Address::of_origin(h).is_some_and(|page| page.host.eq_ignore_ascii_case(host));
+    if config.hosts.iter().any(|h| h.eq_ignore_ascii_case(host) || of_page(h)) {
+        return true;
+    }
     let host = host.trim_start_matches('[').trim_end_matches(']').to_ascii_lowercase();
     let address: Option<std::net::IpAddr> = host.parse().ok();
     let listens =
         address.is_some_and(|ip| ip == config.listen.ip() || (ip.is_loopback() && config.listen.ip().is_loopback()));
     // With every interface listened on, any address of ours may be named, but no foreign name.
     let any = address.is_some() && config.listen.ip().is_unspecified();
-    host == "localhost" || listens || any || config.hosts.iter().any(|h| h.eq_ignore_ascii_case(&host))
+    host == "localhost" || listens || any
 }
 
 /// What a request needs.
 fn needed(method: &Method, path: &str) -> Role {
     match *method {
         Method::DELETE => Role::Administer,
-        Method::GET | Method::HEAD | Method::OPTIONS => Role::View,
+        // It binds the page of the panel, though it reads.
+        _ if path == "/api/v1/display/link" => Role::Operate,
+        _ if is_safe(method) => Role::View,
         // Whoever sees danger may stop it.
         _ if path == "/api/v1/stop" => Role::View,
         _ => Role::Operate,
@@ -122,6 +183,8 @@ mod tests {
             (&[("host", "127.0.0.1")], true),
             (&[("host", "[::1]:8465")], true),
             (&[("host", "bench.lab:80"), ("origin", "http://bench.lab:80")], true),
+            (&[("host", "localhost"), ("origin", "http://localhost:3000")], true),
+            (&[("host", "localhost"), ("sec-fetch-site", "same-site")], true),
             (&[("host", "evil.example")], false),
             (&[("host", "127.0.0.1.evil.example")], false),
             (&[("host", "localhost"), ("origin", "https://evil.example")], false),
@@ -129,7 +192,57 @@ mod tests {
             (&[("host", "localhost"), ("sec-fetch-site", "cross-site")], false),
             (&[], false),
         ] {
-            assert_eq!(allowed_here(&config, &headers(list)).is_ok(), ok, "{list:?}");
+            let allowed = allowed_here(&config, &Method::GET, "/api/v1/devices", &headers(list));
+            assert_eq!(allowed.is_ok(), ok, "{list:?}");
+        }
+    }
+
+    #[test]
+    fn only_our_own_page_changes_anything() {
+        let hosts = ["bench.lab", "https://proxy.lab", "https://other.lab:8443"].map(Into::into).into();
+        let config = Config { hosts, ..Config::default() };
+        for (host, origin, site, ok) in [
+            ("localhost:8465", "", "", true),
+            ("localhost:8465", "http://localhost:8465", "same-origin", true),
+            ("LOCALHOST:8465", "http://localhost:8465", "", true),
+            ("localhost:8465", "", "none", true),
+            ("[::1]:8465", "http://[::1]:8465", "", true),
+            // A forwarded port.
+            ("localhost:9000", "http://localhost:9000", "same-origin", true),
+            ("localhost", "http://localhost", "", true),
+            // Proxies that keep the Host, and those that do not.
+            ("bench.lab", "https://bench.lab", "same-origin", true),
+            ("bench.lab:8443", "https://bench.lab:8443", "", true),
+            ("127.0.0.1:8465", "https://bench.lab", "same-origin", true),
+            ("127.0.0.1:8465", "https://proxy.lab", "same-origin", true),
+            ("127.0.0.1:8465", "https://other.lab:8443", "", true),
+            ("localhost:8465", "http://localhost:3000", "", false),
+            ("localhost:8465", "http://localhost", "", false),
+            ("localhost:8465", "https://localhost:8465", "", false),
+            ("localhost:8465", "http://127.0.0.1:8465", "", false),
+            ("localhost:8465", "", "same-site", false),
+            ("localhost:8465", "http://localhost:8465", "same-site", false),
+            ("localhost:8465", "null", "", false),
+            ("bench.lab:80", "http://bench.lab:3000", "", false),
+            ("bench.lab", "https://bench.lab:3000", "", false),
+            ("bench.lab:8465", "http://bench.lab", "", false),
+            ("127.0.0.1:8465", "https://bench.lab", "cross-site", false),
+            ("127.0.0.1:8465", "https://bench.lab:3000", "", false),
+            ("127.0.0.1:8465", "http://proxy.lab", "", false),
+            ("127.0.0.1:8465", "https://proxy.lab:8443", "", false),
+            ("localhost:8465", "http://localhost:8465/", "", false),
+            ("localhost:8465", "ftp://localhost:8465", "", false),
+        ] {
+            let all = [("host", host), ("origin", origin), ("sec-fetch-site", site)];
+            let list: Vec<_> = all.into_iter().filter(|(_, value)| !value.is_empty()).collect();
+            for (method, path) in [
+                (Method::POST, "/api/v1/stop"),
+                (Method::DELETE, "/api/v1/sessions/x"),
+                (Method::GET, "/api/v1/display/link"),
+            ] {
+                let allowed = allowed_here(&config, &method, path, &headers(&list));
+                assert_eq!(allowed.is_ok(), ok, "{method} {list:?}");
+            }
         }
     }
 
@@ -151,6 +264,9 @@ mod tests {
         };
         assert!(may("v", Method::GET, "/api/v1/devices") && !may("v", Method::POST, "/api/v1/sessions"));
         assert!(may("v", Method::POST, "/api/v1/stop"));
+        for method in [Method::GET, Method::HEAD] {
+            assert!(!may("v", method.clone(), "/api/v1/display/link") && may("o", method, "/api/v1/display/link"));
+        }
         assert!(may("o", Method::POST, "/api/v1/sessions") && !may("o", Method::DELETE, "/api/v1/sessions/x"));
         assert!(may("a", Method::DELETE, "/api/v1/sessions/x") && !may("nobody", Method::GET, "/api/v1/devices"));
         assert!(allowed_to(&config, &Method::GET, "/api/v1/devices", &headers(&[])).is_err());

@@ -1,5 +1,6 @@
 //! `nacre.toml`: how the service runs. Environment variables `NACRE_SERVE_…` override it.
 
+use super::access::Address;
 use figment::Figment;
 use figment::error::Kind;
 use figment::providers::{Env, Serialized};
@@ -19,7 +20,8 @@ pub struct Config {
     pub listen: SocketAddr,
     /// Folder for sessions, results, catalogue and jobs.
     pub data: PathBuf,
-    /// Names by which browsers may reach the service besides its address and localhost.
+    /// Names by which browsers may reach the service besides its address and localhost. Behind a proxy that changes the port, the whole
+    /// address of the page (`https://NAME:PORT`).
     pub hosts: Vec<String>,
     /// Who may do what; `nacre token` makes them.
     pub tokens: Vec<Token>,
@@ -61,6 +63,8 @@ pub struct LimitsSection {
     pub body_kib: usize,
     /// Largest upload in MiB, all its files together.
     pub upload_mib: u64,
+    /// An upload that no reconstruction uses is deleted after this many days.
+    pub upload_days: u64,
     /// A request that takes longer than this many seconds is ended, event streams and uploads apart.
     pub request_s: u64,
     /// A client that makes no progress for this many seconds is disconnected: no complete request header, and less than 16 KiB
@@ -94,6 +98,7 @@ impl Default for LimitsSection {
         Self {
             body_kib: 1024,
             upload_mib: 4096,
+            upload_days: 30,
             request_s: 60,
             client_s: 20,
             requests: 64,
@@ -142,6 +147,7 @@ impl Config {
         for (key, value) in [
             ("body_kib", l.body_kib as u64),
             ("upload_mib", l.upload_mib),
+            ("upload_days", l.upload_days),
             ("request_s", l.request_s),
             ("client_s", l.client_s),
             ("requests", l.requests as u64),
@@ -151,6 +157,9 @@ impl Config {
             if !(1..=1 << 30).contains(&value) {
                 return Err(format!("limits.{key} is {value}; give a number from 1 to {}", 1 << 30));
             }
+        }
+        if let Some(bad) = self.hosts.iter().find(|h| h.contains('/') && Address::of_origin(h).is_none()) {
+            return Err(format!("hosts names {bad:?}; give a name, or an address such as https://bench.lab:8443"));
         }
         if let Some(bad) =
             self.tokens.iter().find(|t| t.sha256.len() != 64 || !t.sha256.bytes().all(|b| b.is_ascii_hexdigit()))
@@ -212,6 +221,7 @@ mod tests {
             ("limits = { body_kb = 1 }", &["body_kb", "limits", "did you mean body_kib"]),
             ("listen = \"here\"", &["listen"]),
             ("limits = { requests = 0 }", &["limits.requests"]),
+            ("hosts = [\"https://bench.lab/nacre\"]", &["hosts", "https://bench.lab/nacre"]),
             ("tokens = [{ name = \"a\", role = \"view\", sha256 = \"secret\" }]", &["\"a\"", "SHA-256"]),
             ("tokens = [{ name = \"a\", role = \"king\", sha256 = \"\" }]", &["role", "king"]),
             ("listen = [", &["nacre", "config"]),

@@ -1,5 +1,6 @@
 //! What is deleted, and how that is confirmed.
 
+use super::keeper::is_full;
 use super::problem::{Answer, Kind, Problem};
 use super::{App, At, Params, blocking, charts, files};
 use axum::Json;
@@ -7,6 +8,7 @@ use axum::extract::State;
 use axum::http::StatusCode;
 use nacre_capture::session::Session;
 use nacre_store::catalogue::SessionRow;
+use nacre_store::jobs::{JobState, Refusal};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -53,6 +55,12 @@ pub async fn session(
     if app.run(&id).is_some_and(|r| !r.is_over()) {
         return Err(Problem::new(Kind::Busy, "the session is running").remedy("abort it first"));
     }
+    if let Some(jobs) = app.stores.jobs()
+        && let Some(job) = jobs.open_of_session(&id).await?
+    {
+        return Err(Problem::new(Kind::Conflict, format!("reconstruction {job} of the session is not done"))
+            .remedy("wait for it, or cancel it first"));
+    }
     let row = SessionRow::read(&folder).ok();
     blocking(move || {
         // Nobody else works on it: the session's own lock says so.
@@ -65,7 +73,7 @@ pub async fn session(
     .await?;
     app.runs.remove(&id);
     if let Some(row) = row {
-        app.catalogue.remove(&row.id).await?;
+        app.stores.forget(&row).await;
     }
     Ok(StatusCode::NO_CONTENT)
 }
@@ -91,9 +99,20 @@ pub async fn reconstruction(
 ) -> Answer<StatusCode> {
     let folders = folders(&app, &id).await?;
     confirmed(&app, &id, &query)?;
+    let delete = move || folders.iter().try_for_each(|f| removed(f));
     // First from the queue, which refuses while it is worked on.
-    app.jobs.remove(&id).await?;
-    blocking(move || folders.iter().try_for_each(|f| removed(f))).await?;
+    match app.jobs()?.remove(&id).await {
+        Ok(()) => blocking(delete).await?,
+        // Forgetting a job takes some space too.
+        Err(Refusal::Queue(error)) if is_full(&error) => {
+            if matches!(app.job(&id).await?.state, JobState::Queued | JobState::Running) {
+                return Err(Problem::new(Kind::Conflict, "the reconstruction is not done").remedy("cancel it first"));
+            }
+            blocking(delete).await?;
+            app.jobs()?.remove(&id).await?;
+        }
+        Err(refusal) => return Err(refusal.into()),
+    }
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -128,8 +147,9 @@ async fn folders(app: &App, id: &str) -> Answer<Vec<PathBuf>> {
     let job = app.job(id).await?;
     let mut folders = vec![app.result_folder(id)];
     let light = job.spec.light.as_ref().map(|light| &light.upload);
+    let in_use = app.jobs()?.uploads().await?;
     for upload in job.upload.iter().chain(light.filter(|light| job.upload.as_ref() != Some(*light))) {
-        if app.jobs.of_upload(upload).await? <= 1 {
+        if in_use.get(upload).is_none_or(|jobs| jobs.len() <= 1) {
             folders.push(app.upload_folder(upload)?);
         }
     }
@@ -144,11 +164,12 @@ fn confirmed(app: &App, id: &str, given: &Confirmation) -> Answer<()> {
 }
 
 /// A folder that is not there needs no deletion.
-fn removed(folder: &Path) -> Answer<()> {
+///
+/// # Errors
+/// As the system answers.
+pub fn removed(folder: &Path) -> Answer<()> {
     match std::fs::remove_dir_all(folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-            Err(Problem::new(Kind::Internal, format!("cannot be deleted: {e}")))
-        }
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Problem::refused("it cannot be deleted", &e)),
         _ => Ok(()),
     }
 }

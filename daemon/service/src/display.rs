@@ -18,6 +18,9 @@ use utoipa::{IntoParams, ToSchema};
 /// The page is told this often that the service lives.
 const BEAT: Duration = Duration::from_secs(1);
 
+/// Longest name of a page, and hash of a pattern, in bytes.
+const LONGEST: usize = 100;
+
 /// What to show on the page.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -89,8 +92,8 @@ pub async fn link(
     State(app): State<Arc<App>>,
     Params(query): Params<PageId>,
 ) -> Answer<Sse<impl Stream<Item = Result<Event, Infallible>> + use<>>> {
-    if query.page.is_empty() || query.page.len() > 100 {
-        return Err(Problem::bad("page must be a name of 1 to 100 characters"));
+    if query.page.is_empty() || query.page.len() > LONGEST {
+        return Err(Problem::bad(format!("page must be a name of 1 to {LONGEST} characters")));
     }
     if app.link.is_taken(&query.page) {
         return Err(other_page(OtherPage));
@@ -121,6 +124,9 @@ pub async fn link(
     request_body = Acknowledgement,
     responses((status = 200, body = DisplayState), (status = 400, body = Problem), (status = 409, body = Problem)))]
 pub async fn acknowledge(State(app): State<Arc<App>>, Body(body): Body<Acknowledgement>) -> Answer<Json<DisplayState>> {
+    if body.hash.len() > LONGEST {
+        return Err(Problem::bad(format!("hash is longer than {LONGEST} characters")));
+    }
     app.link.hear(&body.page, body.visible, Some((body.viewport, body.pixel_ratio))).map_err(other_page)?;
     if body.visible {
         app.link.acknowledge(body.hash);

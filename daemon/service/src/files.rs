@@ -1,9 +1,11 @@
 //! Files of sessions and results: only what lies inside, streamed.
 
+use super::paths::without_folders;
 use super::problem::{Answer, Problem};
 use axum::body::Body;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 use tokio_util::io::ReaderStream;
 
@@ -53,12 +55,26 @@ fn walk(root: &Path, folder: &Path, depth: usize, files: &mut Vec<(String, u64)>
 /// Media type of a download that no browser is to look into.
 pub const BYTES: &str = "application/octet-stream";
 
+/// What a result says about itself.
+const REPORT: &str = "report.json";
+
 /// Streams a file as a download.
 ///
 /// # Errors
-/// `not-found` when it cannot be opened.
+/// `not-found` when it is not there any more; as the system answers when it cannot be opened.
 pub async fn send(path: &Path, kind: &'static str) -> Answer<Response> {
-    let file = tokio::fs::File::open(path).await.map_err(|_| Problem::not_found("such file"))?;
+    let refused = |error: std::io::Error| match error.kind() {
+        ErrorKind::NotFound => Problem::not_found("such file"),
+        _ => Problem::refused("the file cannot be read", &error),
+    };
+    if path.ends_with(REPORT) {
+        // Reports name the files that they were made of, with their folders.
+        let text = tokio::fs::read_to_string(path).await.map_err(refused)?;
+        let headers =
+            [(header::CONTENT_TYPE, kind), (header::CONTENT_DISPOSITION, "attachment; filename=\"report.json\"")];
+        return Ok((headers, without_folders(&text)).into_response());
+    }
+    let file = tokio::fs::File::open(path).await.map_err(refused)?;
     let length = file.metadata().await.map(|m| m.len()).unwrap_or_default();
     let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || "._-".contains(*c)).collect();

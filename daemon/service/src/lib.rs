@@ -12,10 +12,14 @@ mod devices;
 mod display;
 mod events;
 mod files;
+mod heavy;
+mod keeper;
+mod keys;
 mod maps;
 mod measure;
 mod methods;
 mod metrics;
+mod paths;
 mod plans;
 mod problem;
 mod reconstructions;
@@ -26,6 +30,7 @@ mod runs;
 mod scenes;
 mod session_data;
 mod sessions;
+mod stored_uploads;
 mod supervised;
 mod uploads;
 pub mod view;
@@ -33,11 +38,14 @@ pub mod work;
 
 use axum::Json;
 use axum::extract::{FromRequest, FromRequestParts, Path as AxumPath, Query, Request};
+use axum::http::header;
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, header};
 use axum::response::IntoResponse;
 use bench::Bench;
 use config::Config;
+use heavy::Heavy;
+use keeper::Stores;
+use keys::Keys;
 use metrics::Metrics;
 use nacre_base::Error;
 use nacre_capture::Failure;
@@ -46,7 +54,7 @@ use nacre_capture::plan::Limits;
 use nacre_capture::rig::Place;
 use nacre_capture::session::{SESSION_FILE, sha256};
 use nacre_drivers::display::DisplayConfig;
-use nacre_store::catalogue::{Catalogue, SessionRow};
+use nacre_store::catalogue::SessionRow;
 use nacre_store::jobs::Jobs;
 use problem::{Answer, Kind, Problem};
 use runs::Run;
@@ -65,9 +73,6 @@ const KEPT_RUNS: usize = 1000;
 /// and those of them with their events and last map.
 const KEPT_WHOLE: usize = 8;
 
-/// Idempotency keys that are remembered.
-const KEPT_KEYS: usize = 1024;
-
 /// Everything that handlers share.
 pub struct App {
     /// How the service is configured.
@@ -82,10 +87,8 @@ pub struct App {
     pub display: Option<DisplayConfig>,
     /// The newest measurement of the panel.
     pub measurement: Mutex<Option<Arc<measure::Measuring>>>,
-    /// Index of sessions.
-    pub catalogue: Catalogue,
-    /// Reconstructions.
-    pub jobs: Jobs,
+    /// Index of sessions, and reconstructions.
+    pub stores: Stores,
     /// The picture that is being rendered.
     pub renders: Arc<renders::Renders>,
     /// Runs of sessions.
@@ -102,7 +105,10 @@ pub struct App {
     pub stopping: watch::Sender<bool>,
     /// What is counted.
     pub metrics: Metrics,
-    keys: Mutex<VecDeque<(String, String)>>,
+    /// Idempotency keys.
+    pub keys: Keys,
+    /// Places for work that takes much memory.
+    pub heavy: Arc<Heavy>,
     /// Makes deletion tokens that nobody can guess, new with each start.
     secret: String,
 }
@@ -145,10 +151,7 @@ impl Runs {
 
 impl App {
     async fn open(config: Config, place: Place) -> Result<Arc<Self>, Failure> {
-        for folder in ["sessions", "reconstructions", "uploads"] {
-            let path = config.data.join(folder);
-            std::fs::create_dir_all(&path).map_err(|e| Error::output(&path, e))?;
-        }
+        paths::set_data_folder(&config.data);
         if let Some(mib) = config.limits.job_memory_mib {
             nacre_image::budget::allow(mib << 20);
         }
@@ -156,11 +159,8 @@ impl App {
         let link = Arc::new(Link::default());
         let place = Place { page: Some(link.clone()), ..place };
         let display = place.section.display.clone();
-        let catalogue = Catalogue::open(&config.data.join("catalogue.db")).await?;
-        let rebuilt = catalogue.rebuild(&[config.data.join("sessions")], &nacre_base::progress::Silent).await?;
-        tracing::info!(sessions = rebuilt.sessions, "catalogue rebuilt");
         let renders = Arc::new(renders::Renders::default());
-        let jobs = Jobs::open(&config.data, work::jobs(config.data.clone(), renders.clone())).await?;
+        let stores = Stores::open(&config.data, work::jobs(config.data.clone(), renders.clone())).await?;
         let bench = Bench::open(place).await?;
         let found =
             bench.work(|owner| Ok((owner.rig.devices.limits(), owner.runtime.block_on(owner.rig.watch.ids())))).await;
@@ -171,8 +171,7 @@ impl App {
             bench,
             display,
             measurement: Mutex::default(),
-            catalogue,
-            jobs,
+            stores,
             renders,
             runs: Runs::default(),
             link,
@@ -181,7 +180,8 @@ impl App {
             requests: Arc::new(Semaphore::new(config.limits.requests)),
             stopping: watch::Sender::new(false),
             metrics: Metrics::default(),
-            keys: Mutex::default(),
+            keys: Keys::open(&config.data),
+            heavy: Arc::default(),
             secret: new_id() + &new_id(),
             config,
         }))
@@ -220,35 +220,17 @@ impl App {
         let owned = folder.to_path_buf();
         let read = blocking(move || Ok(SessionRow::read(&owned)?)).await;
         match read {
-            Ok(row) => {
-                if let Err(e) = self.catalogue.put(&row).await {
-                    tracing::warn!("not catalogued: {e}");
-                }
-            }
+            Ok(row) => self.stores.note(&row).await,
             Err(e) => tracing::debug!("nothing to catalogue: {}", e.detail()),
         }
     }
 
-    /// The `Idempotency-Key` of a request that makes a `what`, in a form that can be kept.
-    pub fn key(what: &str, headers: &HeaderMap) -> Option<String> {
-        headers.get("idempotency-key").map(|k| sha256(&[what.as_bytes(), b" ", k.as_bytes()].concat()))
-    }
-
-    /// What a request with this key made.
-    pub fn remembered(&self, key: Option<&String>) -> Option<String> {
-        let keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
-        keys.iter().find(|k| Some(&k.0) == key).map(|k| k.1.clone())
-    }
-
-    /// Remembers what a request with this key made.
-    pub fn remember(&self, key: Option<String>, id: &str) {
-        let Some(key) = key else { return };
-        let mut keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
-        keys.retain(|k| k.0 != key);
-        keys.push_back((key, id.to_owned()));
-        if keys.len() > KEPT_KEYS {
-            keys.pop_front();
-        }
+    /// The job queue.
+    ///
+    /// # Errors
+    /// `full` when it could not be opened yet, as the disk is full.
+    pub fn jobs(&self) -> Answer<&Jobs> {
+        self.stores.jobs().ok_or_else(Problem::full)
     }
 
     /// What confirms the deletion of a session or reconstruction.
@@ -257,14 +239,15 @@ impl App {
     }
 }
 
-/// Serves until `stop`; the light is off and everything is stored afterwards.
+/// Serves until `stop`; the light is off and everything is stored afterwards. `ready` is told the address, and what is wrong with the
+/// data folder, such as a full disk.
 ///
 /// # Errors
 /// The bench, the data folder or the address cannot be used.
 pub async fn serve(
     mut config: Config,
     place: Place,
-    ready: impl FnOnce(std::net::SocketAddr),
+    ready: impl FnOnce(std::net::SocketAddr, &[String]),
     stop: impl Future<Output = ()>,
 ) -> Result<(), Failure> {
     let listen = config.listen;
@@ -274,8 +257,9 @@ pub async fn serve(
     let bind = |e: std::io::Error| Error::input(listen, format!("cannot be listened on: {e}"), "give another --listen");
     let listener = connections::listen(listen).map_err(bind)?;
     let address = listener.local_addr().map_err(bind)?;
-    ready(address);
+    ready(address, &app.stores.problems());
     supervised::ready(address);
+    let keeper = tokio::spawn(keeper::keep(app.clone()));
     let closing = app.clone();
     let graceful = async move {
         stop.await;
@@ -285,8 +269,9 @@ pub async fn serve(
         let _ = tokio::task::spawn_blocking(move || closing.bench.close()).await;
     };
     connections::serve(listener, router::router(&app), most, patience, graceful).await;
-    app.jobs.shutdown().await;
-    app.catalogue.close().await;
+    // It may be opening what is closed next.
+    let _ = keeper.await;
+    app.stores.close().await;
     Ok(())
 }
 

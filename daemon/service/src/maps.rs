@@ -1,8 +1,10 @@
 //! Maps as pictures, tables and NumPy arrays.
 
+use super::heavy::Plane;
 use super::problem::{Answer, Problem};
-use nacre_image::{MASKED, Palette, Rgb, Samples, encode_png8, read, read_exr, viridis};
+use nacre_image::{MASKED, Palette, Rgb, Samples, encode_png8, read, read_exr_channel, viridis};
 use std::io;
+use std::ops::Range;
 use std::path::Path;
 
 /// Widest picture that is made.
@@ -36,20 +38,21 @@ pub fn source(folder: &Path, name: &str) -> Option<(&'static str, &'static str)>
     })
 }
 
+/// The problem of a map that is not there.
+pub fn missing(name: &str) -> Problem {
+    let name: String = name.chars().take(80).collect();
+    Problem::not_found(format!("map {name:?}")).remedy(
+        "there are sigma, dolp, mask, aolp and s0; orientation of gratings; smoothed and period where they were asked for",
+    )
+}
+
 /// One plane of a result folder, with its width.
 ///
 /// # Errors
 /// `not-found` when there is no such map.
 pub fn plane(folder: &Path, name: &str) -> Answer<(Vec<f32>, usize)> {
-    let missing = || {
-        Problem::not_found(format!("map {name:?}")).remedy(
-            "there are sigma, dolp, mask, aolp and s0; orientation of gratings; smoothed and period where they were asked for",
-        )
-    };
-    let (file, channel) = source(folder, name).ok_or_else(missing)?;
-    let mut map = read_exr(&folder.join(file)).map_err(|_| missing())?;
-    let plane = map.channels.remove(channel).ok_or_else(missing)?;
-    Ok((plane, map.width))
+    let (file, channel) = source(folder, name).ok_or_else(|| missing(name))?;
+    read_exr_channel(&folder.join(file), channel).ok().flatten().ok_or_else(|| missing(name))
 }
 
 type Encode = dyn Fn(usize, usize, usize, &[u8]) -> io::Result<Vec<u8>>;
@@ -154,19 +157,25 @@ pub fn thumbnail(path: &Path, width: usize) -> Answer<Vec<u8>> {
     grey(raster.width, raster.height, width, &level, &encode_png8).map_err(|e| Problem::bad(e.to_string()))
 }
 
-/// A plane as text: a line `x,y,value` per pixel, empty where masked.
-pub fn csv(name: &str, plane: &[f32], width: usize) -> Vec<u8> {
-    let mut text = format!("x,y,{name}\n");
-    for (i, v) in plane.iter().enumerate() {
-        let (x, y) = (i % width, i / width);
-        text += &if v.is_finite() { format!("{x},{y},{v}\n") } else { format!("{x},{y},\n") };
+/// First line of a plane as text.
+pub fn csv_head(name: &str) -> Vec<u8> {
+    format!("x,y,{name}\n").into_bytes()
+}
+
+/// Rows of a plane as text: a line `x,y,value` per pixel, empty where masked.
+pub fn csv_rows(plane: &Plane, rows: Range<usize>) -> Vec<u8> {
+    let mut text = String::new();
+    for y in rows {
+        for (x, v) in plane.values[y * plane.width..][..plane.width].iter().enumerate() {
+            text += &if v.is_finite() { format!("{x},{y},{v}\n") } else { format!("{x},{y},\n") };
+        }
     }
     text.into_bytes()
 }
 
-/// A plane as a NumPy array of 32-bit floats, rows first (format 1.0).
-pub fn npy(plane: &[f32], width: usize) -> Vec<u8> {
-    let height = plane.len() / width.max(1);
+/// Header of a plane as a NumPy array of 32-bit floats, rows first (format 1.0).
+pub fn npy_head(plane: &Plane) -> Vec<u8> {
+    let (width, height) = (plane.width, plane.height());
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
     // The data begins at a multiple of 64 bytes.
     while (10 + header.len() + 1) % 64 != 0 {
@@ -176,8 +185,13 @@ pub fn npy(plane: &[f32], width: usize) -> Vec<u8> {
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend((header.len() as u16).to_le_bytes());
     bytes.extend(header.bytes());
-    bytes.extend(plane.iter().flat_map(|v| v.to_le_bytes()));
     bytes
+}
+
+/// Rows of a plane as they stand in a NumPy array.
+pub fn npy_rows(plane: &Plane, rows: Range<usize>) -> Vec<u8> {
+    let values = &plane.values[rows.start * plane.width..rows.end * plane.width];
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
 #[cfg(test)]
@@ -186,9 +200,10 @@ mod tests {
 
     #[test]
     fn tables_and_arrays_have_their_formats() {
-        let plane = [1.0, f32::NAN, 3.0, 4.5, 5.0, 6.0];
-        assert_eq!(csv("sigma", &plane, 3), b"x,y,sigma\n0,0,1\n1,0,\n2,0,3\n0,1,4.5\n1,1,5\n2,1,6\n");
-        let npy = npy(&plane, 3);
+        let plane = Plane { values: vec![1.0, f32::NAN, 3.0, 4.5, 5.0, 6.0], width: 3 };
+        let csv = [csv_head("sigma"), csv_rows(&plane, 0..1), csv_rows(&plane, 1..2)].concat();
+        assert_eq!(csv, b"x,y,sigma\n0,0,1\n1,0,\n2,0,3\n0,1,4.5\n1,1,5\n2,1,6\n");
+        let npy = [npy_head(&plane), npy_rows(&plane, 0..2)].concat();
         assert_eq!((npy.len() - 24) % 64, 0);
         assert!(npy.windows(6).any(|w| w == b"(2, 3)"));
         assert_eq!(npy[npy.len() - 4..], 6.0_f32.to_le_bytes());

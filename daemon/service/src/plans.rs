@@ -73,7 +73,9 @@ impl PlanBody {
             (None, Some(text)) => from_toml(&text).map_err(|e| Problem::bad(format!("toml: {e}")))?,
             _ => return Err(Problem::bad("give either plan (JSON) or toml (text)")),
         };
-        plan.check_values().map_err(|problem| Problem::bad(problem).remedy("see /api/v1/plans/schema"))?;
+        plan.check_texts()
+            .and_then(|()| plan.check_values())
+            .map_err(|problem| Problem::bad(problem).remedy("see /api/v1/plans/schema"))?;
         Ok(plan)
     }
 }

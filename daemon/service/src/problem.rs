@@ -1,14 +1,17 @@
 //! Errors as `application/problem+json` (RFC 9457) with stable types.
 
+use super::paths::without_folders;
 use axum::extract::rejection::{BytesRejection, JsonRejection, PathRejection, QueryRejection};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_base::Error;
+use nacre_base::error::is_out_of_files;
 use nacre_capture::Failure;
 use nacre_capture::fields::fields;
 use nacre_drivers::Class;
 use nacre_store::jobs::Refusal;
 use serde::Serialize;
+use std::io::{self, ErrorKind};
 use std::path::Path;
 use utoipa::ToSchema;
 
@@ -54,6 +57,12 @@ pub enum Kind {
     Device,
     /// The method is not meant for this path.
     Method,
+    /// The idempotency key was used for another request.
+    ReusedKey,
+    /// The disk of the data folder is full.
+    Full,
+    /// The system does not allow it now.
+    Unavailable,
     /// Our own fault, or the disk's.
     Internal,
 }
@@ -72,10 +81,20 @@ impl Kind {
             Self::Forbidden => (StatusCode::FORBIDDEN, "forbidden", "Not allowed"),
             Self::Device => (StatusCode::CONFLICT, "device", "A device did not do what it was asked to"),
             Self::Method => (StatusCode::METHOD_NOT_ALLOWED, "method", "The method is not meant for this path"),
+            Self::ReusedKey => {
+                (StatusCode::UNPROCESSABLE_ENTITY, "reused-key", "The idempotency key belongs to another request")
+            }
+            Self::Full => (StatusCode::INSUFFICIENT_STORAGE, "full", "The disk is full"),
+            Self::Unavailable => (StatusCode::SERVICE_UNAVAILABLE, "unavailable", "Not possible now"),
             Self::Internal => (StatusCode::INTERNAL_SERVER_ERROR, "internal", "Something went wrong here"),
         }
     }
 }
+
+/// Remedies for what the system refuses.
+const FREE: &str = "delete sessions, reconstructions or uploads, or free space on that disk, then try again";
+const WRITABLE: &str = "mount it for writing, or name another data folder in the configuration of the service";
+const FEWER: &str = "try again later, or raise the limit of open files of the service (ulimit -n)";
 
 /// Result of a handler.
 pub type Answer<T> = Result<T, Problem>;
@@ -85,12 +104,31 @@ impl Problem {
     pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
         let (status, slug, title) = kind.parts();
         let kind = format!("https://nacre.invalid/problems/{slug}");
-        Self { kind, title, status: status.as_u16(), detail: detail.into(), remedy: None }
+        Self { kind, title, status: status.as_u16(), detail: without_folders(&detail.into()), remedy: None }
+    }
+
+    /// The system refused something: `subject` is the part of the request that failed.
+    pub fn refused(subject: impl std::fmt::Display, error: &io::Error) -> Self {
+        let (kind, why, remedy) = match error.kind() {
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => (Kind::Full, "the disk of the service is full", FREE),
+            ErrorKind::ReadOnlyFilesystem => (Kind::Unavailable, "the disk of the service is read-only", WRITABLE),
+            _ if is_out_of_files(error) => (Kind::Unavailable, "too many files are open", FEWER),
+            _ => {
+                return Self::new(Kind::Internal, format!("{subject}: {error}"))
+                    .remedy("look at the log of the service");
+            }
+        };
+        Self::new(kind, format!("{subject}: {why}")).remedy(remedy)
+    }
+
+    /// The disk of the data folder is full.
+    pub fn full() -> Self {
+        Self::new(Kind::Full, "the disk of the service is full").remedy(FREE)
     }
 
     /// Says what to do.
     pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
-        self.remedy = Some(remedy.into());
+        self.remedy = Some(without_folders(&remedy.into()));
         self
     }
 
@@ -141,13 +179,19 @@ fn file_name(path: &Path) -> std::borrow::Cow<'_, str> {
 impl From<Error> for Problem {
     fn from(error: Error) -> Self {
         match error {
+            // Readers of files pass the system's answer on as text.
+            Error::Input { subject, problem, .. } if problem.contains("(os error 24)") => {
+                let subject = file_name(Path::new(&subject)).into_owned();
+                Self::new(Kind::Unavailable, format!("{subject}: too many files are open")).remedy(FEWER)
+            }
             Error::Input { subject, problem, remedy } => {
                 let subject = fields(&file_name(Path::new(&subject)));
                 Self::bad(format!("{subject}: {}", fields(&problem))).remedy(fields(&remedy))
             }
             Error::Cancelled => Self::new(Kind::Conflict, "stopped before it was done"),
             Error::Output { path, source, remedy } => {
-                Self::new(Kind::Internal, format!("{} cannot be written: {source}", file_name(&path))).remedy(remedy)
+                let refused = Self::refused(format!("{} cannot be written", file_name(&path)), &source);
+                if refused.status == 500 { refused.remedy(remedy) } else { refused }
             }
         }
     }

@@ -1,8 +1,10 @@
 //! `/api/v1/reconstructions`: jobs, and what they found.
 
+use super::keys::Keyed;
+use super::paths::without_folders;
 use super::problem::{Answer, Kind, Problem};
 use super::work::result_folder;
-use super::{App, At, Body, Params, blocking, events, methods};
+use super::{App, At, Params, events, methods};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -160,7 +162,7 @@ impl App {
     /// `not-found` when there is none.
     pub async fn job(&self, id: &str) -> Answer<Job> {
         super::check_id(id)?;
-        self.jobs.get(id).await?.ok_or_else(|| Problem::not_found(format!("reconstruction {id}")))
+        self.jobs()?.get(id).await?.ok_or_else(|| Problem::not_found(format!("reconstruction {id}")))
     }
 
     /// Of a job, or of a session with its own results.
@@ -212,9 +214,9 @@ impl App {
             progress: job.progress,
             stage: job.stage,
             so_far,
-            error: job.error.as_deref().map(fields),
+            error: job.error.as_deref().map(|error| without_folders(&fields(error))),
             created: job.created,
-            report: report.and_then(|bytes| serde_json::from_slice(&bytes).ok()),
+            report: report.as_deref().and_then(told),
         }
     }
 
@@ -237,17 +239,22 @@ impl App {
             so_far: None,
             error: None,
             created: session.map_or(0, |f| f.created),
-            report: serde_json::from_slice(&bytes).ok(),
+            report: told(&bytes),
         }))
     }
+}
+
+/// A report as it is shown: files that it names are without their folders.
+fn told(report: &[u8]) -> Option<serde_json::Value> {
+    serde_json::from_str(&without_folders(std::str::from_utf8(report).ok()?)).ok()
 }
 
 /// Asks for a reconstruction.
 #[utoipa::path(post, path = "/api/v1/reconstructions", tag = "reconstructions", operation_id = "reconstruct",
     request_body = Request, params(("Idempotency-Key" = Option<String>, Header, description = "Ask once only")),
     responses((status = 202, body = Reconstruction, headers(("Location" = String, description = "The reconstruction"))),
-        (status = 400, body = Problem), (status = 404, body = Problem)))]
-pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): Body<Request>) -> Answer<Response> {
+        (status = 400, body = Problem), (status = 404, body = Problem), (status = 422, body = Problem)))]
+pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<Request>) -> Answer<Response> {
     let offset_deg = body.offset_deg.unwrap_or(0.0);
     let nothing = body.session.is_none() && body.upload.is_none() && body.method == Some(Method::Calibrate);
     if body.session.is_some() == body.upload.is_some() && !nothing {
@@ -256,13 +263,15 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
     for id in body.session.iter().chain(&body.upload).chain(body.light.as_ref().map(|light| &light.upload)) {
         super::check_id(id)?;
     }
-    let key = App::key("reconstruction", &headers);
-    if let Some(id) = app.remembered(key.as_ref()) {
-        let job = app.job(&id).await?;
+    let mut turn = app.keys.turn(key).await;
+    if let Some(id) = turn.made()
+        && let Some(job) = app.jobs()?.get(&id).await?
+    {
+        turn.same()?;
         return Ok(accepted(app.describe(job, false)));
     }
-    let spec = Spec {
-        id: super::new_id(),
+    let mut spec = Spec {
+        id: String::new(),
         method: body.method.unwrap_or_default(),
         session: body.session,
         upload: body.upload,
@@ -283,9 +292,9 @@ pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): 
     let input = app.input_of(&spec)?;
     // Refused here rather than by the job, so that whoever asks learns it at once.
     let (asked, uploads) = (spec.clone(), app.config.data.join("uploads"));
-    blocking(move || methods::check(&asked, &input, &uploads)).await?;
-    let job = app.jobs.submit(spec).await?;
-    app.remember(key, &job.id);
+    app.heavy.work(move || methods::check(&asked, &input, &uploads)).await?;
+    spec.id = turn.begin();
+    let job = app.jobs()?.submit(spec).await?;
     Ok(accepted(app.describe(job, false)))
 }
 
@@ -305,7 +314,7 @@ pub async fn list(State(app): State<Arc<App>>, Params(query): Params<PageQuery>)
     if let Some(cursor) = &query.cursor {
         super::check_id(cursor).map_err(|_| Problem::bad("cursor is no cursor"))?;
     }
-    let (jobs, next) = app.jobs.list(limit, query.cursor.as_deref()).await?;
+    let (jobs, next) = app.jobs()?.list(limit, query.cursor.as_deref()).await?;
     Ok(Json(ReconstructionPage { items: jobs.into_iter().map(|j| app.describe(j, false)).collect(), next }))
 }
 
@@ -330,7 +339,7 @@ pub async fn cancel(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<R
     if !matches!(job.state, JobState::Queued | JobState::Running) {
         return Err(Problem::new(Kind::Conflict, "the reconstruction has ended already"));
     }
-    app.jobs.cancel(&id).await?;
+    app.jobs()?.cancel(&id).await?;
     Ok(accepted(app.describe(app.job(&id).await?, false)))
 }
 
@@ -343,7 +352,7 @@ pub async fn retry(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Re
     if !matches!(job.state, JobState::Failed | JobState::Cancelled | JobState::SetAside) {
         return Err(Problem::new(Kind::Conflict, "the reconstruction has not failed"));
     }
-    app.jobs.retry(&id).await?;
+    app.jobs()?.retry(&id).await?;
     Ok(accepted(app.describe(app.job(&id).await?, false)))
 }
 
@@ -353,7 +362,7 @@ pub async fn retry(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Re
     responses((status = 200, content_type = "text/plain", body = String), (status = 404, body = Problem)))]
 pub async fn log(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<String> {
     app.job(&id).await?;
-    Ok(app.jobs.log(&id).await?.as_deref().map(fields).unwrap_or_default())
+    Ok(app.jobs()?.log(&id).await?.as_deref().map(|log| without_folders(&fields(log))).unwrap_or_default())
 }
 
 /// States of a reconstruction, as server-sent events: `state`.
@@ -370,7 +379,7 @@ pub async fn job_events(State(app): State<Arc<App>>, At(id): At<String>, headers
         return Ok(events::stream(&app, &headers, log)?.into_response());
     }
     let mut job = app.job(&id).await?;
-    let mut changes = app.jobs.changes();
+    let mut changes = app.jobs()?.changes();
     let stream = events::stream(&app, &headers, log.clone())?;
     let weak = Arc::downgrade(&log);
     drop(log);

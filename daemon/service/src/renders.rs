@@ -1,8 +1,9 @@
 //! The picture of a rendering: `/api/v1/reconstructions/{id}/picture.png`, while it is made and afterwards.
 
 use super::problem::{Answer, Kind, Problem};
-use super::{App, At, Params, blocking, files, png};
+use super::{App, At, Params, files, png};
 use axum::extract::State;
+use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use nacre_render::Glimpse;
 use serde::Deserialize;
@@ -71,8 +72,8 @@ pub async fn picture(State(app): State<Arc<App>>, At(id): At<String>, Params(loo
     if stops == 0.0 {
         return files::send(&done, "image/png").await;
     }
-    let bytes = blocking(move || exposed(&folder, stops)).await?;
-    Ok(png(Ok(bytes))?.into_response())
+    let picture = app.heavy.answer(move || exposed(&folder, stops)).await?;
+    Ok(([(header::CONTENT_TYPE, "image/png")], picture).into_response())
 }
 
 /// What a report says of its picture.

@@ -1,8 +1,9 @@
 //! What a reconstruction found: `/api/v1/reconstructions/{id}/maps` and `pixel`.
 
+use super::heavy::Heavy;
 use super::problem::{Answer, Problem};
 use super::reconstructions::Place;
-use super::{App, At, Params, blocking, files, maps, png};
+use super::{App, At, Params, blocking, files, maps};
 use axum::Json;
 use axum::extract::State;
 use axum::http::header;
@@ -11,7 +12,8 @@ use nacre_frames::load;
 use nacre_image::encode_png8;
 use nacre_polarimetry::{Point, PutRight, probe};
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
 use utoipa::{IntoParams, ToSchema};
 
 /// Which part of a map is drawn, in pixels of the map.
@@ -128,9 +130,28 @@ pub async fn map(
         "png" | "csv" | "npy" => {}
         _ => return Err(missing()),
     }
+    let width = super::picture_width(region.width, 1024)?;
+    let attached = format!("attachment; filename=\"{file}\"");
+    let table = |content: &str| [(header::CONTENT_TYPE, content.to_owned()), (header::CONTENT_DISPOSITION, attached)];
+    match kind.as_str() {
+        "csv" => {
+            let head = maps::csv_head(&name);
+            let body = app.heavy.table(folder, name, |_| head, maps::csv_rows).await?;
+            Ok((table("text/csv"), body).into_response())
+        }
+        "npy" => {
+            let body = app.heavy.table(folder, name, maps::npy_head, maps::npy_rows).await?;
+            Ok((table(files::BYTES), body).into_response())
+        }
+        _ => picture(&app, folder, name, width, &region).await,
+    }
+}
+
+/// A map, or a region of it, as a picture.
+async fn picture(app: &App, folder: PathBuf, name: String, width: usize, region: &Region) -> Answer<Response> {
     let palette = maps::palette(&folder);
     let view = maps::View {
-        width: super::picture_width(region.width, 1024)?,
+        width,
         palette,
         region: match (region.x, region.y, region.w, region.h) {
             (None, None, None, None) => None,
@@ -140,22 +161,16 @@ pub async fn map(
             }
         },
     };
-    let attached = format!("attachment; filename=\"{file}\"");
-    let (bytes, content, range) = blocking(move || {
-        let (plane, width) = maps::plane(&folder, &name)?;
-        let range = maps::range_header(&name, &plane);
-        let (bytes, content) = match kind.as_str() {
-            "png" => (maps::picture(&name, &plane, width, &view, &encode_png8).map_err(Problem::bad)?, "image/png"),
-            "csv" => (maps::csv(&name, &plane, width), "text/csv"),
-            _ => (maps::npy(&plane, width), files::BYTES),
-        };
-        Ok((bytes, content, range))
-    })
-    .await?;
-    if content == "image/png" {
-        return Ok(([range, maps::palette_header(palette)], png(Ok(bytes))?).into_response());
-    }
-    Ok(([(header::CONTENT_TYPE, content.to_owned()), (header::CONTENT_DISPOSITION, attached)], bytes).into_response())
+    let (heavy, range) = (app.heavy.clone(), Arc::new(OnceLock::new()));
+    let found = range.clone();
+    let response = app.heavy.answer(move || {
+        let plane = heavy.plane(&folder, &name)?;
+        let _ = found.set(maps::range_header(&name, &plane.values));
+        maps::picture(&name, &plane.values, plane.width, &view, &encode_png8).map_err(Problem::bad)
+    });
+    let response = response.await?;
+    let kind = [(header::CONTENT_TYPE, "image/png")];
+    Ok((kind, range.get().cloned().map(|range| [range]), [maps::palette_header(palette)], response).into_response())
 }
 
 /// One pixel: its measured points, the fit, and what the maps say.
@@ -168,18 +183,17 @@ pub async fn pixel(
     Params(query): Params<PixelQuery>,
 ) -> Answer<Json<Pixel>> {
     let place = app.place(&id).await?;
-    Ok(Json(blocking(move || read_pixel(&place, query.x, query.y)).await?))
+    let heavy = app.heavy.clone();
+    Ok(Json(app.heavy.work(move || read_pixel(&heavy, &place, query.x, query.y)).await?))
 }
 
-fn read_pixel(place: &Place, x: usize, y: usize) -> Answer<Pixel> {
+fn read_pixel(heavy: &Heavy, place: &Place, x: usize, y: usize) -> Answer<Pixel> {
     let value = |name: &str| -> Answer<Option<f64>> {
-        let (plane, width) = maps::plane(&place.results, name)?;
-        let inside = x < width && y < plane.len() / width;
-        let v = if inside {
-            plane[y * width + x]
-        } else {
+        let plane = heavy.plane(&place.results, name)?;
+        if x >= plane.width || y >= plane.height() {
             return Err(Problem::bad(format!("pixel {x}, {y} lies outside")));
-        };
+        }
+        let v = plane.values[y * plane.width + x];
         Ok(v.is_finite().then_some(f64::from(v)))
     };
     let (aolp, sigma, dolp) = (value("aolp")?, value("sigma")?, value("dolp")?);

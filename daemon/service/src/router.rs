@@ -1,10 +1,10 @@
 //! All paths, in one place.
 
 use super::connections::Activity;
-use super::problem::{Kind, Problem};
+use super::problem::{Answer, Kind, Problem};
 use super::{
     App, access, charts, connections, deletion, devices, display, measure, plans, reconstructions, renders, results,
-    session_data, sessions, uploads, view,
+    session_data, sessions, stored_uploads, uploads, view,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
@@ -44,13 +44,15 @@ struct About {
     version: &'static str,
     /// Nothing of the bench is real.
     simulated: bool,
+    /// What is wrong with the service and what to do about it, such as a full disk; empty if all is well.
+    problems: Vec<String>,
 }
 
 /// The program.
 #[utoipa::path(get, path = "/api/v1/about", tag = "service", operation_id = "about",
     responses((status = 200, body = About)))]
 async fn about(State(app): State<Arc<App>>) -> Json<About> {
-    Json(About { version: env!("CARGO_PKG_VERSION"), simulated: app.simulated })
+    Json(About { version: env!("CARGO_PKG_VERSION"), simulated: app.simulated, problems: app.stores.problems() })
 }
 
 fn api() -> OpenApiRouter<Arc<App>> {
@@ -95,6 +97,8 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(results::map))
         .routes(routes!(results::pixel))
         .routes(routes!(uploads::angles))
+        .routes(routes!(stored_uploads::list))
+        .routes(routes!(stored_uploads::delete))
         .routes(routes!(view::view))
         .routes(routes!(view::file))
         .routes(routes!(charts::list))
@@ -149,6 +153,8 @@ const REFUSALS: &[(&str, &str)] = &[
     ("409", "It does not fit the state"),
     ("413", "The request is too large"),
     ("429", "Too many requests at once"),
+    ("503", "The system does not allow it now: too many files are open, or the disk is read-only"),
+    ("507", "The disk is full"),
 ];
 
 fn operations() -> utoipa::openapi::OpenApi {
@@ -172,8 +178,8 @@ pub fn router(app: &Arc<App>) -> Router {
     quick
         .route("/api/v1/sessions/{id}/files/{*path}", get(session_data::file))
         .route("/api/v1/openapi.json", get(json))
-        .route("/healthz", get(|| async { "ok" }))
-        .route("/readyz", get(|| async { "ok" }))
+        .route("/healthz", get(health))
+        .route("/readyz", get(ready))
         .route("/metrics", get(numbers))
         .route("/", get(|| page("/".into())))
         .route("/display", get(|| page("/display".into())))
@@ -194,6 +200,17 @@ async fn numbers(State(app): State<Arc<App>>) -> Response {
     let open = app.config.limits.subscribers - app.subscribers.available_permits();
     ([(header::CONTENT_TYPE, "application/openmetrics-text; version=1.0.0; charset=utf-8")], app.metrics.text(open))
         .into_response()
+}
+
+/// The service lives, though it may lack something.
+async fn health(State(app): State<Arc<App>>) -> String {
+    let problems = app.stores.problems();
+    if problems.is_empty() { "ok".into() } else { problems.join("\n") }
+}
+
+/// The service does all that it is for.
+async fn ready(State(app): State<Arc<App>>) -> Answer<&'static str> {
+    app.jobs().map(|_| "ok")
 }
 
 /// An asset of the page.

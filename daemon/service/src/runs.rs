@@ -1,6 +1,7 @@
 //! Runs of sessions in the service: their events while they run, and those that the journal holds afterwards.
 
 use super::events::EventLog;
+use super::paths::without_folders;
 use super::problem::Problem;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
@@ -229,7 +230,7 @@ fn frame(step: &Step, evidence: &Commit, index: u64) -> Value {
 
 /// Text of a journal entry for the list of events; None for entries that are not listed.
 fn note(entry: &Entry) -> Option<String> {
-    Some(match entry {
+    let text = match entry {
         Entry::Begun => "begun".into(),
         Entry::Resumed => "resumed".into(),
         Entry::Finished(_) => "finished".into(),
@@ -240,5 +241,6 @@ fn note(entry: &Entry) -> Option<String> {
         Entry::Chosen { added: Added::Fringes { fringes }, .. } => format!("more fringes: {fringes}"),
         Entry::Ended(end) => end.text(),
         Entry::Sealed { .. } | Entry::Intent { .. } | Entry::Committed(_) => return None,
-    })
+    };
+    Some(without_folders(&text))
 }

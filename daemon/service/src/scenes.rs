@@ -1,6 +1,6 @@
 //! Uploads of scenes: sent whole, started from, or made of the maps of a result.
 
-use super::problem::{Answer, Kind, Problem};
+use super::problem::{Answer, Problem};
 use super::{App, blocking, files};
 use nacre_image::OutputFolder;
 use nacre_render::{Options, check_folder, gallery_scene, scene_of_maps};
@@ -47,7 +47,7 @@ fn add_maps(folder: &Path, results: &Path) -> Answer<()> {
     }
     for name in found.into_iter().filter(|name| !folder.join(name).exists()) {
         std::fs::copy(results.join(name), folder.join(name))
-            .map_err(|e| Problem::new(Kind::Internal, format!("{name} cannot be stored: {e}")))?;
+            .map_err(|e| Problem::refused(format!("{name} cannot be stored"), &e))?;
     }
     Ok(())
 }
@@ -61,7 +61,7 @@ pub fn complete(folder: &Path) -> Answer<(usize, u64)> {
     let scene = files::list(folder).iter().any(|(name, _)| toml(name));
     if !scene && let Some(text) = scene_of_maps(folder)? {
         std::fs::write(folder.join("scene.toml"), text)
-            .map_err(|e| Problem::new(Kind::Internal, format!("the scene cannot be stored: {e}")))?;
+            .map_err(|e| Problem::refused("the scene cannot be stored", &e))?;
     }
     check_folder(folder, &Options::default())?;
     let all = files::list(folder);

@@ -5,6 +5,7 @@ use super::problem::{Answer, Problem};
 use super::{App, At, Params, blocking, maps, png};
 use axum::Json;
 use axum::extract::State;
+use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use nacre_capture::plan::Role;
 use nacre_capture::session::{Journal, SessionFile};
@@ -115,8 +116,8 @@ pub async fn frame(
         None => super::files::send(&path, "image/png").await,
         Some(width) => {
             let width = super::picture_width(Some(width), width)?;
-            let body = blocking(move || maps::thumbnail(&path, width)).await?;
-            Ok(png(Ok(body))?.into_response())
+            let picture = app.heavy.answer(move || maps::thumbnail(&path, width)).await?;
+            Ok(([(header::CONTENT_TYPE, "image/png")], picture).into_response())
         }
     }
 }

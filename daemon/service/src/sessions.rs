@@ -1,9 +1,11 @@
 //! `/api/v1/sessions`.
 
+use super::keys::Keyed;
+use super::paths::without_folders;
 use super::plans::PlanBody;
 use super::problem::{Answer, Kind, Problem};
 use super::runs::{Run, history, now};
-use super::{App, At, Body, Params, blocking, events, work};
+use super::{App, At, Params, blocking, events, work};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -20,6 +22,9 @@ use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
+
+/// Longest text that is searched for, in characters.
+const LONGEST_SEARCH: usize = 1000;
 
 /// A session.
 #[derive(Clone, Debug, Serialize, ToSchema)]
@@ -83,6 +88,7 @@ pub struct SessionPage {
 #[serde(deny_unknown_fields)]
 pub struct Search {
     /// Words that all occur in name, sample, operator, notes or folder.
+    #[param(max_length = 1000)]
     text: Option<String>,
     /// Only this kind of plan.
     #[param(value_type = Option<String>, pattern = "^(polarization|exposures|flash|spots|free)$")]
@@ -126,7 +132,7 @@ impl SessionDoc {
             ended: journal.ended().map(|end| end.why),
             stage: None,
             eta_s: None,
-            error: journal.why_stopped(),
+            error: journal.why_stopped().map(|why| without_folders(&why)),
             fault: journal.fault().cloned(),
             has_results: folder.join("results/report.json").exists(),
             timing: journal.timing(),
@@ -183,22 +189,25 @@ impl SessionDoc {
 #[utoipa::path(post, path = "/api/v1/sessions", tag = "sessions", operation_id = "begin_session",
     request_body = PlanBody, params(("Idempotency-Key" = Option<String>, Header, description = "Begin it once only")),
     responses((status = 202, body = SessionDoc, headers(("Location" = String, description = "The session"))),
-        (status = 400, body = Problem), (status = 409, body = Problem)))]
-pub async fn begin(State(app): State<Arc<App>>, headers: HeaderMap, Body(body): Body<PlanBody>) -> Answer<Response> {
+        (status = 400, body = Problem), (status = 409, body = Problem), (status = 422, body = Problem)))]
+pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<PlanBody>) -> Answer<Response> {
     let plan = body.plan()?;
     let problems = plan.check_limits(&app.limits);
     if !problems.is_empty() {
         return Err(Problem::bad(problems.join("; ")).remedy("change the plan"));
     }
-    let key = App::key("session", &headers);
+    let mut turn = app.keys.turn(key).await;
     // One that was deleted since is begun anew.
-    if let Some(id) = app.remembered(key.as_ref()).filter(|id| SessionDoc::read(&app, id, false).is_ok()) {
+    if let Some(id) = turn.made().filter(|id| SessionDoc::read(&app, id, false).is_ok()) {
+        turn.same()?;
         return accepted(&app, &id);
     }
-    let id = super::new_id();
+    if app.stores.is_full() {
+        return Err(Problem::full());
+    }
+    let id = turn.begin();
     let run = Arc::new(Run::new(id.clone(), app.session_folder(&id)?, plan));
     start(&app, &run, true)?;
-    app.remember(key, &id);
     accepted(&app, &id)
 }
 
@@ -285,12 +294,15 @@ pub async fn list(State(app): State<Arc<App>>, Params(search): Params<Search>) -
         Some(Err(_)) => return Err(Problem::bad("cursor is no cursor").remedy("give the next of the page before")),
         None => None,
     };
+    if search.text.as_ref().is_some_and(|text| text.chars().count() > LONGEST_SEARCH) {
+        return Err(Problem::bad(format!("text is longer than {LONGEST_SEARCH} characters")));
+    }
     let limit = search.limit.unwrap_or(50);
     if !(1..=1000).contains(&limit) {
         return Err(Problem::bad(format!("limit is {limit}; give 1 to 1000")));
     }
     let query = Query { text: search.text.unwrap_or_default(), kind: search.kind, state: search.state, limit, after };
-    let page = app.catalogue.search(&query).await?;
+    let page = app.stores.catalogue().search(&query).await?;
     let next = page.next.map(|c| c.to_string());
     let items = blocking(move || {
         let id = |row: &SessionRow| Some(Path::new(&row.folder).file_name()?.to_string_lossy().into_owned());

@@ -8,6 +8,7 @@ use axum::extract::{Multipart, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Json};
+use nacre_base::temporary::TemporaryFolder;
 use nacre_base::text::read_text;
 use nacre_brdf::height;
 use nacre_capture::import::{from_names, named_angles, with_transfer};
@@ -22,6 +23,9 @@ use utoipa::ToSchema;
 
 /// Most photographs of one upload.
 const MAX_FILES: usize = 4096;
+
+/// Longest name of a file, in bytes.
+const LONGEST_NAME: usize = 200;
 
 /// Largest description of an upload, in bytes.
 const MAX_DESCRIPTION: u64 = 16 << 20;
@@ -80,15 +84,17 @@ pub async fn upload(
     let form = form.map_err(|e| Problem::bad(e.body_text()))?;
     let id = super::new_id();
     let target = app.upload_folder(&id)?;
-    let refused = |e: std::io::Error| Problem::new(Kind::Internal, format!("the upload cannot be stored: {e}"));
     // Half an upload is none: the folder goes with this request unless all of it came.
-    let folder = tempfile::Builder::new().prefix(".upload-").tempdir_in(app.config.data.join("uploads"));
-    let folder = folder.map_err(refused)?;
+    let folder = TemporaryFolder::new(&app.config.data.join("uploads"), id.as_ref()).map_err(refused)?;
     let (files, bytes) = receive(&app, &activity, form, folder.path()).await?;
     std::fs::rename(folder.path(), &target).map_err(refused)?;
     // It is not there under this name any more.
-    let _ = folder.keep();
+    folder.keep();
     Ok((StatusCode::CREATED, Json(Uploaded { id, files, bytes })).into_response())
+}
+
+fn refused(error: std::io::Error) -> Problem {
+    Problem::refused("the upload cannot be stored", &error)
 }
 
 /// Names of photographs.
@@ -111,6 +117,9 @@ pub struct Angles {
 pub async fn angles(Body(Names { names }): Body<Names>) -> Answer<Json<Angles>> {
     if names.len() > MAX_FILES {
         return Err(Problem::new(Kind::TooLarge, format!("more than {MAX_FILES} names")));
+    }
+    if let Some(long) = names.iter().find(|name| name.len() > LONGEST_NAME) {
+        return Err(Problem::bad(format!("{:?}… is longer than {LONGEST_NAME} bytes", clip(long))).remedy("rename it"));
     }
     let files: Vec<PathBuf> = names.into_iter().map(PathBuf::from).collect();
     Ok(Json(Angles { angles_deg: named_angles("names", &files, "enter the angles")? }))
@@ -159,18 +168,19 @@ async fn receive(app: &App, activity: &Arc<Activity>, mut form: Multipart, folde
     // All of it is here: it counts among the requests that are worked on, and waits for its turn.
     let _work = activity.work();
     let _place = app.requests.acquire().await;
-    super::blocking(move || {
-        match what {
-            What::Polarization => describe(&folder)?,
-            What::Photographs => decodable(&folder)?,
-            // Its scale is not known before it is asked for a BRDF, which reads it.
-            What::Surface => {}
-            What::Maps => Maps::read(&folder).map(drop)?,
-            What::Scene => return scenes::complete(&folder),
-        }
-        Ok((files, bytes))
-    })
-    .await
+    app.heavy
+        .work(move || {
+            match what {
+                What::Polarization => describe(&folder)?,
+                What::Photographs => decodable(&folder)?,
+                // Its scale is not known before it is asked for a BRDF, which reads it.
+                What::Surface => {}
+                What::Maps => Maps::read(&folder).map(drop)?,
+                What::Scene => return scenes::complete(&folder),
+            }
+            Ok((files, bytes))
+        })
+        .await
 }
 
 /// What an upload holds.
@@ -206,14 +216,13 @@ fn file_name(field: &Field<'_>, what: What) -> Answer<String> {
     let known = extension.is_some_and(|e| endings.contains(&e.as_str()));
     let plain =
         name.chars().all(|c| c.is_alphanumeric() || "._- +()=,°\u{2212}\u{2013}".contains(c)) && !name.starts_with('.');
-    if known && plain && name.len() <= 200 {
+    if known && plain && name.len() <= LONGEST_NAME {
         return Ok(name.to_owned());
     }
     Err(Problem::bad(format!("{:?} is no name of a {of} ({})", clip(name), endings.join(", "))))
 }
 
 async fn store(mut field: Field<'_>, path: &Path, most: u64) -> Answer<u64> {
-    let refused = |e: std::io::Error| Problem::new(Kind::Internal, format!("the upload cannot be stored: {e}"));
     let new = tokio::fs::OpenOptions::new().write(true).create_new(true).open(path).await;
     let mut file = new.map_err(|e| match e.kind() {
         std::io::ErrorKind::AlreadyExists => Problem::bad("two files have one name"),
@@ -286,7 +295,7 @@ fn describe(folder: &Path) -> Answer<()> {
     } else {
         from_names(folder)?
     };
-    std::fs::write(&path, text).map_err(|e| Problem::new(Kind::Internal, format!("cannot be stored: {e}")))?;
+    std::fs::write(&path, text).map_err(refused)?;
     load(folder)?;
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! A result as a viewer takes it: `/api/v1/reconstructions/{id}/view`.
 
 use super::problem::{Answer, Problem};
-use super::{App, At, Params, blocking, files, maps};
+use super::{App, At, Params, files, maps};
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
@@ -83,7 +83,7 @@ pub enum Section {
         (status = 400, body = Problem), (status = 404, body = Problem)))]
 pub async fn view(State(app): State<Arc<App>>, At(id): At<String>, Params(look): Params<Look>) -> Answer<Response> {
     let folder = app.place(&id).await?.results;
-    let bytes = blocking(move || bytes(&folder, &look)).await?;
+    let bytes = app.heavy.answer_alone(move || bytes(&folder, &look)).await?;
     Ok(([(header::CONTENT_TYPE, files::BYTES)], bytes).into_response())
 }
 
@@ -94,7 +94,7 @@ pub async fn view(State(app): State<Arc<App>>, At(id): At<String>, Params(look):
 pub async fn file(State(app): State<Arc<App>>, At(id): At<String>, Params(look): Params<Look>) -> Answer<Response> {
     let folder = app.place(&id).await?.results;
     let name = format!("attachment; filename=\"{id}-view.html\"");
-    let page = blocking(move || page(&id, &folder, &look)).await?;
+    let page = app.heavy.answer_alone(move || page(&id, &folder, &look)).await?;
     let headers = [(header::CONTENT_TYPE, "text/html; charset=utf-8".to_owned()), (header::CONTENT_DISPOSITION, name)];
     Ok((headers, page).into_response())
 }

@@ -60,13 +60,11 @@ impl Task {
 
     /// Has a process do it. Results are there whole or not at all, however it ends.
     fn run(&self, progress: &dyn Progress, shown: &mut dyn FnMut(Part)) -> Result<(), Error> {
-        // A process that was killed leaves what it had begun, also that of an earlier start of the service.
-        let sweep = || sweep_unfinished(&self.results());
-        sweep();
         let limits = Limits { memory: budget::allowed(), processor_s: None, background: true };
         let ended = contained::run(json!({ Self::KEY: self }), limits, progress, shown);
         ended.map(drop).map_err(|ended| {
-            sweep();
+            // A process that was killed leaves what it had begun.
+            sweep_unfinished(&self.results());
             match ended {
                 Ended::Error(error) => error,
                 Ended::Died(death) => Error::input("computation", &death, remedy(&death)),

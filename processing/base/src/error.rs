@@ -33,6 +33,16 @@ pub enum Error {
     Cancelled,
 }
 
+/// Remedy for a process or system that has as many files open as it may.
+pub const OUT_OF_FILES: &str = "close other programs or raise the limit of open files (ulimit -n), then try again";
+
+/// Whether the system refused because too many files are open, in this process (EMFILE) or altogether (ENFILE).
+pub fn is_out_of_files(error: &std::io::Error) -> bool {
+    const ENFILE: i32 = 23;
+    const EMFILE: i32 = 24;
+    matches!(error.raw_os_error(), Some(ENFILE | EMFILE))
+}
+
 impl Error {
     /// Bad input: `subject` (a file or setting), what is wrong with it, what to do.
     pub fn input(subject: impl ToString, problem: impl ToString, remedy: impl ToString) -> Self {
@@ -50,7 +60,9 @@ impl Error {
         let remedy = match source.kind() {
             K::StorageFull | K::QuotaExceeded => "free some space or choose another --out folder",
             K::FileTooLarge => "raise the file size limit (ulimit -f) or choose another --out folder",
-            K::PermissionDenied | K::ReadOnlyFilesystem => "choose an --out folder that you may write to",
+            K::ReadOnlyFilesystem => "mount the disk for writing or choose an --out folder on another one",
+            K::PermissionDenied => "choose an --out folder that you may write to",
+            _ if is_out_of_files(&source) => OUT_OF_FILES,
             _ => "check the disk and the --out folder",
         };
         Self::Output { path: path.into(), source, remedy }

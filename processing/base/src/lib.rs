@@ -10,6 +10,7 @@ pub mod parallel;
 pub mod progress;
 pub mod random;
 pub mod statistics;
+pub mod temporary;
 pub mod text;
 pub mod vector_atan;
 pub mod vectors;

@@ -2,12 +2,11 @@
 
 use std::fs::{self, File, Permissions};
 use std::io;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use tempfile::{Builder, NamedTempFile};
+use tempfile::NamedTempFile;
 
-use crate::{Error, Result};
+use crate::{Error, Result, temporary};
 use serde::Serialize;
 
 /// Plain data, with string keys, as the text of a JSON file.
@@ -17,7 +16,7 @@ pub fn json(data: &impl Serialize) -> String {
 }
 
 /// Writes a file so that its name always leads to the whole old contents or the whole new ones, even if power fails: into a
-/// temporary file beside it, which is synced and then renamed. A new file has the permissions of any new file; one that is
+/// temporary file beside it ([`crate::temporary`]), which is synced and then renamed. A new file has the permissions of any new file; one that is
 /// replaced keeps its own. A link is followed, and what is no file, such as `/dev/stdout`, is written to directly.
 ///
 /// # Errors
@@ -45,10 +44,9 @@ pub fn write_whole_with(path: &Path, write: impl FnOnce(&Path) -> Result<()>) ->
 /// An empty temporary file in the folder of `path`, and the path to move it to.
 fn beside(path: &Path, exists: bool) -> io::Result<(NamedTempFile, PathBuf)> {
     let target = if exists { path.canonicalize()? } else { std::path::absolute(path)? };
-    let folder = target.parent().ok_or(io::ErrorKind::InvalidInput)?;
-    // Less the umask, as `File::create` has it.
-    let file = Builder::new().permissions(Permissions::from_mode(0o666)).tempfile_in(folder)?;
-    Ok((file, target))
+    let parts = target.parent().zip(target.file_name());
+    let (folder, name) = parts.ok_or(io::ErrorKind::InvalidInput)?;
+    Ok((temporary::file(folder, name)?, target))
 }
 
 fn place(file: NamedTempFile, target: &Path, permissions: Option<Permissions>) -> io::Result<()> {
@@ -63,6 +61,7 @@ fn place(file: NamedTempFile, target: &Path, permissions: Option<Permissions>) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::PermissionsExt;
 
     fn mode(path: &Path) -> u32 {
         fs::metadata(path).unwrap().permissions().mode() & 0o777

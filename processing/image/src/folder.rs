@@ -1,26 +1,24 @@
 //! An output folder that appears whole or not at all.
 
-use std::fs::{self, File, Permissions};
+use std::fs::{self, File};
 use std::io::{self, ErrorKind};
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use tempfile::{Builder, TempDir};
 
+use nacre_base::temporary::{TemporaryFolder, sweep};
 use nacre_base::{Error, Result};
 
-/// Ending of the hidden folder in which results are collected.
-const PARTIAL: &str = ".partial";
-
 /// Results are collected in a hidden folder beside (or, on another file system, inside) the final one and put in
-/// place by [`OutputFolder::commit`]. Dropped without commit, nothing stays behind.
+/// place by [`OutputFolder::commit`]. Dropped without commit, nothing stays behind; what a killed process left is removed by the
+/// next one that begins the same folder.
 #[derive(Debug)]
 pub struct OutputFolder {
     out: PathBuf,
     overwrite: bool,
     /// `None` once committed.
-    temporary: Option<TempDir>,
+    temporary: Option<TemporaryFolder>,
     /// Move file by file rather than the folder in one: the folder is in use or is a mount point.
     piecewise: bool,
     /// Parents made for `out`, the outermost first.
@@ -58,21 +56,23 @@ impl OutputFolder {
             fs::create_dir(&folder)?;
             self.made.push(folder);
         }
-        self.temporary = Some(temporary(&parent, &name)?);
+        self.temporary = Some(TemporaryFolder::new(&parent, &name)?);
         Ok(())
     }
 
     fn beside_existing(&mut self) -> io::Result<()> {
         self.out = self.out.canonicalize()?;
         let name = self.out.file_name().unwrap_or_default().to_os_string();
+        // A killed process may have had its own inside.
+        sweep(&self.out, &name);
         let own_device = fs::metadata(&self.out)?.dev();
         let parent = self.out.parent().filter(|p| fs::metadata(p).is_ok_and(|m| m.dev() == own_device));
-        let beside = parent.and_then(|parent| temporary(parent, &name).ok());
+        let beside = parent.and_then(|parent| TemporaryFolder::new(parent, &name).ok());
         let in_use = std::env::current_dir().and_then(|d| d.canonicalize()).is_ok_and(|d| d == self.out);
         self.piecewise = in_use || beside.is_none() || !is_empty(&self.out)?;
         self.temporary = Some(match beside {
             Some(folder) => folder,
-            None => temporary(&self.out, &name)?,
+            None => TemporaryFolder::new(&self.out, &name)?,
         });
         Ok(())
     }
@@ -80,7 +80,7 @@ impl OutputFolder {
     /// Where to write the file `name`, a relative path, before commit. Subfolders must have been made with
     /// [`OutputFolder::create_dir`].
     pub fn path(&self, name: &str) -> PathBuf {
-        self.temporary.as_ref().map_or(self.out.as_path(), TempDir::path).join(name)
+        self.temporary.as_ref().map_or(self.out.as_path(), TemporaryFolder::path).join(name)
     }
 
     /// Makes the subfolder `name` and its parents; it may exist already.
@@ -170,19 +170,10 @@ impl Drop for OutputFolder {
     }
 }
 
-/// Removes what a process that was killed has left of the output folder `out`. For callers that know that nobody fills it.
+/// Removes what a process that was killed has left of the output folder `out`.
 pub fn sweep_unfinished(out: &Path) {
-    let Some(name) = out.file_name().map(|name| name.to_string_lossy().into_owned()) else { return };
-    let mark = format!(".{name}.");
-    for place in out.parent().into_iter().chain([out]) {
-        for entry in fs::read_dir(place).into_iter().flatten().flatten() {
-            let found = entry.file_name().to_string_lossy().into_owned();
-            if found.starts_with(&mark) && found.ends_with(PARTIAL) {
-                // What cannot be removed takes space, and is hidden.
-                _ = fs::remove_dir_all(entry.path());
-            }
-        }
-    }
+    let Some(name) = out.file_name() else { return };
+    out.parent().into_iter().chain([out]).for_each(|place| sweep(place, name));
 }
 
 fn not_empty(out: &Path) -> Error {
@@ -191,14 +182,6 @@ fn not_empty(out: &Path) -> Error {
 
 fn is_empty(folder: &Path) -> io::Result<bool> {
     Ok(fs::read_dir(folder)?.next().is_none())
-}
-
-/// A new folder `.NAME.*.partial` with the permissions of an ordinary new folder.
-fn temporary(parent: &Path, name: &std::ffi::OsStr) -> io::Result<TempDir> {
-    let mut prefix = std::ffi::OsString::from(".");
-    prefix.push(name);
-    prefix.push(".");
-    Builder::new().prefix(&prefix).suffix(PARTIAL).permissions(Permissions::from_mode(0o777)).tempdir_in(parent)
 }
 
 /// Syncs every file and folder below `folder`, and `folder` itself.
@@ -251,19 +234,6 @@ mod tests {
         assert_eq!(listing(&home.path().join("a/b")).len(), 1);
         drop(folder);
         assert_eq!(listing(home.path()), Vec::<String>::new());
-    }
-
-    #[test]
-    fn a_sweep_removes_what_a_killed_process_left_and_nothing_else() {
-        let home = tempfile::tempdir().unwrap();
-        let out = home.path().join("result");
-        for name in [".result.Ab1.partial", "result", ".result.txt", ".other.Ab1.partial", "result/.result.x.partial"] {
-            fs::create_dir(home.path().join(name)).unwrap();
-        }
-        fs::write(home.path().join(".result.Ab1.partial/map.exr"), b"1").unwrap();
-        sweep_unfinished(&out);
-        assert_eq!(listing(home.path()), [".other.Ab1.partial", ".result.txt", "result"]);
-        assert!(listing(&out).is_empty());
     }
 
     #[test]
@@ -321,6 +291,23 @@ mod tests {
     }
 
     #[test]
+    fn the_next_run_removes_what_a_killed_one_left() {
+        let home = tempfile::tempdir().unwrap();
+        let out = home.path().join("result");
+        for existing in [false, true] {
+            let left = [home.path(), out.as_path()].map(|parent| parent.join(".result.aBc123.partial/maps"));
+            left.iter().take(1 + usize::from(existing)).for_each(|folder| fs::create_dir_all(folder).unwrap());
+            let running = OutputFolder::begin(&out, true).unwrap();
+            let folder = OutputFolder::begin(&out, true).unwrap();
+            folder.write("x", b"1").unwrap();
+            folder.commit().unwrap();
+            assert!(running.path("").exists(), "a folder in use stays");
+            drop(running);
+            assert_eq!((listing(home.path()), listing(&out)), (vec!["result".into()], vec!["x".into()]));
+        }
+    }
+
+    #[test]
     fn filled_by_another_meanwhile() {
         let home = tempfile::tempdir().unwrap();
         let out = home.path().join("result");
@@ -342,7 +329,7 @@ mod tests {
         };
         // Not a mount point itself; the inner way is taken by hand.
         let out = mount.path().canonicalize().unwrap();
-        let inner = temporary(&out, "x".as_ref()).unwrap();
+        let inner = TemporaryFolder::new(&out, "x".as_ref()).unwrap();
         let folder = OutputFolder {
             out: out.clone(),
             overwrite: false,

@@ -37,7 +37,7 @@ impl Plan {
         let text = read_text(path, LIMIT, remedy)?;
         let is_json = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
         let plan: Self = if is_json { from_json(&text) } else { from_toml(&text) }.map_err(bad)?;
-        plan.check_values().map_err(bad)?;
+        plan.check_texts().and_then(|()| plan.check_values()).map_err(bad)?;
         Ok(plan)
     }
 

@@ -23,23 +23,33 @@ use nacre_polarimetry::{Model, Oblique};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// Longest name, sample and operator, in characters.
+const LONGEST_TEXT: usize = 200;
+
+/// Longest notes, in characters.
+const LONGEST_NOTES: usize = 10_000;
+
 /// A capture plan (`plan.toml`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
     /// What is varied.
     pub kind: PlanKind,
-    /// Name of the session.
+    /// Name of the session, in at most 200 characters.
     #[serde(default)]
+    #[schemars(length(max = 200))]
     pub name: String,
-    /// What lies on the table.
+    /// What lies on the table, in at most 200 characters.
     #[serde(default)]
+    #[schemars(length(max = 200))]
     pub sample: String,
-    /// Who measures.
+    /// Who measures, in at most 200 characters.
     #[serde(default)]
+    #[schemars(length(max = 200))]
     pub operator: String,
-    /// Anything else.
+    /// Anything else, in at most 10,000 characters.
     #[serde(default)]
+    #[schemars(length(max = 10_000))]
     pub notes: String,
     /// Camera settings.
     #[serde(default)]
@@ -72,6 +82,26 @@ pub struct Plan {
     /// What to make of the frames at once, in the session's `results/`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reconstruct: Option<ReconstructPlan>,
+}
+
+impl Plan {
+    /// Checks the lengths of texts. Sessions of earlier versions may have longer ones, so that this is for new plans.
+    ///
+    /// # Errors
+    /// A sentence that names the key, its length and the longest allowed.
+    pub fn check_texts(&self) -> Result<(), String> {
+        let texts = [("name", &self.name), ("sample", &self.sample), ("operator", &self.operator)];
+        let limits = texts.map(|(key, text)| (key, text, LONGEST_TEXT));
+        for (key, text, longest) in limits.into_iter().chain([("notes", &self.notes, LONGEST_NOTES)]) {
+            match text.chars().count() {
+                length if length > longest => {
+                    return Err(format!("{key} has {length} characters; shorten it to at most {longest}"));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A bracket of exposures: from the longest in which all but the brightest thousandth of the pixels stay below white, in even

@@ -93,7 +93,10 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
             tokio::time::sleep(SIGNALS).await;
         }
     };
-    let ready = |address| console.note(&format!("Nacre is at http://{address}/  (Ctrl-C ends it)"));
+    let ready = |address, problems: &[String]| {
+        console.note(&format!("Nacre is at http://{address}/  (Ctrl-C ends it)"));
+        problems.iter().for_each(|problem| console.note(&format!("warning: {problem}")));
+    };
     let result = runtime.block_on(async {
         let cut = async {
             asked(1).await;

@@ -8,19 +8,17 @@ mod survey;
 pub use row::{SessionRow, State};
 pub use search::{Cursor, Page, Query};
 
-use crate::sqlite::{BUSY, CORRUPT, ERROR, FULL, NOT_A_DATABASE, is_new, primary_code};
+use crate::sqlite::{self, BUSY, CORRUPT, ERROR, NOT_A_DATABASE, is_new, primary_code};
 use nacre_base::Error;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use serde::Serialize;
 use sqlx::Connection;
-use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqliteSynchronous};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How long one process waits for another.
-const PATIENCE: Duration = Duration::from_secs(5);
 /// Marks the file as a catalogue ("Nacr"); the same numbers stand in `SCHEMA`.
 const APPLICATION: i64 = 0x4e61_6372;
 const VERSION: i64 = 1;
@@ -73,20 +71,28 @@ impl Catalogue {
         if let Some(parent) = path.parent() {
             std::fs::create_dir_all(parent).map_err(|e| unusable(&path, e))?;
         }
-        let options = SqliteConnectOptions::new()
-            .filename(&path)
-            .create_if_missing(true)
-            .busy_timeout(PATIENCE)
-            .synchronous(SqliteSynchronous::Normal);
-        let pool = SqlitePoolOptions::new().max_connections(4).connect_lazy_with(options);
-        let catalogue = Self { path, pool };
+        let options = sqlite::options(&path).synchronous(SqliteSynchronous::Normal);
+        let catalogue = Self { path, pool: sqlite::pool().connect_lazy_with(options) };
+        catalogue.prepare().await?;
+        Ok(catalogue)
+    }
+
+    /// A catalogue in memory, for as long as a full disk does not allow for a file.
+    ///
+    /// # Errors
+    /// `Output` when there is no memory for it.
+    pub async fn in_memory() -> Result<Self, Error> {
+        let options = SqliteConnectOptions::new().in_memory(true);
+        // The database is gone with its connection, so that there is one, which stays.
+        let pool = sqlite::pool().max_connections(1).idle_timeout(None).max_lifetime(None);
+        let catalogue = Self { path: "catalogue in memory".into(), pool: pool.connect_lazy_with(options) };
         catalogue.prepare().await?;
         Ok(catalogue)
     }
 
     /// Makes the tables in a new file and refuses a file that is something else.
     async fn prepare(&self) -> Result<(), Error> {
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + sqlite::PATIENCE;
         let (application, version) = loop {
             match self.make_tables().await {
                 // SQLite does not wait for the lock that the change to WAL takes.
@@ -182,17 +188,13 @@ impl Catalogue {
             (Some(ERROR | CORRUPT | NOT_A_DATABASE), _) | (_, sqlx::Error::ColumnDecode { .. }) => {
                 Error::file(&self.path, format!("is no intact catalogue: {error}"), REBUILD)
             }
-            (Some(FULL), _) => unusable(&self.path, io::ErrorKind::StorageFull.into()),
-            _ => unusable(&self.path, io::Error::other(error)),
+            _ => unusable(&self.path, sqlite::cause(&self.path, error)),
         }
     }
 }
 
 fn unusable(path: &Path, source: io::Error) -> Error {
-    let remedy = match source.kind() {
-        io::ErrorKind::StorageFull => "free some space",
-        _ => "check the disk, or give another place with --catalogue",
-    };
+    let remedy = sqlite::remedy(&source, "check the disk, or give another place with --catalogue");
     Error::Output { path: path.into(), source, remedy }
 }
 

@@ -29,6 +29,7 @@ use nacre_lut::{LightPhotograph, Settings};
 use nacre_polarimetry::{Align, Demosaic, Oblique, Options, PeriodMethod, Smoothing};
 use record::Record;
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
@@ -341,12 +342,24 @@ impl Jobs {
         Ok(())
     }
 
-    /// How many jobs there are of an upload, be it what they work on or their light.
+    /// Uploads that jobs need, be it what they work on or their light, and the jobs' ids.
     ///
     /// # Errors
     /// As the database answers.
-    pub async fn of_upload(&self, upload: &str) -> Result<u32, Error> {
-        self.shared.store.of_upload(upload).await
+    pub async fn uploads(&self) -> Result<HashMap<String, Vec<String>>, Error> {
+        let mut uploads: HashMap<String, Vec<String>> = HashMap::new();
+        for (upload, job) in self.shared.store.uploads().await? {
+            uploads.entry(upload).or_default().push(job);
+        }
+        Ok(uploads)
+    }
+
+    /// The first job of a session that is queued or running.
+    ///
+    /// # Errors
+    /// As the database answers.
+    pub async fn open_of_session(&self, session: &str) -> Result<Option<String>, Error> {
+        self.shared.store.open_of_session(session).await
     }
 
     /// What happened to a job: lines that begin with the time in UTC. The oldest are dropped beyond [`MAX_LOG`].

@@ -3,17 +3,15 @@
 use super::record::Record;
 use super::row::{append, job, read};
 use super::{Job, JobState, Refusal, Spec};
-use crate::sqlite::{CORRUPT, ERROR, FULL, NOT_A_DATABASE, is_new, primary_code};
+use crate::sqlite::{self, CORRUPT, ERROR, NOT_A_DATABASE, is_new, primary_code};
 use apalis::prelude::{TaskBuilder, TaskId};
 use apalis_sqlite::{SqliteStorage, queries::push_tasks};
 use nacre_base::Error;
 use sqlx::migrate::MigrateError;
-use sqlx::sqlite::{SqliteConnectOptions, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::sqlite::{SqlitePool, SqliteSynchronous};
 use sqlx::{Connection, SqliteConnection};
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
 use ulid::{Generator, Ulid};
 
 /// The name of our deliveries among those of `apalis`.
@@ -37,7 +35,6 @@ const SCHEMA: &str = "
     PRAGMA application_id = 0x4e61634a;
     PRAGMA user_version = 1;";
 const COLUMNS: &str = "id, spec, state, attempts, progress, stage, error, cancel";
-const PATIENCE: Duration = Duration::from_secs(5);
 /// A delivery is tried again until the database lets the job begin.
 const ALWAYS: usize = i32::MAX as usize;
 pub(super) const AWAY: &str = "move it away; the queue then begins empty";
@@ -52,13 +49,9 @@ pub(super) struct Store {
 impl Store {
     /// Opens the file, and makes its tables where there are none.
     pub async fn open(path: &Path) -> Result<Self, Error> {
-        let options = SqliteConnectOptions::new()
-            .filename(path)
-            .create_if_missing(true)
-            .busy_timeout(PATIENCE)
-            // Unlike the catalogue, a queue cannot be rebuilt.
-            .synchronous(SqliteSynchronous::Full);
-        let pool = SqlitePoolOptions::new().max_connections(4).connect_lazy_with(options);
+        // Unlike the catalogue, a queue cannot be rebuilt.
+        let options = sqlite::options(path).synchronous(SqliteSynchronous::Full);
+        let pool = sqlite::pool().connect_lazy_with(options);
         let store = Self { path: path.into(), pool, ids: Mutex::new(Generator::new()) };
         match store.make_tables().await.map_err(|e| store.fault(e))? {
             (APPLICATION, VERSION) => {}
@@ -260,9 +253,19 @@ impl Store {
         }
     }
 
-    pub async fn of_upload(&self, upload: &str) -> Result<u32, Error> {
-        let query = "SELECT count(*) FROM nacre_job WHERE ?1 IN (json_extract(spec, '$.upload'), json_extract(spec, '$.light.upload'))";
-        sqlx::query_scalar(query).bind(upload).fetch_one(&self.pool).await.map_err(|e| self.fault(e))
+    /// Uploads that jobs need, each with one of the jobs: what they work on, or their light.
+    pub async fn uploads(&self) -> Result<Vec<(String, String)>, Error> {
+        let query = "SELECT json_extract(spec, '$.upload') AS upload, id FROM nacre_job WHERE upload IS NOT NULL
+            UNION SELECT json_extract(spec, '$.light.upload') AS upload, id FROM nacre_job WHERE upload IS NOT NULL";
+        sqlx::query_as(query).fetch_all(&self.pool).await.map_err(|e| self.fault(e))
+    }
+
+    /// A job of a session that has not ended.
+    pub async fn open_of_session(&self, session: &str) -> Result<Option<String>, Error> {
+        let query =
+            "SELECT id FROM nacre_job WHERE state IN ('queued', 'running') AND json_extract(spec, '$.session') = ?1
+            ORDER BY id LIMIT 1";
+        sqlx::query_scalar(query).bind(session).fetch_optional(&self.pool).await.map_err(|e| self.fault(e))
     }
 
     pub async fn log(&self, id: &str) -> Result<Option<String>, Error> {
@@ -278,13 +281,12 @@ impl Store {
                 Error::file(&self.path, format!("is no intact job queue: {error}"), AWAY)
             }
             (_, sqlx::Error::PoolClosed) => Error::Cancelled,
-            (Some(FULL), _) => self.unusable(io::ErrorKind::StorageFull.into(), "free some space"),
-            _ => self.unusable(io::Error::other(error), "check the disk, or give another folder"),
+            _ => {
+                let source = sqlite::cause(&self.path, error);
+                let remedy = sqlite::remedy(&source, "check the disk, or give another folder");
+                Error::Output { path: self.path.clone(), source, remedy }
+            }
         }
-    }
-
-    fn unusable(&self, source: io::Error, remedy: &'static str) -> Error {
-        Error::Output { path: self.path.clone(), source, remedy }
     }
 }
 

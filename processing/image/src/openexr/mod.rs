@@ -75,6 +75,31 @@ fn read_map(source: Source) -> Decoded<ExrMap> {
     Ok(ExrMap { width, height, channels: names.into_iter().zip(planes).collect(), attributes })
 }
 
+/// Reads one channel of the first flat layer of an EXR file, and pixels per row; `None` when there is none of that name. The other
+/// channels take no memory.
+///
+/// # Errors
+/// As [`read_exr`].
+pub fn read_exr_channel(path: &Path, name: &str) -> Result<Option<(Vec<f32>, usize)>> {
+    decode(path, || {
+        let layer = Layer::first(open(path)?)?;
+        let [width, height] = layer.window.size;
+        let Some(wanted) = layer.header().channels.list.iter().position(|c| utf8(&c.name) == name) else {
+            return Ok(None);
+        };
+        let mut plane = zeroed::<f32>(width * height)?;
+        if !layer.window.is_full() {
+            plane.fill(f32::NAN);
+        }
+        layer.decode(|channel, start, line| {
+            if channel == wanted {
+                plane[start..start + line.len()].copy_from_slice(line);
+            }
+        })?;
+        Ok(Some((plane, width)))
+    })
+}
+
 fn attributes(header: &Header) -> BTreeMap<String, String> {
     let all = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
     let known = all.filter_map(|(name, value)| Some((utf8(name), plain(value)?)));

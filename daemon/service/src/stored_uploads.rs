@@ -1,0 +1,133 @@
+//! Uploads that are stored: which there are, and what becomes of those that nobody needs any more.
+
+use super::problem::{Answer, Kind, Problem};
+use super::{App, At, blocking, check_id, files};
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use serde::Serialize;
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+use ulid::Ulid;
+use utoipa::ToSchema;
+
+/// Most uploads that are listed, the newest.
+const MOST: usize = 1000;
+
+/// Beginning of the names of unfinished uploads in earlier versions.
+const EARLIER: &str = ".upload-";
+
+/// An upload.
+#[derive(Clone, Debug, Serialize, ToSchema)]
+pub struct StoredUpload {
+    id: String,
+    /// When it was begun, in Unix seconds.
+    created: u64,
+    files: usize,
+    bytes: u64,
+    /// Reconstructions that use it; it is deleted with the last of them.
+    reconstructions: Vec<String>,
+    /// When it is deleted unless a reconstruction uses it, in Unix seconds; none while one does.
+    expires: Option<u64>,
+}
+
+/// Uploads, newest first.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct UploadList {
+    items: Vec<StoredUpload>,
+}
+
+/// Ids of the uploads in a folder, newest first.
+fn ids(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut ids: Vec<String> = names.filter(|name| check_id(name).is_ok()).collect();
+    ids.sort_unstable_by(|a, b| b.cmp(a));
+    ids
+}
+
+/// When an id was made.
+fn made(id: &str) -> Duration {
+    Duration::from_millis(Ulid::from_string(id).map_or(0, |id| id.timestamp_ms()))
+}
+
+impl App {
+    /// Uploads that reconstructions use, with these. None can begin while the queue is not open.
+    async fn uploads_in_use(&self) -> Answer<HashMap<String, Vec<String>>> {
+        match self.stores.jobs() {
+            Some(jobs) => Ok(jobs.uploads().await?),
+            None => Ok(HashMap::new()),
+        }
+    }
+
+    /// How long an upload is kept that no reconstruction uses.
+    fn upload_lifetime(&self) -> Duration {
+        Duration::from_secs(self.config.limits.upload_days * 24 * 3600)
+    }
+}
+
+/// Uploads, newest first, at most 1000.
+#[utoipa::path(get, path = "/api/v1/uploads", tag = "reconstructions", operation_id = "uploads",
+    responses((status = 200, body = UploadList)))]
+pub async fn list(State(app): State<Arc<App>>) -> Answer<Json<UploadList>> {
+    let mut in_use = app.uploads_in_use().await?;
+    let (folder, lifetime) = (app.config.data.join("uploads"), app.upload_lifetime());
+    let items = blocking(move || {
+        let describe = |id: String| {
+            let all = files::list(&folder.join(&id));
+            let reconstructions = in_use.remove(&id).unwrap_or_default();
+            let expires = reconstructions.is_empty().then(|| (made(&id) + lifetime).as_secs());
+            let (created, bytes) = (made(&id).as_secs(), all.iter().map(|file| file.1).sum());
+            StoredUpload { id, created, files: all.len(), bytes, reconstructions, expires }
+        };
+        Ok(ids(&folder).into_iter().take(MOST).map(describe).collect())
+    });
+    Ok(Json(UploadList { items: items.await? }))
+}
+
+/// Deletes an upload that no reconstruction uses.
+#[utoipa::path(delete, path = "/api/v1/uploads/{id}", tag = "reconstructions", operation_id = "delete_upload",
+    params(("id" = String, Path)),
+    responses((status = 204), (status = 404, body = Problem), (status = 409, body = Problem)))]
+pub async fn delete(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<StatusCode> {
+    let folder = app.upload_folder(&id)?;
+    if !folder.is_dir() {
+        return Err(Problem::not_found(format!("upload {id}")));
+    }
+    if let Some(job) = app.uploads_in_use().await?.get(&id).and_then(|jobs| jobs.first()) {
+        return Err(Problem::new(Kind::Conflict, format!("reconstruction {job} uses the upload"))
+            .remedy("delete that, and the upload goes with it"));
+    }
+    blocking(move || super::deletion::removed(&folder)).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// Deletes the uploads that have expired.
+///
+/// # Errors
+/// As the queue and the disk answer.
+pub async fn expire(app: &Arc<App>) -> Answer<()> {
+    let in_use = app.uploads_in_use().await?;
+    let (folder, lifetime) = (app.config.data.join("uploads"), app.upload_lifetime());
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    blocking(move || {
+        let old = |id: &String| made(id) + lifetime < now && !in_use.contains_key(id);
+        ids(&folder).iter().filter(|id| old(id)).try_for_each(|id| {
+            tracing::info!(id, "an upload has expired");
+            super::deletion::removed(&folder.join(id))
+        })
+    })
+    .await
+}
+
+/// Removes the unfinished uploads of earlier versions, which did not lock them, while no other service works on the folder.
+pub fn sweep_earlier(folder: &Path) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(EARLIER) && entry.path().is_dir() {
+            // What cannot be removed stays for the next start.
+            let _ = std::fs::remove_dir_all(entry.path());
+        }
+    }
+}

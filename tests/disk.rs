@@ -1,0 +1,235 @@
+//! A data folder on a disk that is full, read-only, or belongs to somebody else.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_tests::http::{Answer, Service, begin, finished, plan};
+use nacre_tests::{BENCH, NEVER, Place, binary, listing, nacre};
+use serde_json::{Value, json};
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+/// A service whose data folder is a disk of its own, which nobody else sees.
+struct Disk {
+    service: Service,
+    /// The data folder, as seen from here.
+    data: PathBuf,
+}
+
+impl Disk {
+    /// A disk of `size`, prepared by a shell script in the data folder. `None` where no private disk can be mounted.
+    fn new(place: &Place, size: &str, prepare: &str) -> Option<Self> {
+        if !Command::new("unshare").args(["-m", "true"]).status().is_ok_and(|s| s.success()) {
+            println!("skipped: no private mount here");
+            return None;
+        }
+        fs::create_dir_all(place.path("data")).unwrap();
+        let script =
+            format!("mount -t tmpfs -o size={size} tmpfs data && (cd data && {prepare}) && exec \"$0\" \"$@\"");
+        let service = Service::within(place, &["unshare", "-m", "sh", "-c", &script], &[]);
+        let data = PathBuf::from(format!("/proc/{}/root{}", service.pid(), place.text("data")));
+        Some(Self { service, data })
+    }
+
+    /// Writes until nothing fits any more.
+    fn fill(&self) {
+        let block = [7_u8; 4096];
+        let mut file = fs::File::create(self.data.join("fill")).unwrap();
+        while std::io::Write::write_all(&mut file, &block).is_ok() {}
+    }
+
+    fn free(&self) {
+        fs::remove_file(self.data.join("fill")).unwrap();
+    }
+
+    fn about(&self, full: bool) {
+        let told = |about: &Value| about["problems"].to_string().contains("full");
+        self.service.until("/api/v1/about", |about| told(about) == full);
+        let health = self.service.get("/healthz").expect(200).text();
+        assert_eq!(health == "ok", !full, "{health}");
+    }
+}
+
+fn exposures() -> Value {
+    json!({ "plan": { "kind": "exposures", "exposures_ms": [20, 21, 22, 23], "name": "stairs" } })
+}
+
+fn full(answer: Answer) {
+    let problem = answer.expect(507).json();
+    assert_eq!(problem["type"], "https://nacre.invalid/problems/full");
+    assert!(problem["remedy"].as_str().unwrap().contains("delete sessions"), "{problem}");
+}
+
+#[test]
+fn after_a_full_disk_all_is_well() {
+    let place = Place::with_bench("", BENCH);
+    let Some(disk) = Disk::new(&place, "6m", "true") else { return };
+    let service = &disk.service;
+    let id = begin(service, &exposures());
+    service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "finished");
+    let ask = || service.post("/api/v1/reconstructions", &json!({ "session": id, "method": "hdr" }));
+    let first = ask().expect(202).json()["id"].clone();
+    disk.fill();
+    disk.about(true);
+    let answers: Vec<Answer> = (0..8).map(|_| ask()).collect();
+    // Some may fit into what the database has already; then none do.
+    assert!(answers.iter().all(|a| [202, 507].contains(&a.status)), "{:?}", answers.last().unwrap().text());
+    full(ask());
+    full(service.post("/api/v1/sessions", &exposures()));
+    full(service.upload(&[("kind", "", b"photographs"), ("file", "a.png", &[7; 1 << 16])]));
+    // Whatever is read is read, and what is over is deleted.
+    service.get(&format!("/api/v1/sessions/{id}")).expect(200);
+    service.get("/api/v1/reconstructions").expect(200);
+
+    disk.free();
+    disk.about(false);
+    for _ in 0..8 {
+        let job = ask().expect(202).json()["id"].as_str().unwrap().to_owned();
+        let path = format!("/api/v1/reconstructions/{job}");
+        service.until(&path, |job| job["state"] == "done");
+        let token = service.get(&format!("{path}/deletion")).expect(200).json()["token"].as_str().unwrap().to_owned();
+        service.send("DELETE", &format!("{path}?token={token}"), &[], b"").expect(204);
+    }
+    let path = format!("/api/v1/reconstructions/{}", first.as_str().unwrap());
+    service.until(&path, |job| job["state"] == "done");
+}
+
+/// A reconstruction can be deleted while the disk is full, and sessions that were captured meanwhile are found afterwards.
+#[test]
+fn a_full_disk_is_emptied_over_rest() {
+    let place = Place::with_bench("", BENCH);
+    let Some(disk) = Disk::new(&place, "6m", "true") else { return };
+    let service = &disk.service;
+    let [kept, deleted] = [(); 2].map(|()| begin_and_finish(service));
+    let job = service.post("/api/v1/reconstructions", &json!({ "session": kept })).expect(202).json();
+    let job = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+    service.until(&job, |job| job["state"] == "done");
+    disk.fill();
+    disk.about(true);
+    for base in [format!("/api/v1/sessions/{deleted}"), job] {
+        let token = service.get(&format!("{base}/deletion")).expect(200).json()["token"].as_str().unwrap().to_owned();
+        service.send("DELETE", &format!("{base}?token={token}"), &[], b"").expect(204);
+        service.get(&base).expect(404);
+        disk.fill();
+    }
+    disk.free();
+    disk.about(false);
+    service.until("/api/v1/sessions", |page| page["items"].as_array().unwrap().len() == 1);
+    assert_eq!(service.get("/api/v1/sessions").json()["items"][0]["id"], kept.as_str());
+}
+
+fn begin_and_finish(service: &Service) -> String {
+    let id = begin(service, &plan(3, 5.0));
+    finished(service, &id);
+    id
+}
+
+#[test]
+fn on_a_full_disk_the_service_starts_and_recovers() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let [kept, deleted] = [(); 2].map(|()| begin_and_finish(&service));
+    let upload = service.upload(&[("kind", "", b"surface"), ("file", "a.txt", &[b'1'; 9000])]).expect(201).json();
+    let upload = upload["id"].as_str().unwrap().to_owned();
+    // Killed, so that there is a log that the databases have to read.
+    service.kill();
+    fs::rename(place.path("data"), place.path("before")).unwrap();
+    let script = "cp -a ../before/. . && rm -f *-shm && { dd if=/dev/zero of=fill bs=4k 2>/dev/null; true; }";
+    let Some(disk) = Disk::new(&place, "4m", script) else { return };
+    let service = &disk.service;
+    disk.about(true);
+    service.get("/readyz").expect(507);
+    full(service.get("/api/v1/reconstructions"));
+    full(service.post("/api/v1/sessions", &exposures()));
+    let found = service.get("/api/v1/sessions?text=tile").expect(200).json();
+    assert_eq!(found["items"].as_array().unwrap().len(), 2, "{found}");
+    assert_eq!(service.get("/api/v1/uploads").expect(200).json()["items"][0]["id"], upload.as_str());
+    service.send("DELETE", &format!("/api/v1/uploads/{upload}"), &[], b"").expect(204);
+    let base = format!("/api/v1/sessions/{deleted}");
+    let token = service.get(&format!("{base}/deletion")).expect(200).json()["token"].as_str().unwrap().to_owned();
+    service.send("DELETE", &format!("{base}?token={token}"), &[], b"").expect(204);
+    disk.free();
+    disk.about(false);
+    service.get("/readyz").expect(200);
+    let job = service.post("/api/v1/reconstructions", &json!({ "session": kept })).expect(202).json();
+    service.until(&format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap()), |job| job["state"] == "done");
+    let all = service.until("/api/v1/sessions", |page| page["items"].as_array().unwrap().len() == 1);
+    assert_eq!(all["items"][0]["id"], kept.as_str());
+}
+
+/// Runs `nacre serve` in a shell, after a preparation; its exit code and what it says.
+fn serve(place: &Place, prepare: &str) -> (Option<i32>, String) {
+    let script = format!("{prepare} exec \"$NACRE\" serve --sim --listen 127.0.0.1:0 --data \"$DATA\"");
+    let mut command = Command::new("unshare");
+    command.args(["-m", "sh", "-c", &script]).env("NACRE", binary()).env("DATA", place.path("data"));
+    let run = command.output().unwrap();
+    (run.status.code(), String::from_utf8_lossy(&run.stderr).into_owned())
+}
+
+#[test]
+fn a_read_only_disk_is_named() {
+    let place = Place::with_bench("", BENCH);
+    fs::create_dir(place.path("data")).unwrap();
+    if !Command::new("unshare").args(["-m", "true"]).status().is_ok_and(|s| s.success()) {
+        println!("skipped: no private mount here");
+        return;
+    }
+    let (code, message) = serve(&place, "mount -t tmpfs -o ro tmpfs \"$DATA\" || exit 77;");
+    assert_eq!(code, Some(2), "{message}");
+    assert!(message.contains("read-only") && message.contains("--data"), "{message}");
+
+    // One that becomes so later.
+    let Some(disk) = Disk::new(&place, "6m", "true") else { return };
+    let id = begin_and_finish(&disk.service);
+    let remount = ["-t", &disk.service.pid().to_string(), "-m", "mount", "-o", "remount,ro"];
+    let remounted = Command::new("nsenter").args(remount).arg(place.path("data")).status();
+    if !remounted.is_ok_and(|s| s.success()) {
+        println!("skipped: open files keep the disk writable");
+        return;
+    }
+    let asked = [
+        disk.service.post("/api/v1/reconstructions", &json!({ "session": id })),
+        disk.service.upload(&[("kind", "", b"surface"), ("file", "a.txt", b"1 2\n3 4\n")]),
+    ];
+    for refused in asked {
+        let text = refused.expect(503).text();
+        assert!(text.contains("read-only") && text.contains("mount it"), "{text}");
+    }
+}
+
+#[test]
+fn the_data_folder_is_nobody_elses_business() {
+    let place = Place::with_bench("", BENCH);
+    let _service = Service::start(&place, &[]);
+    let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    assert_eq!(mode(&place.path("data")), 0o700);
+    assert!(listing(&place.path("data")).contains(&"sessions".to_owned()));
+}
+
+#[test]
+fn too_many_open_files_are_named() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let id = begin_and_finish(&service);
+    let open = fs::read_dir(format!("/proc/{}/fd", service.pid())).unwrap().count();
+    let limit = |most: usize| {
+        let limit = format!("--nofile={most}:");
+        Command::new("prlimit").args(["--pid", &service.pid().to_string(), &limit]).status().unwrap()
+    };
+    // One more for the connection itself.
+    limit(open + 1);
+    let path = format!("/api/v1/sessions/{id}/files/frames.json");
+    let begun = Instant::now();
+    let refused = loop {
+        let answer = service.get(&path);
+        if answer.status == 503 || begun.elapsed() > NEVER {
+            break answer.expect(503).text();
+        }
+    };
+    assert!(refused.contains("too many files are open") && refused.contains("ulimit -n"), "{refused}");
+    limit(1024);
+    service.get(&path).expect(200);
+    nacre(["check", &place.text(&format!("data/sessions/{id}"))]).expect(0);
+}
