@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use nacre_tests::chromium::Browser;
 use nacre_tests::http::{Service, begin, finished, form, plan};
 use nacre_tests::{BENCH, NEVER, Place, binary, listing, nacre};
 use serde_json::json;
@@ -105,7 +106,7 @@ fn uploads_are_listed_deleted_and_expire() {
     service.send("DELETE", &format!("/api/v1/uploads/{unused}"), &[], b"").expect(204);
     service.send("DELETE", &format!("/api/v1/uploads/{unused}"), &[], b"").expect(404);
     service.send("DELETE", "/api/v1/uploads/..%2fsessions", &[], b"").expect(404);
-    assert_eq!(listing(&place.path("data/uploads")), [used.clone()]);
+    assert_eq!(listing(&place.path("data/uploads")), std::slice::from_ref(&used));
 
     // Uploads of the year 2016: one that nothing uses, and one that a reconstruction does.
     let old = |id: &str| place.path(&format!("data/uploads/{id}"));
@@ -144,4 +145,23 @@ fn a_session_that_a_job_waits_for_stays() {
     }
     delete().expect(204);
     service.get(&base).expect(404);
+}
+
+#[test]
+fn the_page_lists_and_deletes_uploads_without_a_result() {
+    let Some(browser) = Browser::start() else { return };
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let parts: [(&str, &str, &[u8]); 2] = [("kind", "", b"surface"), ("file", "a.txt", b"0 1\n1 0\n")];
+    let [first, second] = [(); 2].map(|()| service.upload(&parts).expect(201).json()["id"].clone());
+    browser.open(&format!("http://{}/#/results", service.address));
+    browser.until("document.querySelectorAll('#unused-uploads li').length === 2");
+    browser.click("#unused-uploads summary");
+    browser.click(&format!("[data-upload=\"{}\"] button", second.as_str().unwrap()));
+    browser.until("document.querySelector('dialog .danger')");
+    browser.click("dialog .danger");
+    browser.until("document.querySelector('#notices').innerText.includes('is deleted')");
+    browser.until("document.querySelectorAll('#unused-uploads li').length === 1");
+    let left = service.get("/api/v1/uploads").expect(200).json()["items"].clone();
+    assert_eq!((left.as_array().unwrap().len(), &left[0]["id"]), (1, &first));
 }

@@ -41,8 +41,14 @@ finished(f"/api/v1/reconstructions/{job}", lambda r: r["state"] == "done")
 edge = "--edge\r\nContent-Disposition: form-data; name="
 form = f'{edge}"kind"\r\n\r\nscene\r\n{edge}"gallery"\r\n\r\ncd\r\n--edge--\r\n'
 kind = {"Content-Type": "multipart/form-data; boundary=edge"}
-with urllib.request.urlopen(urllib.request.Request(BASE + "/api/v1/uploads", form.encode(), kind)) as answer:
-    upload = json.load(answer)["id"]
+
+
+def uploaded():
+    with urllib.request.urlopen(urllib.request.Request(BASE + "/api/v1/uploads", form.encode(), kind)) as answer:
+        return json.load(answer)["id"]
+
+
+upload, unused = uploaded(), uploaded()
 rendering = {"upload": upload, "method": "render", "options": {"samples": 4}}
 rendered = call("POST", "/api/v1/reconstructions", rendering)["id"]
 finished(f"/api/v1/reconstructions/{rendered}", lambda r: r["state"] == "done")
@@ -61,6 +67,10 @@ parameters = {{ "path.id" = "{rendered}" }}
 [[operations]]
 include-path-regex = "/reconstructions/"
 parameters = {{ "path.id" = "{job}", "path.file" = "orientation.png" }}
+
+[[operations]]
+include-path-regex = "/uploads/.*id"
+parameters = {{ "path.id" = "{unused}" }}
 
 [[operations]]
 include-path-regex = "/charts/"

@@ -9,6 +9,7 @@ use nacre_base::temporary::sweep_all;
 use nacre_store::catalogue::{Catalogue, SessionRow};
 use nacre_store::jobs::{Jobs, Work};
 use rustix::fs::statvfs;
+use rustix::process::geteuid;
 use std::fs::DirBuilder;
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::DirBuilderExt;
@@ -144,7 +145,11 @@ impl Stores {
     /// Looks whether the disk is full.
     fn look(&self) {
         // What cannot be asked is not full.
-        let free = statvfs(&self.data).map_or(u64::MAX, |disk| disk.f_bavail.saturating_mul(disk.f_frsize));
+        let free = statvfs(&self.data).map_or(u64::MAX, |disk| {
+            // Part of a disk may be reserved for the administrator.
+            let blocks = if geteuid().is_root() { disk.f_bfree } else { disk.f_bavail };
+            blocks.saturating_mul(disk.f_frsize)
+        });
         let full = free < ROOM;
         if self.full.swap(full, Ordering::Relaxed) != full {
             match full {

@@ -91,6 +91,9 @@ impl Kind {
     }
 }
 
+/// Longest detail in characters.
+const LONGEST: usize = 4000;
+
 /// Remedies for what the system refuses.
 const FREE: &str = "delete sessions, reconstructions or uploads, or free space on that disk, then try again";
 const WRITABLE: &str = "mount it for writing, or name another data folder in the configuration of the service";
@@ -104,7 +107,9 @@ impl Problem {
     pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
         let (status, slug, title) = kind.parts();
         let kind = format!("https://nacre.invalid/problems/{slug}");
-        Self { kind, title, status: status.as_u16(), detail: without_folders(&detail.into()), remedy: None }
+        // It may quote a whole request.
+        let detail = without_folders(&detail.into()).chars().take(LONGEST).collect();
+        Self { kind, title, status: status.as_u16(), detail, remedy: None }
     }
 
     /// The system refused something: `subject` is the part of the request that failed.
@@ -249,5 +254,32 @@ impl From<PathRejection> for Problem {
 impl From<QueryRejection> for Problem {
     fn from(rejection: QueryRejection) -> Self {
         Self::bad(rejection.body_text())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rustix::io::Errno;
+
+    #[test]
+    fn what_the_system_refuses_is_named_with_a_remedy() {
+        for (error, status, words) in [
+            (Errno::NOSPC, 507, ["is full", "delete sessions"]),
+            (Errno::DQUOT, 507, ["is full", "free space"]),
+            (Errno::ROFS, 503, ["is read-only", "mount it for writing"]),
+            (Errno::MFILE, 503, ["too many files are open", "ulimit -n"]),
+            (Errno::NFILE, 503, ["too many files are open", "try again later"]),
+            (Errno::IO, 500, ["x cannot be written", "check the disk"]),
+        ] {
+            let error = Error::output(Path::new("/home/anna/x"), io::Error::from(error));
+            let problem = Problem::from(error);
+            let text = problem.to_string();
+            assert_eq!(problem.status, status, "{text}");
+            assert!(words.iter().all(|word| text.contains(word)) && !text.contains("anna"), "{text}");
+        }
+        let read = Error::file(Path::new("/a/x.png"), io::Error::from(Errno::MFILE), "give a photograph");
+        assert_eq!(Problem::from(read).status, 503);
+        assert_eq!(Problem::bad("é".repeat(10_000)).detail().chars().count(), LONGEST);
     }
 }

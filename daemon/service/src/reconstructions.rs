@@ -251,7 +251,7 @@ fn told(report: &[u8]) -> Option<serde_json::Value> {
 
 /// Asks for a reconstruction.
 #[utoipa::path(post, path = "/api/v1/reconstructions", tag = "reconstructions", operation_id = "reconstruct",
-    request_body = Request, params(("Idempotency-Key" = Option<String>, Header, description = "Ask once only")),
+    request_body = Request, params(("Idempotency-Key" = Option<String>, Header, description = "Ask once only", min_length = 1, max_length = 200)),
     responses((status = 202, body = Reconstruction, headers(("Location" = String, description = "The reconstruction"))),
         (status = 400, body = Problem), (status = 404, body = Problem), (status = 422, body = Problem)))]
 pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<Request>) -> Answer<Response> {

@@ -187,7 +187,7 @@ impl SessionDoc {
 
 /// Begins a session.
 #[utoipa::path(post, path = "/api/v1/sessions", tag = "sessions", operation_id = "begin_session",
-    request_body = PlanBody, params(("Idempotency-Key" = Option<String>, Header, description = "Begin it once only")),
+    request_body = PlanBody, params(("Idempotency-Key" = Option<String>, Header, description = "Begin it once only", min_length = 1, max_length = 200)),
     responses((status = 202, body = SessionDoc, headers(("Location" = String, description = "The session"))),
         (status = 400, body = Problem), (status = 409, body = Problem), (status = 422, body = Problem)))]
 pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<PlanBody>) -> Answer<Response> {
