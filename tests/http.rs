@@ -1,6 +1,6 @@
 //! A service process, and plain HTTP to it: every byte of a request is the test's.
 
-use crate::{Place, assert_gone, command};
+use crate::{NEVER, Place, assert_gone, command};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -132,7 +132,7 @@ impl Service {
             "{method} {path} HTTP/1.1\r\n{host}{lines}Content-Length: {}\r\nConnection: close\r\n\r\n",
             body.len()
         );
-        Answer::parse(&self.raw(&[head.as_bytes(), body].concat(), Duration::from_secs(30)))
+        Answer::parse(&self.raw(&[head.as_bytes(), body].concat(), 2 * NEVER))
     }
 
     pub fn get(&self, path: &str) -> Answer {
