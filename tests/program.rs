@@ -23,6 +23,7 @@ mod kills;
 mod limits;
 mod lut;
 mod manual;
+mod one_device;
 mod outside;
 mod page;
 mod panel;

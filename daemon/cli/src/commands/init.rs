@@ -6,7 +6,7 @@ use nacre_base::Error;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::engine::Hands;
-use nacre_capture::rig::{Rig, runtime};
+use nacre_capture::rig::{Rig, Uses, runtime};
 use nacre_capture::setup::BenchSection;
 use nacre_drivers::camera::{CameraConfig, CameraDriver, measure};
 use nacre_drivers::discovery::{Kind, Root, discover};
@@ -151,7 +151,7 @@ fn read<T: DeserializeOwned>(what: &str, driver: &str) -> Result<T, Error> {
 
 fn simulated(section: &BenchSection, console: &Console) -> Result<Trial, Failure> {
     let runtime = runtime()?;
-    let mut rig = Rig::open(&runtime, &place(section, true)?, console, &console.interrupted())?;
+    let mut rig = Rig::open(&runtime, &place(section, true)?, Uses::SESSION, console, &console.interrupted())?;
     let mut hands = Hands::new(&mut rig.devices);
     let (frame, _) = runtime.block_on(async {
         hands.expose(EXPOSURE, 1.0).await?;
