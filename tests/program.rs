@@ -33,5 +33,6 @@ mod renders;
 mod resume;
 mod service;
 mod spots;
+mod unfit_files;
 mod until;
 mod viewer;

@@ -4,6 +4,7 @@ use super::problem::{Answer, Problem};
 use axum::body::Body;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use nacre_base::input::{self, Unreadable};
 use std::path::{Component, Path, PathBuf};
 use tokio_util::io::ReaderStream;
 
@@ -50,6 +51,14 @@ fn walk(root: &Path, folder: &Path, depth: usize, files: &mut Vec<(String, u64)>
     }
 }
 
+/// Reads the `report.json` of a folder of results.
+///
+/// # Errors
+/// [`Unreadable`] for what is no file, or has more than 64 MiB.
+pub fn report(folder: &Path) -> Result<Vec<u8>, Unreadable> {
+    input::read(&folder.join("report.json"), 64 << 20)
+}
+
 /// Media type of a download that no browser is to look into.
 pub const BYTES: &str = "application/octet-stream";
 
@@ -58,7 +67,10 @@ pub const BYTES: &str = "application/octet-stream";
 /// # Errors
 /// `not-found` when it cannot be opened.
 pub async fn send(path: &Path, kind: &'static str) -> Answer<Response> {
-    let file = tokio::fs::File::open(path).await.map_err(|_| Problem::not_found("such file"))?;
+    let owned = path.to_owned();
+    let opened = tokio::task::spawn_blocking(move || input::open(&owned, u64::MAX)).await;
+    let file = opened.ok().and_then(Result::ok).ok_or_else(|| Problem::not_found("such file"))?;
+    let file = tokio::fs::File::from_std(file);
     let length = file.metadata().await.map(|m| m.len()).unwrap_or_default();
     let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || "._-".contains(*c)).collect();

@@ -2,6 +2,7 @@
 
 pub mod error;
 pub mod guard;
+pub mod input;
 pub mod least_squares;
 pub mod memory;
 pub mod numeric;
@@ -15,4 +16,4 @@ pub mod vectors;
 mod whole;
 
 pub use error::{Error, Result};
-pub use whole::{json, write_whole, write_whole_with};
+pub use whole::{json, rewrite, vacant, writable, write_whole, write_whole_with};

@@ -4,8 +4,8 @@
 use super::bench::BenchArgs;
 use crate::console::Console;
 use clap::Subcommand;
-use nacre_base::Error;
 use nacre_base::progress::Progress;
+use nacre_base::{Error, vacant};
 use nacre_capture::Failure;
 use nacre_capture::engine::{Control, Hands, Input, guarded};
 use nacre_capture::guardian::Guarded;
@@ -241,9 +241,7 @@ const WHITE: Pattern = Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 180.0
 
 /// Takes one fresh picture.
 pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
-    if args.out.exists() && !args.force {
-        return Err(Error::file(&args.out, "is already there", "choose another --out, or --force").into());
-    }
+    vacant(std::slice::from_ref(&args.out), args.force)?;
     let place = args.bench.place()?;
     let pattern = args.show.or_else(|| place.has_display().then_some(WHITE));
     let used = |used: bool| if used { Use::Always } else { Use::Never };

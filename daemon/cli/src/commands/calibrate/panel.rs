@@ -3,8 +3,7 @@
 use crate::commands::bench::BenchArgs;
 use crate::commands::manual::with_hands;
 use crate::console::Console;
-use nacre_base::Error;
-use nacre_brdf::output::vacant;
+use nacre_base::{Error, vacant};
 use nacre_capture::Failure;
 use nacre_capture::engine::{Hands, LEVELS, drawn_by, measure_panel};
 use nacre_capture::rig::{Use, Uses};
