@@ -59,7 +59,10 @@ impl DeviceLock {
 
     /// Who holds the device now.
     pub fn holder(id: &str, place: &str) -> Option<String> {
-        let mut file = File::open(lock_folder().join(file_name(id, place))).ok()?;
+        // Everybody may add to the folder, also a pipe, which is not to be waited for.
+        let flags = (rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK).bits().cast_signed();
+        let place = lock_folder().join(file_name(id, place));
+        let mut file = OpenOptions::new().read(true).custom_flags(flags).open(place).ok()?;
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => Some(holder(&mut file)),
             _ => None,

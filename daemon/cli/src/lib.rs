@@ -4,8 +4,10 @@ mod commands;
 mod console;
 mod leaks;
 
-use clap::{Parser, Subcommand};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::Console;
+use nacre_base::input;
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// The command line of this process.
@@ -103,11 +105,29 @@ enum Command {
     Job,
 }
 
+/// Arguments that name what a command writes, or reads and goes on with.
+const OUTPUTS: [&str; 4] = ["out", "gallery", "keep", "data"];
+
+/// Values of all other arguments: each may be an input.
+fn inputs(command: &clap::Command, matches: &ArgMatches) -> Vec<OsString> {
+    if let Some((name, inner)) = matches.subcommand() {
+        return command.find_subcommand(name).map_or(vec![], |command| inputs(command, inner));
+    }
+    let arguments = command.get_arguments().filter(|a| a.get_action().takes_values());
+    let ids = arguments.map(|a| a.get_id().as_str()).filter(|id| !OUTPUTS.contains(id));
+    ids.flat_map(|id| matches.try_get_raw(id).ok().flatten().into_iter().flatten()).map(OsString::from).collect()
+}
+
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let command = Cli::command();
+    let matches = command.clone().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     if let Command::Guardian(args) = &cli.command {
         return commands::manual::guardian(args);
+    }
+    if !matches!(cli.command, Command::Serve(_)) {
+        input::remember(inputs(&command, &matches));
     }
     nacre_base::numeric::flush_subnormals();
     nacre_base::contained::register();

@@ -5,7 +5,7 @@ use figment::Figment;
 use figment::error::Kind;
 use figment::providers::{Env, Serialized};
 use nacre_base::Error;
-use nacre_base::text::from_toml;
+use nacre_base::text::{from_toml, read_text};
 use nacre_capture::setup::BenchSection;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -128,13 +128,10 @@ impl Config {
         let mut figment = Figment::from(Serialized::defaults(Self::default()));
         if let Some(path) = path {
             const LIMIT: u64 = 1 << 20;
-            let bad = |problem: String| Error::file(path, problem, "give a configuration that `nacre init` made");
-            let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
-            if size > LIMIT {
-                return Err(bad(format!("has {size} bytes, at most {LIMIT} are read")));
-            }
-            let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-            figment = figment.merge(Serialized::defaults(from_toml::<toml::Table>(&text).map_err(bad)?));
+            let remedy = "give a configuration that `nacre init` made";
+            let text = read_text(path, LIMIT, remedy)?;
+            let table: toml::Table = from_toml(&text).map_err(|problem| Error::file(path, problem, remedy))?;
+            figment = figment.merge(Serialized::defaults(table));
         }
         let config: Self =
             figment.merge(Env::prefixed("NACRE_SERVE_").split("__")).extract().map_err(|e| explain(path, e))?;

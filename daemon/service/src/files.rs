@@ -1,12 +1,15 @@
 //! Files of sessions and results: only what lies inside, streamed.
 
+use super::blocking;
 use super::paths::without_folders;
 use super::problem::{Answer, Problem};
 use axum::body::Body;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use nacre_base::input::{self, Unreadable};
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
+use tokio::io::AsyncReadExt;
 use tokio_util::io::ReaderStream;
 
 /// Deepest folder that is listed.
@@ -52,29 +55,47 @@ fn walk(root: &Path, folder: &Path, depth: usize, files: &mut Vec<(String, u64)>
     }
 }
 
+/// Reads the `report.json` of a folder of results.
+///
+/// # Errors
+/// [`Unreadable`] for what is no file, or has more than 64 MiB.
+pub fn report(folder: &Path) -> Result<Vec<u8>, Unreadable> {
+    input::read(&folder.join(REPORT), LARGEST_REPORT)
+}
+
 /// Media type of a download that no browser is to look into.
 pub const BYTES: &str = "application/octet-stream";
 
 /// What a result says about itself.
 const REPORT: &str = "report.json";
 
+/// Most bytes of a report.
+const LARGEST_REPORT: u64 = 64 << 20;
+
 /// Streams a file as a download.
 ///
 /// # Errors
 /// `not-found` when it is not there any more; as the system answers when it cannot be opened.
 pub async fn send(path: &Path, kind: &'static str) -> Answer<Response> {
-    let refused = |error: std::io::Error| match error.kind() {
-        ErrorKind::NotFound => Problem::not_found("such file"),
-        _ => Problem::refused("the file cannot be read", &error),
+    let refused = |error: Unreadable| match error {
+        Unreadable::System(error) if error.kind() != ErrorKind::NotFound => {
+            Problem::refused("the file cannot be read", &error)
+        }
+        _ => Problem::not_found("such file"),
     };
-    if path.ends_with(REPORT) {
+    let (owned, is_report) = (path.to_owned(), path.ends_with(REPORT));
+    let most = if is_report { LARGEST_REPORT } else { u64::MAX };
+    let opened = blocking(move || Ok(input::open(&owned, most))).await?;
+    let mut file = tokio::fs::File::from_std(opened.map_err(refused)?);
+    if is_report {
         // Reports name the files that they were made of, with their folders.
-        let text = tokio::fs::read_to_string(path).await.map_err(refused)?;
+        let mut text = String::new();
+        let read = file.read_to_string(&mut text).await;
+        read.map_err(|error| refused(Unreadable::System(error)))?;
         let headers =
             [(header::CONTENT_TYPE, kind), (header::CONTENT_DISPOSITION, "attachment; filename=\"report.json\"")];
         return Ok((headers, without_folders(&text)).into_response());
     }
-    let file = tokio::fs::File::open(path).await.map_err(refused)?;
     let length = file.metadata().await.map(|m| m.len()).unwrap_or_default();
     let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || "._-".contains(*c)).collect();

@@ -6,7 +6,7 @@ use axum::Json;
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, Request};
 use axum::http::{HeaderName, header};
-use nacre_base::write_whole;
+use nacre_base::{input, write_whole};
 use nacre_capture::session::sha256;
 use serde::de::DeserializeOwned;
 use std::collections::VecDeque;
@@ -18,6 +18,9 @@ use tokio::sync::OwnedMutexGuard;
 
 /// Keys that are remembered.
 const KEPT: usize = 1024;
+
+/// Most bytes of the file that are read: half a million keys in one life of the service, 160 bytes each.
+const LARGEST: u64 = 64 << 20;
 
 /// Longest key in characters.
 const LONGEST: usize = 200;
@@ -88,7 +91,8 @@ impl Keys {
     /// With the keys that earlier runs of the service left in the data folder.
     pub fn open(data: &Path) -> Self {
         let file = data.join(FILE);
-        let text = std::fs::read_to_string(&file).unwrap_or_default();
+        let text =
+            input::read(&file, LARGEST).map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).unwrap_or_default();
         let lines: Vec<&str> = text.lines().filter(|line| read(line).is_some()).collect();
         let newest = &lines[lines.len().saturating_sub(KEPT)..];
         let kept: String = newest.iter().map(|line| format!("{line}\n")).collect();

@@ -1,5 +1,6 @@
 //! Maps as pictures, tables and NumPy arrays.
 
+use super::files;
 use super::heavy::Plane;
 use super::problem::{Answer, Problem};
 use nacre_image::{MASKED, Palette, Rgb, Samples, encode_png8, read, read_exr_channel, viridis};
@@ -75,7 +76,7 @@ pub fn palette(folder: &Path) -> Palette {
     struct Report {
         palette: Palette,
     }
-    let report = std::fs::read(folder.join("report.json")).ok();
+    let report = files::report(folder).ok();
     report.and_then(|bytes| serde_json::from_slice(&bytes).ok()).map_or(Palette::Hsv, |report: Report| report.palette)
 }
 

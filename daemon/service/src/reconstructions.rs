@@ -4,7 +4,7 @@ use super::keys::Keyed;
 use super::paths::without_folders;
 use super::problem::{Answer, Kind, Problem};
 use super::work::result_folder;
-use super::{App, At, Params, events, methods};
+use super::{App, At, Params, events, files, methods};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -199,9 +199,9 @@ impl App {
     }
 
     fn describe(&self, job: Job, with_report: bool) -> Reconstruction {
-        let report = self.result_folder(&job.id).join("report.json");
+        let folder = self.result_folder(&job.id);
         let so_far = if job.state == JobState::Running { self.renders.of(&job.id).map(|g| g.so_far) } else { None };
-        let report = if with_report && job.state == JobState::Done { std::fs::read(report).ok() } else { None };
+        let report = if with_report && job.state == JobState::Done { files::report(&folder).ok() } else { None };
         Reconstruction {
             id: job.id,
             session: job.session,
@@ -223,7 +223,7 @@ impl App {
     /// A session's own results as a reconstruction.
     fn own_results(&self, id: &str) -> Answer<Option<Reconstruction>> {
         let folder = self.session_folder(id)?;
-        let Ok(bytes) = std::fs::read(folder.join("results/report.json")) else { return Ok(None) };
+        let Ok(bytes) = files::report(&folder.join("results")) else { return Ok(None) };
         let session = nacre_capture::session::SessionFile::read(&folder).ok();
         Ok(Some(Reconstruction {
             id: id.to_owned(),

@@ -85,7 +85,7 @@ struct Shown {
 
 fn exposed(folder: &Path, stops: f64) -> Answer<Vec<u8>> {
     let internal = |e: String| Problem::new(Kind::Internal, format!("the result cannot be read: {e}"));
-    let report = std::fs::read(folder.join("report.json")).map_err(|e| internal(e.to_string()))?;
+    let report = files::report(folder).map_err(|e| internal(e.to_string()))?;
     let Shown { size, exposure } = serde_json::from_slice(&report).map_err(|e| internal(e.to_string()))?;
     if size[0].saturating_mul(size[1]) > MOST_PIXELS {
         return Err(Problem::bad("the picture has more than 4 Mpixel").remedy("expose render.exr elsewhere"));

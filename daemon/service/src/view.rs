@@ -199,7 +199,7 @@ fn scene(folder: &Path, look: &Look) -> Answer<Scene> {
 
 /// Whether the periods of a result are an order and no lengths, as its report says.
 fn heuristic(folder: &Path) -> bool {
-    let report = std::fs::read(folder.join("report.json")).unwrap_or_default();
+    let report = files::report(folder).unwrap_or_default();
     let report: serde_json::Value = serde_json::from_slice(&report).unwrap_or_default();
     report["period"]["heuristic"] == true
 }

@@ -3,6 +3,7 @@
 pub mod contained;
 pub mod error;
 pub mod guard;
+pub mod input;
 pub mod least_squares;
 pub mod memory;
 pub mod numeric;
@@ -17,4 +18,4 @@ pub mod vectors;
 mod whole;
 
 pub use error::{Error, Result};
-pub use whole::{json, write_whole, write_whole_with};
+pub use whole::{json, rewrite, vacant, writable, write_whole, write_whole_with};

@@ -1,12 +1,12 @@
 //! A single file that appears whole or not at all.
 
-use std::fs::{self, File, Permissions};
+use std::fs::{self, File, Metadata, Permissions};
 use std::io;
 use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use crate::{Error, Result, temporary};
+use crate::{Error, Result, input, temporary};
 use serde::Serialize;
 
 /// Plain data, with string keys, as the text of a JSON file.
@@ -17,10 +17,10 @@ pub fn json(data: &impl Serialize) -> String {
 
 /// Writes a file so that its name always leads to the whole old contents or the whole new ones, even if power fails: into a
 /// temporary file beside it ([`crate::temporary`]), which is synced and then renamed. A new file has the permissions of any new file; one that is
-/// replaced keeps its own. A link is followed, and what is no file, such as `/dev/stdout`, is written to directly.
+/// replaced keeps its own. A link is followed.
 ///
 /// # Errors
-/// `Error::Output` when the system refuses; a file that was there is as it was.
+/// As [`writable`]; `Error::Output` when the system refuses. A file that was there is as it was.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let write = |file: &Path| fs::write(file, bytes).map_err(|error| Error::output(path, error));
     write_whole_with(path, write)
@@ -31,14 +31,65 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
 /// # Errors
 /// As [`write_whole`], and those of `write`.
 pub fn write_whole_with(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    writable(path)?;
+    rewrite(path, write)
+}
+
+/// As [`write_whole_with`], for a file that a command reads in order to write it anew.
+///
+/// # Errors
+/// `Error::Input` for what is no regular file; `Error::Output` when the system refuses; those of `write`.
+pub fn rewrite(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let failed = |error: io::Error| Error::output(path, error);
     let old = fs::metadata(path).ok();
-    if old.as_ref().is_some_and(|old| !old.is_file()) {
-        return write(path);
-    }
+    old.as_ref().map_or(Ok(()), |old| regular(path, old))?;
     let (file, target) = beside(path, old.is_some()).map_err(failed)?;
     write(file.path())?;
-    place(file, &target, old.map(|old| old.permissions())).map_err(failed)
+    let written = file.as_file().metadata().map_err(failed)?;
+    place(file, &target, old.map(|old| old.permissions())).map_err(failed)?;
+    input::forget(&written);
+    Ok(())
+}
+
+/// Checks that a file may be written here, as far as the present contents go: nothing, or a regular file that is no input of this
+/// process under any of its names.
+///
+/// # Errors
+/// `Error::Input` for folders, devices and pipes, and for an input of this process.
+pub fn writable(path: &Path) -> Result<()> {
+    let Ok(found) = fs::metadata(path) else { return Ok(()) };
+    regular(path, &found)?;
+    if input::is_input(&found) {
+        return Err(Error::file(path, "is an input of this command, which it would destroy", "choose another --out"));
+    }
+    Ok(())
+}
+
+fn regular(path: &Path, found: &Metadata) -> Result<()> {
+    let refused = |kind| Error::file(path, format!("is a {kind}, not a regular file"), "choose another --out");
+    input::kind(found).map_or(Ok(()), |kind| Err(refused(kind)))
+}
+
+/// Refuses to replace files that are there, unless `overwrite` says so, and whatever is not [`writable`]; folders that are not
+/// there, and one file for two outputs.
+///
+/// # Errors
+/// `Error::Input` for the first of them.
+pub fn vacant(paths: &[PathBuf], overwrite: bool) -> Result<()> {
+    for (k, path) in paths.iter().enumerate() {
+        if paths[..k].contains(path) {
+            return Err(Error::file(path, "would be written twice", "give --out the ending that the help shows"));
+        }
+        writable(path)?;
+        if path.exists() && !overwrite {
+            return Err(Error::file(path, "is already there", "choose another --out or add --force"));
+        }
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+        if let Some(folder) = folder.filter(|f| !f.is_dir()) {
+            return Err(Error::file(folder, "is no folder", "make it first, or choose another --out"));
+        }
+    }
+    Ok(())
 }
 
 /// An empty temporary file in the folder of `path`, and the path to move it to.

@@ -9,7 +9,7 @@ use nacre_base::{Error, Result};
 use nacre_image::{Attribute, encode_png8, scalar_picture, write_exr, write_whole, write_whole_with};
 use nacre_optics::color::displayed;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Colour of directions below the surface, and brightness of the picture's reference, of white before it is compressed.
 const BELOW: [u8; 3] = [58, 58, 66];
@@ -17,26 +17,6 @@ const KEY: f32 = 0.6;
 
 /// Rows of a table, at most.
 const MOST_ROWS: usize = 20_000_000;
-
-/// Refuses to replace files that are there, folders that are not, and one file for two things.
-///
-/// # Errors
-/// `Input` for the first of them; files are replaced where `overwrite` says so.
-pub fn vacant(paths: &[PathBuf], overwrite: bool) -> Result<()> {
-    for (k, path) in paths.iter().enumerate() {
-        if paths[..k].contains(path) {
-            return Err(Error::file(path, "would be written twice", "give --out the ending that the help shows"));
-        }
-        if path.exists() && !overwrite {
-            return Err(Error::file(path, "exists", "choose another --out or add --force"));
-        }
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-        if let Some(folder) = folder.filter(|f| !f.is_dir()) {
-            return Err(Error::file(folder, "is no folder", "make it first, or choose another --out"));
-        }
-    }
-    Ok(())
-}
 
 /// Writes a map as an EXR (X, Y, Z).
 ///

@@ -1,12 +1,13 @@
 //! How a photograph was exposed, as its Exif tags say.
 
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
+use super::raster::MAX_BYTES;
 use super::read::taken;
 use exif::{In, Reader, Tag, Value};
 use nacre_base::guard::guarded;
+use nacre_base::input;
 
 /// Most bytes of a file that are searched for tags.
 const SEARCHED: u64 = 256 << 20;
@@ -48,7 +49,7 @@ pub fn exposure(path: &Path) -> Option<Exposure> {
 
 /// Reads the Exif tags of a file and applies a function to them.
 fn tags<T>(path: &Path, take: impl FnOnce(&exif::Exif) -> Option<T>) -> Option<T> {
-    let file = File::open(path).ok().filter(|f| f.metadata().is_ok_and(|m| m.is_file()))?;
+    let file = input::open(path, MAX_BYTES).ok()?;
     let decode = || take(&Reader::new().read_from_container(&mut BufReader::new(file.take(SEARCHED))).ok()?);
     // Tags that no decoder reads are as good as none.
     guarded(decode).ok().flatten()

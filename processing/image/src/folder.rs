@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use nacre_base::temporary::{TemporaryFolder, sweep};
-use nacre_base::{Error, Result};
+use nacre_base::{Error, Result, writable};
 
 /// Results are collected in a hidden folder beside (or, on another file system, inside) the final one and put in
 /// place by [`OutputFolder::commit`]. Dropped without commit, nothing stays behind; what a killed process left is removed by the
@@ -125,9 +125,13 @@ impl OutputFolder {
     /// file by file (no file is ever seen half-written).
     ///
     /// # Errors
-    /// `Error::Output` when the system refuses; `Error::Input` when someone else has filled `out` meanwhile.
+    /// `Error::Output` when the system refuses; `Error::Input` when someone else has filled `out` meanwhile, and where a file
+    /// would replace an input of this process or what is no regular file.
     pub fn commit(mut self) -> Result<()> {
         let Some(temporary) = self.temporary.take() else { return Ok(()) };
+        if self.piecewise {
+            may_be_replaced(temporary.path(), &self.out)?;
+        }
         let placed = sync(temporary.path()).and_then(|()| self.place(temporary.path()));
         match placed {
             Ok(()) => {
@@ -195,6 +199,21 @@ fn sync(folder: &Path) -> io::Result<()> {
 
 fn sync_one(path: &Path) -> io::Result<()> {
     File::open(path)?.sync_all()
+}
+
+/// Checks every file of `to` that one below `from` is to replace, before any is replaced.
+fn may_be_replaced(from: &Path, to: &Path) -> Result<()> {
+    let failed = |error| Error::output(to, error);
+    for entry in fs::read_dir(from).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let target = to.join(entry.file_name());
+        if entry.file_type().map_err(failed)?.is_dir() {
+            may_be_replaced(&entry.path(), &target)?
+        } else {
+            writable(&target)?
+        }
+    }
+    Ok(())
 }
 
 /// Moves every file below `from` to its place below `to`.

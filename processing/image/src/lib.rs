@@ -53,7 +53,7 @@ pub use homography::{homography, mapped};
 pub use interpolation::catmull_rom;
 pub use light::{Light, read_light};
 pub use listing::{list, photograph_in, photographs};
-pub use nacre_base::{json, write_whole, write_whole_with};
+pub use nacre_base::{json, rewrite, write_whole, write_whole_with};
 pub use openexr::{ExrMap, read_exr, read_exr_channel};
 pub use palette::{ColorTable, MASKED, Palette};
 pub use picture::{orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis};

@@ -8,26 +8,22 @@ use super::fault::{Decoded, Fault, RENEW};
 use super::raster::MAX_BYTES;
 use nacre_base::Result;
 use nacre_base::guard::guarded;
+use nacre_base::input::{self, Unreadable};
 
 /// An open image file, at its start.
 pub(super) type Source = BufReader<File>;
 
 /// Opens a regular, not empty, not gigantic file.
 pub(super) fn open(path: &Path) -> Decoded<Source> {
-    let meta = std::fs::metadata(path)?;
-    if meta.is_dir() {
-        return Err(Fault::unusable("is a folder, not an image", "name one image file"));
-    }
-    if !meta.is_file() {
-        return Err(Fault::unusable("is not a regular file", "name an image file"));
-    }
-    if meta.len() == 0 {
+    let file = input::open(path, MAX_BYTES).map_err(|error| match error {
+        Unreadable::System(error) => error.into(),
+        Unreadable::NotAFile(_) => Fault::unusable(error, "name one image file"),
+        Unreadable::TooLarge { .. } => Fault::too_large(format!("is larger than {} GiB", MAX_BYTES >> 30)),
+    })?;
+    if file.metadata()?.len() == 0 {
         return Err(Fault::unusable("is empty", RENEW));
     }
-    if meta.len() > MAX_BYTES {
-        return Err(Fault::too_large(format!("is larger than {} GiB", MAX_BYTES >> 30)));
-    }
-    Ok(BufReader::with_capacity(1 << 16, File::open(path)?))
+    Ok(BufReader::with_capacity(1 << 16, file))
 }
 
 /// Runs a decoder on the file at `path`; its panic is damage of the file, like any other.

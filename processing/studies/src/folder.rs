@@ -5,9 +5,10 @@ use super::plan::Plan;
 use super::runner::measure;
 use super::summary::{Summary, summarize};
 use super::{Study, overview, picture, png_from_svg, tables};
+use nacre_base::input::{self, Unreadable};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
-use nacre_image::write_whole;
+use nacre_image::{rewrite, write_whole};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
@@ -133,11 +134,15 @@ pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
         });
     }
     let json = serde_json::to_vec_pretty(&charted).map_err(std::io::Error::from);
-    write_whole(&out.join("charts.json"), &json.map_err(|e| Error::output(out, e))?)?;
+    let (json, path) = (json.map_err(|e| Error::output(out, e))?, out.join("charts.json"));
+    rewrite(&path, |file| fs::write(file, json).map_err(|e| Error::output(&path, e)))?;
     let entries: Vec<Entry> = charted.charts.iter().map(Entry::from).collect();
     write_whole(&out.join("index.html"), html(&entries).as_bytes())?;
     Ok(charted)
 }
+
+/// Largest `charts.json` that is read, in bytes.
+const MAX_CATALOGUE: u64 = 64 << 20;
 
 /// What a folder of charts holds; nothing when it has no `charts.json`.
 ///
@@ -145,11 +150,11 @@ pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
 /// When the file cannot be read or is something else.
 pub fn catalogue(folder: &Path) -> Result<Charted> {
     let path = folder.join("charts.json");
-    match fs::read(&path) {
+    match input::read(&path, MAX_CATALOGUE) {
         Ok(bytes) => serde_json::from_slice(&bytes)
             .map_err(|e| Error::file(&path, format!("is no list of charts ({e})"), "choose another --out")),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Charted::default()),
-        Err(e) => Err(Error::file(&path, e, "check its permissions")),
+        Err(Unreadable::System(e)) if e.kind() == std::io::ErrorKind::NotFound => Ok(Charted::default()),
+        Err(e) => Err(Error::file(&path, e, "check its permissions, or choose another --out")),
     }
 }
 

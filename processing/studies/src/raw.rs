@@ -2,7 +2,7 @@
 //! killed program leaves it, is cut.
 
 use super::{Machine, Outcome, Plan, Study};
-use nacre_base::{Error, Result};
+use nacre_base::{Error, Result, writable};
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -32,6 +32,9 @@ struct Header {
     scenes: Vec<String>,
 }
 
+/// Largest file of measurements that is read, in bytes.
+const MAX_BYTES: u64 = 1 << 30;
+
 /// The open file, locked against a second program.
 pub(super) struct RawFile {
     file: File,
@@ -43,6 +46,8 @@ impl RawFile {
     /// Opens or begins the file of a study.
     pub fn open(path: &Path, study: &Study, plan: &Plan) -> Result<Self> {
         let refused = |e| Error::output(path, e);
+        // A pipe or a device would be read without end.
+        writable(path)?;
         let mut file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(refused)?;
         match file.try_lock() {
             Ok(()) => {}
@@ -52,7 +57,11 @@ impl RawFile {
             Err(TryLockError::Error(e)) => return Err(refused(e)),
         }
         let mut bytes = vec![];
-        file.read_to_end(&mut bytes).map_err(refused)?;
+        (&mut file).take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(refused)?;
+        if bytes.len() as u64 > MAX_BYTES {
+            let problem = format!("has more than the {MAX_BYTES} bytes that are read");
+            return Err(Error::file(path, problem, "choose another --out, or measure anew with --force"));
+        }
         let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |at| at + 1);
         file.set_len(whole as u64).map_err(refused)?;
         file.seek(SeekFrom::End(0)).map_err(refused)?;

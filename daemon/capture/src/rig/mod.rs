@@ -1,13 +1,16 @@
 //! Opens the devices of a bench, each on its own thread, locked against other processes.
 
+mod absent;
+mod describe;
 mod sources;
 mod terminal;
+mod uses;
 
 use crate::engine::{Devices, Watch};
 use crate::failure::Failure;
 use crate::page::Link;
-use crate::plan::Limits;
 use crate::setup::{BenchSection, Setup};
+use absent::Absent;
 use nacre_base::Error;
 use nacre_base::progress::Progress;
 use nacre_drivers::{
@@ -15,13 +18,15 @@ use nacre_drivers::{
     StageHandle,
 };
 use nacre_frames::Distances;
-use nacre_sim::socket::RemoteBench;
-use nacre_sim::{Bench, BenchConfig, Devices as Simulated, SharedBench, SimDevice, describe};
+use nacre_sim::{Bench, BenchConfig, Devices as Simulated, SharedBench};
 use sources::Sources;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 use tokio::runtime::Runtime;
+
+pub use describe::Described;
+pub use uses::{Use, Uses};
 
 /// How often somebody asked for the end.
 pub type Stop = Arc<AtomicU32>;
@@ -77,24 +82,6 @@ impl Place {
         SimulatedBench::Here { config: Box::new(config), real_time: false }.into()
     }
 
-    /// What the devices can do. Those of this machine are opened for it, for a moment.
-    ///
-    /// # Errors
-    /// Nobody listens at the socket; a device cannot be opened or belongs to another process.
-    pub fn limits(&self) -> DeviceResult<Limits> {
-        let simulated = match &self.simulated {
-            Some(SimulatedBench::Here { config, .. }) => Some(describe(config)),
-            Some(SimulatedBench::Socket(path)) => {
-                Some(SimDevice::new(Box::new(RemoteBench::connect(path)?))?.devices().clone())
-            }
-            None => None,
-        };
-        let _locks = self.section.lock()?;
-        sources::limits(&self.section, simulated)
-    }
-}
-
-impl Place {
     /// Optics and distances, as far as they are known without opening anything.
     pub fn setup(&self) -> Setup {
         match &self.simulated {
@@ -121,62 +108,86 @@ impl From<SimulatedBench> for Place {
 }
 
 impl Rig {
-    /// Opens all devices; a person who turns the analyser is asked until `stop` counts.
+    /// Opens the devices that are used; a person who turns the analyser is asked until `stop` counts. Commands to the other
+    /// devices fail.
     ///
     /// # Errors
-    /// A device cannot be opened or belongs to another process; `Cancelled` while a bench is built.
-    pub fn open(runtime: &Runtime, place: &Place, progress: &dyn Progress, stop: &Stop) -> Result<Self, Failure> {
-        let mut locks = place.section.lock()?;
+    /// The configuration lacks a device that is needed; a device cannot be opened or belongs to another process; `Cancelled`
+    /// while a bench is built.
+    pub fn open(
+        runtime: &Runtime,
+        place: &Place,
+        uses: Uses,
+        progress: &dyn Progress,
+        stop: &Stop,
+    ) -> Result<Self, Failure> {
+        place.require(uses)?;
+        let section = place.section.only(uses);
+        let mut locks = section.lock()?;
         let mut sources = match &place.simulated {
             Some(SimulatedBench::Here { config, real_time }) => {
                 let bench = Bench::new(config, progress)?;
                 let bench = if *real_time { SharedBench::real_time(bench) } else { SharedBench::new(bench) };
-                Sources::beside(&place.section, bench, stop)
+                Sources::beside(&section, bench, stop)
             }
             Some(SimulatedBench::Socket(path)) => {
-                let sources = Sources::with_socket(&place.section, path, stop)?;
-                locks.extend(sources.lock_simulated(path)?);
+                let sources = Sources::with_socket(&section, path, stop)?;
+                locks.extend(sources.lock_simulated(path, uses)?);
                 sources
             }
-            None => Sources::real(&place.section, stop),
+            None => Sources::real(&section, stop),
         };
         sources.page = place.page.clone();
-        Ok(runtime.block_on(open(sources, locks))?)
+        let has = place.has();
+        let used = [uses.stage, uses.camera, uses.display, uses.flash].map(|used| used != Use::Never);
+        let opens = std::array::from_fn(|k| used[k] && has[k]);
+        Ok(runtime.block_on(open(sources, opens, locks))?)
     }
 }
 
-async fn open(sources: Sources, locks: Vec<DeviceLock>) -> DeviceResult<Rig> {
-    let stage = StageHandle::start(sources.stage()?, sources.patience(sources.section.stage.is_some())).await?;
-    let camera = CameraHandle::start(sources.camera()?, sources.patience(sources.section.camera.is_some())).await?;
-    let display = DisplayHandle::start(sources.display()?, sources.patience(sources.section.display.is_some())).await?;
-    let panel_mm = display.describe().size_mm;
-    let flash = match sources.flash()? {
-        Some(flash) => Some(FlashHandle::start(flash, sources.patience(sources.section.flash.is_some())).await?),
-        None => None,
-    };
-    let mut ids = vec![stage.describe().id, camera.describe().id, display.describe().id];
-    ids.extend(flash.as_ref().map(|f| f.describe().id));
-    let watch = match sources.interlock() {
-        Some(door) => Watch::new(vec![Box::new(InterlockHandle::start(door, sources.patience(false)).await?)]),
-        None => Watch::default(),
-    };
-    let devices = Devices {
-        stage: Box::new(stage),
-        camera: Box::new(camera),
-        display: Box::new(display),
-        flash: flash.map(|f| Box::new(f) as Box<dyn Flash>),
-    };
-    let simulated = sources.simulated.as_ref().filter(|_| !sources.section.has_real_camera());
-    Ok(Rig {
-        devices,
-        watch,
-        ids,
-        setup: Setup { panel_mm: Some(panel_mm), ..simulated.map_or_else(|| sources.section.optics.setup(), setup) },
-        config: simulated.map(|s| s.bench.clone()),
+/// Opens stage, camera, display and flash as `opens` says, in this order.
+async fn open(sources: Sources, opens: [bool; 4], locks: Vec<DeviceLock>) -> DeviceResult<Rig> {
+    let mut rig = Rig {
+        devices: Devices { stage: Box::new(Absent), camera: Box::new(Absent), display: Box::new(Absent), flash: None },
+        watch: Watch::default(),
+        ids: vec![],
+        setup: Setup::default(),
         section: sources.section.has_real_device().then(|| sources.section.clone()),
-        bench: sources.bench,
+        config: None,
+        bench: None,
         locks,
-    })
+    };
+    let section = &sources.section;
+    let [stage, camera, display, flash] = opens;
+    if stage {
+        let stage = StageHandle::start(sources.stage()?, sources.patience(section.stage.is_some())).await?;
+        rig.ids.push(stage.describe().id);
+        rig.devices.stage = Box::new(stage);
+    }
+    if camera {
+        let camera = CameraHandle::start(sources.camera()?, sources.patience(section.camera.is_some())).await?;
+        rig.ids.push(camera.describe().id);
+        rig.devices.camera = Box::new(camera);
+    }
+    let simulated = sources.simulated.as_ref().filter(|_| !section.has_real_camera());
+    rig.setup = simulated.map_or_else(|| section.optics.setup(), setup);
+    rig.config = simulated.map(|s| s.bench.clone());
+    if display {
+        let display = DisplayHandle::start(sources.display()?, sources.patience(section.display.is_some())).await?;
+        rig.ids.push(display.describe().id);
+        rig.setup.panel_mm = Some(display.describe().size_mm);
+        rig.devices.display = Box::new(display);
+    }
+    if flash && let Some(connect) = sources.flash()? {
+        let flash = FlashHandle::start(connect, sources.patience(section.flash.is_some())).await?;
+        rig.ids.push(flash.describe().id);
+        rig.devices.flash = Some(Box::new(flash));
+    }
+    if let Some(door) = sources.interlock() {
+        rig.watch = Watch::new(vec![Box::new(InterlockHandle::start(door, sources.patience(false)).await?)]);
+    }
+    rig.bench = sources.bench;
+    Ok(rig)
 }
 
 /// Optics and distances of a simulated bench.

@@ -1,10 +1,9 @@
 //! Where each device of a bench comes from: how it is opened, and again after its link was lost.
 
-use super::Stop;
 use super::terminal::Terminal;
+use super::{Stop, Use, Uses};
 use crate::guardian::{Guarded, GuardedFlash};
 use crate::page::{Link, PagePanel};
-use crate::plan::Limits;
 use crate::setup::BenchSection;
 use nacre_drivers::display::{DisplayConfig, DisplayDriver};
 use nacre_drivers::stage::{Mounted, StageDriver};
@@ -88,20 +87,21 @@ impl Sources {
         })
     }
 
-    /// Takes the locks of the simulated devices that take part: others may have the bench's other devices.
+    /// Takes the locks of the simulated devices that are used: others may have the bench's other devices.
     ///
     /// # Errors
     /// `Setup`, naming the holder.
-    pub fn lock_simulated(&self, socket: &Path) -> DeviceResult<Vec<DeviceLock>> {
+    pub fn lock_simulated(&self, socket: &Path, uses: Uses) -> DeviceResult<Vec<DeviceLock>> {
         let Some(all) = &self.simulated else { return Ok(vec![]) };
         let place = socket.canonicalize().unwrap_or_else(|_| socket.to_path_buf()).to_string_lossy().into_owned();
         let parts = [
-            (&all.stage.id, self.section.stage.is_some() && !self.section.by_hand()),
-            (&all.camera.id, self.section.camera.is_some()),
-            (&all.display.id, self.section.display.is_some()),
-            (&all.flash.id, self.section.flash.is_some()),
+            (&all.stage.id, uses.stage, self.section.stage.is_none() || self.section.by_hand()),
+            (&all.camera.id, uses.camera, self.section.camera.is_none()),
+            (&all.display.id, uses.display, self.section.display.is_none()),
+            (&all.flash.id, uses.flash, self.section.flash.is_none()),
         ];
-        parts.into_iter().filter(|p| !p.1).map(|(id, _)| DeviceLock::take(id, &place)).collect()
+        let used = parts.into_iter().filter(|(_, used, simulated)| *used != Use::Never && *simulated);
+        used.map(|(id, ..)| DeviceLock::take(id, &place)).collect()
     }
 
     /// How long a lost link may take: on the clock on the wall for what is plugged in somewhere, on the bench's otherwise.
@@ -208,72 +208,11 @@ impl Sources {
     }
 }
 
-/// What the devices of a section can do, with simulated ones in place of those that are not described.
-///
-/// # Errors
-/// A device cannot be opened, or is neither described nor simulated.
-pub fn limits(section: &BenchSection, simulated: Option<Devices>) -> DeviceResult<Limits> {
-    let clock: Arc<dyn Clock> = Arc::new(SystemClock);
-    let simulated = simulated.as_ref();
-    let stage = match section.stage.as_ref().and_then(|s| s.open(&clock)) {
-        Some(opened) => opened?.describe(),
-        None if section.by_hand() => HandStage::info(),
-        None => {
-            let axis = simulated.map(|s| s.stage.clone()).ok_or_else(|| missing("stage"))?;
-            match &section.stage {
-                Some(config) => config.mounting.seen(axis),
-                None => axis,
-            }
-        }
-    };
-    let camera = match section.camera.as_ref().and_then(|c| c.open(&clock)) {
-        Some(opened) => opened?.describe(),
-        None => simulated.map(|s| s.camera.clone()).ok_or_else(|| missing("camera"))?,
-    };
-    let display = match section.display.as_ref().and_then(|d| d.open(&clock)) {
-        Some(opened) => opened?.describe(),
-        None if let Some(DisplayDriver::Page { size_mm }) = section.display.as_ref().map(|d| &d.driver) => {
-            PagePanel::info(*size_mm)
-        }
-        None => simulated.map(|s| s.display.clone()).ok_or_else(|| missing("display"))?,
-    };
-    let flash = match section.flash.as_ref().and_then(|f| f.open(&clock)) {
-        Some(opened) => Some(opened?.describe()),
-        None => simulated.map(|s| s.flash.clone()),
-    };
-    Ok(Limits { stage, camera, display, flash })
-}
-
-fn missing(what: &str) -> DeviceError {
+/// The error of a device that is neither described nor simulated.
+pub fn missing(what: &str) -> DeviceError {
     DeviceError::new(what, "open", format!("a {what} in the configuration"), "none")
         .remedy(format!(
             "describe it as [bench.{what}] in nacre.toml (`nacre devices` shows what there is), or add --sim"
         ))
         .class(Class::Setup)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::{Place, Rig, Stop, runtime};
-    use super::*;
-    use nacre_base::progress::Silent;
-    use nacre_sim::BenchConfig;
-
-    #[test]
-    fn limits_are_what_the_open_bench_says() {
-        let mut config = BenchConfig::default();
-        (config.camera.width, config.camera.height) = (16, 16);
-        let mounting = "zero_deg = 90, sense = \"clockwise\", gear = 2, approach_deg = 1, limits_deg = [-100, 100]";
-        for stage in [None, Some(mounting), Some("zero_deg = 30")] {
-            let text =
-                stage.map(|m| format!("stage = {{ driver = {{ kind = \"simulated\" }}, mounting = {{ {m} }} }}"));
-            let section: BenchSection = toml::from_str(&text.unwrap_or_default()).unwrap();
-            let place = Place { section, ..Place::here(config.clone()) };
-            let limits = place.limits().unwrap();
-            let runtime = runtime().unwrap();
-            let rig = Rig::open(&runtime, &place, &Silent, &Stop::default()).ok().unwrap();
-            assert_eq!(limits.stage, rig.devices.stage.describe(), "{stage:?}");
-            assert_eq!(limits.display, rig.devices.display.describe());
-        }
-    }
 }

@@ -1,7 +1,7 @@
 //! `nacre check`: is a session folder complete, and are its files what the journal says?
 
-use super::{BROKEN, Journal, SESSION_FILE, Seal, SeriesEnd, SessionFile, seal, sealed_files, sha256};
-use nacre_base::Error;
+use super::{BROKEN, Journal, MAX_FRAME, SESSION_FILE, Seal, SeriesEnd, SessionFile, seal, sealed_files, sha256};
+use nacre_base::{Error, input};
 use nacre_frames::FILE_NAME as FRAMES_FILE;
 use serde::Serialize;
 use std::path::Path;
@@ -87,9 +87,9 @@ pub fn check(folder: &Path) -> Result<Condition, Error> {
         }
     }
     for file in files {
-        let problem = match (journal.commit(&file), std::fs::read(folder.join(&file))) {
+        let problem = match (journal.commit(&file), input::read(&folder.join(&file), MAX_FRAME)) {
             (None, _) => Some("was not taken yet".to_owned()),
-            (Some(_), Err(e)) => Some(format!("is recorded, but cannot be read: {e}")),
+            (Some(_), Err(e)) => Some(format!("is recorded, but {e}")),
             (Some(c), Ok(bytes)) if sha256(&bytes) != c.sha256 => Some(BROKEN.to_owned()),
             _ => None,
         };

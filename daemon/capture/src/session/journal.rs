@@ -3,6 +3,7 @@
 use super::series::SeriesEnd;
 use crate::failure::Failure;
 use crate::plan::{Added, Plan};
+use nacre_base::input::{self, Unreadable};
 use nacre_drivers::DeviceError;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
@@ -133,14 +134,12 @@ impl Journal {
     /// `InvalidData` when a line before the last is damaged, which no crash can cause.
     pub fn read(path: &Path) -> io::Result<(Self, u64)> {
         let invalid = |problem: String| io::Error::new(io::ErrorKind::InvalidData, format!("journal: {problem}"));
-        let size = match std::fs::metadata(path) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok((Self::default(), 0)),
-            other => other?.len(),
+        let bytes = match input::read(path, MAX_BYTES) {
+            Err(Unreadable::System(e)) if e.kind() == io::ErrorKind::NotFound => return Ok((Self::default(), 0)),
+            Err(Unreadable::System(e)) => return Err(e),
+            Err(other) => return Err(invalid(other.to_string())),
+            Ok(bytes) => bytes,
         };
-        if size > MAX_BYTES {
-            return Err(invalid(format!("has {size} bytes, at most {MAX_BYTES} are read")));
-        }
-        let bytes = std::fs::read(path)?;
         let mut journal = Self::default();
         let mut intact = 0;
         for line in bytes.split_inclusive(|b| *b == b'\n') {
@@ -309,7 +308,8 @@ mod tests {
         let path = folder.path().join("journal");
         let entries =
             [Entry::Begun, Entry::Intent { file: "frames/0000.png".into() }, Entry::Finished(Timing::default())];
-        let (whole, two) = (written(&entries), written(&entries[..2]).len());
+        let whole = written(&entries);
+        let two = 1 + whole.iter().enumerate().filter(|(_, b)| **b == b'\n').nth(1).unwrap().0;
         for cut in two..whole.len() {
             std::fs::write(&path, &whole[..cut]).unwrap();
             let (journal, intact) = Journal::read(&path).unwrap();

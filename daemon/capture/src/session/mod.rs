@@ -20,6 +20,7 @@ pub use series::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 
 use crate::plan::{Plan, PlanKind};
 use crate::setup::{BenchSection, Setup};
+use nacre_base::input::{self, Unreadable};
 use nacre_frames::{FILE_NAME as FRAMES_FILE, Kind};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -50,21 +51,25 @@ pub struct SessionFile {
     pub section: Option<BenchSection>,
 }
 
+/// Largest `session.json` and `frames.json` that are read, in bytes.
+const MAX_DESCRIPTION: u64 = 64 << 20;
+
+/// Largest frame that is read, in bytes.
+const MAX_FRAME: u64 = 4 << 30;
+
 impl SessionFile {
     /// Reads the description of a session folder.
     ///
     /// # Errors
     /// As the system answers; `InvalidData` for anything that is no such description.
     pub fn read(folder: &Path) -> io::Result<Self> {
-        const LIMIT: u64 = 64 << 20;
         let invalid =
             |problem: String| io::Error::new(io::ErrorKind::InvalidData, format!("{SESSION_FILE}: {problem}"));
-        let path = folder.join(SESSION_FILE);
-        let size = std::fs::metadata(&path)?.len();
-        if size > LIMIT {
-            return Err(invalid(format!("has {size} bytes, at most {LIMIT} are read")));
-        }
-        let session: Self = serde_json::from_slice(&std::fs::read(&path)?).map_err(|e| invalid(e.to_string()))?;
+        let bytes = input::read(&folder.join(SESSION_FILE), MAX_DESCRIPTION).map_err(|error| match error {
+            Unreadable::System(error) => error,
+            other => invalid(other.to_string()),
+        })?;
+        let session: Self = serde_json::from_slice(&bytes).map_err(|e| invalid(e.to_string()))?;
         session.check().map_err(invalid)?;
         Ok(session)
     }
@@ -131,7 +136,7 @@ impl<D: Disk> Session<D> {
         session.make_frames_folder()?;
         session.record(Entry::Resumed)?;
         if session.journal.sealed(SESSION_FILE).is_none() {
-            let text = std::fs::read(session.folder.join(SESSION_FILE))?;
+            let text = input::read(&session.folder.join(SESSION_FILE), MAX_DESCRIPTION)?;
             session.seal(SESSION_FILE, &text)?;
         }
         Ok(session)
@@ -163,7 +168,7 @@ impl<D: Disk> Session<D> {
 
     /// Whether a step's file is committed and still what the journal says.
     pub fn has(&self, file: &str) -> bool {
-        let bytes = || std::fs::read(self.folder.join(file)).ok();
+        let bytes = || input::read(&self.folder.join(file), MAX_FRAME).ok();
         self.journal.commit(file).is_some_and(|c| bytes().is_some_and(|b| sha256(&b) == c.sha256))
     }
 
@@ -218,7 +223,7 @@ enum Seal {
 const BROKEN: &str = "differs from its recorded checksum";
 
 fn seal(folder: &Path, journal: &Journal, file: &str) -> Seal {
-    match (journal.sealed(file), std::fs::read(folder.join(file))) {
+    match (journal.sealed(file), input::read(&folder.join(file), MAX_DESCRIPTION)) {
         (_, Err(_)) => Seal::Missing,
         (None, _) => Seal::None,
         (Some(sealed), Ok(bytes)) if sha256(&bytes) == sealed => Seal::Intact,
@@ -250,7 +255,7 @@ fn write_whole(disk: &impl Disk, folder: &Path, name: &str, bytes: &[u8]) -> io:
 
 /// Keeps a second process from capturing into the same session; the system lets go when the process ends.
 fn lock(folder: &Path) -> io::Result<File> {
-    let file = File::open(folder.join(SESSION_FILE))?;
+    let file = input::open(&folder.join(SESSION_FILE), MAX_DESCRIPTION)?;
     file.try_lock()?;
     Ok(file)
 }

@@ -1,6 +1,7 @@
 //! Options that say which bench a command works on.
 
 use nacre_base::Error;
+use nacre_base::text::read_text;
 use nacre_capture::Failure;
 use nacre_capture::rig::{Place, SimulatedBench};
 use nacre_capture::setup::BenchSection;
@@ -80,14 +81,8 @@ pub fn place(section: &BenchSection, real_time: bool) -> Result<Place, Failure> 
 
 /// Reads a bench.toml; the default bench without one.
 pub fn read_bench(path: Option<&PathBuf>) -> Result<BenchConfig, Failure> {
-    const LIMIT: u64 = 1 << 20;
     let Some(path) = path else { return Ok(BenchConfig::default()) };
     let remedy = "give a bench.toml; `nacre schema bench` lists its keys";
-    let bad = |problem: String| Error::file(path, problem, remedy);
-    let size = std::fs::metadata(path).map_err(|e| bad(format!("cannot be read: {e}")))?.len();
-    if size > LIMIT {
-        return Err(bad(format!("has {size} bytes, at most {LIMIT} are read")).into());
-    }
-    let text = std::fs::read_to_string(path).map_err(|e| bad(format!("cannot be read: {e}")))?;
-    Ok(BenchConfig::from_toml(&text).map_err(bad)?)
+    let text = read_text(path, super::MAX_BYTES, remedy)?;
+    Ok(BenchConfig::from_toml(&text).map_err(|problem| Error::file(path, problem, remedy))?)
 }

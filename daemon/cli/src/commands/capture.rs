@@ -6,7 +6,7 @@ use nacre_base::Error;
 use nacre_capture::Failure;
 use nacre_capture::engine::Control;
 use nacre_capture::plan::{Plan, Role, Step};
-use nacre_capture::rig::{Place, Rig, runtime};
+use nacre_capture::rig::{Place, Rig, Uses, runtime};
 use nacre_capture::run::{Capture, Taken, cannot_resume, check_limits, complete, steer};
 use nacre_capture::session::{Ending, MortalDisk, SESSION_FILE, SessionFile, is_vacant};
 use nacre_drivers::Pattern;
@@ -78,7 +78,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         }
     }
     let (runtime, control) = (runtime()?, Arc::new(Control::default()));
-    let mut rig = Rig::open(&runtime, &place, console, &console.interrupted())?;
+    let mut rig = Rig::open(&runtime, &place, Uses::SESSION, console, &console.interrupted())?;
     steer(&runtime, &control, console.interrupted(), by_hand)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
     for warning in rig.devices.camera.describe().warnings {

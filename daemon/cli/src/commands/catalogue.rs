@@ -2,6 +2,7 @@
 
 use crate::console::Console;
 use clap::Subcommand;
+use nacre_base::{Error, input};
 use nacre_capture::Failure;
 use nacre_capture::plan::PlanKind;
 use nacre_store::catalogue::{Cursor, Page, Query, SessionRow, State, default_path, with_catalogue};
@@ -86,6 +87,10 @@ fn plan_kind(text: &str) -> Result<PlanKind, serde_json::Error> {
 /// Runs a command on the catalogue.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let path = args.catalogue.clone().map_or_else(default_path, Ok)?;
+    if path.exists() {
+        // The database would wait for a pipe's writer.
+        input::open(&path, u64::MAX).map_err(|e| Error::file(&path, e, "give another --catalogue"))?;
+    }
     match &args.command {
         CatalogueCommand::Rebuild(args) => rebuild(&path, args, console),
         CatalogueCommand::List(args) => list(&path, args, console),

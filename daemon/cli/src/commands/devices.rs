@@ -3,9 +3,9 @@
 use super::bench::BenchArgs;
 use crate::console::Console;
 use nacre_capture::Failure;
-use nacre_capture::plan::Limits;
-use nacre_drivers::DeviceLock;
+use nacre_capture::rig::Described;
 use nacre_drivers::discovery::{Access, Found, Kind, Root, discover, udev_rules};
+use nacre_drivers::{CameraInfo, DeviceError, DeviceLock, DeviceResult, DisplayInfo, FlashInfo, StageInfo};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -30,14 +30,18 @@ pub struct Args {
     all: bool,
 }
 
+/// A device of the configuration. Without `id` it is not configured, or could not be opened: `error` says why.
 #[derive(Serialize)]
 struct Device {
     kind: &'static str,
-    id: String,
+    configured: bool,
+    id: Option<String>,
     /// What it can do, in words.
-    limits: String,
+    limits: Option<String>,
     /// Who uses it now.
     used_by: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<String>,
 }
 
 /// Lists the devices.
@@ -106,42 +110,92 @@ fn plugged_in(found: &[Found]) -> String {
     text
 }
 
-/// What a configuration describes, opened to ask what it can do.
+/// What a configuration describes, opened to ask what it can do. A device that cannot be opened keeps no other from the list.
 fn described(args: &Args, console: &Console) -> Result<(), Failure> {
-    let place = args.bench.place()?;
-    let limits = place.limits()?;
+    let found = args.bench.place()?.describe()?;
     let socket = args.bench.socket.as_ref().map(|p| p.canonicalize().unwrap_or_else(|_| p.clone()));
     let holder = |id: &str| DeviceLock::holder(id, &socket.as_ref()?.to_string_lossy());
-    let devices = list(&limits, holder);
-    let width = devices.iter().map(|d| d.id.chars().count()).max().unwrap_or_default();
-    let line = |d: &Device| {
-        let used = d.used_by.as_ref().map_or_else(String::new, |by| format!("  (used by {by})"));
-        format!("{:8} {:width$}  {}{used}", d.kind, d.id, d.limits)
+    let devices = list(&found, holder);
+    let width = devices.iter().filter_map(|d| d.id.as_ref()).map(|id| id.chars().count()).max().unwrap_or_default();
+    let line = |d: &Device| match (&d.id, &d.limits) {
+        (Some(id), Some(limits)) => {
+            let used = d.used_by.as_ref().map_or_else(String::new, |by| format!("  (used by {by})"));
+            format!("{:8} {id:width$}  {limits}{used}", d.kind)
+        }
+        _ if d.configured => format!("{:8} cannot be opened", d.kind),
+        _ => format!("{:8} not configured: there is no [bench.{}]", d.kind, d.kind),
     };
     let text: Vec<String> = devices.iter().map(line).collect();
     console.result(&text.join("\n"), &devices);
-    let suiting: Vec<String> =
-        limits.camera.steady_exposures_s.iter().take(12).map(|s| format!("{:.2}", 1000.0 * s)).collect();
-    if !suiting.is_empty() {
-        console.note(&format!("exposures that suit the panel's refresh: {} ms", suiting.join(", ")));
+    if let Some(Ok(camera)) = &found.camera {
+        let suiting: Vec<String> =
+            camera.steady_exposures_s.iter().take(12).map(|s| format!("{:.2}", 1000.0 * s)).collect();
+        if !suiting.is_empty() {
+            console.note(&format!("exposures that suit the panel's refresh: {} ms", suiting.join(", ")));
+        }
+        for warning in &camera.warnings {
+            console.note(&format!("warning: {warning}"));
+        }
     }
-    for warning in &limits.camera.warnings {
-        console.note(&format!("warning: {warning}"));
-    }
-    Ok(())
+    failed(found, console)
 }
 
-fn list(limits: &Limits, holder: impl Fn(&str) -> Option<String>) -> Vec<Device> {
-    let device = |kind, id: &str, limits| Device { kind, id: id.to_owned(), limits, used_by: holder(id) };
-    let (stage, camera, display) = (&limits.stage, &limits.camera, &limits.display);
+/// Says of every device why it cannot be opened; the last of these errors is the command's.
+fn failed(found: Described, console: &Console) -> Result<(), Failure> {
+    let Described { stage, camera, display, flash } = found;
+    let errors = [
+        stage.and_then(Result::err),
+        camera.and_then(Result::err),
+        display.and_then(Result::err),
+        flash.and_then(Result::err),
+    ];
+    let mut errors: Vec<DeviceError> = errors.into_iter().flatten().collect();
+    let last = errors.pop();
+    errors.iter().for_each(|error| console.note(&format!("nacre: {error}")));
+    last.map_or(Ok(()), |error| Err(error.into()))
+}
+
+/// Stage, camera, display and flash.
+fn list(found: &Described, holder: impl Fn(&str) -> Option<String>) -> Vec<Device> {
+    let device = |kind, told: Option<Result<(String, String), String>>| {
+        let configured = told.is_some();
+        let (said, error) = match told {
+            Some(Ok(said)) => (Some(said), None),
+            Some(Err(error)) => (None, Some(error)),
+            None => (None, None),
+        };
+        let (id, limits) = said.unzip();
+        let used_by = id.as_ref().and_then(|id| holder(id));
+        Device { kind, configured, id, limits, used_by, error }
+    };
+    vec![
+        device("stage", told(found.stage.as_ref(), |s| (s.id.clone(), turns(s)))),
+        device("camera", told(found.camera.as_ref(), |c| (c.id.clone(), pictures(c)))),
+        device("display", told(found.display.as_ref(), |d| (d.id.clone(), size(d)))),
+        device("flash", told(found.flash.as_ref(), |f| (f.id.clone(), longest(f)))),
+    ]
+}
+
+/// Identity and limits of a device, or why it cannot be opened.
+fn told<T>(
+    found: Option<&DeviceResult<T>>,
+    say: impl FnOnce(&T) -> (String, String),
+) -> Option<Result<(String, String), String>> {
+    found.map(|found| found.as_ref().map(say).map_err(ToString::to_string))
+}
+
+fn turns(stage: &StageInfo) -> String {
     let [low, high] = stage.limits_deg;
-    let turn = format!(
+    format!(
         "{low}° to {high}°, {} °/s, settles in {:.0} ms{}",
         stage.speed_deg_s,
         1000.0 * stage.settling_s,
         if stage.halts { "" } else { ", finishes a movement that is stopped" }
-    );
-    let picture = format!(
+    )
+}
+
+fn pictures(camera: &CameraInfo) -> String {
+    format!(
         "{} × {} pixels, {} to {} s, {} frames lag{}",
         camera.width,
         camera.height,
@@ -149,15 +203,13 @@ fn list(limits: &Limits, holder: impl Fn(&str) -> Option<String>) -> Vec<Device>
         camera.exposure_s[1],
         camera.control_lag_frames,
         if camera.shutter { ", with a shutter" } else { "" }
-    );
-    let panel = format!("{} × {} mm", display.size_mm[0], display.size_mm[1]);
-    let mut devices = vec![
-        device("stage", &stage.id, turn),
-        device("camera", &camera.id, picture),
-        device("display", &display.id, panel),
-    ];
-    if let Some(flash) = &limits.flash {
-        devices.push(device("flash", &flash.id, format!("on for at most {} s at a time", flash.max_on_s)));
-    }
-    devices
+    )
+}
+
+fn size(display: &DisplayInfo) -> String {
+    format!("{} × {} mm", display.size_mm[0], display.size_mm[1])
+}
+
+fn longest(flash: &FlashInfo) -> String {
+    format!("on for at most {} s at a time", flash.max_on_s)
 }

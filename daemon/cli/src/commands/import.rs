@@ -3,7 +3,7 @@
 use crate::commands::values::{BayerName, ChannelName, transfer};
 use crate::console::Console;
 use clap::ValueEnum;
-use nacre_base::Error;
+use nacre_base::{Error, vacant};
 use nacre_capture::Failure;
 use nacre_capture::import::{Described, Options, angles_in_names, check_number, decode_all, describe, named_angles};
 use nacre_frames::{Bayer, Channel, FILE_NAME, Frame, FrameSet, Illumination, Kind, Layout, Transfer, save};
@@ -218,9 +218,7 @@ fn options(args: &Args) -> Options {
 /// Writes `frames.json` beside the photographs.
 fn write_beside(folder: &Path, text: &str, force: bool) -> Result<PathBuf, Error> {
     let target = folder.join(FILE_NAME);
-    if target.exists() && !force {
-        return Err(Error::file(&target, "is already there", "add --force to replace it"));
-    }
+    vacant(std::slice::from_ref(&target), force)?;
     write_whole(&target, text.as_bytes())?;
     Ok(target)
 }

@@ -2,11 +2,11 @@
 
 use super::bench::place;
 use crate::console::Console;
-use nacre_base::Error;
 use nacre_base::progress::Progress;
+use nacre_base::{Error, vacant};
 use nacre_capture::Failure;
 use nacre_capture::engine::Hands;
-use nacre_capture::rig::{Rig, runtime};
+use nacre_capture::rig::{Rig, Uses, runtime};
 use nacre_capture::setup::BenchSection;
 use nacre_drivers::camera::{CameraConfig, CameraDriver, measure};
 use nacre_drivers::discovery::{Kind, Root, discover};
@@ -68,9 +68,7 @@ const EXPOSURE: Duration = Duration::from_millis(10);
 /// Finds the devices, takes one trial frame and writes a configuration.
 pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let picture = args.out.with_extension("trial.png");
-    if let Some(there) = [&args.out, &picture].into_iter().find(|path| path.exists() && !args.force) {
-        return Err(Error::file(there, "is already there", "choose another --out, or --force").into());
-    }
+    vacant(&[args.out.clone(), picture.clone()], args.force)?;
     let (mut section, chosen_notes) =
         if args.sim { (BenchSection { sim: true, ..BenchSection::default() }, vec![]) } else { chosen(args)? };
     let mut trial = if args.sim { simulated(&section, console)? } else { real(&mut section, console)? };
@@ -151,7 +149,7 @@ fn read<T: DeserializeOwned>(what: &str, driver: &str) -> Result<T, Error> {
 
 fn simulated(section: &BenchSection, console: &Console) -> Result<Trial, Failure> {
     let runtime = runtime()?;
-    let mut rig = Rig::open(&runtime, &place(section, true)?, console, &console.interrupted())?;
+    let mut rig = Rig::open(&runtime, &place(section, true)?, Uses::SESSION, console, &console.interrupted())?;
     let mut hands = Hands::new(&mut rig.devices);
     let (frame, _) = runtime.block_on(async {
         hands.expose(EXPOSURE, 1.0).await?;

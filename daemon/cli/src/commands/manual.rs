@@ -1,14 +1,15 @@
-//! One device at a time, by hand: `nacre stage`, `snap`, `flash`, `show`; and the flash's guardian.
+//! One device at a time, by hand: `nacre stage`, `snap`, `flash`, `show`; and the flash's guardian. Each opens only the
+//! devices that it uses.
 
 use super::bench::BenchArgs;
 use crate::console::Console;
 use clap::Subcommand;
-use nacre_base::Error;
 use nacre_base::progress::Progress;
+use nacre_base::{Error, vacant};
 use nacre_capture::Failure;
 use nacre_capture::engine::{Control, Hands, Input, guarded};
 use nacre_capture::guardian::Guarded;
-use nacre_capture::rig::{Rig, runtime};
+use nacre_capture::rig::{Place, Rig, Use, Uses, runtime};
 use nacre_drivers::stage::StageDriver;
 use nacre_drivers::stage::elliptec::Elliptec;
 use nacre_drivers::{DeviceError, Pattern, SystemClock};
@@ -63,9 +64,9 @@ pub struct Snap {
     /// Gain.
     #[arg(long, default_value_t = 1.0)]
     gain: f64,
-    /// What the panel shows meanwhile: black, disc:DIAMETER or disc:DIAMETER@X,Y in mm.
-    #[arg(long, default_value = "disc:180", value_parser = pattern)]
-    show: Pattern,
+    /// What the panel shows meanwhile: black, disc:DIAMETER or disc:DIAMETER@X,Y in mm (default: disc:180, if there is a panel).
+    #[arg(long, value_parser = pattern)]
+    show: Option<Pattern>,
     /// Turn the analyser first.
     #[arg(long, allow_negative_numbers = true)]
     analyser_deg: Option<f64>,
@@ -135,14 +136,15 @@ fn pattern(text: &str) -> Result<Pattern, String> {
     if diameter_mm > 0.0 { Ok(Pattern::Disc { center_mm, diameter_mm }) } else { Err(expected()) }
 }
 
-/// Opens the bench, runs `work` while the interlocks hold, and leaves the light off.
+/// Opens the devices that are used, runs `work` while the interlocks hold, and leaves the light of these devices off.
 pub(super) fn with_hands<T>(
-    bench: &BenchArgs,
+    place: &Place,
+    uses: Uses,
     console: &Console,
     work: impl AsyncFnOnce(&mut Hands<'_>) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
     let (runtime, control) = (runtime()?, Control::default());
-    let mut rig = Rig::open(&runtime, &bench.place()?, console, &console.interrupted())?;
+    let mut rig = Rig::open(&runtime, place, uses, console, &console.interrupted())?;
     let mut hands = Hands::new(&mut rig.devices);
     let _ = control.send(Input::Start);
     runtime.block_on(async {
@@ -170,7 +172,8 @@ pub fn stage(command: &Stage, console: &Console) -> Result<(), Failure> {
         Stage::SearchFrequency(bench) | Stage::Clean(bench) => return care(command, bench, console),
         Stage::Move { bench, .. } | Stage::Home(bench) | Stage::Where(bench) => bench,
     };
-    let angle = with_hands(bench, console, async |hands| {
+    let uses = Uses { stage: Use::Always, ..Uses::NONE };
+    let angle = with_hands(&bench.place()?, uses, console, async |hands| {
         match command {
             Stage::Move { angle_deg, .. } => {
                 let [low, high] = hands.limits().stage.limits_deg;
@@ -194,7 +197,10 @@ pub fn stage(command: &Stage, console: &Console) -> Result<(), Failure> {
 
 /// Looks after the mechanics of an Elliptec stage.
 fn care(command: &Stage, bench: &BenchArgs, console: &Console) -> Result<(), Failure> {
-    let section = bench.place()?.section;
+    let place = bench.place()?;
+    let uses = Uses { stage: Use::Always, ..Uses::NONE };
+    place.require(uses)?;
+    let section = place.section.only(uses);
     let Some(StageDriver::Elliptec(settings)) = section.stage.as_ref().map(|s| &s.driver) else {
         let remedy = "describe one as [bench.stage] in nacre.toml";
         return Err(Error::input("stage", "is no Elliptec stage", remedy).into());
@@ -230,12 +236,22 @@ fn care(command: &Stage, bench: &BenchArgs, console: &Console) -> Result<(), Fai
     Ok(())
 }
 
+/// The panel of a picture, unless told otherwise.
+const WHITE: Pattern = Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 180.0 };
+
 /// Takes one fresh picture.
 pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
-    if args.out.exists() && !args.force {
-        return Err(Error::file(&args.out, "is already there", "choose another --out, or --force").into());
-    }
-    let (frame, dropped, white) = with_hands(&args.bench, console, async |hands| {
+    vacant(std::slice::from_ref(&args.out), args.force)?;
+    let place = args.bench.place()?;
+    let pattern = args.show.or_else(|| place.has_display().then_some(WHITE));
+    let used = |used: bool| if used { Use::Always } else { Use::Never };
+    let uses = Uses {
+        stage: used(args.analyser_deg.is_some()),
+        camera: Use::Always,
+        display: used(pattern.is_some()),
+        flash: used(args.flash),
+    };
+    let (frame, dropped, white) = with_hands(&place, uses, console, async |hands| {
         let camera = hands.limits().camera.clone();
         let seconds = args.exposure_ms / 1000.0;
         if !(camera.exposure_s[0]..=camera.exposure_s[1]).contains(&seconds)
@@ -252,7 +268,9 @@ pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
         }
         hands.expose(Duration::from_secs_f64(seconds), args.gain).await?;
         hands.cover(false).await?;
-        hands.show(args.show).await?;
+        if let Some(pattern) = pattern {
+            hands.show(pattern).await?;
+        }
         if let Some(angle) = args.analyser_deg {
             hands.find().await?;
             hands.turn(angle).await?;
@@ -286,7 +304,8 @@ pub fn snap(args: &Snap, console: &Console) -> Result<(), Failure> {
 /// Switches the flash.
 pub fn flash(command: &FlashCommand, console: &Console) -> Result<(), Failure> {
     let (FlashCommand::On { bench, .. } | FlashCommand::Off(bench) | FlashCommand::Test(bench)) = command;
-    let text = with_hands(bench, console, async |hands| {
+    let uses = Uses { flash: Use::Always, ..Uses::NONE };
+    let text = with_hands(&bench.place()?, uses, console, async |hands| {
         let longest = hands.limits().flash.as_ref().map_or(0.0, |f| f.max_on_s);
         match command {
             FlashCommand::Off(_) => {
@@ -325,7 +344,8 @@ pub fn flash(command: &FlashCommand, console: &Console) -> Result<(), Failure> {
 
 /// Shows a pattern until somebody stops it.
 pub fn show(args: &Show, console: &Console) -> Result<(), Failure> {
-    with_hands(&args.bench, console, async |hands| {
+    let uses = Uses { display: Use::Always, ..Uses::NONE };
+    with_hands(&args.bench.place()?, uses, console, async |hands| {
         let size = hands.limits().display.size_mm;
         let reach = args.pattern.reach_mm();
         if reach.iter().zip(size).any(|(r, s)| *r > 0.5 * s) {

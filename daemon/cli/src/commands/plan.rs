@@ -6,7 +6,7 @@ use clap::Subcommand;
 use nacre_capture::Failure;
 use nacre_capture::engine::{Control, Engine};
 use nacre_capture::plan::{Estimate, Least, Limits, Plan};
-use nacre_capture::rig::{Rig, runtime};
+use nacre_capture::rig::{Rig, Uses, runtime};
 use nacre_capture::run::check_limits;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -81,7 +81,7 @@ fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Consol
         return Ok(plan.estimate(exposure, &limits, 0.0));
     }
     let (runtime, control) = (runtime()?, Control::default());
-    let mut rig = Rig::open(&runtime, &bench.described()?, console, &console.interrupted())?;
+    let mut rig = Rig::open(&runtime, &bench.described()?, Uses::SESSION, console, &console.interrupted())?;
     let mut engine = Engine {
         runtime: &runtime,
         devices: &mut rig.devices,

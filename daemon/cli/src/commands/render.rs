@@ -2,9 +2,8 @@
 
 use crate::commands::said;
 use crate::console::Console;
-use nacre_base::Error;
+use nacre_base::{Error, input, vacant, writable};
 use nacre_brdf::height::{self, Scale};
-use nacre_brdf::output::vacant;
 use nacre_capture::Failure;
 use nacre_image::OutputFolder;
 use nacre_render::{
@@ -136,6 +135,11 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     };
     let folder = scene.parent().unwrap_or(Path::new("")).to_path_buf();
     let scene = Scene::read(scene)?;
+    // Known before they are read, so that an output that would replace one is refused before anything is rendered.
+    input::remember(scene.files().into_iter().map(|(_, file)| folder.join(file)));
+    if let Some(keep) = args.keep.as_ref().filter(|_| !args.resume) {
+        writable(keep)?;
+    }
     match (args.frames, args.turn) {
         (Some(frames), Some(turning)) => animation(args, (scene, &folder), out, (frames, turning), console),
         _ => single(args, &scene, &folder, out, console),

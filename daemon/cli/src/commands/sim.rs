@@ -9,7 +9,7 @@ use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::engine::Control;
 use nacre_capture::plan::{AnalyserPlan, CameraPlan, DisplayPlan, Plan, PlanKind};
-use nacre_capture::rig::{Place, Rig, runtime};
+use nacre_capture::rig::{Place, Rig, Uses, runtime};
 use nacre_capture::run::{Capture, Taken, steer};
 use nacre_capture::session::RealDisk;
 use nacre_image::OutputFolder;
@@ -183,7 +183,7 @@ pub fn simulate(
         reconstruct: None,
     };
     let (runtime, control) = (runtime()?, Arc::new(Control::default()));
-    let mut rig = Rig::open(&runtime, &Place::here(config.clone()), console, &console.interrupted())?;
+    let mut rig = Rig::open(&runtime, &Place::here(config.clone()), Uses::SESSION, console, &console.interrupted())?;
     steer(&runtime, &control, console.interrupted(), true)
         .map_err(|e| Error::input("signals", format!("cannot be caught: {e}"), "report this"))?;
     let mut capture = Capture { runtime: &runtime, rig: &mut rig, control, observer: console, elsewhere: None };

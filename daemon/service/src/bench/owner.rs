@@ -4,7 +4,7 @@ use super::{Common, Job, locked};
 use nacre_base::progress::{Progress, Silent};
 use nacre_capture::Failure;
 use nacre_capture::engine::{Control, Hands, Input, Memory, PanelFound, Watch, drawn_by, guarded, measure_panel};
-use nacre_capture::rig::{Place, Rig, runtime};
+use nacre_capture::rig::{Place, Rig, Uses, runtime};
 use nacre_drivers::display::DisplayConfig;
 use nacre_drivers::{DeviceResult, Freshness, Pattern};
 use std::sync::Arc;
@@ -64,7 +64,7 @@ pub struct Picture {
 impl Owner {
     pub(super) fn open(place: &Place, shared: Arc<Common>) -> Result<Self, Failure> {
         let runtime = runtime()?;
-        let rig = Rig::open(&runtime, place, &Silent, &shared.end)?;
+        let rig = Rig::open(&runtime, place, Uses::SESSION, &Silent, &shared.end)?;
         let camera = rig.devices.camera.describe();
         let exposure = Duration::from_secs_f64(camera.exposure_now_s.clamp(camera.exposure_s[0], camera.exposure_s[1]));
         let mut owner = Self {

@@ -2,8 +2,10 @@
 
 use super::formats::{self, Input};
 use super::{HeightField, gaps, picture, text, tiff};
+use nacre_base::input::{self, Unreadable};
 use nacre_base::{Error, Result};
 use nacre_image::budget::Operation;
+use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -16,6 +18,9 @@ pub const EXTENSIONS: &[&str] = &[
 
 /// Largest text or file of an instrument that is read, in bytes.
 const MAX_BYTES: u64 = 256 << 20;
+
+/// Largest image that is read, in bytes.
+const MAX_IMAGE: u64 = 4 << 30;
 
 /// Scale that the user states. It must not contradict the file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,13 +68,9 @@ impl Scale {
 /// `Input` for files that cannot be read, hold no heights, or more gaps than `scale` allows, and whose scale is unknown or contradicts `scale`.
 pub fn read(path: &Path, scale: &Scale) -> Result<HeightField> {
     scale.check()?;
-    // Opening a pipe waits for its writer.
-    if std::fs::metadata(path).is_ok_and(|there| !there.is_file()) {
-        return Err(Error::file(path, "is no file", "give an image, a file of an AFM, or rows of heights as text"));
-    }
     let mut head = [0_u8; 4];
-    let opened = std::fs::File::open(path).and_then(|mut f| f.read(&mut head));
-    let count = opened.map_err(|e| Error::file(path, format!("cannot be read: {e}"), "check the path"))?;
+    let cannot = |e| unreadable(path, &Unreadable::System(e));
+    let count = open(path)?.read(&mut head).map_err(cannot)?;
     let image = match &head[..count] {
         [0x76, 0x2f, 0x31, 0x01] => picture::map as fn(&Path, &Scale) -> Result<HeightField>,
         [b'I', b'I', 42 | 43, 0] | [b'M', b'M', 0, 42 | 43] => tiff::read,
@@ -83,16 +84,29 @@ pub fn read(path: &Path, scale: &Scale) -> Result<HeightField> {
     image(path, scale)
 }
 
+/// Opens an image, whose decoder has limits of its own.
+pub(super) fn open(path: &Path) -> Result<File> {
+    input::open(path, MAX_IMAGE).map_err(|error| unreadable(path, &error))
+}
+
+fn unreadable(path: &Path, error: &Unreadable) -> Error {
+    let remedy = match error {
+        Unreadable::System(_) => "check the path",
+        Unreadable::NotAFile(_) => "give an image, a file of an AFM, or rows of heights as text",
+        Unreadable::TooLarge { .. } => "crop it",
+    };
+    Error::file(path, error, remedy)
+}
+
 /// Files that are no images.
 fn other(path: &Path, scale: &Scale) -> Result<HeightField> {
-    let cannot = |e: std::io::Error| Error::file(path, format!("cannot be read: {e}"), "check the path");
-    let file = std::fs::File::open(path).map_err(cannot)?;
-    let mut bytes = Vec::new();
-    file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(cannot)?;
-    if bytes.len() as u64 > MAX_BYTES {
-        let problem = format!("is no image and larger than the {} MiB that are read", MAX_BYTES >> 20);
-        return Err(Error::file(path, problem, "crop the heights"));
-    }
+    let bytes = input::read(path, MAX_BYTES).map_err(|error| match error {
+        Unreadable::TooLarge { .. } => {
+            let problem = format!("is no image and larger than the {} MiB that are read", MAX_BYTES >> 20);
+            Error::file(path, problem, "crop the heights")
+        }
+        error => unreadable(path, &error),
+    })?;
     if let Some(format) = formats::recognise(&bytes) {
         let input = Input { bytes: &bytes, channel: scale.channel.as_deref() };
         let stored = (format.read)(&input).map_err(|fault| fault.of(path, format.name))?;

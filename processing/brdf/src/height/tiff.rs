@@ -46,7 +46,7 @@ fn fault(path: &Path, error: TiffError) -> Error {
 
 fn decode(path: &Path, scale: &Scale) -> Result<HeightField> {
     let fault = |error| fault(path, error);
-    let file = File::open(path).map_err(|e| Error::file(path, format!("cannot be read: {e}"), "check the path"))?;
+    let file = super::read::open(path)?;
     let mut limits = Limits::default();
     limits.decoding_buffer_size = MAX_BYTES;
     limits.intermediate_buffer_size = MAX_BYTES;

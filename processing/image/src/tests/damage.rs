@@ -221,7 +221,7 @@ fn what_is_no_image_says_so() {
     let path = dir.path().join("x.png");
     says(&path, "does not exist");
     says(dir.path(), "is a folder");
-    says(Path::new("/dev/null"), "not a regular file");
+    says(Path::new("/dev/null"), "is a device, not a regular file");
     fs::write(&path, b"").unwrap();
     says(&path, "is empty");
     fs::write(&path, b"hello, this is text").unwrap();

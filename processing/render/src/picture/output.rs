@@ -6,7 +6,7 @@ use crate::picture::pixel::Pixel;
 use crate::scene::Scene;
 use crate::settings::Settings;
 use nacre_base::{Error, Result};
-use nacre_image::{Attribute, encode_png8, read_exr, write_exr, write_whole, write_whole_with};
+use nacre_image::{Attribute, encode_png8, read_exr, rewrite, write_exr, write_whole, write_whole_with};
 use nacre_optics::color::{displayed, xyz_of_linear_srgb};
 use std::path::Path;
 
@@ -120,7 +120,8 @@ pub(crate) fn keep(path: &Path, picture: &Picture, digest: &str) -> Result<()> {
     // Each number in two parts: passes are alloted by them, so that one that is gone on with must not differ.
     let channels = STATE.map(|name| [name.to_owned(), format!("{name}.rest")]);
     let names: Vec<&str> = channels.iter().flatten().map(String::as_str).chain(["passes"]).collect();
-    write_whole_with(path, |file| {
+    // With --resume the same file was read before.
+    rewrite(path, |file| {
         write_exr(file, width, picture.height, &names, &attributes, &|c, y, row| {
             for (out, p) in row.iter_mut().zip(&picture.pixels[y * width..]) {
                 let values = [p.rgb[0], p.rgb[1], p.rgb[2], p.luminance, p.squares];

@@ -2,7 +2,8 @@
 
 use super::common::{List, Optics, Surface, summary};
 use crate::console::Console;
-use nacre_brdf::output::{vacant, write_check, write_check_picture};
+use nacre_base::vacant;
+use nacre_brdf::output::{write_check, write_check_picture};
 use nacre_brdf::{Report, check};
 use nacre_capture::Failure;
 use std::fmt::Write;

@@ -3,7 +3,8 @@
 use super::common::{Material, Optics, Seen, Surface, direction, summary};
 use crate::commands::values::numbers;
 use crate::console::Console;
-use nacre_brdf::output::{vacant, write_map, write_picture};
+use nacre_base::vacant;
+use nacre_brdf::output::{write_map, write_picture};
 use nacre_brdf::{Report, Settings, Views, about_map, map};
 use nacre_capture::Failure;
 use std::path::PathBuf;

@@ -3,9 +3,9 @@
 use super::common::List;
 use crate::commands::said;
 use crate::console::Console;
-use nacre_base::Error;
+use nacre_base::{Error, vacant};
 use nacre_brdf::height::Profile;
-use nacre_brdf::output::{check_rows, vacant};
+use nacre_brdf::output::check_rows;
 use nacre_brdf::{Direction, OrderMethod, Pair, Section, most_orders};
 use nacre_capture::Failure;
 use nacre_image::write_whole;

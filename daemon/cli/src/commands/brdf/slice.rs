@@ -2,7 +2,8 @@
 
 use super::common::{List, Material, Optics, Surface, direction, summary};
 use crate::console::Console;
-use nacre_brdf::output::{check_rows, vacant, write_slice};
+use nacre_base::vacant;
+use nacre_brdf::output::{check_rows, write_slice};
 use nacre_brdf::{Report, slice};
 use nacre_capture::Failure;
 use serde::Serialize;

@@ -3,8 +3,7 @@
 use super::shape;
 use crate::commands::values::numbers;
 use crate::console::Console;
-use nacre_base::Error;
-use nacre_brdf::output::vacant;
+use nacre_base::{Error, vacant};
 use nacre_capture::Failure;
 use nacre_image::{encode_png8, write_whole};
 use nacre_periods::calibration::{Board, board_picture};

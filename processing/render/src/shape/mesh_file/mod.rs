@@ -19,8 +19,8 @@ use crate::shape::mesh::Raw;
 use draft::Draft;
 use fault::Fault;
 use nacre_base::guard::guarded;
+use nacre_base::input::{self, Unreadable};
 use nacre_base::{Error, Result};
-use std::io::Read;
 use std::path::Path;
 
 /// Largest file, in bytes.
@@ -58,18 +58,12 @@ pub(crate) fn read(path: &Path) -> Result<Raw> {
 }
 
 fn bytes(path: &Path) -> Result<Vec<u8>> {
-    let cannot = |e: std::io::Error| Error::file(path, format!("cannot be read: {e}"), REMEDY);
-    let info = std::fs::metadata(path).map_err(cannot)?;
-    if !info.is_file() {
-        return Err(Error::file(path, "is no file", REMEDY));
-    }
-    if info.len() > MAX_BYTES {
-        let problem = format!("has {} bytes", info.len());
-        return Err(Error::file(path, problem, format!("give a mesh of at most {} MiB", MAX_BYTES >> 20)));
-    }
-    let mut bytes = vec![];
-    std::fs::File::open(path).map_err(cannot)?.take(MAX_BYTES).read_to_end(&mut bytes).map_err(cannot)?;
-    Ok(bytes)
+    input::read(path, MAX_BYTES).map_err(|error| match error {
+        Unreadable::TooLarge { .. } => {
+            Error::file(path, error, format!("give a mesh of at most {} MiB", MAX_BYTES >> 20))
+        }
+        _ => Error::file(path, error, REMEDY),
+    })
 }
 
 /// The file without a byte order mark, as text; UTF-16 is decoded.
