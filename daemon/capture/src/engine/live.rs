@@ -1,4 +1,4 @@
-//! The reconstruction that runs while frames arrive, so that the map is complete a moment after the last of them.
+//! The reconstruction that runs while frames arrive, so that the map is complete a moment after the last of them, unless another process makes it.
 
 use super::Observer;
 use super::series::{Decision, decide, decide_fringes};
