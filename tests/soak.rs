@@ -137,7 +137,7 @@ impl Soak {
         assert!(data(&folder) == self.whole, "{id}: the data set differs");
         let base = format!("/api/v1/sessions/{id}");
         let token = service.get(&format!("{base}/deletion")).expect(200).json()["token"].as_str().unwrap().to_owned();
-        service.send("DELETE", &format!("{base}?token={token}"), &[], b"").expect(200);
+        service.send("DELETE", &format!("{base}?token={token}"), &[], b"").expect(204);
         assert!(!folder.exists());
         self.complete += 1;
     }
