@@ -26,6 +26,9 @@ use utoipa::{IntoParams, ToSchema};
 /// Longest text that is searched for, in characters.
 const LONGEST_SEARCH: usize = 1000;
 
+/// Why a session ended whose journal does not say so.
+const CUT_OFF: &str = "its process was killed, or power failed; resume the session";
+
 /// A session.
 #[derive(Clone, Debug, Serialize, ToSchema)]
 pub struct SessionDoc {
@@ -138,8 +141,10 @@ impl SessionDoc {
             timing: journal.timing(),
             plan: with_plan.then_some(plan),
         };
-        if let Some(run) = run.filter(|r| !r.is_over() || r.error().is_some()) {
-            doc.live(&run);
+        match run.filter(|r| !r.is_over() || r.error().is_some()) {
+            Some(run) => doc.live(&run),
+            None if doc.state == RunState::Idle => _ = doc.error.get_or_insert_with(|| CUT_OFF.into()),
+            None => {}
         }
         Ok(doc)
     }
