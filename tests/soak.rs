@@ -128,7 +128,7 @@ impl Soak {
             let resumed = service.post(&format!("{base}/resume"), &json!({}));
             assert!([202, 409].contains(&resumed.status), "{}", resumed.text());
         }
-        panic!("session {id} is never complete: {}", service.get(&base).text());
+        panic!("session {id} is not complete after {TRIES} ends: {:?}", self.ends);
     }
 
     /// Its data are those of the undisturbed session; then it is deleted.
