@@ -121,9 +121,11 @@ impl Soak {
             if session["state"] == "finished" {
                 return self.compare(service, id);
             }
-            let why =
-                session["error"].as_str().map_or_else(String::new, |e| e.split(':').next().unwrap_or(e).to_owned());
+            let why = session["error"].as_str().unwrap_or_default();
             assert!(!why.is_empty() || session["state"] == "paused", "an end without a reason: {session}");
+            // Device and command, after the file of the frame; or the word for what a person did.
+            let kind = why.split(": ").skip(1).collect::<Vec<_>>().join(": ");
+            let why = if kind.is_empty() { why.to_owned() } else { kind };
             *self.ends.entry(why).or_default() += 1;
             let resumed = service.post(&format!("{base}/resume"), &json!({}));
             assert!([202, 409].contains(&resumed.status), "{}", resumed.text());

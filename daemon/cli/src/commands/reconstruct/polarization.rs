@@ -24,10 +24,10 @@ Examples:
   nacre reconstruct polarization session --out result --relative-period 0.7,2
 
 The model plain writes stokes.exr (S0 S1 S2), aolp.exr (aolp dolp sigma sigma_dolp mask
-correlation), aolp.png, dolp.png, sigma.png and report.json. Models of gratings write orientation.exr
-(orientation sigma mask correlation) and orientation.png (smoothed) in place of aolp.png;
-with periods also period.exr (period sigma mask) and period.png. Orientations are relative:
-one unknown offset, common to all pixels, remains.")]
+correlation), aolp.png, dolp.png, sigma.png and report.json. Models of gratings write
+orientation.exr (orientation sigma mask correlation) and orientation.png (smoothed) in place of
+aolp.png; with periods also period.exr (period sigma mask) and period.png. Orientations are
+relative: one unknown offset, common to all pixels, remains.")]
 pub struct Polarization {
     /// Session folder, frames.json, or a folder holding one (`nacre import` makes one for your photographs).
     input: PathBuf,
