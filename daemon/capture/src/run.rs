@@ -103,6 +103,7 @@ impl Capture<'_> {
     /// # Errors
     /// As [`Engine::run`]; `Input` when the plan asks too much or `out` is there already.
     pub fn begin<D: Disk + Send>(&mut self, plan: Plan, out: &Path, disk: D) -> Result<Taken, Failure> {
+        self.begin_watch();
         let plan = plan.with_fringes(&self.rig.setup, &self.rig.devices.limits());
         check_limits(&plan, out, &self.rig.devices.limits())?;
         if !is_vacant(out) {
@@ -130,11 +131,17 @@ impl Capture<'_> {
         self.take(session, &description, metering)
     }
 
+    /// Whoever begins or resumes a session says that all is well: an interlock that opened before, and is closed, does not count.
+    fn begin_watch(&self) {
+        self.runtime.block_on(self.rig.watch.begin_again());
+    }
+
     /// Takes what a session lacks.
     ///
     /// # Errors
     /// As [`Engine::run`]; `Input` when the folder is no session or belongs to other devices.
     pub fn resume<D: Disk + Send>(&mut self, folder: &Path, disk: D) -> Result<Taken, Failure> {
+        self.begin_watch();
         let bad = |e: std::io::Error| cannot_resume(folder, &e);
         let description = SessionFile::read(folder).map_err(bad)?;
         check_limits(&description.plan, folder, &self.rig.devices.limits())?;
