@@ -271,23 +271,23 @@ impl<'a> Hands<'a> {
     /// Learns where the analyser stands, without homing.
     ///
     /// # Errors
-    /// As the stage answers; `Retry` for no number.
+    /// As [`Self::position`].
     pub async fn find(&mut self) -> DeviceResult<()> {
-        let angle = self.position().await?;
-        if !angle.is_finite() {
-            return Err(DeviceError::new(&self.limits.stage.id, "report its position", "an angle", format!("{angle}"))
-                .class(Class::Retry));
-        }
-        self.memory.angle = angle;
+        self.memory.angle = self.position().await?;
         Ok(())
     }
 
     /// Angle that the stage reports.
     ///
     /// # Errors
-    /// As the stage answers.
+    /// As the stage answers; `Retry` for no number.
     pub async fn position(&mut self) -> DeviceResult<f64> {
-        timed(&mut self.stopwatch, self.devices.stage.position()).await
+        let angle = timed(&mut self.stopwatch, self.devices.stage.position()).await?;
+        if !angle.is_finite() {
+            return Err(DeviceError::new(&self.limits.stage.id, "report its position", "an angle", format!("{angle}"))
+                .class(Class::Retry));
+        }
+        Ok(angle)
     }
 
     /// Switches the flash.

@@ -164,6 +164,10 @@ impl Journal {
         let time_ms = since.ok().and_then(|t| u64::try_from(t.as_millis()).ok());
         let line = Line { seq: self.entries.len(), time_ms, crc: checksum(&entry, time_ms)?, entry };
         let text = serde_json::to_string(&line).map_err(io::Error::other)? + "\n";
+        // What JSON cannot hold, such as NaN, would be read as damage.
+        if parse(text.as_bytes(), line.seq).is_none() {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, format!("the journal cannot hold {text}")));
+        }
         self.push(line);
         Ok(text)
     }
@@ -300,6 +304,14 @@ mod tests {
     fn written(entries: &[Entry]) -> Vec<u8> {
         let mut journal = Journal::default();
         entries.iter().flat_map(|e| journal.line(e.clone()).unwrap().into_bytes()).collect()
+    }
+
+    #[test]
+    fn what_could_not_be_read_again_is_not_written() {
+        let mut journal = Journal::default();
+        let commit = Commit { analyser_deg: Some(f64::NAN), ..Commit::default() };
+        assert!(journal.line(Entry::Committed(commit)).is_err());
+        assert!(journal.line(Entry::Begun).unwrap().starts_with("{\"seq\":0"));
     }
 
     #[test]
