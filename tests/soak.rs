@@ -112,7 +112,8 @@ impl Soak {
     /// Goes on with a session until it is complete.
     fn finish(&mut self, service: &Service, id: &str) {
         let base = format!("/api/v1/sessions/{id}");
-        for _ in 0..TRIES {
+        for tries in 0.. {
+            assert!(tries < TRIES, "session {id} is not complete after {TRIES} ends: {:?}", self.ends);
             let over = |s: &Value| match s["state"].as_str().unwrap() {
                 "paused" => true,
                 state => s["stage"].is_null() && ["finished", "failed", "idle"].contains(&state),
@@ -130,13 +131,16 @@ impl Soak {
             let resumed = service.post(&format!("{base}/resume"), &json!({}));
             assert!([202, 409].contains(&resumed.status), "{}", resumed.text());
         }
-        panic!("session {id} is not complete after {TRIES} ends: {:?}", self.ends);
     }
 
     /// Its data are those of the undisturbed session; then it is deleted.
     fn compare(&mut self, service: &Service, id: &str) {
         let folder = self.place.path("data/sessions").join(id);
-        assert!(data(&folder) == self.whole, "{id}: the data set differs");
+        let found = data(&folder);
+        let other: Vec<&String> =
+            found.iter().filter(|file| !self.whole.contains(file)).map(|(name, _)| name).collect();
+        let journal = || fs::read_to_string(folder.join("journal")).unwrap_or_default();
+        assert!(found.len() == self.whole.len() && other.is_empty(), "{id}: {other:?} differ\n{}", journal());
         let base = format!("/api/v1/sessions/{id}");
         let token = service.get(&format!("{base}/deletion")).expect(200).json()["token"].as_str().unwrap().to_owned();
         service.send("DELETE", &format!("{base}?token={token}"), &[], b"").expect(204);
