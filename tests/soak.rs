@@ -217,8 +217,10 @@ fn sessions_by_the_hundred_lose_no_frame() {
     }
     let [before, after] = [first.unwrap(), resources(&service)];
     println!(
-        "{} sessions, {kills} kills; files, threads and memory (KiB) of the service: {before:?}, then {after:?}; ends: {:?}",
-        soak.complete, soak.ends
+        "{} sessions, {kills} kills, {} early ends of {} kinds; files, threads and KiB of memory of the service: {before:?}, then {after:?}",
+        soak.complete,
+        soak.ends.values().sum::<usize>(),
+        soak.ends.len()
     );
     assert!(after[0] <= before[0] + 4 && after[1] <= before[1] + 4, "{before:?} {after:?}");
     assert!(after[2] <= before[2] + GROWTH_KB, "{before:?} {after:?}");
