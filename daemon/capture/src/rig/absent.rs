@@ -35,7 +35,7 @@ impl Stage for Absent {
     async fn move_to(&mut self, _angle_deg: f64) -> DeviceResult<Arrived> {
         closed("stage", "move")
     }
-    /// What is not open does not move.
+    /// Nothing to stop: the device is not open.
     async fn halt(&mut self) -> DeviceResult<()> {
         Ok(())
     }

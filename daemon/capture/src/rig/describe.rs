@@ -1,4 +1,4 @@
-//! What the devices of a bench can do.
+//! Descriptions and limits of the bench's devices.
 
 use super::sources::missing;
 use super::uses::{Use, Uses};
@@ -13,7 +13,7 @@ use nacre_sim::socket::RemoteBench;
 use nacre_sim::{Devices as Simulated, SimDevice, describe};
 use std::sync::Arc;
 
-/// What each device can do, or why it cannot be opened; None for a device that is neither described nor simulated.
+/// Description and limits of each device, or the error on opening it; None for a device that is neither described nor simulated.
 pub struct Described {
     /// The analyser's stage.
     pub stage: Option<DeviceResult<StageInfo>>,
@@ -26,7 +26,7 @@ pub struct Described {
 }
 
 impl Place {
-    /// What the devices can do. Those of this machine are opened for it one by one, for a moment.
+    /// Limits of the devices. Those of this machine are opened one by one, for a moment.
     ///
     /// # Errors
     /// Nobody listens at the socket of the simulated bench.
@@ -48,7 +48,7 @@ impl Place {
         })
     }
 
-    /// What the devices of a session can do. Those of this machine are opened for it one by one, for a moment.
+    /// Limits of the devices of a session. Those of this machine are opened one by one, for a moment.
     ///
     /// # Errors
     /// The configuration lacks a device; nobody listens at the socket; a device cannot be opened or belongs to another process.

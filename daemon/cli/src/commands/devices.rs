@@ -110,7 +110,7 @@ fn plugged_in(found: &[Found]) -> String {
     text
 }
 
-/// What a configuration describes, opened to ask what it can do. A device that cannot be opened keeps no other from the list.
+/// Opens each device of a configuration to read its description and limits. A device that cannot be opened keeps no other from the list.
 fn described(args: &Args, console: &Console) -> Result<(), Failure> {
     let found = args.bench.place()?.describe()?;
     let socket = args.bench.socket.as_ref().map(|p| p.canonicalize().unwrap_or_else(|_| p.clone()));
