@@ -101,6 +101,7 @@ fn refused(error: std::io::Error) -> Problem {
 #[derive(Deserialize, ToSchema)]
 pub struct Names {
     /// In any order.
+    #[schema(example = json!(["000.png", "045.png", "090.png", "135.png"]))]
     names: Vec<String>,
 }
 
