@@ -2,7 +2,7 @@
 //! for the process that asked for it.
 //!
 //! The program registers itself at its start ([`register`]) and serves tasks in its hidden command ([`serve`]). [`run`] starts that
-//! command, writes the limits and the task to its standard input, and reads [`Message`]s from its standard output: JSON lines, each of
+//! command, writes the limits and the task to its standard input, and reads `Message`s from its standard output: JSON lines, each of
 //! which may be followed by bytes. Standard input stays open: when it closes, the work is to stop.
 //!
 //! On Linux the process has a limit on its data (`RLIMIT_DATA`: heap, stacks of threads and private mappings, not the mappings of graphics
