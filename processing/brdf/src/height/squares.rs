@@ -81,9 +81,9 @@ mod tests {
                 };
                 (0..found.len()).filter(inside).map(|i| (found[i] - truth[i]).abs()).fold(0.0, f64::max)
             };
-            // Half-way between pixels a wave of 12.5 pixels has (9 cos(w/2) - cos(3w/2))/8 of its height, w = 2π/12.5: 0.00146 less. Beside the
-            // border a neighbour is missing.
-            assert!(off(3) < 0.0015, "{sides:?}: {}", off(3));
+            // Errors of Catmull-Rom weights in a wave, |Σ weight e^(iwk) - e^(iwt)|: 0.00146 for 12.5 pixels half-way, 0.00175 for 13.3 pixels at
+            // 2/5. Beside the border a neighbour is missing.
+            assert!(off(5) < 0.0018, "{sides:?}: {}", off(5));
             assert!(off(0) < 0.06, "{sides:?}: {}", off(0));
         }
     }
