@@ -189,6 +189,12 @@ fn sessions_by_the_hundred_lose_no_frame() {
     let id = begin(&service, &plan());
     service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "finished" && s["stage"].is_null());
     let whole = data(&place.path("data/sessions").join(&id));
+    // Another angle and other light are no noise.
+    let frames: Vec<_> = whole.iter().filter(|(name, _)| name.ends_with(".png")).collect();
+    for (k, (name, one)) in frames.iter().enumerate() {
+        let alike = frames[..k].iter().find(|(_, other)| differs_by_noise(one, other));
+        assert!(alike.is_none(), "{name} and {} are told apart by nothing", alike.map_or("", |(name, _)| name));
+    }
     drop(service);
     let dice = Dice(variable("NACRE_SEED", 1));
     let mut soak = Soak { place, dice, whole, interrupted: vec![], ends: Default::default(), complete: 0 };

@@ -58,7 +58,7 @@ fn walk(root: &Path, folder: &Path, depth: usize, files: &mut Vec<(String, u64)>
 /// Reads the `report.json` of a folder of results.
 ///
 /// # Errors
-/// [`Unreadable`] for what is no file, or has more than 64 MiB.
+/// [`Unreadable`] if it is missing, no regular file, or larger than 64 MiB.
 pub fn report(folder: &Path) -> Result<Vec<u8>, Unreadable> {
     input::read(&folder.join(REPORT), LARGEST_REPORT)
 }
@@ -66,7 +66,7 @@ pub fn report(folder: &Path) -> Result<Vec<u8>, Unreadable> {
 /// Media type of a download that no browser is to look into.
 pub const BYTES: &str = "application/octet-stream";
 
-/// What a result says about itself.
+/// Report in a folder of results.
 const REPORT: &str = "report.json";
 
 /// Most bytes of a report.

@@ -1,5 +1,5 @@
-//! Work that takes much memory has few places, and what it makes counts until it has been sent. Maps that were read last are kept
-//! for a while, as one page asks for several pictures of one map.
+//! Bounds the memory of requests for maps: few of them are worked on at once, and large answers wait until others have been sent.
+//! Recently read maps are cached, as one page asks for several pictures of one map.
 
 use super::problem::{Answer, Kind, Problem};
 use super::{blocking, files, maps};

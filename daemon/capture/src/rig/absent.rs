@@ -7,7 +7,7 @@ use nacre_drivers::{
 };
 use std::time::Duration;
 
-/// A device that is not open. It can do nothing, and a panel of it is black.
+/// Stage, camera and panel that refuse every command, but for switching the panel's light off.
 pub struct Absent;
 
 fn closed<T>(device: &str, command: &str) -> DeviceResult<T> {

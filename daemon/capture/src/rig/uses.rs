@@ -1,4 +1,4 @@
-//! Which devices a piece of work opens, and what it says about those that the configuration lacks.
+//! The devices that a command needs, and the error that names missing ones.
 
 use super::Place;
 use crate::setup::BenchSection;
@@ -134,7 +134,7 @@ mod tests {
         runtime.block_on(async {
             assert!(rig.devices.stage.move_to(1.0).await.is_err());
             assert!(rig.devices.display.show(Pattern::Disc { center_mm: [0.0; 2], diameter_mm: 9.0 }).await.is_err());
-            // Switching off the light of a panel that is not open is no error.
+            // A panel that is not open has no light to switch off.
             assert_eq!(rig.devices.display.dark().await.unwrap().pattern, Pattern::Black);
         });
     }

@@ -164,7 +164,7 @@ impl Journal {
         let time_ms = since.ok().and_then(|t| u64::try_from(t.as_millis()).ok());
         let line = Line { seq: self.entries.len(), time_ms, crc: checksum(&entry, time_ms)?, entry };
         let text = serde_json::to_string(&line).map_err(io::Error::other)? + "\n";
-        // What JSON cannot hold, such as NaN, would be read as damage.
+        // JSON has no NaN: the line would be taken for a damaged one when it is read.
         if parse(text.as_bytes(), line.seq).is_none() {
             return Err(io::Error::new(io::ErrorKind::InvalidData, format!("the journal cannot hold {text}")));
         }

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use std::process::ExitCode;
 
-/// What is asked for, by its key.
+/// A task; its key in JSON tells which.
 #[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Asked {

@@ -232,9 +232,9 @@ mod tests {
             assert!(ramp.iter().all(|[error, sigma]| (sigma / error - 1.0).abs() < 0.02), "{:?}", ramp[65]);
             assert!(mean(&ramp, 0) > 2e-4);
         }
-        // Along both axes errors add up or cancel: σ is their quadratic mean.
+        // Along both axes errors add up or cancel: σ is the root of the sum of their squares, which the sum exceeds by up to √2.
         let both = errors(Demosaic::None, |x, y| 0.5 + 2e-4 * x - 1e-4 * y);
-        assert!(both.iter().all(|[error, sigma]| *error < 1.5 * sigma), "{:?}", both[65]);
+        assert!(both.iter().all(|[error, sigma]| *error < 1.42 * sigma), "{:?}", both[65]);
     }
 
     /// Interpolated images follow slopes; what they bend by is told.
@@ -245,6 +245,7 @@ mod tests {
         assert!((0..ramp.len()).filter(|i| inside(*i)).all(|i| ramp[i][0] < 1e-5), "{:?}", ramp[65]);
         let bowl = errors(Demosaic::Bilinear, |x, _| 0.4 + 1e-4 * (x - 32.0).powi(2));
         let inner: Vec<[f64; 2]> = (0..bowl.len()).filter(|i| (4..60).contains(&(i % SIDE))).map(|i| bowl[i]).collect();
+        // The second difference of a bowl is exact, but for rounding to f32, 1e-5 rad here.
         assert!(inner.iter().all(|[error, sigma]| *error < 1.05 * sigma + 1e-5), "{:?}", inner[65]);
         let (error, sigma) = (mean(&inner, 0), mean(&inner, 1));
         assert!(error > 2e-5 && sigma < 1.1 * error, "{error} {sigma}");
