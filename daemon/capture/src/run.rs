@@ -246,7 +246,7 @@ pub fn check_limits(plan: &Plan, place: &Path, limits: &crate::plan::Limits) -> 
 /// Makes the results that a session's plan asks for from its stored frames. Earlier ones are replaced.
 ///
 /// # Errors
-/// `Input` for a folder that is no session, or whose plan asks for none; otherwise as the reconstruction answers.
+/// `Input` if the folder is no session, or its plan asks for no results; otherwise as the reconstruction answers.
 pub fn reconstruct_session(folder: &Path, progress: &dyn Progress) -> Result<(), Error> {
     let bad = |problem: String| Error::file(folder, problem, "give a session whose plan has the key reconstruct");
     let description = SessionFile::read(folder).map_err(|e| bad(format!("cannot be read: {e}")))?;
