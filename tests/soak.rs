@@ -10,9 +10,10 @@ use serde_json::{Value, json};
 use std::fs;
 use std::time::Duration;
 
-/// A bench that loses no time: the service waits as long as devices take.
-const BENCH: &str =
-    "camera = { width = 64, height = 48, readout_ms = 1 }\nstage = { speed_deg_s = 50000, settle_ms = 1 }\n";
+/// A bench that loses no time, since the service waits as long as devices take, with a flash that frames show.
+const BENCH: &str = "camera = { width = 64, height = 48, readout_ms = 1 }\n\
+    stage = { speed_deg_s = 50000, settle_ms = 1 }\n\
+    flash = { power = 30000 }\n";
 
 /// Commands to devices in a session, about; faults are spread over them.
 const COMMANDS: u64 = 60;
