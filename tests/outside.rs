@@ -7,6 +7,7 @@ use nacre_tests::http::{Service, begin, events, finished, form, plan};
 use nacre_tests::{BENCH, NEVER, Place, listing, nacre};
 use serde_json::json;
 use std::fs;
+use std::io::Read;
 use std::time::{Duration, Instant};
 
 fn photograph(level: u8) -> Vec<u8> {
@@ -149,6 +150,30 @@ fn requests_from_elsewhere_and_into_elsewhere_are_refused() {
         assert_eq!(answer.status, 404, "{path}: {}", answer.text());
     }
     service.get(&format!("/api/v1/sessions/{id}/files/frames.json")).expect(200);
+}
+
+#[test]
+fn the_page_loads_compressed_and_is_kept() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let page = service.get("/").expect(200).text();
+    let scripts: Vec<&str> = page.split("src=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert!(scripts.len() > 1, "{page}");
+    for script in scripts {
+        let plain = service.get(script).expect(200);
+        assert!(plain.head.contains("immutable"), "{}", plain.head);
+        let packed = service.send("GET", script, &["Accept-Encoding: gzip, br"], b"").expect(200);
+        let mut text = String::new();
+        flate2::read::GzDecoder::new(&packed.body[..]).read_to_string(&mut text).unwrap();
+        assert!(text == plain.text() && packed.body.len() < text.len(), "{script}");
+    }
+    assert!(service.get("/assets/app.js").expect(200).head.contains("no-cache"));
+    service.get("/assets/0123456789abcdef/app.js").expect(404);
+    let document = service.send("GET", "/api/v1/openapi.json", &["Accept-Encoding: gzip"], b"").expect(200);
+    assert!(document.head.contains("gzip") && document.body.starts_with(&[0x1f, 0x8b]), "{}", document.head);
+    // Pictures are compressed already.
+    let picture = service.send("GET", "/api/v1/devices/camera/preview.png", &["Accept-Encoding: gzip"], b"").expect(200);
+    assert!(!picture.head.contains("content-encoding"), "{}", picture.head);
 }
 
 #[test]
