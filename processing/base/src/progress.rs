@@ -1,9 +1,17 @@
 //! How a long computation tells its caller where it is, and learns that it is to stop.
 
+use crate::estimate::Work;
 use crate::{Error, Result};
 
 /// Receives progress. Called from the computing threads, so it must be cheap.
 pub trait Progress: Sync {
+    /// Told before the first stage of an operation, when its input has been checked and nothing has been written: what it needs.
+    ///
+    /// # Errors
+    /// `Cancelled` if only that was to be known.
+    fn expect(&self, _: &Work) -> Result<()> {
+        Ok(())
+    }
     /// A stage begins: its name as a user reads it, and how many steps it has.
     fn stage(&self, name: &str, steps: u64);
     /// One step of the current stage is done.
