@@ -1,6 +1,7 @@
 //! What is merged: a `frames.json`, or a folder of photographs whose times are in their tags.
 
 use crate::{FILE_NAME, Frame, FrameSet, Kind, LoadedFrames, Transfer, check, exposures, load};
+use nacre_base::estimate::Work;
 use nacre_base::{Error, Result};
 use nacre_image::budget;
 use nacre_image::{Depth, details, photographs};
@@ -16,8 +17,23 @@ pub(super) const KEPT: usize = 256 << 20;
 ///
 /// # Errors
 /// As [`reconstruct`](super::reconstruct) for what is no bracket.
-pub fn check_input(input: &Path) -> Result<()> {
-    bracket(input, None).map(drop)
+pub fn check_input(input: &Path) -> Result<Work> {
+    bracket(input, None).map(|frames| work(&frames))
+}
+
+/// What merging needs.
+pub(super) fn work(frames: &LoadedFrames) -> Work {
+    let LoadedFrames { set, info, .. } = frames;
+    let channels = if set.channel.is_some() { 1 } else { info.channels };
+    let samples = info.width * info.height * channels;
+    let seconds = 0.05 + 1e-6 * samples as f64 * (0.1 + 0.06 * set.frames.len() as f64);
+    Work {
+        operation: "hdr".into(),
+        seconds,
+        memory_bytes: needed(frames),
+        // Light, variance and flags, and a picture.
+        disk_bytes: 13 * samples as u64,
+    }
 }
 
 /// Reads and checks what is to be merged. `white` replaces that of the photographs and their description.
