@@ -6,7 +6,7 @@ use super::problem::{Answer, Problem};
 use super::runs::Run;
 use nacre_capture::engine::State as RunState;
 use nacre_capture::plan::Plan;
-use nacre_capture::session::{Ending, Journal, SESSION_FILE, SessionFile, SoFar, Timing};
+use nacre_capture::session::{Ending, Journal, SESSION_FILE, SessionFile, SoFar, Timing, unreadable_journal};
 use nacre_drivers::DeviceError;
 use nacre_store::catalogue::SessionRow;
 use serde::Serialize;
@@ -73,7 +73,7 @@ impl SessionDoc {
             return Ok(Self::without_folder(&run, with_plan));
         }
         let row = SessionRow::read(&folder)?;
-        let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Problem::bad(e.to_string()))?;
+        let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| unreadable_journal(&folder, &e))?;
         let plan = SessionFile::read(&folder).map_err(|e| Problem::bad(e.to_string()))?.plan;
         let mut doc = Self {
             id: id.to_owned(),
