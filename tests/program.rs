@@ -33,6 +33,7 @@ mod periods;
 mod render;
 mod renders;
 mod resume;
+mod salvage;
 mod service;
 mod soak;
 mod spots;

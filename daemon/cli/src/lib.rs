@@ -66,6 +66,8 @@ enum Command {
     Plan(commands::plan::PlanCommand),
     /// Verify a session folder.
     Check(commands::check::Args),
+    /// Keep the undamaged lines of a session's damaged journal.
+    Salvage(commands::salvage::Args),
     /// Find and list session folders.
     Catalogue(commands::catalogue::Args),
     /// Turn photographs into maps.
@@ -150,6 +152,7 @@ pub fn main() -> ExitCode {
         Command::Show(args) => commands::manual::show(&args, &console),
         Command::Plan(args) => commands::plan::run(&args, &console),
         Command::Check(args) => commands::check::run(&args, &console),
+        Command::Salvage(args) => commands::salvage::run(&args, &console),
         Command::Catalogue(args) => commands::catalogue::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Brdf(args) => commands::brdf::run(&args, &console),

@@ -175,10 +175,13 @@ mod linux {
         groups.filter_map(|g| read_to_string(root.join(g).join("memory.max")).ok()?.trim().parse().ok()).min()
     }
 
-    /// Bytes that the process's own limits (`ulimit -v`, `ulimit -d`) leave beside the address space in use.
+    /// Bytes that the process's own limits leave: `ulimit -v` counts its address space, `ulimit -d` its private writable memory.
     pub(super) fn process() -> Option<u64> {
-        let limit = [Resource::As, Resource::Data].into_iter().filter_map(|r| getrlimit(r).current).min()?;
-        Some(limit.saturating_sub(bytes("/proc/self/status", "VmSize:")?))
+        let left = |(resource, in_use)| {
+            let limit = getrlimit(resource).current?;
+            Some(limit.saturating_sub(bytes("/proc/self/status", in_use)?))
+        };
+        [(Resource::As, "VmSize:"), (Resource::Data, "VmData:")].into_iter().filter_map(left).min()
     }
 }
 

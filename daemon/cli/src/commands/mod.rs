@@ -23,6 +23,7 @@ pub mod recommend;
 pub mod reconstruct;
 pub mod render;
 mod said;
+pub mod salvage;
 pub mod schema;
 pub mod serve;
 pub mod sim;
