@@ -241,6 +241,16 @@ impl App {
     }
 }
 
+/// The service without a network, for tests that bring their own requests: its router, which keeps bench and data folder open while it lives.
+///
+/// # Errors
+/// The bench or the data folder cannot be used.
+pub async fn in_process(config: Config, place: Place) -> Result<axum::Router, Failure> {
+    let activity = Arc::new(connections::Activity::new(Duration::from_secs(config.limits.client_s)));
+    let app = App::open(config, place).await?;
+    Ok(router::router(&app).layer(axum::Extension(activity)))
+}
+
 /// Serves until `stop`; the light is off and everything is stored afterwards. `ready` is told the address, and what is wrong with the
 /// data folder, such as a full disk.
 ///
