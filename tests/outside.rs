@@ -172,7 +172,8 @@ fn the_page_loads_compressed_and_is_kept() {
     let document = service.send("GET", "/api/v1/openapi.json", &["Accept-Encoding: gzip"], b"").expect(200);
     assert!(document.head.contains("gzip") && document.body.starts_with(&[0x1f, 0x8b]), "{}", document.head);
     // Pictures are compressed already.
-    let picture = service.send("GET", "/api/v1/devices/camera/preview.png", &["Accept-Encoding: gzip"], b"").expect(200);
+    let picture =
+        service.send("GET", "/api/v1/devices/camera/preview.png", &["Accept-Encoding: gzip"], b"").expect(200);
     assert!(!picture.head.contains("content-encoding"), "{}", picture.head);
 }
 
@@ -249,7 +250,7 @@ fn a_thousand_event_subscribers_are_bounded_in_memory() {
     for mut stream in streams {
         stream.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
         let mut head = [0; 12];
-        std::io::Read::read_exact(&mut stream, &mut head).unwrap();
+        Read::read_exact(&mut stream, &mut head).unwrap();
         refused += u32::from(&head[9..] == b"429");
     }
     println!("1000 subscribers: {refused} refused, {grown} KiB more memory");

@@ -15,6 +15,7 @@ mod connections;
 mod contained;
 mod disk;
 mod emulated;
+mod estimates;
 mod faults;
 mod files;
 mod flash;

@@ -1,5 +1,6 @@
 //! The body of `POST /api/v1/reconstructions`.
 
+use super::problem::{Answer, Problem};
 use nacre_capture::plan::Method;
 use nacre_image::Palette;
 use nacre_polarimetry::{Align, Demosaic, Oblique, PeriodMethod, Smoothing};
@@ -85,8 +86,18 @@ pub struct Request {
 
 impl Request {
     /// The job that it asks for, still without a name.
-    pub fn spec(self) -> Spec {
-        Spec {
+    ///
+    /// # Errors
+    /// `bad-request` where it names no input, two of them, or something that is no id.
+    pub fn spec(self) -> Answer<Spec> {
+        let nothing = self.session.is_none() && self.upload.is_none() && self.method == Some(Method::Calibrate);
+        if self.session.is_some() == self.upload.is_some() && !nothing {
+            return Err(Problem::bad("give either a session or an upload"));
+        }
+        for id in self.session.iter().chain(&self.upload).chain(self.light.as_ref().map(|light| &light.upload)) {
+            super::check_id(id)?;
+        }
+        Ok(Spec {
             id: String::new(),
             method: self.method.unwrap_or_default(),
             session: self.session,
@@ -104,6 +115,6 @@ impl Request {
             period: self.period,
             palette: self.palette.unwrap_or_default(),
             no_scale_bar: self.no_scale_bar.unwrap_or(false),
-        }
+        })
     }
 }

@@ -5,11 +5,12 @@ use super::paths::without_folders;
 use super::problem::{Answer, Kind, Problem};
 use super::reconstruction_request::Request;
 use super::work::result_folder;
-use super::{App, At, Params, events, files, methods};
+use super::{App, At, Body, Params, events, files, methods};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use nacre_base::estimate::{Estimate, Machine, Work};
 use nacre_capture::fields::fields;
 use nacre_capture::plan::Method;
 use nacre_capture::session::SESSION_FILE;
@@ -19,6 +20,17 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
+
+/// What a reconstruction will take.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Needs {
+    /// Time in seconds, once it begins.
+    seconds: f64,
+    /// Most memory at a time, in bytes.
+    memory_bytes: u64,
+    /// Size of its results in bytes.
+    disk_bytes: u64,
+}
 
 /// A reconstruction.
 #[derive(Clone, Debug, Serialize, ToSchema)]
@@ -39,6 +51,8 @@ pub struct Reconstruction {
     /// 0 to 1.
     progress: f64,
     stage: String,
+    /// Seconds that are left, while it runs.
+    remaining_s: Option<f64>,
     /// Of a rendering under way: `{"passes": 12, "of": 40, "noise": 0.02, "seconds_left": 31.5}`; noise is null after one pass.
     #[schema(value_type = Option<Object>)]
     so_far: Option<SoFar>,
@@ -136,11 +150,19 @@ impl App {
             attempts: job.attempts,
             progress: job.progress,
             stage: job.stage,
+            remaining_s: job.remaining_s,
             so_far,
             error: job.error.as_deref().map(|error| without_folders(&fields(error))),
             created: job.created,
             report: report.as_deref().and_then(told),
         }
+    }
+
+    /// What a job needs, if there is nothing to refuse.
+    async fn work_of(&self, spec: &Spec) -> Answer<Work> {
+        let input = self.input_of(spec)?;
+        let (asked, uploads) = (spec.clone(), self.config.data.join("uploads"));
+        self.heavy.work(move || methods::check(&asked, &input, &uploads)).await
     }
 
     /// A session's own results as a reconstruction.
@@ -159,6 +181,7 @@ impl App {
             attempts: 1,
             progress: 1.0,
             stage: "done".into(),
+            remaining_s: None,
             so_far: None,
             error: None,
             created: session.map_or(0, |f| f.created),
@@ -178,13 +201,7 @@ fn told(report: &[u8]) -> Option<serde_json::Value> {
     responses((status = 202, body = Reconstruction, headers(("Location" = String, description = "The reconstruction"))),
         (status = 400, body = Problem), (status = 404, body = Problem), (status = 422, body = Problem)))]
 pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<Request>) -> Answer<Response> {
-    let nothing = body.session.is_none() && body.upload.is_none() && body.method == Some(Method::Calibrate);
-    if body.session.is_some() == body.upload.is_some() && !nothing {
-        return Err(Problem::bad("give either a session or an upload"));
-    }
-    for id in body.session.iter().chain(&body.upload).chain(body.light.as_ref().map(|light| &light.upload)) {
-        super::check_id(id)?;
-    }
+    let mut spec = body.spec()?;
     let mut turn = app.keys.turn(key).await;
     if let Some(id) = turn.made()
         && let Some(job) = app.jobs()?.get(&id).await?
@@ -192,14 +209,22 @@ pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<Reque
         turn.same()?;
         return Ok(accepted(app.describe(job, false)));
     }
-    let mut spec = body.spec();
-    let input = app.input_of(&spec)?;
     // Refused here rather than by the job, so that whoever asks learns it at once.
-    let (asked, uploads) = (spec.clone(), app.config.data.join("uploads"));
-    app.heavy.work(move || methods::check(&asked, &input, &uploads)).await?;
+    app.work_of(&spec).await?;
     spec.id = turn.begin();
     let job = app.jobs()?.submit(spec).await?;
     Ok(accepted(app.describe(job, false)))
+}
+
+/// Says what a reconstruction would take: time, memory and disk. It is not made.
+#[utoipa::path(post, path = "/api/v1/reconstructions/estimate", tag = "reconstructions", operation_id = "estimate_reconstruction",
+    request_body = Request, responses((status = 200, body = Needs), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 422, body = Problem)))]
+pub async fn estimate(State(app): State<Arc<App>>, Body(body): Body<Request>) -> Answer<Json<Needs>> {
+    let work = app.work_of(&body.spec()?).await?;
+    let Estimate { seconds, memory_bytes, disk_bytes } =
+        super::blocking(move || Ok(Machine::here().estimate(&work))).await?;
+    Ok(Json(Needs { seconds, memory_bytes, disk_bytes }))
 }
 
 fn accepted(doc: Reconstruction) -> Response {

@@ -87,6 +87,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(deletion::of_session))
         .routes(routes!(session_data::files))
         .routes(routes!(reconstructions::begin, reconstructions::list))
+        .routes(routes!(reconstructions::estimate))
         .routes(routes!(reconstructions::get, deletion::reconstruction))
         .routes(routes!(deletion::of_reconstruction))
         .routes(routes!(reconstructions::cancel))

@@ -100,9 +100,9 @@ impl Machine {
 
     fn read(file: &Path) -> Option<Self> {
         let machine: Self = serde_json::from_slice(&input::read(file, MOST_BYTES).ok()?).ok()?;
-        let sound = |v: f64| v.is_finite() && v > 0.0;
-        let figures = machine.learned.values().chain([&machine.speed]);
-        (machine.version == VERSION && machine.of == build() && figures.copied().all(sound)).then_some(machine)
+        let sound = |v: &f64| v.is_finite() && *v > 0.0;
+        let usable = machine.version == VERSION && machine.of == build();
+        (usable && sound(&machine.speed) && machine.learned.values().all(sound)).then_some(machine)
     }
 
     /// Keeps what is known. Without a folder for it, the machine is measured every time.
@@ -140,6 +140,48 @@ impl Machine {
         }
         teaches
     }
+}
+
+/// An operation that has begun, with its estimate.
+pub struct Running {
+    machine: Machine,
+    work: Work,
+    begun: Instant,
+    expected_s: f64,
+}
+
+impl Running {
+    /// Begins now.
+    pub fn begin(work: Work) -> Self {
+        let machine = Machine::here();
+        let expected_s = machine.estimate(&work).seconds;
+        Self { machine, work, begun: Instant::now(), expected_s }
+    }
+
+    /// What it was expected to take.
+    pub fn estimate(&self) -> Estimate {
+        self.machine.estimate(&self.work)
+    }
+
+    /// Seconds since its beginning, and those that are left.
+    pub fn times_s(&self) -> [f64; 2] {
+        let gone = self.begun.elapsed().as_secs_f64();
+        [gone, remaining_s(self.expected_s, gone)]
+    }
+
+    /// The operation is complete: the machine learns from it.
+    pub fn complete(mut self) {
+        self.machine.learn(&self.work, self.begun.elapsed().as_secs_f64());
+    }
+}
+
+/// Seconds that are left of an operation that was expected to take so many, after some: they never climb, and reach 0 only at its end.
+fn remaining_s(expected: f64, gone: f64) -> f64 {
+    /// Where an operation may take longer than expected, the last part of the estimate is stretched.
+    const LAST: f64 = 0.3;
+    let last = LAST * expected;
+    let left = expected - gone;
+    if left > last { left } else { last * ((left - last) / last.max(f64::MIN_POSITIVE)).exp() }
 }
 
 /// Which program, processor and threads figures hold for.
@@ -209,6 +251,16 @@ mod tests {
         assert_eq!(known.learned.len(), 1);
         known.keep(Some(&file));
         assert_eq!(Machine::read(&file), Some(known));
+    }
+
+    #[test]
+    fn what_is_left_starts_with_the_estimate_and_never_climbs() {
+        assert_eq!(remaining_s(10.0, 0.0), 10.0);
+        assert_eq!(remaining_s(10.0, 4.0), 6.0);
+        let course: Vec<f64> = (0..300).map(|i| remaining_s(10.0, f64::from(i) * 0.1)).collect();
+        assert!(course.windows(2).all(|pair| pair[1] < pair[0] && pair[1] > 0.0), "{course:?}");
+        assert!((0.5..1.2).contains(&course[100]), "{}", course[100]);
+        assert_eq!(remaining_s(0.0, 1.0), 0.0);
     }
 
     #[test]

@@ -41,8 +41,8 @@ pub enum Operation {
     Fringes(usize),
     /// A height field and its transforms: 48 (42 with the file).
     Heights,
-    /// A picture to be rendered: 64 (55).
-    Rendering,
+    /// A picture to be rendered with so many samples of a pixel: 64 (55).
+    Rendering(usize),
     /// So many maps that are read, and their edited copies: 24 each (value, σ and mask of both).
     Maps(usize),
 }
@@ -56,10 +56,10 @@ impl Operation {
             Self::Flash(_) => (16 + 50) * pixels,
             Self::Fringes(count) => (8 * count + 200) * pixels,
             Self::Heights => 48 * pixels,
-            Self::Rendering => 64 * pixels,
+            Self::Rendering(_) => 64 * pixels,
             Self::Maps(count) => 24 * count * pixels,
         };
-        let file = if self == Self::Rendering { 0 } else { decoded(info) };
+        let file = if matches!(self, Self::Rendering(_)) { 0 } else { decoded(info) };
         bytes as u64 + file
     }
 
@@ -86,22 +86,23 @@ impl Operation {
         }
     }
 
-    fn work(self, info: Info) -> Work {
+    /// What it needs with input of this header.
+    pub fn work(self, info: Info) -> Work {
         let pixels = info.width * info.height;
         let mega = |count: usize| count as f64 / 1e6;
         // Seconds, and bytes of the results.
         let (operation, seconds, disk) = match self {
             Self::Bokeh { part, iterations } => {
                 let part = part.unwrap_or(pixels).min(pixels);
-                ("bokeh", 0.1 + mega(part) * (0.4 + 0.06 * iterations as f64), 30 * part)
+                ("bokeh", 0.03 + mega(part) * (0.6 + 0.01 * iterations as f64), 10 * part)
             }
-            Self::Table(entries) => ("lut", 0.05 + 0.1 * mega(pixels) + 0.4 * mega(entries), 18 * entries),
-            Self::Foil => ("foil", 0.05 + 0.3 * mega(pixels), 1 << 19),
-            Self::Flash(lights) => ("flash", 0.1 + mega(pixels) * (0.5 + 0.3 * lights as f64), 30 * pixels),
-            Self::Fringes(count) => ("spots", 0.1 + mega(pixels) * 6.0 * count as f64, 40 * pixels),
+            Self::Table(entries) => ("lut", 0.03 + 0.09 * mega(pixels) + 0.15 * mega(entries), 17 * entries),
+            Self::Foil => ("foil", 0.05 + 0.6 * mega(pixels), 1 << 20),
+            Self::Flash(lights) => ("flash", 0.1 + mega(pixels) * 1.3 * lights as f64, pixels),
+            Self::Fringes(count) => ("spots", 0.5 + mega(pixels) * 9.0 * count as f64, 27 * pixels),
             Self::Heights => ("brdf", 0.1 + 2.0 * mega(pixels), 1 << 22),
-            Self::Rendering => ("render", mega(pixels), 16 * pixels),
-            Self::Maps(count) => ("map", 0.05 + 0.15 * mega(count * pixels), 12 * count * pixels),
+            Self::Rendering(samples) => ("render", 0.1 + 0.8 * mega(samples * pixels), 16 * pixels),
+            Self::Maps(count) => ("map", 0.02 + 0.2 * mega(count * pixels), 24 * count * pixels),
         };
         Work { operation: operation.into(), seconds, memory_bytes: self.bytes(info), disk_bytes: disk as u64 }
     }
@@ -211,7 +212,7 @@ mod tests {
             (Operation::Foil, grey, 14),
             (Operation::Table(1), colour, 27),
             (Operation::Heights, grey, 42),
-            (Operation::Rendering, colour, 55),
+            (Operation::Rendering(8), colour, 55),
         ] {
             let bound = per_pixel(operation, info);
             assert!((measured..2 * measured).contains(&bound), "{operation:?}: {bound}");

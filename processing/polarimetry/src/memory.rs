@@ -2,6 +2,7 @@
 
 use crate::fit::demosaic::Demosaic;
 use crate::fit::views::{View, brackets, views};
+use crate::{Model, Options};
 use nacre_base::Result;
 use nacre_base::estimate::Work;
 use nacre_frames::LoadedFrames;
@@ -30,14 +31,31 @@ pub fn work(frames: &LoadedFrames, demosaic: Demosaic, gratings: bool) -> Result
     let needed = needed(frames, &brackets, &views, demosaic);
     frames.set.frames.first().map_or(Ok(()), |first| budget::check(&frames.file(&first.file), frames.info, needed))?;
     let step = views.first().map_or(1, |view| view.step);
-    let pixels = frames.info.width * frames.info.height;
-    let (read, map) = (1e-6 * (pixels * frames.set.frames.len()) as f64, 1e-6 * (pixels / (step * step)) as f64);
+    let size = [frames.info.width / step, frames.info.height / step];
+    Ok(Work { memory_bytes: needed, ..work_of(frames.set.frames.len() * step * step, size, gratings) })
+}
+
+/// What the reconstruction of maps of a size from so many photographs of that size needs, without dark photographs and brackets.
+pub fn work_of(photographs: usize, size: [usize; 2], gratings: bool) -> Work {
+    let pixels = size[0] * size[1];
+    let mega = 1e-6 * pixels as f64;
     // The models are compared on as many points, however large the map is.
-    let models = if gratings { 0.7 + 0.6 * map } else { 0.0 };
-    let seconds = 0.05 + 0.012 * read + 0.06 * map + models;
-    let disk_bytes = (pixels / (step * step)) as u64 * if gratings { 48 } else { 40 };
+    let models = if gratings { 0.7 + 0.6 * mega } else { 0.0 };
+    let seconds = 0.05 + mega * (0.06 + 0.012 * photographs as f64) + models;
+    let memory_bytes = pixels as u64 * (ALIKE + 4 * AT_A_TIME);
+    let disk_bytes = pixels as u64 * if gratings { 48 } else { 40 };
     let operation = if gratings { "polarization of gratings" } else { "polarization" };
-    Ok(Work { operation: operation.into(), seconds, memory_bytes: needed, disk_bytes })
+    Work { operation: operation.into(), seconds, memory_bytes, disk_bytes }
+}
+
+impl Options {
+    /// What the reconstruction of a set needs.
+    ///
+    /// # Errors
+    /// As [`work`].
+    pub fn work(&self, frames: &LoadedFrames) -> Result<Work> {
+        work(frames, self.demosaic, self.model_for(frames) != Model::Plain)
+    }
 }
 
 /// Refuses a set whose reconstruction would not fit into memory.

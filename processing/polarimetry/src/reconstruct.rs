@@ -1,6 +1,6 @@
 //! The whole job: a set of photographs to maps, pictures and a report in a new folder.
 
-use crate::{Model, Options, Report, Running, work};
+use crate::{Options, Report, Running};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
 use nacre_frames::load;
@@ -19,7 +19,7 @@ use std::path::Path;
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
     let frames = load(input)?;
     options.check(&frames)?;
-    progress.expect(&work(&frames, options.demosaic, options.model_for(&frames) != Model::Plain)?)?;
+    progress.expect(&options.work(&frames)?)?;
     let mut running = Running::new(frames, options.demosaic)?;
     let folder = OutputFolder::begin(out, options.overwrite)?;
     running.add_all(progress)?;

@@ -34,6 +34,14 @@ use nacre_base::Error;
 use nacre_base::text::{from_toml, read_text};
 use std::path::Path;
 
+/// Option of commands whose operation says what it needs ([`nacre_base::progress::Progress::expect`]).
+#[derive(clap::Args)]
+pub struct Estimating {
+    /// Only say how long it would take, and how much memory and disk.
+    #[arg(long)]
+    estimate: bool,
+}
+
 /// Largest description that is read.
 const MAX_BYTES: u64 = 1 << 20;
 

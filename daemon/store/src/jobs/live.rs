@@ -1,5 +1,6 @@
 //! The job that is being worked on, as its threads report it.
 
+use nacre_base::estimate::{Running, Work};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -10,6 +11,7 @@ pub(super) struct Live {
     stage: Mutex<String>,
     steps: AtomicU64,
     done: AtomicU64,
+    running: Mutex<Option<Running>>,
 }
 
 impl Live {
@@ -20,7 +22,27 @@ impl Live {
             stage: Mutex::default(),
             steps: AtomicU64::new(0),
             done: AtomicU64::new(0),
+            running: Mutex::default(),
         }
+    }
+
+    /// What it needs is known.
+    pub fn expect(&self, work: &Work) {
+        let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        // An operation that is part of another one tells its needs, too.
+        running.get_or_insert_with(|| Running::begin(work.clone()));
+    }
+
+    /// Seconds that are left, once what it needs is known.
+    pub fn remaining_s(&self) -> Option<f64> {
+        let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        running.as_ref().map(|running| running.times_s()[1])
+    }
+
+    /// It is done.
+    pub fn complete(&self) {
+        let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
+        running.map(Running::complete).unwrap_or_default();
     }
 
     pub fn cancel(&self) {

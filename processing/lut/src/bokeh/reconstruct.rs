@@ -21,9 +21,6 @@ use nacre_image::budget::Operation;
 use std::path::Path;
 use std::time::Instant;
 
-/// Accelerated iterations that photographs usually take.
-const USUAL_ITERATIONS: usize = 30;
-
 /// What [`reconstruct`] needs. Refuses what it would refuse, by the header of the photograph.
 ///
 /// # Errors
@@ -31,11 +28,7 @@ const USUAL_ITERATIONS: usize = 30;
 pub fn check_input(input: &Path, options: &Options) -> Result<Work> {
     options.check()?;
     let part = options.crop.map(|crop| crop.0[2].saturating_mul(crop.0[3]));
-    let iterations = match options.iterations {
-        Iterations::Count(count) => count,
-        Iterations::Auto(most) => most.min(USUAL_ITERATIONS),
-    };
-    Source::check(input, Operation::Bokeh { part, iterations })
+    Source::check(input, Operation::Bokeh { part, iterations: options.iterations.usual() })
 }
 
 /// Deconvolves the photograph `input` is or holds (exposures are merged first) and writes what it shows into the new folder `out`.
