@@ -44,7 +44,9 @@ def tiff(order, tags, data, exif=()):
         return at
 
     more = [(34665, 4, [directory(exif)])] if exif else []
-    first = directory([*tags, (273, 4, [8]), (279, 4, [len(data)]), *more])
+    tiled = any(tag[0] == 322 for tag in tags)
+    strip = [] if tiled else [(273, 4, [8]), (279, 4, [len(data)])]
+    first = directory([*tags, *strip, *more])
     struct.pack_into(order + "I", out, 4, first)
     return bytes(out)
 
@@ -133,7 +135,7 @@ def exrs():
     yield exr(2, ["orientation"], more=[("nacre", "orientation")])
     yield exr(2, ["period", "mask"])
     yield exr(2, ["share", "sigma", "coverage"], more=[("first_lines_per_um", "0.5"), ("last_lines_per_um", "1.5"), ("periods", "relative")])
-    yield exr(2, "RGB", 32, 32, more=[("extent", "1"), ("warp", "1"), ("size", "32"), ("wavelength_nm", "550")])
+    yield exr(1, ["X", "Y", "Z", "coverage"], 32, 32, more=[("extent", "1"), ("warp", "3"), ("illuminant", "D65"), ("white", "0.95 1 1.09")])
     yield exr(2, ["left.R", "left.G", "left.B", "right.R", "right.G", "right.B"])
 
 
@@ -187,14 +189,14 @@ WEBP = base64.b64decode("UklGRhoAAABXRUJQVlA4TA0AAAAvAAAAEAcQERGIiP4HAA==")
 
 def heights():
     nm = [v * v % 23 for v in STEPS]
-    yield golden.HEIGHTS[:400].encode()
+    yield "\n".join(golden.HEIGHTS.splitlines()[:4]).encode()
     yield b"# Kanal: H\xc3\xb6he\n# Breite: 0.5 \xc2\xb5m\n# H\xc3\xb6he: 0.4 \xc2\xb5m\n# Value units: m\n" + b"\n".join(
         b"\t".join(b"%de-9" % v for v in nm[y * WIDTH:][:WIDTH]) for y in range(HEIGHT))
     yield "".join(f"{k % WIDTH * 0.1:.1f} {k // WIDTH * 0.1:.1f} {v / 1000}\n" for k, v in enumerate(nm)).encode()
     yield "x;z\n".encode() + b"".join(b"%d,5;0,%03d\n" % (k, v) for k, v in enumerate(nm))
     rows = "\n".join(" ".join(map(str, nm[y * WIDTH:][:WIDTH])) for y in range(HEIGHT))
-    yield f"DSAA\n{WIDTH} {HEIGHT}\n0 4\n0 3\n0 22\n{rows}\n".encode()
-    yield struct.pack("<4shh6d", b"DSBB", WIDTH, HEIGHT, 0, 4, 0, 3, 0, 22) + struct.pack(f"<{len(nm)}f", *nm)
+    yield f"DSAA\n{WIDTH} {HEIGHT}\n0 4\n0 3\n0 18\n{rows}\n".encode()
+    yield struct.pack("<4shh6d", b"DSBB", WIDTH, HEIGHT, 0, 4, 0, 3, 0, 18) + struct.pack(f"<{len(nm)}f", *nm)
     yield struct.pack("<4siiii8d", b"DSRB", 4, 1, 0x44495247, 72, *[1.0] * 8)
     yield (f"fileformat = bcrf\nheadersize = 256\nxpixels = {WIDTH}\nypixels = {HEIGHT}\nxlength = 500\nylength = 400\nxunit = nm\nyunit = nm\n"
            "zunit = nm\nbit2nm = 1\nintelmode = 1\n").encode().ljust(256, b"%") + struct.pack(f"<{len(nm)}f", *nm)

@@ -1,4 +1,5 @@
-//! What the fuzz targets share.
+//! What the fuzz targets of the program share.
+#![cfg(feature = "program")]
 
 use nacre_base::guard::guarded;
 use nacre_image::{details, encode_png16_gray, exposure, info, read, size};
