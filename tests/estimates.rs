@@ -15,7 +15,8 @@ fn bytes_in(folder: &std::path::Path) -> u64 {
 fn an_estimate_writes_nothing_and_is_of_the_size_that_comes() {
     let place = Place::with_bench("", "camera = { width = 256, height = 256 }\n");
     let (session, out) = (place.text("session"), place.text("out"));
-    nacre(["sim", "render", "--bench", &place.text("bench.toml"), "--angles-deg", "0,45,90,135", "--out", &session]).expect(0);
+    nacre(["sim", "render", "--bench", &place.text("bench.toml"), "--angles-deg", "0,45,90,135", "--out", &session])
+        .expect(0);
     for model in ["plain", "auto"] {
         let command = ["--json", "reconstruct", "polarization", &session, "--model", model, "--out", &out];
         let estimate = nacre(command.iter().chain(&["--estimate"])).expect(0).json();

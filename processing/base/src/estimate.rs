@@ -200,7 +200,7 @@ fn cache_file() -> Option<PathBuf> {
 
 /// A calculation of the kind that reconstructions consist of: sums of products over more numbers than the first cache holds.
 fn calculation() -> u32 {
-    const COUNT: usize = 1 << 20;
+    const COUNT: usize = 1 << 18;
     let mut values: Vec<f32> = (0..COUNT).map(|i| (i % 251) as f32).collect();
     for round in 0..4 {
         let factor = black_box(0.5 + 0.1 * round as f32);
