@@ -365,7 +365,7 @@ def example(document, schema, depth=0):
     if not isinstance(schema, dict):
         return 1  # Left out of the golden corpus, as it depends on the time.
     if "$ref" in schema:
-        schema = document["components"]["schemas"].get(schema["$ref"].rsplit("/", 1)[1], {})
+        schema = document["components"]["schemas"][schema["$ref"].rsplit("/", 1)[1]]
     for key in ("example", "default", "const"):
         if key in schema:
             return schema[key]
