@@ -106,7 +106,13 @@ impl Soak {
         match self.dice.below(if worst == Worst::Stop { 7 } else { 8 }) {
             0 => {
                 wait(&mut self.dice);
-                service.post("/api/v1/stop", &json!({})).expect(200);
+                let stopped = service.post("/api/v1/stop", &json!({}));
+                // A flash that a fault keeps on is named.
+                assert!(
+                    stopped.status == 200 || stopped.text().contains("switch it off by hand"),
+                    "{}",
+                    stopped.text()
+                );
             }
             // These are refused where the session has ended before.
             which @ 1..=3 => {
@@ -137,6 +143,11 @@ impl Soak {
     /// Goes on with a session until it is complete.
     fn finish(&mut self, service: &Service, id: &str) {
         let base = format!("/api/v1/sessions/{id}");
+        if service.get(&base).status == 404 {
+            // The service was killed before there was a session.
+            assert!(!self.data.join("sessions").join(id).join("session.json").exists(), "{id}");
+            return self.finish(service, &begin(service));
+        }
         for tries in 0.. {
             assert!(tries < TRIES, "session {id} is not complete after {TRIES} ends: {:?}", self.ends);
             let over = |s: &Value| match s["state"].as_str().unwrap() {
