@@ -27,14 +27,18 @@ const NO_CURVE_WIDENED: f64 = 4.0;
 /// A scatter about the curve of more than twice the noise is something that no model holds, so that its error is unknown.
 pub(crate) const UNEXPLAINED: f64 = 4.0;
 
-/// A scatter (as a variance over the noise) beyond which points are not on a circle to their noise, nor on a curve about metal without a grating.
-const OFF_CURVE: f64 = 1.2;
+/// Where the scatter is more than this times the noise (as a variance), a model must be likelier than a simpler one by
+/// this much per point.
+const UNMODELLED_WIDENED: f64 = 1.2;
+const UNMODELLED: f64 = 0.005;
 
 /// What wrong angles make of all points together a model of more parameters may explain: it must be likelier by so many times as much, as five or so
 /// numbers, which the angles' errors come down to, are rarely three times as much as they should be.
 const DISTORTED: f64 = 3.0;
 
-/// Fewer points than this tell a film only where they are far off every circle.
+/// Fewer points than this tell a film only where they lie on its curve to their noise, and fewer than the others only where they are
+/// far off every circle, too.
+const CURVE_POINTS: usize = 5000;
 const FEW_CURVE_POINTS: usize = 1000;
 
 /// How far behind (-2 ln likelihood of a sample) a candidate is left out when the others are compared on all points. In 60 draws
@@ -105,7 +109,11 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
     };
     if !enough && !few && !together {
         let circle = candidates.last()?.curve;
-        candidates.extend(curves(points, &circle, begin));
+        let all = wanted == Model::Curve || count >= CURVE_POINTS;
+        // In a small map the pixels at edges are left in, and would be taken for metal without a grating.
+        let to_their_noise = |c: &Candidate| c.curve.mirror.is_none() && c.widened < UNMODELLED_WIDENED;
+        let found = curves(points, &circle, begin);
+        candidates.extend(found.into_iter().filter(|c| all || to_their_noise(c)));
     }
     let widened = least(&candidates);
     let each = compare(&mut candidates, points, widened);
@@ -115,7 +123,9 @@ pub(crate) fn choose(points: &[CloudPoint], wanted: Model, begin: Begin<'_>, dis
         all.min_by(|a, b| evidence[*a].total_cmp(&evidence[*b]))
     };
     let best = likeliest(&|_| true)?;
-    let unmodelled = DISTORTED * distorted * points.len() as f64;
+    // Points that scatter more than their noise are off every model alike, and more parameters find something in that.
+    let unmodelled = if widened > UNMODELLED_WIDENED { UNMODELLED } else { 0.0 };
+    let unmodelled = unmodelled.max(DISTORTED * distorted) * points.len() as f64;
     let explained = explains(&candidates[best], points);
     let chosen = match wanted {
         Model::Auto if !explained => likeliest(&|c| c.model == Model::Sinusoid)?,
@@ -182,7 +192,7 @@ impl Choice {
         let rivals = all.clone().map(of_rival).fold(0.0, f64::max);
         let right = &candidates[*right];
         // What metal without a grating scatters, or reflects at its front, is only right where the points lie on the curve.
-        let limit = if right.curve.mirror.is_some() { OFF_CURVE } else { UNEXPLAINED };
+        let limit = if right.curve.mirror.is_some() { UNMODELLED_WIDENED } else { UNEXPLAINED };
         let known = self.explained && right.widened < limit && !right.film.is_some_and(|f| at_limit(&f));
         let error = known.then(|| candidates[*chosen].uncertain.hypot(rivals));
         // Otherwise, models that do little worse are the only measure.
@@ -276,7 +286,7 @@ pub(crate) fn is_ring(points: &[CloudPoint]) -> bool {
     }
     let circles = candidates(&thinned(points, SAMPLE));
     let all_around = |center: [f64; 2]| gap(&points.iter().map(|p| p.at).collect::<Vec<_>>(), center) <= WIDEST_GAP_DEG;
-    circles.last().is_some_and(|c| c.widened < OFF_CURVE && c.center.is_some_and(all_around))
+    circles.last().is_some_and(|c| c.widened < UNMODELLED_WIDENED && c.center.is_some_and(all_around))
 }
 
 /// Median σ of the orientations from noise, in rad.
