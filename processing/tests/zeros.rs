@@ -3,7 +3,7 @@
 //! The test compares CPU times of the same kernel on both, in turn, and repeats the pair until they agree: a busy machine delays it and
 //! does not fail it. Subnormal numbers make these kernels five to a hundred times slower.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
+#![allow(clippy::panic, clippy::unwrap_used, clippy::print_stdout)]
 
 use nacre_processing::bokeh::deconvolution::{Image, Iterations, Method, Psf, deconvolve};
 use nacre_processing::environment::{Environment, Table, facing};
