@@ -94,11 +94,11 @@ impl Operation {
         let (operation, seconds, disk) = match self {
             Self::Bokeh { part, iterations } => {
                 let part = part.unwrap_or(pixels).min(pixels);
-                ("bokeh", 0.03 + mega(part) * (0.6 + 0.01 * iterations as f64), 10 * part)
+                ("bokeh", 0.03 + mega(part) * (0.45 + 0.003 * iterations as f64), 10 * part)
             }
             Self::Table(entries) => ("lut", 0.03 + 0.09 * mega(pixels) + 0.15 * mega(entries), 17 * entries),
-            Self::Foil => ("foil", 0.05 + 0.6 * mega(pixels), 1 << 20),
-            Self::Flash(lights) => ("flash", 0.1 + mega(pixels) * 1.3 * lights as f64, pixels),
+            Self::Foil => ("foil", 0.05 + 0.35 * mega(pixels), 1 << 20),
+            Self::Flash(lights) => ("flash", 1.7 + mega(pixels) * 1.05 * lights as f64, pixels),
             Self::Fringes(count) => ("spots", 0.5 + mega(pixels) * 9.0 * count as f64, 27 * pixels),
             Self::Heights => ("brdf", 0.1 + 2.0 * mega(pixels), 1 << 22),
             Self::Rendering(samples) => ("render", 0.1 + 0.8 * mega(samples * pixels), 16 * pixels),

@@ -31,7 +31,7 @@ pub(super) fn work(frames: &LoadedFrames) -> Work {
 /// What merging so many photographs without dark ones needs.
 pub fn work_of(info: Info, photographs: usize) -> Work {
     let samples = info.width * info.height * info.channels;
-    let seconds = 0.05 + 1e-6 * samples as f64 * (0.1 + 0.08 * photographs as f64);
+    let seconds = 0.08 + 1e-6 * samples as f64 * (0.1 + 0.05 * photographs as f64);
     let memory_bytes = 16 * samples as u64 + BATCH as u64 * budget::decoded(info) + KEPT as u64;
     // Light, variance and flags, and a picture.
     Work { operation: "hdr".into(), seconds, memory_bytes, disk_bytes: 13 * samples as u64 }
