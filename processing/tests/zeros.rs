@@ -119,7 +119,7 @@ fn zeros_cost_nothing() {
             orientation: light.to_vec(),
             sigma: light.iter().map(|v| 0.01 + 0.01 * v).collect(),
         };
-        black_box(smoothed_orientation(&map, Smoothing::STRONG, &Silent).unwrap());
+        black_box(smoothed_orientation(&map, Smoothing::LIGHT, &Silent).unwrap());
     });
     compare("environment", &|light| {
         let pixels = light.chunks(8).map(|v| [v[0], v[1], v[2]]).collect();

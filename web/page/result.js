@@ -79,7 +79,7 @@ async function showProgress(main, job, signal) {
   const paint = (/** @type {Job} */ now) => {
     const open = now.state === "queued" || now.state === "running";
     const ended = { done: "Done.", failed: "Failed.", cancelled: "Cancelled.", set_aside: `Set aside after ${now.attempts} attempts.` }[now.state];
-    say(state, ended ?? `${now.state === "queued" ? "Waiting for its turn" : "Running"}${now.stage ? `: ${now.stage}` : ""} (${percent(now.progress, 0)})${now.remaining_s ? `, about ${duration(now.remaining_s)} to go in all` : ""}`);
+    say(state, ended ?? `${now.state === "queued" ? "Waiting for its turn" : "Running"}${now.stage ? `: ${now.stage}` : ""} (${percent(now.progress, 0)})${now.remaining_s ? `, about ${duration(now.remaining_s)} left` : ""}`);
     progress.value = now.progress;
     seen?.update(now);
     cancel.disabled = !open;

@@ -19,12 +19,12 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Output of one command, and its wish to stop.
 pub struct Console {
     json: bool,
-    /// Operations only say what they need.
+    /// Operations only state time, memory and disk.
     only_estimate: bool,
     /// How often somebody asked for the end.
     interrupted: Arc<AtomicU32>,
     stage: Mutex<Stage>,
-    /// The operation, once it has said what it needs.
+    /// The operation, once it has stated them.
     running: Mutex<Option<Running>>,
 }
 
@@ -49,7 +49,7 @@ impl Console {
         Self { json, only_estimate, interrupted, stage: Mutex::new(Stage::new("", 0)), running: Mutex::default() }
     }
 
-    /// Prints what the operation needs, if that is all that was asked for and it has said so.
+    /// Prints the operation's estimate if `--estimate` was given; returns whether it did.
     pub fn estimated(&self) -> bool {
         let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
         let Some(estimate) = running.filter(|_| self.only_estimate).map(|running| running.estimate()) else {
@@ -68,7 +68,9 @@ impl Console {
     pub fn result(&self, text: &str, value: &impl Serialize) {
         self.finish_stage();
         let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
-        running.map(Running::complete).unwrap_or_default();
+        if let Some(running) = running {
+            running.complete();
+        }
         let json = || serde_json::to_string_pretty(value).unwrap_or_default();
         let line = if self.json { json() } else { text.trim_end().to_owned() };
         // A reader that went away (`| head`) is no failure of the command.
@@ -119,7 +121,7 @@ impl Stage {
 impl Progress for Console {
     fn expect(&self, work: &Work) -> Result<(), Error> {
         let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
-        // An operation that is part of another one says what it needs, too.
+        // The first is that of the whole: a part of an operation states its own, too.
         running.get_or_insert_with(|| Running::begin(work.clone()));
         if self.only_estimate { Err(Error::Cancelled) } else { Ok(()) }
     }
@@ -137,11 +139,12 @@ impl Progress for Console {
             stage.bar = stage.visible_bar();
         }
         stage.bar.set_position(stage.done);
-        if !stage.bar.is_hidden()
-            && let Some(running) = &*self.running.lock().unwrap_or_else(PoisonError::into_inner)
-        {
-            let [_, left] = running.times_s();
-            stage.bar.set_prefix(format!(", about {} to go in all", duration(left)));
+        if !stage.bar.is_hidden() {
+            let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+            // Without an estimate of the operation, that of its stage.
+            let stage_s = || stage.bar.eta().as_secs_f64();
+            let left = running.as_ref().map_or_else(stage_s, Running::remaining_s);
+            stage.bar.set_prefix(format!(", about {} left", duration(left)));
         }
     }
 

@@ -19,7 +19,7 @@ use nacre_render::Glimpse;
 use nacre_store::jobs::Spec;
 use std::path::{Path, PathBuf};
 
-/// What a job needs. Refuses what none could do; `uploads` is where the service has them.
+/// Checks a job's input and options, and estimates it. `uploads` is the service's folder of uploads.
 pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<Work> {
     let whole = || {
         if input.join(FILE_NAME).exists() {

@@ -21,7 +21,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
 
-/// What a reconstruction will take.
+/// Time, memory and disk of a reconstruction.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Needs {
     /// Time in seconds, once it begins.
@@ -158,7 +158,7 @@ impl App {
         }
     }
 
-    /// What a job needs, if there is nothing to refuse.
+    /// Checks a job, and estimates it.
     async fn work_of(&self, spec: &Spec) -> Answer<Work> {
         let input = self.input_of(spec)?;
         let (asked, uploads) = (spec.clone(), self.config.data.join("uploads"));
@@ -216,7 +216,7 @@ pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<Reque
     Ok(accepted(app.describe(job, false)))
 }
 
-/// Says what a reconstruction would take: time, memory and disk. It is not made.
+/// Estimates time, memory and disk of a reconstruction, without making it.
 #[utoipa::path(post, path = "/api/v1/reconstructions/estimate", tag = "reconstructions", operation_id = "estimate_reconstruction",
     request_body = Request, responses((status = 200, body = Needs), (status = 400, body = Problem), (status = 404, body = Problem),
         (status = 422, body = Problem)))]

@@ -18,19 +18,20 @@ const VERSION: u32 = 1;
 /// Largest file of that kind that is read.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// Seconds of each of many [`calculation`]s on the reference machine (two threads of a server's processor, release build of 2026-11).
+/// Seconds of one [`calculation`] where all threads do as many as they can, on the reference machine: two threads of an AMD EPYC, idle, debug build of
+/// 2026-11. Debug builds optimise the crates that compute.
 const REFERENCE_S: f64 = 0.0040;
 
-/// Weight of a new measurement against what was learned before.
+/// Weight of a new measurement against earlier ones.
 const NEW: f64 = 0.3;
 
-/// What is learned is believed up to this factor either way: a machine that was busy once does not spoil estimates for good.
+/// Measured times change estimates by at most this factor: a machine that was busy once does not spoil them for good.
 const MOST: f64 = 4.0;
 
 /// Shorter operations teach nothing: their time is that of starting.
 const SHORTEST_S: f64 = 0.3;
 
-/// What an operation needs.
+/// Time, memory and disk of an operation on the reference machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Work {
     /// Its name, under which its speed on a machine is learned.
@@ -52,10 +53,10 @@ impl Work {
     }
 }
 
-/// What an operation will take.
+/// Time, memory and disk of an operation on one machine.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// Time in seconds, usually right to a factor of 1.5 on a machine that does nothing else.
+    /// Time in seconds on a machine that does nothing else; `tests/estimates` measures how close it is.
     pub seconds: f64,
     /// Most memory at a time, in bytes; an upper limit.
     pub memory_bytes: u64,
@@ -114,7 +115,7 @@ impl Machine {
         let _ = folder.map(|()| rewrite(file, write));
     }
 
-    /// What an operation will take here.
+    /// Estimate of an operation on this machine.
     pub fn estimate(&self, work: &Work) -> Estimate {
         let learned = self.learned.get(&*work.operation).copied().unwrap_or(1.0);
         let Work { memory_bytes, disk_bytes, .. } = *work;
@@ -158,15 +159,14 @@ impl Running {
         Self { machine, work, begun: Instant::now(), expected_s }
     }
 
-    /// What it was expected to take.
+    /// Its estimate.
     pub fn estimate(&self) -> Estimate {
         self.machine.estimate(&self.work)
     }
 
-    /// Seconds since its beginning, and those that are left.
-    pub fn times_s(&self) -> [f64; 2] {
-        let gone = self.begun.elapsed().as_secs_f64();
-        [gone, remaining_s(self.expected_s, gone)]
+    /// Seconds that are left: they never climb.
+    pub fn remaining_s(&self) -> f64 {
+        remaining_s(self.expected_s, self.begun.elapsed().as_secs_f64())
     }
 
     /// The operation is complete: the machine learns from it.
@@ -175,7 +175,7 @@ impl Running {
     }
 }
 
-/// Seconds that are left of an operation that was expected to take so many, after some: they never climb, and reach 0 only at its end.
+/// Seconds that are left of an operation of `expected` seconds after `gone` of them. They fall at all times and never reach 0.
 fn remaining_s(expected: f64, gone: f64) -> f64 {
     /// Where an operation may take longer than expected, the last part of the estimate is stretched.
     const LAST: f64 = 0.3;

@@ -5,10 +5,10 @@ use crate::{Error, Result};
 
 /// Receives progress. Called from the computing threads, so it must be cheap.
 pub trait Progress: Sync {
-    /// Told before the first stage of an operation, when its input has been checked and nothing has been written: what it needs.
+    /// An operation states its time, memory and disk: after the check of its input, before its first stage and before anything is written.
     ///
     /// # Errors
-    /// `Cancelled` if only that was to be known.
+    /// `Cancelled` if only an estimate was asked for.
     fn expect(&self, _: &Work) -> Result<()> {
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! What operations need: memory, beyond which photographs are refused before any is taken for them, time and disk.
+//! Time, memory and disk of operations. Photographs that need more memory than is allowed are refused before any is taken.
 
 use crate::{Depth, Info, info, size};
 use nacre_base::estimate::Work;
@@ -17,7 +17,7 @@ pub fn decoded(info: Info) -> u64 {
 /// Operations that are predicted from the size of their input, each with its bytes of memory per pixel beside the decoded file. Polarization
 /// and HDR, which depend on brackets and dark photographs as well, predict theirs themselves.
 ///
-/// Times are those of the reference machine ([`Work`]), measured at 0.25, 1 and 4 Mpixel (`tests/estimates`).
+/// Times are those of the reference machine ([`Work`]), measured at 0.02 to 4 Mpixel (`tests/estimates`).
 ///
 /// The bounds are measured (peak of the resident memory at 4 and 16 Mpixel, in brackets) and rounded up. Not predicted, as no header says
 /// it, are calibration (windows of single photographs), meshes, lookup tables and their octaves (at most 2 GiB), transforms of height
@@ -63,7 +63,7 @@ impl Operation {
         bytes as u64 + file
     }
 
-    /// What it needs with input of this header, whose memory must be allowed.
+    /// Time, memory and disk for input of this header.
     ///
     /// # Errors
     /// As [`check`].
@@ -86,7 +86,7 @@ impl Operation {
         }
     }
 
-    /// What it needs with input of this header.
+    /// The same without a limit of memory.
     pub fn work(self, info: Info) -> Work {
         let pixels = info.width * info.height;
         let mega = |count: usize| count as f64 / 1e6;

@@ -1,4 +1,4 @@
-//! What the results of a session need, before it is taken.
+//! Estimate of a session's results, before the session.
 
 use super::{Limits, Method, Plan, Role};
 use nacre_base::estimate::Work;
@@ -8,7 +8,7 @@ use nacre_image::{Depth, Info};
 use nacre_polarimetry::Model;
 
 impl Plan {
-    /// What the reconstruction that the plan asks for needs, if it asks for one.
+    /// Time, memory and disk of the plan's reconstruction; `None` for a plan without one.
     pub fn results_work(&self, limits: &Limits) -> Option<Work> {
         let planned = self.reconstruct.as_ref()?;
         let [width, height] = self.frame_size(limits);

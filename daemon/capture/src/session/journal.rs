@@ -15,7 +15,7 @@ use std::time::SystemTime;
 /// Longest journal that is read; a frame takes about 400 bytes.
 pub(super) const MAX_BYTES: u64 = 256 << 20;
 
-/// A journal that is not as it was written.
+/// A journal with damaged or missing lines.
 #[derive(Debug, thiserror::Error)]
 #[error("journal: {0}")]
 pub(super) struct Damaged(String);

@@ -23,7 +23,7 @@ const MAX_LINE: usize = 1 << 20;
 /// Most damaged lines that are listed; further ones are counted.
 const MAX_LISTED: usize = 1000;
 
-/// Largest difference between the angle of a step and that of its frame in degrees, a multiple of what stages miss their angles by.
+/// Largest difference between the planned angle of a frame and the recorded one, in degrees. Stages miss their angles by far less.
 const SAME_ANGLE_DEG: f64 = 1.0;
 
 /// Names of entries, as the journal writes them.
@@ -42,7 +42,7 @@ const NAMES: [&str; 12] = [
     "salvaged",
 ];
 
-/// What became of a damaged journal.
+/// Result of salvaging a damaged journal.
 #[derive(Clone, Debug, Serialize)]
 pub struct Salvage {
     /// As the new journal records it.
@@ -147,7 +147,7 @@ fn spare_name(folder: &Path) -> String {
     free.next().unwrap_or_default()
 }
 
-/// What is left of a damaged journal.
+/// Undamaged lines of a journal, and numbers of the others.
 #[derive(Default)]
 struct Scan {
     journal: Journal,

@@ -34,7 +34,7 @@ use nacre_base::Error;
 use nacre_base::text::{from_toml, read_text};
 use std::path::Path;
 
-/// Option of commands whose operation says what it needs ([`nacre_base::progress::Progress::expect`]).
+/// Option of commands whose operation states its time, memory and disk ([`nacre_base::progress::Progress::expect`]).
 #[derive(clap::Args)]
 pub struct Estimating {
     /// Only say how long it would take, and how much memory and disk.

@@ -13,7 +13,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// What a session and its results need.
+/// Estimates of a session and of its results.
 #[derive(Serialize)]
 struct Needs {
     #[serde(flatten)]

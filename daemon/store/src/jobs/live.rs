@@ -26,23 +26,25 @@ impl Live {
         }
     }
 
-    /// What it needs is known.
+    /// The job states its time, memory and disk.
     pub fn expect(&self, work: &Work) {
         let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
         // An operation that is part of another one tells its needs, too.
         running.get_or_insert_with(|| Running::begin(work.clone()));
     }
 
-    /// Seconds that are left, once what it needs is known.
+    /// Seconds that are left, once the job has stated its time.
     pub fn remaining_s(&self) -> Option<f64> {
         let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
-        running.as_ref().map(|running| running.times_s()[1])
+        running.as_ref().map(Running::remaining_s)
     }
 
     /// It is done.
     pub fn complete(&self) {
         let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
-        running.map(Running::complete).unwrap_or_default();
+        if let Some(running) = running {
+            running.complete();
+        }
     }
 
     pub fn cancel(&self) {
