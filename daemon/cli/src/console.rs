@@ -157,7 +157,7 @@ impl Progress for Console {
 fn needs(estimate: &Estimate) -> String {
     let [memory, disk] = [estimate.memory_bytes, estimate.disk_bytes].map(|bytes| bytes as f64 / 1e6);
     format!(
-        "time      about {}\nmemory    at most {memory:.0} MB\ndisk      about {disk:.1} MB",
+        "time      about {}\nmemory    about {memory:.0} MB\ndisk      about {disk:.1} MB",
         duration(estimate.seconds)
     )
 }

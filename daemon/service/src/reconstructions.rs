@@ -26,7 +26,7 @@ use utoipa::{IntoParams, ToSchema};
 pub struct Needs {
     /// Time in seconds, once it begins.
     seconds: f64,
-    /// Most memory at a time, in bytes.
+    /// About the most memory at a time, in bytes, of photographs and maps.
     memory_bytes: u64,
     /// Size of its results in bytes.
     disk_bytes: u64,

@@ -58,7 +58,8 @@ impl Work {
 pub struct Estimate {
     /// Time in seconds on a machine that does nothing else; `tests/estimates` measures how close it is.
     pub seconds: f64,
-    /// Most memory at a time, in bytes; an upper limit.
+    /// Most memory at a time, in bytes. It is that of photographs and maps: the program itself takes 25 MB more, and pictures and models up to half as
+    /// much again (`docs/estimates.md`).
     pub memory_bytes: u64,
     /// Disk that the results take, in bytes.
     pub disk_bytes: u64,
