@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use crate::limits::peak_memory;
 use nacre_tests::http::{Service, begin, finished, plan};
 use nacre_tests::{BENCH, Place, nacre};
 use serde_json::json;
@@ -27,10 +28,36 @@ fn an_estimate_writes_nothing_and_is_of_the_size_that_comes() {
         assert!((0.67..1.5).contains(&ratio), "{model}: {ratio}");
         fs::remove_dir_all(place.path("out")).unwrap();
     }
+    let bound =
+        nacre(["--json", "reconstruct", "polarization", &session, "--out", &out, "--estimate"]).expect(0).json();
+    let peak = 1024 * peak_memory(&place.path("session"), &place.path("out"));
+    assert!(peak <= bound["memory_bytes"].as_u64().unwrap(), "{peak} bytes taken, {bound}");
+    fs::remove_dir_all(place.path("out")).unwrap();
     let text = nacre(["reconstruct", "polarization", &session, "--out", &out, "--estimate"]).expect(0).stdout();
     assert!(["time", "memory", "disk"].iter().all(|word| text.contains(word)), "{text}");
     nacre(["reconstruct", "polarization", &place.text("nothing"), "--out", &out, "--estimate"]).expect(2);
     assert!(nacre(["doctor", "--data", &place.text("")]).stdout().contains("times the speed of the reference machine"));
+}
+
+#[test]
+fn estimates_of_maps_and_height_fields_grow_with_what_comes() {
+    let place = Place::new("");
+    let [height, maps, out] = ["h.exr", "maps", "out"].map(|name| place.text(name));
+    nacre(["brdf", "surface", "blazed", "--period-um", "2.5", "--depth-um", "0.3", "--out", &height]).expect(0);
+    let line = ["--json", "brdf", "map", &height, "--out", &place.text("map.exr"), "--estimate"];
+    assert!(nacre(line).expect(0).json()["seconds"].as_f64().unwrap() > 0.0);
+    assert!(!place.path("map.exr").exists(), "something was written");
+
+    nacre(["sim", "render", "--sample", "cd", "--size", "32", "--angles-deg", "0,45,90", "--out", &place.text("in")])
+        .expect(0);
+    nacre(["reconstruct", "polarization", &place.text("in"), "--out", &maps]).expect(0);
+    let disk = |size: &str| {
+        let line = ["--json", "map", "edit", &maps, "--size", size, "--out", &out, "--estimate"];
+        let disk = nacre(line).expect(0).json()["disk_bytes"].as_f64().unwrap();
+        assert!(!place.path("out").exists(), "something was written");
+        disk
+    };
+    assert!((3.9..4.1).contains(&(disk("512,512") / disk("256,256"))));
 }
 
 #[test]

@@ -59,7 +59,7 @@ fn start(series: &Path, out: &Path) -> Child {
 }
 
 /// Highest resident memory of a run in KiB, by watching the kernel's own high-water mark until it ends.
-fn peak_memory(series: &Path, out: &Path) -> u64 {
+pub fn peak_memory(series: &Path, out: &Path) -> u64 {
     let mut child = start(series, out);
     let status = format!("/proc/{}/status", child.id());
     let mut peak = 0;

@@ -85,8 +85,9 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<Work> {
         }
         Method::Map => {
             let maps = Maps::read(&maps_of(spec, input))?;
-            spec.options_of::<nacre_maps::Edits>()?.check(&maps)?;
-            Ok(maps.work())
+            let edits: nacre_maps::Edits = spec.options_of()?;
+            edits.check(&maps)?;
+            Ok(edits.work(&maps))
         }
         Method::Flash => {
             whole()?;

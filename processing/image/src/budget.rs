@@ -14,13 +14,18 @@ pub fn decoded(info: Info) -> u64 {
     2 * (info.width * info.height * info.channels * info.depth.bytes()) as u64
 }
 
+/// Most bytes that the overview of so many pixels takes while it is made: it is scaled down to a million of them.
+pub fn overview(pixels: u64) -> u64 {
+    40 * pixels.min(1 << 20)
+}
+
 /// Operations that are predicted from the size of their input, each with its bytes of memory per pixel beside the decoded file. Polarization
 /// and HDR, which depend on brackets and dark photographs as well, predict theirs themselves.
 ///
 /// Times are those of the reference machine ([`Work`]), measured at 0.02 to 4 Mpixel (`tests/estimates`).
 ///
 /// The bounds are measured (peak of the resident memory at 4 and 16 Mpixel, in brackets) and rounded up. Not predicted, as no header says
-/// it, are calibration (windows of single photographs), meshes, lookup tables and their octaves (at most 2 GiB), transforms of height
+/// it, are calibration (windows of single photographs), meshes, octaves of lookup tables (at most 2 GiB), transforms of height
 /// fields, and spectra of renderings: for these the limit of the job's process is the net ([`nacre_base::contained`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
@@ -31,7 +36,7 @@ pub enum Operation {
         /// Iterations, at most or in any case.
         iterations: usize,
     },
-    /// Lookup table with so many entries of a photograph: 12 per channel (14 with a grey file, 27 with a colour file).
+    /// Lookup table with so many entries of a photograph: 12 per channel (14 with a grey file, 27 with a colour file), 22 per entry (20).
     Table(usize),
     /// Light of a photograph for the distribution of a foil: as a table.
     Foil,
@@ -52,7 +57,8 @@ impl Operation {
         let pixels = info.width * info.height;
         let bytes = match self {
             Self::Bokeh { part, .. } => 44 * part.unwrap_or(pixels).min(pixels),
-            Self::Table(_) | Self::Foil => 12 * info.channels * pixels,
+            Self::Table(entries) => 12 * info.channels * pixels + 22 * entries,
+            Self::Foil => 12 * info.channels * pixels,
             Self::Flash(_) => (16 + 50) * pixels,
             Self::Fringes(count) => (8 * count + 200) * pixels,
             Self::Heights => 48 * pixels,

@@ -1,10 +1,12 @@
 //! What can be done to maps, in one fixed order.
 
-use super::asset::{Kind, Map, Maps};
+use super::asset::{Kind, MOST_PIXELS, Map, Maps};
 use super::curve::Curve;
 use super::layout::{Layout, wrapped};
+use nacre_base::estimate::Work;
 use nacre_base::{Error, Result};
-use nacre_image::Palette;
+use nacre_image::budget::Operation;
+use nacre_image::{Depth, Info, Palette};
 use serde::{Deserialize, Serialize};
 
 /// Edits, done in the order in which they stand here.
@@ -74,6 +76,20 @@ pub fn edit(maps: &Maps, edits: &Edits) -> Result<Maps> {
 }
 
 impl Edits {
+    /// What the edit needs, by the largest size that maps have in the course of it.
+    pub fn work(&self, maps: &Maps) -> Work {
+        let factor = self.resample.unwrap_or(1.0);
+        let resampled = [maps.width, maps.height].map(|n| (n as f64 * factor).ceil().max(1.0) as usize);
+        let tile = self.tile.unwrap_or([1, 1]);
+        let tiled = [0, 1].map(|side| resampled[side].saturating_mul(tile[side]));
+        let sizes = [[maps.width, maps.height], resampled, tiled, self.size.unwrap_or(tiled)];
+        // Larger ones are refused by the edit.
+        let allowed = sizes.into_iter().filter(|[w, h]| w.saturating_mul(*h) <= MOST_PIXELS);
+        let [width, height] = allowed.max_by_key(|[w, h]| w * h).unwrap_or_default();
+        let info = Info { width, height, channels: 3, depth: Depth::F32 };
+        Operation::Maps(maps.maps.len() + usize::from(self.period.is_some())).work(info)
+    }
+
     /// Refuses what makes no sense, or lacks a map.
     ///
     /// # Errors

@@ -73,6 +73,8 @@ pub fn edit_folder(
     progress.stage("editing", 1);
     let before = Maps::read(input)?;
     progress.check()?;
+    edits.check(&before)?;
+    progress.expect(&edits.work(&before))?;
     let after = edit(&before, edits)?;
     progress.check()?;
     let folder = OutputFolder::begin(out, overwrite)?;

@@ -32,7 +32,7 @@ pub(super) fn work(frames: &LoadedFrames) -> Work {
 pub fn work_of(info: Info, photographs: usize) -> Work {
     let samples = info.width * info.height * info.channels;
     let seconds = 0.08 + 1e-6 * samples as f64 * (0.1 + 0.05 * photographs as f64);
-    let memory_bytes = 16 * samples as u64 + BATCH as u64 * budget::decoded(info) + KEPT as u64;
+    let memory_bytes = 16 * samples as u64 + BATCH as u64 * budget::decoded(info) + kept(info, photographs);
     // Light, variance and flags, and a picture.
     Work { operation: "hdr".into(), seconds, memory_bytes, disk_bytes: 13 * samples as u64 }
 }
@@ -76,7 +76,13 @@ fn needed(frames: &LoadedFrames) -> u64 {
     let dark = set.dark.is_some() || set.frames.iter().any(|f| f.dark.is_some());
     // Sums and what is moved are two floats each; a dark photograph is kept, and scaled for each photograph of a batch.
     let planes = 4 + if dark { 1 + BATCH as u64 } else { 0 } + u64::from(set.flat.is_some());
-    planes * floats + BATCH as u64 * budget::decoded(*info) + KEPT as u64
+    planes * floats + BATCH as u64 * budget::decoded(*info) + kept(*info, set.frames.len())
+}
+
+/// Most bytes of the photographs that are kept, and of the overview after them.
+fn kept(info: Info, photographs: usize) -> u64 {
+    let each = info.width * info.height * info.channels * info.depth.bytes();
+    each.saturating_mul(photographs).min(KEPT) as u64 + budget::overview((info.width * info.height) as u64)
 }
 
 /// A folder without a `frames.json`, whose photographs say their exposure times.
@@ -121,7 +127,7 @@ mod tests {
                 warnings: vec![],
                 from_session: false,
             };
-            (needed(&frames) - KEPT as u64) >> 20
+            (needed(&frames) - kept(info, frames.set.frames.len())) >> 20
         };
         let one = mib(&|_, _| ());
         assert_eq!(one, 3 * 16 + 4 * 2 * 3);
@@ -131,5 +137,8 @@ mod tests {
         assert_eq!(mib(&|set, _| set.channel = Some(crate::Channel::G)), 16 + 4 * 2 * 3);
         assert_eq!(mib(&|set, _| set.frames[0].dark = Some("d.png".into())), one + 3 * 4 * 5);
         assert_eq!(mib(&|set, _| set.flat = Some("f.png".into())), one + 3 * 4);
+
+        let info = Info { width: 1 << 10, height: 1 << 10, channels: 3, depth: Depth::U8 };
+        assert_eq!([2, 4, 1 << 20].map(|count| kept(info, count) >> 20), [40 + 6, 40 + 12, 40 + 256]);
     }
 }

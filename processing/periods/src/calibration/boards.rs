@@ -4,6 +4,7 @@ use super::corners::{Board, View, find};
 use super::fit::{Fit, Seen, fit};
 use super::sample::CameraCovariance;
 use super::start;
+use nacre_base::estimate::Work;
 use nacre_base::progress::Progress;
 use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
@@ -62,6 +63,15 @@ pub struct Photograph {
     pub rms_px: f64,
 }
 
+/// What a search for the board in so many photographs of a size needs. The memory is an estimate: it depends on how much looks like corners.
+pub(super) fn work(photographs: usize, [width, height]: [usize; 2]) -> Work {
+    /// Seconds and bytes for each pixel.
+    const EACH: [f64; 2] = [0.05e-6, 34.0];
+    let pixels = (width * height) as f64;
+    let seconds = 0.05 + EACH[0] * pixels * photographs as f64;
+    Work { operation: "calibrate".into(), seconds, memory_bytes: (EACH[1] * pixels) as u64, disk_bytes: 1 << 20 }
+}
+
 /// Finds the camera.
 ///
 /// The board may be anywhere; it should fill the picture once in all photographs together, tilted by 20° to 45°. Method: Zhang 2000,
@@ -81,6 +91,7 @@ pub fn calibrate(folder: &Path, board: &Board, progress: &dyn Progress) -> Resul
         return Err(Error::file(folder, "holds no photograph", "give a folder with photographs of a chessboard"));
     };
     let size = info(first).map(|i| [i.width, i.height])?;
+    progress.expect(&work(files.len(), size))?;
     progress.stage("looking for the board", files.len() as u64);
     // Two at a time at most, since each takes a few bytes per pixel several times over.
     let looked: Vec<(PathBuf, Looked)> = files

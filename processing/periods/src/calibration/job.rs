@@ -1,6 +1,6 @@
 //! `nacre calibrate geometry`: from what was photographed and measured to a `geometry.json`.
 
-use super::boards::{Calibrated, calibrate, name};
+use super::boards::{self, Calibrated, calibrate, name};
 use super::corners::{Board, View, find};
 use super::light::{Highlight, Known, from_highlights};
 use super::panel::{Pixels, PlacedPanel, Shown, by_hand, from_photograph};
@@ -80,6 +80,9 @@ pub struct Outcome {
 /// `Input` for anything about files and numbers; `Cancelled`.
 pub fn calibrate_geometry(request: &Request, progress: &dyn Progress) -> Result<Outcome> {
     let mut report = Report::default();
+    if !matches!(request.camera, CameraFrom::Boards(..)) {
+        progress.expect(&boards::work(0, [0, 0]))?;
+    }
     let (mut geometry, mut sample, covariance, boards) = camera(request, &mut report, progress)?;
     let relative = matches!(request.camera, CameraFrom::Ruler(_));
     if relative && (request.sample != SampleFrom::Default || request.panel.is_some()) {

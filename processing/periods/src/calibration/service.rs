@@ -72,11 +72,9 @@ pub struct Calibration {
 
 /// What a calibration by the photographs of a folder needs.
 pub fn work(folder: &Path, photographs: bool) -> Work {
-    /// A chessboard in a photograph of 12 Mpixel.
-    const EACH: [f64; 2] = [0.6, 400e6];
-    let count = if photographs { nacre_image::photographs(folder).map_or(0, |all| all.len()) } else { 0 };
-    let seconds = 0.05 + EACH[0] * count as f64;
-    Work { operation: "calibrate".into(), seconds, memory_bytes: EACH[1] as u64, disk_bytes: 1 << 20 }
+    let files = if photographs { nacre_image::photographs(folder).unwrap_or_default() } else { vec![] };
+    let first = files.first().and_then(|name| nacre_image::info(&folder.join(name)).ok());
+    super::boards::work(files.len(), first.map_or([0, 0], |first| [first.width, first.height]))
 }
 
 impl Options {

@@ -1,12 +1,15 @@
 //! `nacre brdf map`.
 
 use super::common::{Material, Optics, Seen, Surface, direction, summary};
+use crate::commands::Estimating;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use nacre_base::progress::Progress;
 use nacre_base::vacant;
 use nacre_brdf::output::{write_map, write_picture};
 use nacre_brdf::{Report, Settings, Views, about_map, map};
 use nacre_capture::Failure;
+use nacre_image::budget::Operation;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -49,6 +52,8 @@ pub struct Map {
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 fn sines(text: &str) -> Result<[f64; 2], String> {
@@ -69,6 +74,7 @@ impl Map {
         let (_, window) = settings.check()?;
         let views = Views { size: self.size, center: self.center, half: 1.0 / self.zoom };
         views.check()?;
+        console.expect(&Operation::Heights.check_file(self.surface.path())?)?;
         let (field, quality) = self.surface.read(settings.coherence_um, console)?;
         let map = map(&field, &quality, &settings, views, console)?;
         write_map(&self.out, &map, &settings)?;

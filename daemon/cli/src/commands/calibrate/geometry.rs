@@ -1,6 +1,7 @@
 //! `nacre calibrate geometry`.
 
 use super::{highlight, shape};
+use crate::commands::Estimating;
 use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
@@ -57,6 +58,8 @@ pub struct Geometry {
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 /// Where the sample is.

@@ -2,6 +2,7 @@
 
 mod compare;
 
+use crate::commands::Estimating;
 use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
 use clap::{Subcommand, ValueEnum};
@@ -77,6 +78,8 @@ pub struct Edit {
     /// Replace files that are already in the folder.
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 /// Arguments of `nacre map export`.
