@@ -59,24 +59,30 @@ impl Base {
             let f = surface.scattered(light, view);
             above.sky.upsampling.seen([0, 1, 2].map(|c| f[c] * rgb[c])).map(|v| v * share(light[2]))
         };
-        let drawn = surface.sample(view, random.numbers());
-        both_ways(above, random, value, (drawn[2] > 0.0).then_some(drawn), |l| surface.density(l, view))
+        let (at, drawn) = (random.numbers(), surface.sample(view, random.numbers()));
+        both_ways(above, at, value, (drawn[2] > 0.0).then_some(drawn), |l| surface.density(l, view))
     }
 }
 
+/// What materials are made with.
+#[derive(Clone, Copy)]
+pub(crate) struct Context<'a> {
+    /// Where files are sought.
+    pub folder: &'a Path,
+    pub observer: Observer,
+    pub accuracy: &'a Accuracy,
+    /// Whether there is an environment.
+    pub under: bool,
+    pub progress: &'a dyn Progress,
+}
+
 impl Material {
-    /// Of a description.
+    /// Of a description; `like` the same one made for another accuracy, whose parts may be shared.
     ///
     /// # Errors
     /// `Input` for what makes no sense, or files that are none.
-    pub(crate) fn new(
-        name: &str,
-        material: &scene::Material,
-        folder: &Path,
-        observer: Observer,
-        accuracy: &Accuracy,
-        progress: &dyn Progress,
-    ) -> Result<Self> {
+    pub(crate) fn new(name: &str, material: &scene::Material, context: &Context, like: Option<&Self>) -> Result<Self> {
+        let folder = context.folder;
         let key = |what: &str| format!("material.{name}.{what}");
         let mut notes = Notes::default();
         let base = match &material.base {
@@ -95,7 +101,8 @@ impl Material {
         };
         let diffraction = match &material.diffraction {
             Some(of) => {
-                Some(Diffraction::new(&key("diffraction"), of, folder, observer, accuracy, &mut notes, progress)?)
+                let like = like.and_then(|like| like.diffraction.as_ref());
+                Some(Diffraction::new(&key("diffraction"), of, context, like, &mut notes)?)
             }
             None => None,
         };

@@ -3,7 +3,6 @@
 use crate::light::Sky;
 use crate::light::viewer::RANGE;
 use crate::vector::V3;
-use nacre_base::random::Stream;
 use std::f64::consts::PI;
 
 /// Samples of a pixel in a pass: two by two places within it.
@@ -71,16 +70,16 @@ impl Above<'_> {
 }
 
 /// An environment by multiple importance sampling with the balance heuristic (Veach and Guibas 1995): a direction of the environment's, and one of
-/// the surface's own. `value` is BRDF times cosine times radiance.
+/// the surface's own. Two numbers from 0 to 1 choose the environment's; `value` is BRDF times cosine times radiance.
 pub(crate) fn both_ways(
     above: &Above,
-    random: &mut Stream,
+    at: [f64; 2],
     mut value: impl FnMut([f64; 3], [f64; 3]) -> [f64; 3],
     drawn: Option<[f64; 3]>,
     density: impl Fn([f64; 3]) -> f64,
 ) -> [f64; 3] {
     let mut sum = [0.0; 3];
-    let (towards, rgb, bright) = above.sky.sample(random.numbers());
+    let (towards, rgb, bright) = above.sky.sample(at);
     let local = above.frame.map(|f| f.dot(&towards));
     let all = bright + density(local);
     if local[2] > 0.0 && all > 0.0 && (above.open)(towards) {
