@@ -164,7 +164,7 @@ fn a_damaged_session_is_a_warning_and_the_others_are_listed() {
     bytes[60] ^= 1;
     fs::write(&journal, bytes).unwrap();
     let rebuilt = place.run(&["rebuild", &place.text("sessions")]).expect(0);
-    for file in ["bad/session.json", "torn/journal"] {
+    for file in ["bad/session.json", "torn: journal"] {
         assert!(rebuilt.stderr().contains(file), "{}", rebuilt.stderr());
     }
     assert_eq!(rebuilt.json()["warnings"].as_array().unwrap().len(), 2);

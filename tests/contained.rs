@@ -4,6 +4,7 @@
 
 use nacre_tests::http::{Service, begin, finished, plan};
 use nacre_tests::{BENCH, Place, assert_gone, command, listing, nacre};
+use rustix::fs::inotify;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::PathBuf;
@@ -284,4 +285,60 @@ fn a_contained_decoder_delivers_the_values_of_the_file() {
     nacre(["reconstruct", "polarization", &place.text("raw"), "--out", &place.text("maps")]).expect(0);
     let report: Value = serde_json::from_slice(&fs::read(place.path("maps/report.json")).unwrap()).unwrap();
     assert_eq!((&report["width"], &report["height"]), (&json!(width / 2), &json!(height / 2)));
+}
+
+/// Size, levels and exposure of a file come from one process, its pixels from another one.
+#[test]
+fn an_import_starts_two_decoders_per_file() {
+    let place = Place::with_bench("", BENCH);
+    if !reads_raw(&place) {
+        println!("skipped: this build reads no camera raw files");
+        return;
+    }
+    for n in [0, 45, 90, 135] {
+        fs::write(place.path(&format!("raw/{n:03}.dng")), dng(64, 48)).unwrap();
+    }
+    // Each decoder has a folder for its temporaries, made by the program that starts it.
+    fs::create_dir(place.path("tmp")).unwrap();
+    let watch = inotify::init(inotify::CreateFlags::NONBLOCK).unwrap();
+    inotify::add_watch(&watch, place.path("tmp"), inotify::WatchFlags::CREATE).unwrap();
+    let (mut program, mark) = command();
+    program.env("TMPDIR", place.path("tmp")).args(["import", &place.text("raw"), "--force"]);
+    assert!(program.output().unwrap().status.success());
+    assert_gone(&mark);
+    let mut buffer = [std::mem::MaybeUninit::uninit(); 4096];
+    let mut events = inotify::Reader::new(&watch, &mut buffer);
+    let mut decoders = 0;
+    while let Ok(event) = events.next() {
+        decoders += usize::from(event.file_name().is_some_and(|name| name.to_bytes().starts_with(b"nacre-job-")));
+    }
+    assert_eq!(decoders, 8);
+    assert!(listing(&place.path("tmp")).is_empty());
+}
+
+/// Third-party decoders can abort or hang on a damaged file: that is bad input like any other.
+#[test]
+fn a_decoder_that_aborts_or_hangs_is_bad_input() {
+    let place = Place::with_bench("", BENCH);
+    if !reads_raw(&place) {
+        println!("skipped: this build reads no camera raw files");
+        return;
+    }
+    for n in [45, 90, 135] {
+        fs::write(place.path(&format!("raw/{n:03}.dng")), dng(64, 48)).unwrap();
+    }
+    fs::remove_file(place.path("raw/frames.json")).unwrap_or_default();
+    for (fails, words) in [("abort", "its decoder crashed (signal 6)"), ("loop", "its decoder took more than")] {
+        let (program, mark) = command();
+        // A decoder may take two minutes, or less where the limit of processor time is lower.
+        let mut limited = Command::new("sh");
+        limited.args(["-c", "ulimit -S -t 2; exec \"$0\" \"$@\""]).arg(program.get_program());
+        limited.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
+        let run = limited.args(["import", &place.text("raw")]).env("NACRE_DECODER", fails).output().unwrap();
+        let told = String::from_utf8_lossy(&run.stderr);
+        assert_eq!(run.status.code(), Some(2), "{fails}: {told}");
+        assert!(told.contains("000.dng") && told.contains(words) && told.contains("export the file again"), "{told}");
+        assert!(!place.path("raw/frames.json").exists());
+        assert_gone(&mark);
+    }
 }

@@ -2,54 +2,19 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-use nacre_tests::http::{Answer, Service, begin, finished, plan};
+use nacre_tests::http::{Answer, Service, SmallDisk, begin, fill, finished, free, plan, private_mount};
 use nacre_tests::{BENCH, NEVER, Place, binary, listing, nacre};
 use serde_json::{Value, json};
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
-/// A service whose data folder is a disk of its own, which nobody else sees.
-struct Disk {
-    service: Service,
-    /// The data folder, as seen from here.
-    data: PathBuf,
-}
-
-impl Disk {
-    /// A disk of `size`, prepared by a shell script in the data folder. `None` where no private disk can be mounted.
-    fn new(place: &Place, size: &str, prepare: &str) -> Option<Self> {
-        if !Command::new("unshare").args(["-m", "true"]).status().is_ok_and(|s| s.success()) {
-            println!("skipped: no private mount here");
-            return None;
-        }
-        fs::create_dir_all(place.path("data")).unwrap();
-        let script =
-            format!("mount -t tmpfs -o size={size} tmpfs data && (cd data && {prepare}) && exec \"$0\" \"$@\"");
-        let service = Service::within(place, &["unshare", "-m", "sh", "-c", &script], &[]);
-        let data = PathBuf::from(format!("/proc/{}/root{}", service.pid(), place.text("data")));
-        Some(Self { service, data })
-    }
-
-    /// Writes until nothing fits any more.
-    fn fill(&self) {
-        let block = [7_u8; 4096];
-        let mut file = fs::File::create(self.data.join("fill")).unwrap();
-        while std::io::Write::write_all(&mut file, &block).is_ok() {}
-    }
-
-    fn free(&self) {
-        fs::remove_file(self.data.join("fill")).unwrap();
-    }
-
-    fn about(&self, full: bool) {
-        let told = |about: &Value| about["problems"].to_string().contains("full");
-        self.service.until("/api/v1/about", |about| told(about) == full);
-        let health = self.service.get("/healthz").expect(200).text();
-        assert_eq!(health == "ok", !full, "{health}");
-    }
+fn about(service: &Service, full: bool) {
+    service.until_full(full);
+    let health = service.get("/healthz").expect(200).text();
+    assert_eq!(health == "ok", !full, "{health}");
 }
 
 fn exposures() -> Value {
@@ -65,14 +30,14 @@ fn full(answer: Answer) {
 #[test]
 fn after_a_full_disk_all_is_well() {
     let place = Place::with_bench("", BENCH);
-    let Some(disk) = Disk::new(&place, "6m", "true") else { return };
+    let Some(disk) = SmallDisk::new(&place, "6m", "true") else { return };
     let service = &disk.service;
     let id = begin(service, &exposures());
     service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "finished");
     let ask = || service.post("/api/v1/reconstructions", &json!({ "session": id, "method": "hdr" }));
     let first = ask().expect(202).json()["id"].clone();
-    disk.fill();
-    disk.about(true);
+    fill(&disk.data);
+    about(&disk.service, true);
     let answers: Vec<Answer> = (0..8).map(|_| ask()).collect();
     // Some may fit into what the database has already; then none do.
     assert!(answers.iter().all(|a| [202, 507].contains(&a.status)), "{:?}", answers.last().unwrap().text());
@@ -83,8 +48,8 @@ fn after_a_full_disk_all_is_well() {
     service.get(&format!("/api/v1/sessions/{id}")).expect(200);
     service.get("/api/v1/reconstructions").expect(200);
 
-    disk.free();
-    disk.about(false);
+    free(&disk.data);
+    about(&disk.service, false);
     for _ in 0..8 {
         let job = ask().expect(202).json()["id"].as_str().unwrap().to_owned();
         let path = format!("/api/v1/reconstructions/{job}");
@@ -100,22 +65,22 @@ fn after_a_full_disk_all_is_well() {
 #[test]
 fn a_full_disk_is_emptied_over_rest() {
     let place = Place::with_bench("", BENCH);
-    let Some(disk) = Disk::new(&place, "6m", "true") else { return };
+    let Some(disk) = SmallDisk::new(&place, "6m", "true") else { return };
     let service = &disk.service;
     let [kept, deleted] = [(); 2].map(|()| begin_and_finish(service));
     let job = service.post("/api/v1/reconstructions", &json!({ "session": kept })).expect(202).json();
     let job = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
     service.until(&job, |job| job["state"] == "done");
-    disk.fill();
-    disk.about(true);
+    fill(&disk.data);
+    about(&disk.service, true);
     for base in [format!("/api/v1/sessions/{deleted}"), job] {
         let token = service.get(&format!("{base}/deletion")).expect(200).json()["token"].as_str().unwrap().to_owned();
         service.send("DELETE", &format!("{base}?token={token}"), &[], b"").expect(204);
         service.get(&base).expect(404);
-        disk.fill();
+        fill(&disk.data);
     }
-    disk.free();
-    disk.about(false);
+    free(&disk.data);
+    about(&disk.service, false);
     service.until("/api/v1/sessions", |page| page["items"].as_array().unwrap().len() == 1);
     assert_eq!(service.get("/api/v1/sessions").json()["items"][0]["id"], kept.as_str());
 }
@@ -137,9 +102,9 @@ fn on_a_full_disk_the_service_starts_and_recovers() {
     service.kill();
     fs::rename(place.path("data"), place.path("before")).unwrap();
     let script = "cp -a ../before/. . && rm -f *-shm && { dd if=/dev/zero of=fill bs=4k 2>/dev/null; true; }";
-    let Some(disk) = Disk::new(&place, "4m", script) else { return };
+    let Some(disk) = SmallDisk::new(&place, "4m", script) else { return };
     let service = &disk.service;
-    disk.about(true);
+    about(&disk.service, true);
     service.get("/readyz").expect(507);
     full(service.get("/api/v1/reconstructions"));
     full(service.post("/api/v1/sessions", &exposures()));
@@ -150,8 +115,8 @@ fn on_a_full_disk_the_service_starts_and_recovers() {
     let base = format!("/api/v1/sessions/{deleted}");
     let token = service.get(&format!("{base}/deletion")).expect(200).json()["token"].as_str().unwrap().to_owned();
     service.send("DELETE", &format!("{base}?token={token}"), &[], b"").expect(204);
-    disk.free();
-    disk.about(false);
+    free(&disk.data);
+    about(&disk.service, false);
     service.get("/readyz").expect(200);
     let job = service.post("/api/v1/reconstructions", &json!({ "session": kept })).expect(202).json();
     service.until(&format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap()), |job| job["state"] == "done");
@@ -160,10 +125,10 @@ fn on_a_full_disk_the_service_starts_and_recovers() {
 }
 
 /// Runs `nacre serve` in a shell, after a preparation; its exit code and what it says.
-fn serve(place: &Place, prepare: &str) -> (Option<i32>, String) {
+fn serve(place: &Place, flag: &str, prepare: &str) -> (Option<i32>, String) {
     let script = format!("{prepare} exec \"$NACRE\" serve --sim --listen 127.0.0.1:0 --data \"$DATA\"");
     let mut command = Command::new("unshare");
-    command.args(["-m", "sh", "-c", &script]).env("NACRE", binary()).env("DATA", place.path("data"));
+    command.args([flag, "sh", "-c", &script]).env("NACRE", binary()).env("DATA", place.path("data"));
     let run = command.output().unwrap();
     (run.status.code(), String::from_utf8_lossy(&run.stderr).into_owned())
 }
@@ -172,11 +137,8 @@ fn serve(place: &Place, prepare: &str) -> (Option<i32>, String) {
 fn a_read_only_disk_is_named() {
     let place = Place::with_bench("", BENCH);
     fs::create_dir(place.path("data")).unwrap();
-    if !Command::new("unshare").args(["-m", "true"]).status().is_ok_and(|s| s.success()) {
-        println!("skipped: no private mount here");
-        return;
-    }
-    let (code, message) = serve(&place, "mount -t tmpfs -o ro tmpfs \"$DATA\" || exit 77;");
+    let Some(flag) = private_mount() else { return };
+    let (code, message) = serve(&place, flag, "mount -t tmpfs -o ro tmpfs \"$DATA\" || exit 77;");
     assert_eq!(code, Some(2), "{message}");
     assert!(message.contains("read-only") && message.contains("--data"), "{message}");
 }

@@ -57,14 +57,15 @@ pub fn nacre<S: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item = S>) -> Ru
     run
 }
 
-/// The program, to be given arguments: with a catalogue of its own, told to check itself for what it leaves behind, and
+/// The program, to be given arguments: with a catalogue and a cache of its own, told to check itself for what it leaves behind, and
 /// with a mark in its environment by which [`assert_gone`] finds it and its children.
 pub fn command() -> (Command, String) {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let mark = format!("NACRE_MARK={}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-    let catalogue = std::env::temp_dir().join(format!("nacre-tests-{}/catalogue.db", std::process::id()));
+    let own = std::env::temp_dir().join(format!("nacre-tests-{}", std::process::id()));
     let mut command = Command::new(binary());
-    command.env("NACRE_LEAKS", "1").env("NACRE_CATALOGUE", catalogue).env("NACRE_MARK", &mark["NACRE_MARK=".len()..]);
+    command.env("NACRE_LEAKS", "1").env("NACRE_MARK", &mark["NACRE_MARK=".len()..]);
+    command.env("NACRE_CATALOGUE", own.join("catalogue.db")).env("XDG_CACHE_HOME", own.join("cache"));
     (command, mark)
 }
 

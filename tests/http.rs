@@ -4,6 +4,7 @@ use crate::{NEVER, Place, assert_gone, command};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -13,6 +14,60 @@ pub struct Service {
     /// Where it listens.
     pub address: SocketAddr,
     mark: String,
+}
+
+/// A service whose data folder is a disk of its own, which nobody else sees.
+pub struct SmallDisk {
+    /// The service.
+    pub service: Service,
+    /// The data folder, as seen from here.
+    pub data: PathBuf,
+}
+
+#[allow(clippy::unwrap_used, clippy::missing_panics_doc)]
+impl SmallDisk {
+    /// A disk of `size`, prepared by a shell script in the data folder. `None` where no private disk can be mounted.
+    pub fn new(place: &Place, size: &str, prepare: &str) -> Option<Self> {
+        let flag = private_mount()?;
+        std::fs::create_dir_all(place.path("data")).unwrap();
+        let script =
+            format!("mount -t tmpfs -o size={size} tmpfs data && (cd data && {prepare}) && exec \"$0\" \"$@\"");
+        let service = Service::within(place, &["unshare", flag, "sh", "-c", &script], &[]);
+        let data = PathBuf::from(format!("/proc/{}/root{}", service.pid(), place.text("data")));
+        Some(Self { service, data })
+    }
+}
+
+/// The flag with which `unshare` gives a process mounts of its own: as root, or as anybody where the system lets users have name spaces.
+/// `None`, with a note, where it does not.
+pub fn private_mount() -> Option<&'static str> {
+    let works = |flag: &&str| {
+        let mut tried = Command::new("unshare");
+        tried.args([flag, "mount", "-t", "tmpfs", "tmpfs", "/mnt"]).stdout(Stdio::null()).stderr(Stdio::null());
+        tried.status().is_ok_and(|status| status.success())
+    };
+    let found = ["-m", "-Urm"].into_iter().find(works);
+    if found.is_none() {
+        println!("skipped: no private mount here");
+    }
+    found
+}
+
+/// Writes into a data folder until nothing fits any more.
+///
+/// # Panics
+/// When the file cannot be made.
+pub fn fill(data: &Path) {
+    let mut file = std::fs::File::create(data.join("fill")).expect("a file without contents");
+    while file.write_all(&[7; 4096]).is_ok() {}
+}
+
+/// Frees what [`fill`] took.
+///
+/// # Panics
+/// When there is nothing to free.
+pub fn free(data: &Path) {
+    std::fs::remove_file(data.join("fill")).expect("the disk was filled");
 }
 
 /// An answer.
@@ -70,6 +125,11 @@ impl Service {
         let address = address.unwrap_or_else(|| panic!("the service says: {line}"));
         std::thread::spawn(move || stderr.lines().map_while(Result::ok).for_each(|line| println!("service: {line}")));
         Self { child, address, mark }
+    }
+
+    /// Waits until it says that its disk is full, or that it is not.
+    pub fn until_full(&self, full: bool) {
+        self.until("/api/v1/about", |about| about["problems"].to_string().contains("full") == full);
     }
 
     /// Process id.

@@ -191,6 +191,26 @@ fn photographs_that_do_not_fit_into_memory_are_refused_by_their_headers() {
     }
 }
 
+/// `ulimit -d` counts private writable memory, so nearly all of it is left to a program that has hardly begun.
+#[test]
+fn a_limit_of_data_leaves_nearly_all_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let [small, large, out] = ["small", "large", "out"].map(|name| folder.path().join(name));
+    series(&small, 4, 512, 512);
+    let script = r#"ulimit -d 1048576; exec "$NACRE" reconstruct polarization "$IN" --out "$OUT""#;
+    let (code, message) = shell(script, &small, &out);
+    assert_eq!(code, 0, "{message}");
+    fs::create_dir(&large).unwrap();
+    fs::write(large.join("frames.json"), description("polarization")).unwrap();
+    [0, 45, 90, 135].iter().for_each(|n| fs::write(large.join(format!("{n:03}.png")), black()).unwrap());
+    let (code, message) = shell(script, &large, &folder.path().join("none"));
+    assert_eq!(code, 2, "{message}");
+    let allowed = message.split(" GiB are allowed").next().and_then(|before| before.rsplit(' ').next());
+    let allowed: f64 = allowed.and_then(|number| number.parse().ok()).unwrap_or_default();
+    // Three quarters of 1 GiB without the stacks of the threads.
+    assert!((0.65..0.75).contains(&allowed), "{message}");
+}
+
 /// The same over REST, at once; the service lives on.
 #[test]
 fn uploads_that_do_not_fit_into_memory_are_refused_when_asked_for() {

@@ -7,6 +7,7 @@ use nacre_tests::http::{Service, begin, events, finished, form, plan};
 use nacre_tests::{BENCH, NEVER, Place, listing, nacre};
 use serde_json::json;
 use std::fs;
+use std::io::Read;
 use std::time::{Duration, Instant};
 
 fn photograph(level: u8) -> Vec<u8> {
@@ -152,6 +153,31 @@ fn requests_from_elsewhere_and_into_elsewhere_are_refused() {
 }
 
 #[test]
+fn the_page_loads_compressed_and_is_kept() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let page = service.get("/").expect(200).text();
+    let scripts: Vec<&str> = page.split("src=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert!(scripts.len() > 1, "{page}");
+    for script in scripts {
+        let plain = service.get(script).expect(200);
+        assert!(plain.head.contains("immutable"), "{}", plain.head);
+        let packed = service.send("GET", script, &["Accept-Encoding: gzip, br"], b"").expect(200);
+        let mut text = String::new();
+        flate2::read::GzDecoder::new(&packed.body[..]).read_to_string(&mut text).unwrap();
+        assert!(text == plain.text() && packed.body.len() < text.len(), "{script}");
+    }
+    assert!(service.get("/assets/app.js").expect(200).head.contains("no-cache"));
+    service.get("/assets/0123456789abcdef/app.js").expect(404);
+    let document = service.send("GET", "/api/v1/openapi.json", &["Accept-Encoding: gzip"], b"").expect(200);
+    assert!(document.head.contains("gzip") && document.body.starts_with(&[0x1f, 0x8b]), "{}", document.head);
+    // Pictures are compressed already.
+    let picture =
+        service.send("GET", "/api/v1/devices/camera/preview.png", &["Accept-Encoding: gzip"], b"").expect(200);
+    assert!(!picture.head.contains("content-encoding"), "{}", picture.head);
+}
+
+#[test]
 fn large_slow_and_many_requests_are_bounded() {
     let place = Place::with_bench("", BENCH);
     fs::write(
@@ -224,7 +250,7 @@ fn a_thousand_event_subscribers_are_bounded_in_memory() {
     for mut stream in streams {
         stream.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
         let mut head = [0; 12];
-        std::io::Read::read_exact(&mut stream, &mut head).unwrap();
+        Read::read_exact(&mut stream, &mut head).unwrap();
         refused += u32::from(&head[9..] == b"429");
     }
     println!("1000 subscribers: {refused} refused, {grown} KiB more memory");

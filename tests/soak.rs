@@ -1,13 +1,14 @@
-//! Sessions one after the other, with faults, stops and kills at random: no frame is lost, every end is explained, and the service does not grow.
+//! Sessions one after the other, with faults, stops, kills and full disks at random: no frame is lost, every end is explained, and the service does not grow.
 //!
 //! `NACRE_SESSIONS` says how many (200), `NACRE_SEED` which.
 
 #![allow(clippy::unwrap_used)]
 
-use nacre_tests::http::{Service, begin};
+use nacre_tests::http::{Service, SmallDisk, fill, free};
 use nacre_tests::{Place, data};
 use serde_json::{Value, json};
 use std::fs;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// A bench that loses no time, since the service waits as long as devices take, with a flash that frames show.
@@ -74,6 +75,8 @@ fn resources(service: &Service) -> [u64; 3] {
 
 struct Soak {
     place: Place,
+    /// The data folder, as seen from here.
+    data: PathBuf,
     dice: Dice,
     /// The data set of an undisturbed session.
     whole: Vec<(String, Vec<u8>)>,
@@ -82,18 +85,34 @@ struct Soak {
     /// Ends by their reasons.
     ends: std::collections::BTreeMap<String, usize>,
     complete: u64,
+    /// How often the disk was full.
+    filled: u64,
+}
+
+/// The worst that happens during a session.
+#[derive(Clone, Copy, PartialEq)]
+enum Worst {
+    Stop,
+    Kill,
+    FullDisk,
 }
 
 impl Soak {
     /// A session from its begin to its comparison with the undisturbed one. Returns the service, unless it was killed.
-    fn session(&mut self, service: Service, may_kill: bool) -> Option<Service> {
-        let id = begin(&service, &plan());
+    fn session(&mut self, service: Service, worst: Worst) -> Option<Service> {
+        let id = begin(&service);
         let base = format!("/api/v1/sessions/{id}");
         let wait = |dice: &mut Dice| std::thread::sleep(Duration::from_millis(dice.below(60)));
-        match self.dice.below(if may_kill { 8 } else { 7 }) {
+        match self.dice.below(if worst == Worst::Stop { 7 } else { 8 }) {
             0 => {
                 wait(&mut self.dice);
-                service.post("/api/v1/stop", &json!({})).expect(200);
+                let stopped = service.post("/api/v1/stop", &json!({}));
+                // A flash that a fault keeps on is named.
+                assert!(
+                    stopped.status == 200 || stopped.text().contains("switch it off by hand"),
+                    "{}",
+                    stopped.text()
+                );
             }
             // These are refused where the session has ended before.
             which @ 1..=3 => {
@@ -101,6 +120,13 @@ impl Soak {
                 service.post(&format!("{base}/{}", ["stop", "abort", "pause"][which as usize - 1]), &json!({}));
                 wait(&mut self.dice);
                 service.post(&format!("{base}/resume"), &json!({}));
+            }
+            7 if worst == Worst::FullDisk => {
+                wait(&mut self.dice);
+                fill(&self.data);
+                wait(&mut self.dice);
+                free(&self.data);
+                self.filled += 1;
             }
             7 => {
                 wait(&mut self.dice);
@@ -117,6 +143,11 @@ impl Soak {
     /// Goes on with a session until it is complete.
     fn finish(&mut self, service: &Service, id: &str) {
         let base = format!("/api/v1/sessions/{id}");
+        if service.get(&base).status == 404 {
+            // The service was killed before there was a session.
+            assert!(!self.data.join("sessions").join(id).join("session.json").exists(), "{id}");
+            return self.finish(service, &begin(service));
+        }
         for tries in 0.. {
             assert!(tries < TRIES, "session {id} is not complete after {TRIES} ends: {:?}", self.ends);
             let over = |s: &Value| match s["state"].as_str().unwrap() {
@@ -134,13 +165,18 @@ impl Soak {
             let why = if kind.is_empty() { why.to_owned() } else { kind };
             *self.ends.entry(why).or_default() += 1;
             let resumed = service.post(&format!("{base}/resume"), &json!({}));
+            if resumed.status == 404 {
+                // Its disk was full before there was a session.
+                assert!(!self.data.join("sessions").join(id).join("session.json").exists(), "{}", resumed.text());
+                return self.finish(service, &begin(service));
+            }
             assert!([202, 409].contains(&resumed.status), "{}", resumed.text());
         }
     }
 
     /// Its data are those of the undisturbed session; then it is deleted.
     fn compare(&mut self, service: &Service, id: &str) {
-        let folder = self.place.path("data/sessions").join(id);
+        let folder = self.data.join("sessions").join(id);
         let found = data(&folder);
         assert_eq!(found.len(), self.whole.len(), "{id}");
         for ((name, bytes), (wanted_name, wanted)) in found.iter().zip(&self.whole) {
@@ -153,6 +189,17 @@ impl Soak {
         service.send("DELETE", &format!("{base}?token={token}"), &[], b"").expect(204);
         assert!(!folder.exists());
         self.complete += 1;
+    }
+}
+
+/// Begins a session, as soon as a disk that was full a moment ago is known not to be.
+fn begin(service: &Service) -> String {
+    loop {
+        let answer = service.post("/api/v1/sessions", &plan());
+        if answer.status != 507 {
+            return answer.expect(202).json()["id"].as_str().unwrap().to_owned();
+        }
+        service.until_full(false);
     }
 }
 
@@ -187,7 +234,7 @@ fn sessions_by_the_hundred_lose_no_frame() {
     let sessions = variable("NACRE_SESSIONS", 200);
     let place = Place::with_bench("", BENCH);
     let service = Service::start(&place, &[]);
-    let id = begin(&service, &plan());
+    let id = begin(&service);
     service.until(&format!("/api/v1/sessions/{id}"), |s| s["state"] == "finished" && s["stage"].is_null());
     let whole = data(&place.path("data/sessions").join(&id));
     // Another angle and other light are no noise.
@@ -198,48 +245,68 @@ fn sessions_by_the_hundred_lose_no_frame() {
     }
     drop(service);
     let dice = Dice(variable("NACRE_SEED", 1));
-    let mut soak = Soak { place, dice, whole, interrupted: vec![], ends: Default::default(), complete: 0 };
+    let (data, ends) = (place.path("data"), Default::default());
+    let mut soak = Soak { place, data, dice, whole, interrupted: vec![], ends, complete: 0, filled: 0 };
 
     // Half of them in lives of the service that end by a kill.
     let mut kills = 0;
     while soak.complete < sessions / 2 {
-        let mut service = Some(begun(&mut soak, 20));
+        let mut service = Some(begun(&mut soak, 20, false).0);
         while let Some(alive) = service.take() {
             if soak.complete >= sessions / 2 {
                 break;
             }
-            service = soak.session(alive, true);
+            service = soak.session(alive, Worst::Kill);
             kills += u64::from(service.is_none());
         }
     }
-    // The others in one life, during which nothing grows.
-    let mut service = begun(&mut soak, sessions / 2);
+    // The others in one life, during which nothing grows, on a disk that is full now and then where one can be mounted.
+    let (mut service, worst) = begun(&mut soak, sessions / 2, true);
     let mut first = None;
     let begin = soak.complete;
     while soak.complete < sessions {
-        service = soak.session(service, false).unwrap();
+        service = soak.session(service, worst).unwrap();
         if soak.complete >= begin + 10 && first.is_none() {
             first = Some(resources(&service));
         }
     }
     let [before, after] = [first.unwrap(), resources(&service)];
     println!(
-        "{} sessions, {kills} kills, {} early ends of {} kinds; files, threads and KiB of memory of the service: {before:?}, then {after:?}",
+        "{} sessions, {kills} kills, {} full disks, {} early ends of {} kinds; files, threads and KiB of memory of the service: {before:?}, then {after:?}",
         soak.complete,
+        soak.filled,
         soak.ends.values().sum::<usize>(),
         soak.ends.len()
     );
     assert!(after[0] <= before[0] + 4 && after[1] <= before[1] + 4, "{before:?} {after:?}");
     assert!(after[2] <= before[2] + GROWTH_KB, "{before:?} {after:?}");
+    assert!(worst == Worst::Stop || soak.filled > 0);
     assert!(kills > 0 && soak.ends.len() > 5, "{kills} {:?}", soak.ends);
 }
 
-/// A service on a bench with faults during so many sessions, which first completes what was interrupted.
-fn begun(soak: &mut Soak, sessions: u64) -> Service {
+/// A service on a bench with faults during so many sessions, which first completes what was interrupted; on a small disk of its own, if
+/// it is asked for and can be had.
+fn begun(soak: &mut Soak, sessions: u64, small_disk: bool) -> (Service, Worst) {
     fs::write(soak.place.path("bench.toml"), soak.dice.bench(sessions)).unwrap();
-    let service = Service::start(&soak.place, &[]);
+    let disk = if small_disk {
+        fs::rename(soak.place.path("data"), soak.place.path("before")).unwrap();
+        SmallDisk::new(&soak.place, "24m", "cp -a ../before/. .")
+    } else {
+        None
+    };
+    let (service, worst) = match disk {
+        Some(SmallDisk { service, data }) => {
+            soak.data = data;
+            (service, Worst::FullDisk)
+        }
+        None if small_disk => {
+            fs::rename(soak.place.path("before"), soak.place.path("data")).unwrap();
+            (Service::start(&soak.place, &[]), Worst::Stop)
+        }
+        None => (Service::start(&soak.place, &[]), Worst::Kill),
+    };
     for id in std::mem::take(&mut soak.interrupted) {
         soak.finish(&service, &id);
     }
-    service
+    (service, worst)
 }

@@ -85,6 +85,7 @@ const ROLES: &[(&str, &str, &str)] = &[
     ("view", "GET", "/api/v1/plans/schema"),
     ("view", "GET", "/api/v1/reconstructions"),
     ("operate", "POST", "/api/v1/reconstructions"),
+    ("operate", "POST", "/api/v1/reconstructions/estimate"),
     ("administer", "DELETE", "/api/v1/reconstructions/{id}"),
     ("view", "GET", "/api/v1/reconstructions/{id}"),
     ("operate", "POST", "/api/v1/reconstructions/{id}/cancel"),

@@ -78,7 +78,7 @@ def before_call(context, case, kwargs):
         case.path_parameters["id"] = running()
         call("POST", f"/api/v1/sessions/{case.path_parameters['id']}/pause", {})
         until(f"/api/v1/sessions/{case.path_parameters['id']}", lambda s: s.get("state") == "paused")
-    elif path == "/api/v1/reconstructions":
+    elif path in ("/api/v1/reconstructions", "/api/v1/reconstructions/estimate"):
         case.body = {"session": SEEDED["session"], "method": "polarization"}
     elif path.endswith("/cancel") or path.endswith("/retry"):
         job = call("POST", "/api/v1/reconstructions", {"session": SEEDED["session"]}).get("id")

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import inputs as i
 
 # Outputs that are not recorded, each with the reason.
-UNRECORDED = {"*catalogue.db*": "the index of sessions (SQLite), with times; `catalogue list` shows its content"}
+UNRECORDED = {".cache/*": "how fast the machine is",
+              "*catalogue.db*": "the index of sessions (SQLite), with times; `catalogue list` shows its content"}
 
 
 @dataclass

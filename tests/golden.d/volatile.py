@@ -24,6 +24,8 @@ TEXT = [
     (re.compile(r"(?m)^((?:time|total) +)\d.*$"), r"\1~"),
     # "results   polarization/results, 2.86 s after the last frame"
     (re.compile(r"\d+\.\d+ s after the last frame"), "~ s after the last frame"),
+    # `nacre plan estimate`: "then about 0.5 s for the results"
+    (re.compile(r"then about \S+ \w+ for the results"), "then about ~ for the results"),
     # Renderings: "spectra   9 bands ... at most, 0.45 s", "tv   4 samples, noise 9.88e-2, 6.3 s"
     (re.compile(r"(?m)(noise \S+(?: at most)?, )\d+\.\d+ s$"), r"\1~ s"),
     # `nacre token`: the hash of a random token.

@@ -129,8 +129,15 @@ export async function newPage(main, { signal }) {
 
   function show(cost) {
     estimate.classList.remove("stale");
+    /** @type {[string, string][]} */
+    const facts = [
+      [cost.least_frames < cost.frames ? `frames, at least ${count(cost.least_frames)}` : "frames", count(cost.frames)],
+      [cost.metering_seconds ? `time, ${duration(cost.metering_seconds)} of it for metering` : "time", duration(cost.seconds)],
+    ];
+    if (cost.results_seconds !== null) facts.push(["then, for results, about", duration(cost.results_seconds)]);
+    facts.push(["on disk, at most", bytes(cost.bytes + (cost.results_bytes ?? 0))]);
     estimate.replaceChildren(
-      figures([[cost.least_frames < cost.frames ? `frames, at least ${count(cost.least_frames)}` : "frames", count(cost.frames)], [cost.metering_seconds ? `of which ${duration(cost.metering_seconds)} metering` : "time", duration(cost.seconds)], ["on disk, at most", bytes(cost.bytes)]]),
+      figures(facts),
       h("p", { class: "soft" }, cost.exposure_assumed
         ? `Assumes an exposure of ${duration(cost.exposure_s)}; metering finds the real one, which can change the time.`
         : `Exposure ${duration(cost.exposure_s)}.`));

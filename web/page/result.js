@@ -3,7 +3,7 @@
 import { get, listen, makeDownload, picture, post } from "./api.js";
 import { h, panel, say, segments } from "./dom.js";
 import { complain, problemMessage, tell } from "./feedback.js";
-import { degrees, fixed, percent, significant } from "./format.js";
+import { degrees, duration, fixed, percent, significant } from "./format.js";
 import { bar, maskedKey, wheel } from "./legend.js";
 import { MapView } from "./mapview.js";
 import { optionFields } from "./options.js";
@@ -79,7 +79,7 @@ async function showProgress(main, job, signal) {
   const paint = (/** @type {Job} */ now) => {
     const open = now.state === "queued" || now.state === "running";
     const ended = { done: "Done.", failed: "Failed.", cancelled: "Cancelled.", set_aside: `Set aside after ${now.attempts} attempts.` }[now.state];
-    say(state, ended ?? `${now.state === "queued" ? "Waiting for its turn" : "Running"}${now.stage ? `: ${now.stage}` : ""} (${percent(now.progress, 0)})`);
+    say(state, ended ?? `${now.state === "queued" ? "Waiting for its turn" : "Running"}${now.stage ? `: ${now.stage}` : ""} (${percent(now.progress, 0)})${now.remaining_s ? `, about ${duration(now.remaining_s)} left` : ""}`);
     progress.value = now.progress;
     seen?.update(now);
     cancel.disabled = !open;

@@ -4,6 +4,9 @@
 
 mod standalone;
 
+use sha2::{Digest, Sha256};
+use std::sync::LazyLock;
+
 pub use standalone::standalone;
 
 /// A file of the page.
@@ -121,6 +124,32 @@ pub fn asset(path: &str) -> Option<Asset> {
     ASSETS.iter().find(|(known, _)| *known == path).map(|(_, asset)| *asset)
 }
 
+/// A document of the page (`/` or `/display`), whose assets have paths with [`version`] in them.
+pub fn document(path: &str) -> Option<String> {
+    let document = asset(path).filter(|asset| asset.content_type == HTML)?;
+    let versioned = format!("\"/assets/{}/", version());
+    Some(String::from_utf8_lossy(document.bytes).replace("\"/assets/", &versioned))
+}
+
+/// The asset at a path with [`version`] in it. What it leads to never changes, so that browsers may keep it.
+pub fn versioned(path: &str) -> Option<Asset> {
+    let name = path.strip_prefix("/assets/")?.strip_prefix(version())?.strip_prefix('/')?;
+    asset(&format!("/assets/{name}"))
+}
+
+/// Sixteen hexadecimal digits that change when any asset changes.
+pub fn version() -> &'static str {
+    static VERSION: LazyLock<String> = LazyLock::new(|| {
+        let mut hasher = Sha256::new();
+        for (path, asset) in ASSETS {
+            hasher.update(path);
+            hasher.update(asset.bytes);
+        }
+        hasher.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+    });
+    &VERSION
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,6 +162,24 @@ mod tests {
 
     fn text(path: &str) -> &'static str {
         std::str::from_utf8(asset(path).expect(path).bytes).expect(path)
+    }
+
+    #[test]
+    fn documents_name_assets_that_never_change() {
+        for path in ["/", "/display"] {
+            let document = document(path).unwrap();
+            let assets = quoted(&document, "\"/assets/").len();
+            assert_eq!(assets, quoted(text(path), "\"/assets/").len());
+            let named: Vec<&str> = quoted(&document, "=\"/assets/");
+            assert!(named.len() > 2 && named.iter().all(|name| name.starts_with(version())), "{named:?}");
+            for name in named {
+                assert!(versioned(&format!("/assets/{name}")).is_some(), "{name}");
+            }
+        }
+        assert_eq!(versioned("/assets/0000000000000000/app.js"), None);
+        assert_eq!(versioned("/assets/app.js"), None);
+        assert_eq!(document("/assets/app.js"), None);
+        assert_eq!(version().len(), 16);
     }
 
     #[test]

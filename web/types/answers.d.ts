@@ -86,6 +86,7 @@ interface Job {
     state: "queued" | "running" | "done" | "failed" | "cancelled" | "set_aside";
     progress: number;
     stage: string | null;
+    remaining_s: number | null;
     attempts: number;
     created: number;
     error: string | null;

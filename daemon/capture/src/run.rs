@@ -220,6 +220,7 @@ pub fn cannot_resume(folder: &Path, error: &std::io::Error) -> Failure {
         return Error::file(folder, "is being captured by another process", "wait for it or stop it").into();
     }
     let remedy = match error.kind() {
+        _ if session::is_damaged(error) => session::SALVAGE,
         std::io::ErrorKind::InvalidData => {
             "put an undamaged copy of the file back (without frames.json, it is written anew), or begin a new session"
         }

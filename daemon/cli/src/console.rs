@@ -1,6 +1,8 @@
 //! What a person or a script sees: text or JSON on standard output, progress and errors on standard error.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use nacre_base::Error;
+use nacre_base::estimate::{Estimate, Running, Work};
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::engine::Observer;
@@ -17,9 +19,13 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Output of one command, and its wish to stop.
 pub struct Console {
     json: bool,
+    /// Operations only state time, memory and disk.
+    only_estimate: bool,
     /// How often somebody asked for the end.
     interrupted: Arc<AtomicU32>,
     stage: Mutex<Stage>,
+    /// The operation, once it has stated them.
+    running: Mutex<Option<Running>>,
 }
 
 struct Stage {
@@ -33,14 +39,24 @@ struct Stage {
 
 impl Console {
     /// Catches Ctrl-C and SIGTERM from now on, so that a command can clean up.
-    pub fn new(json: bool) -> Self {
+    pub fn new(json: bool, only_estimate: bool) -> Self {
         let interrupted = Arc::new(AtomicU32::new(0));
         let count = interrupted.clone();
         // Fails only when a handler is already set; then the system's default stays, which also ends the program.
         let _ = ctrlc::set_handler(move || {
             count.fetch_add(1, Ordering::Relaxed);
         });
-        Self { json, interrupted, stage: Mutex::new(Stage::new("", 0)) }
+        Self { json, only_estimate, interrupted, stage: Mutex::new(Stage::new("", 0)), running: Mutex::default() }
+    }
+
+    /// Prints the operation's estimate if `--estimate` was given; returns whether it did.
+    pub fn estimated(&self) -> bool {
+        let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let Some(estimate) = running.filter(|_| self.only_estimate).map(|running| running.estimate()) else {
+            return false;
+        };
+        self.result(&needs(&estimate), &estimate);
+        true
     }
 
     /// How often Ctrl-C was pressed or SIGTERM came.
@@ -51,6 +67,10 @@ impl Console {
     /// The command's result: `text` for a person, or `value` as JSON.
     pub fn result(&self, text: &str, value: &impl Serialize) {
         self.finish_stage();
+        let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(running) = running {
+            running.complete();
+        }
         let json = || serde_json::to_string_pretty(value).unwrap_or_default();
         let line = if self.json { json() } else { text.trim_end().to_owned() };
         // A reader that went away (`| head`) is no failure of the command.
@@ -89,7 +109,7 @@ impl Stage {
     }
 
     fn visible_bar(&self) -> ProgressBar {
-        let style = ProgressStyle::with_template("{msg:20} {bar:30} {percent:>3} %  {elapsed} gone, {eta} to go")
+        let style = ProgressStyle::with_template("{msg:20} {bar:30} {percent:>3} %  {elapsed} gone{prefix}")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
         ProgressBar::with_draw_target(Some(self.steps), ProgressDrawTarget::stderr())
             .with_style(style)
@@ -99,6 +119,13 @@ impl Stage {
 }
 
 impl Progress for Console {
+    fn expect(&self, work: &Work) -> Result<(), Error> {
+        let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        // The first is that of the whole: a part of an operation states its own, too.
+        running.get_or_insert_with(|| Running::begin(work.clone()));
+        if self.only_estimate { Err(Error::Cancelled) } else { Ok(()) }
+    }
+
     fn stage(&self, name: &str, steps: u64) {
         let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
         stage.bar.finish_and_clear();
@@ -112,10 +139,36 @@ impl Progress for Console {
             stage.bar = stage.visible_bar();
         }
         stage.bar.set_position(stage.done);
+        if !stage.bar.is_hidden() {
+            let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+            // Without an estimate of the operation, that of its stage.
+            let stage_s = || stage.bar.eta().as_secs_f64();
+            let left = running.as_ref().map_or_else(stage_s, Running::remaining_s);
+            stage.bar.set_prefix(format!(", about {} left", duration(left)));
+        }
     }
 
     fn cancelled(&self) -> bool {
         self.interrupted.load(Ordering::Relaxed) > 0
+    }
+}
+
+/// Time, memory and disk in words.
+fn needs(estimate: &Estimate) -> String {
+    let [memory, disk] = [estimate.memory_bytes, estimate.disk_bytes].map(|bytes| bytes as f64 / 1e6);
+    format!(
+        "time      about {}\nmemory    about {memory:.0} MB\ndisk      about {disk:.1} MB",
+        duration(estimate.seconds)
+    )
+}
+
+/// A time that is known to two digits or so.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 10.0 => format!("{s:.1} s"),
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
     }
 }
 

@@ -6,7 +6,8 @@ mod leaks;
 
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::Console;
-use nacre_base::input;
+use nacre_base::{Error, input};
+use nacre_capture::Failure;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -66,6 +67,8 @@ enum Command {
     Plan(commands::plan::PlanCommand),
     /// Verify a session folder.
     Check(commands::check::Args),
+    /// Keep the undamaged lines of a session's damaged journal.
+    Salvage(commands::salvage::Args),
     /// Find and list session folders.
     Catalogue(commands::catalogue::Args),
     /// Turn photographs into maps.
@@ -118,6 +121,12 @@ fn inputs(command: &clap::Command, matches: &ArgMatches) -> Vec<OsString> {
     ids.flat_map(|id| matches.try_get_raw(id).ok().flatten().into_iter().flatten()).map(OsString::from).collect()
 }
 
+/// Whether the command has the option `--estimate` ([`commands::Estimating`]), and it was given.
+fn only_estimate(matches: &ArgMatches) -> bool {
+    let given = |matches: &ArgMatches| matches!(matches.try_get_one::<bool>("estimate"), Ok(Some(true)));
+    given(matches) || matches.subcommand().is_some_and(|(_, inner)| only_estimate(inner))
+}
+
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     let command = Cli::command();
@@ -134,7 +143,7 @@ pub fn main() -> ExitCode {
     if let Command::Job = cli.command {
         return commands::job::run();
     }
-    let console = Console::new(cli.json);
+    let console = Console::new(cli.json, only_estimate(&matches));
     let leaks = leaks::Leaks::watch();
     let result = match cli.command {
         Command::Demo(args) => commands::demo::run(&args, &console),
@@ -150,6 +159,7 @@ pub fn main() -> ExitCode {
         Command::Show(args) => commands::manual::show(&args, &console),
         Command::Plan(args) => commands::plan::run(&args, &console),
         Command::Check(args) => commands::check::run(&args, &console),
+        Command::Salvage(args) => commands::salvage::run(&args, &console),
         Command::Catalogue(args) => commands::catalogue::run(&args, &console),
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Brdf(args) => commands::brdf::run(&args, &console),
@@ -170,6 +180,7 @@ pub fn main() -> ExitCode {
         return ExitCode::from(70);
     }
     match result {
+        Err(Failure::Processing(Error::Cancelled)) if console.estimated() => ExitCode::SUCCESS,
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             console.error(&failure);

@@ -133,7 +133,8 @@ impl Drop for Work {
 }
 
 impl Activity {
-    fn new(patience: Duration) -> Self {
+    /// Of a client that is to make progress within this time.
+    pub fn new(patience: Duration) -> Self {
         let state = Progress { since: Instant::now(), moved: 0, at_work: 0 };
         Self { patience, state: Mutex::new(state), leave: Notify::new() }
     }

@@ -22,6 +22,7 @@ mod metrics;
 mod paths;
 mod plans;
 mod problem;
+mod reconstruction_request;
 mod reconstructions;
 mod renders;
 mod results;
@@ -29,6 +30,7 @@ mod router;
 mod runs;
 mod scenes;
 mod session_data;
+mod session_doc;
 mod sessions;
 mod stored_uploads;
 mod supervised;
@@ -237,6 +239,16 @@ impl App {
     pub fn deletion_token(&self, id: &str) -> String {
         sha256(format!("{}{id}", self.secret).as_bytes()).chars().take(24).collect()
     }
+}
+
+/// The service without a network, for tests that bring their own requests: its router, which keeps bench and data folder open while it lives.
+///
+/// # Errors
+/// The bench or the data folder cannot be used.
+pub async fn in_process(config: Config, place: Place) -> Result<axum::Router, Failure> {
+    let activity = Arc::new(connections::Activity::new(Duration::from_secs(config.limits.client_s)));
+    let app = App::open(config, place).await?;
+    Ok(router::router(&app).layer(axum::Extension(activity)))
 }
 
 /// Serves until `stop`; the light is off and everything is stored afterwards. `ready` is told the address, and what is wrong with the

@@ -3,6 +3,7 @@
 use super::problem::{Answer, Problem};
 use super::work::result_folder;
 use nacre_base::Error;
+use nacre_base::estimate::Work;
 use nacre_base::progress::Progress;
 use nacre_capture::plan::Method;
 use nacre_frames::hdr;
@@ -18,8 +19,8 @@ use nacre_render::Glimpse;
 use nacre_store::jobs::Spec;
 use std::path::{Path, PathBuf};
 
-/// Refuses what no job could do; `uploads` is where the service has them.
-pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
+/// Checks a job's input and options, and estimates it. `uploads` is the service's folder of uploads.
+pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<Work> {
     let whole = || {
         if input.join(FILE_NAME).exists() {
             return Ok(());
@@ -43,7 +44,7 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
             let frames = load(input)?;
             let options = spec.polarization()?;
             options.check(&frames)?;
-            Ok(nacre_polarimetry::check_memory(&frames, options.demosaic)?)
+            Ok(options.work(&frames)?)
         }
         Method::Hdr => {
             if spec.session.is_some() {
@@ -80,9 +81,13 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
             if spec.upload.is_none() && !options.needs_no_photographs() {
                 return Err(Problem::bad("there are no photographs").remedy("give an upload that holds them"));
             }
-            Ok(())
+            Ok(calibration::work(input, spec.upload.is_some()))
         }
-        Method::Map => Ok(spec.options_of::<nacre_maps::Edits>()?.check(&Maps::read(&maps_of(spec, input))?)?),
+        Method::Map => {
+            let maps = Maps::read(&maps_of(spec, input))?;
+            spec.options_of::<nacre_maps::Edits>()?.check(&maps)?;
+            Ok(maps.work())
+        }
         Method::Flash => {
             whole()?;
             Ok(flash::check_input(input, &spec.options_of()?)?)
@@ -118,7 +123,8 @@ pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<()> {
             if spec.session.is_some() {
                 return Err(Problem::bad("method render takes a scene; give an upload, not a session"));
             }
-            Ok(nacre_render::check_folder(input, &spec.options_of()?).map(drop)?)
+            let options = spec.options_of()?;
+            Ok(nacre_render::work(&nacre_render::check_folder(input, &options)?, &options))
         }
     }
 }

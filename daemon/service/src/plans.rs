@@ -4,6 +4,7 @@ use super::problem::{Answer, Problem};
 use super::{App, Body};
 use axum::Json;
 use axum::extract::State;
+use nacre_base::estimate::Machine;
 use nacre_base::text::from_toml;
 use nacre_capture::plan::Plan;
 use serde::{Deserialize, Serialize};
@@ -47,8 +48,14 @@ pub struct Checked {
 pub struct Estimated {
     /// Frames stored.
     frames: usize,
-    /// Time in seconds, without metering.
+    /// Time in seconds until the last frame, metering included.
     seconds: f64,
+    /// Of which metering.
+    metering_seconds: f64,
+    /// Time in seconds until the results are there after that, if the plan asks for any.
+    results_seconds: Option<f64>,
+    /// Size of the results in bytes.
+    results_bytes: Option<u64>,
     /// Exposure time in seconds.
     exposure_s: f64,
     /// The exposure will be metered; the preview's was assumed.
@@ -116,13 +123,21 @@ pub async fn estimate(State(app): State<Arc<App>>, Body(body): Body<PlanBody>) -
         None => Duration::from_millis(10),
     };
     let estimate = plan.estimate(assumed, &app.limits, 0.0);
+    let metering_seconds = plan.metering_s(assumed, &app.limits);
+    let results = match plan.results_work(&app.limits) {
+        Some(work) => Some(super::blocking(move || Ok(Machine::here().estimate(&work))).await?),
+        None => None,
+    };
     Ok(Json(Estimated {
         frames: estimate.frames,
-        seconds: estimate.seconds,
+        seconds: estimate.seconds + metering_seconds,
+        metering_seconds,
+        results_seconds: results.map(|results| results.seconds),
+        results_bytes: results.map(|results| results.disk_bytes),
         exposure_s: estimate.exposure_s,
         exposure_assumed: metered,
         bytes: estimate.bytes,
         least_frames: estimate.least.map_or(estimate.frames, |l| l.frames),
-        least_seconds: estimate.least.map_or(estimate.seconds, |l| l.seconds),
+        least_seconds: estimate.least.map_or(estimate.seconds, |l| l.seconds) + metering_seconds,
     }))
 }

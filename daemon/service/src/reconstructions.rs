@@ -3,17 +3,17 @@
 use super::keys::Keyed;
 use super::paths::without_folders;
 use super::problem::{Answer, Kind, Problem};
+use super::reconstruction_request::Request;
 use super::work::result_folder;
-use super::{App, At, Params, events, files, methods};
+use super::{App, At, Body, Params, events, files, methods};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use nacre_base::estimate::{Estimate, Machine, Work};
 use nacre_capture::fields::fields;
 use nacre_capture::plan::Method;
 use nacre_capture::session::SESSION_FILE;
-use nacre_image::Palette;
-use nacre_polarimetry::{Align, Demosaic, Oblique, PeriodMethod, Smoothing};
 use nacre_render::SoFar;
 use nacre_store::jobs::{Job, JobState, LightUpload, Spec};
 use serde::{Deserialize, Serialize};
@@ -21,80 +21,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use utoipa::{IntoParams, ToSchema};
 
-/// What to reconstruct.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Request {
-    /// A session.
-    session: Option<String>,
-    /// Or uploaded photographs.
-    upload: Option<String>,
-    /// Of `lut`: photographs of the mirror image of a light that is no point, uploaded by themselves; the table is spread with it.
-    light: Option<LightUpload>,
-    /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots`, `brdf`, `flash`, `foil`, `calibrate`, `map` or `render`.
-    method: Option<Method>,
-    /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
-    /// "recover", "align": "auto" | "off"}`. Of `lut`, of which wavelength and scale or geometry are needed unless the photographs say
-    /// them: `{"wavelength_nm": 680 | [610, 540, 460], "scale": 0.002, "geometry": {"camera_mm", "flash_mm", "baseline_mm",
-    /// "pixel_um"}, "center": [x, y], "size": 1024, "extent": 1, "warp": 1, "illuminant": "D65", "observer": "1931" | "1964",
-    /// "exponent": 4, "max_error": 0.01, "method": "auto" | {"rays": 1} | {"single": 0.5} | {"fixed": 5}}`. Of `bokeh`,
-    /// of which `psf` is needed: `{"psf": {"sigma": 2.5}, "light": "blue", "crop": [x, y, w, h], "rotate_deg": 90, "iterations": {"auto":
-    /// 500} | {"count": 30}, "scale": {"pixel": 2.5} | {"lines": {"per_mm": 50}}, "lens": {"focal_mm", "f_number", "distance_m"},
-    /// "wavelength_nm": 450, "known": {"shape": "blazed", "depth_um": 0.4}, "calibration": {"gain_um", "offset"}, "slice": [x0, y0, x1,
-    /// y1], "slice_width": 15}`. Of `spots`: `{"geometry": {…as in geometry.json}, "wavelength_nm":
-    /// 560, "wavelength_sigma_nm": 1, "panel_mm": [520, 320], "aperture_mm": 10, "periods_um": [0.7, 4], "mirror_deg": 0.2, "palette": "cyclic" |
-    /// "hsv", "no_scale_bar": false}`. Of `brdf`, for uploaded height fields: `{"pixel_um": 0.08, "range_um": 0.4, "level": false, "size": 512,
-    /// "settings": {"light_deg": [30, 0], "method": "auto", "coherence_um": 65, "max_error": 0.01, "normalisation": "brdf" | "relative",
-    /// "reflectance": "perfect" | "schlick=0.04" | "gold", "shadowing": false, "illuminant": "D65", "observer": "1931"}}`. Of
-    /// `flash`, of which `tiles` and `size_mm`, or `reference_px`, are needed: `{"tiles": [10, 8], "size_mm": [297, 210], "reference_px": [x,
-    /// y, w, h], "geometry": {…}, "corners_px": [[x, y], …], "camera_mm": 500, "light_height_mm": 200, "wavelength_nm": 560, "period_um":
-    /// [1.2, 2.4], "orientation": "half" | "image", "period": "auto" | "sample" | "pixel", "palette": "cyclic" |
-    /// "hsv"}`. Of `foil`: `{"geometry": {…},
-    /// "period_um": [0.8, 1.5], "bins": [180, 64], "depth_um": 0.08, "light_height_mm": 300}`. Of `calibrate`, for uploaded photographs of a
-    /// board: `{"board": [9, 6], "square_mm": 25, "sample_corners_px": [[x, y], …], "sample_mm": [120, 80], "wavelength_nm": 532}`; or, for
-    /// photographs of the light in a mirror (or for none at all), to go on from an earlier calibration: `{"geometry": {…as in geometry.json},
-    /// "highlights": [{"file": "mirror.png" | "pixel": [x, y], "height_mm": 50, "tilt_deg": [0, 0]}, …], "light_height_mm": [300, 5],
-    /// "wavelength_nm": 532, "wavelength_sigma_nm": 0.5, "lamp": "A", "filter": [[nm, share], …], "response": [[nm, share], …]}`. Of `map`, for
-    /// a session's maps or uploaded ones: `{"rotate_deg": 30, "resample": 2, "tile": [4, 3], "size": [w, h], "layout": "repeat" | "mirror" |
-    /// "brick", "orientation_offset_deg": 5, "period": {"quadratic": [0.8, 1.6]} | {"sine_squared": [0.8, 1.6]} | {"table": [[deg, um],
-    /// …]}, "scale": 1.05, "offset_um": -0.02, "clamp_um": [0.7, 2], "palette": "cyclic" | "hsv"}`. Of `render`, for an uploaded scene: `{"samples": 256, "max_error":
-    /// 0.01, "wavelengths": null, "check": false, "spectral_nm": 10}`.
-    #[schema(value_type = Option<Object>)]
-    options: Option<serde_json::Value>,
-    /// `plain` (Stokes, angle and degree of linear polarization), or a model of gratings: `auto`, `sinusoid`, `prenormalized`, `circle` or
-    /// `curve`. Default: `auto` for sessions, `plain` for uploads.
-    model: Option<String>,
-    /// Whether what oblique incidence does to polarization is taken out: `off` (the default), or `auto`, where the photographs say
-    /// where the camera stood and the points are likelier then.
-    #[schema(value_type = Option<String>, example = "off")]
-    oblique: Option<Oblique>,
-    /// Whether photographs that are shifted against each other are moved back: `auto`, where that is worth it (the default of models of
-    /// gratings), or `off` (the default of the model plain).
-    #[schema(value_type = Option<String>, example = "auto")]
-    align: Option<Align>,
-    /// Maps of a monochrome polarization sensor in full size: how images behind each polarizer are interpolated, `bilinear` or `edge-aware`
-    /// (model plain). Default: `none`, one pixel per super-pixel.
-    #[schema(value_type = Option<String>, example = "none")]
-    demosaic: Option<Demosaic>,
-    /// Added to every orientation.
-    offset_deg: Option<f64>,
-    /// Smoothing of orientations in pictures and in the map `smoothed`: `none`, `light` (default), `strong` or a number of rounds.
-    #[schema(value_type = Option<String>, example = "light")]
-    smooth: Option<Smoothing>,
-    /// Smooth the map itself and its σ as well.
-    smooth_maps: Option<bool>,
-    /// Also make the map `smoothed`: the smoothed orientations at full size (default: false).
-    smoothed_exr: Option<bool>,
-    /// Makes a map of periods: `{"from": "brightness", "range_um": [0.7, 2.0]}` (heuristic), or `{"from": "contrast",
-    /// "range_um": [1.2, 3.0], "depth_um": 0.1, "metal": "aluminium", "index_above": 1, "wavelength_nm": 560}` (for an assumed
-    /// surface; the last three can be left out).
-    #[schema(value_type = Option<Object>)]
-    period: Option<PeriodMethod>,
-    /// Colours of angles in pictures: `cyclic` (the default) or `hsv`. Of `spots`, `flash` and `map` it is one of the options.
-    #[schema(value_type = Option<String>, example = "cyclic")]
-    palette: Option<Palette>,
-    /// Leave the scale bar out of pictures (default: false). They have one where the pixel size on the sample is known.
-    no_scale_bar: Option<bool>,
+/// Time, memory and disk of a reconstruction.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Needs {
+    /// Time in seconds, once it begins.
+    seconds: f64,
+    /// About the most memory at a time, in bytes, of photographs and maps.
+    memory_bytes: u64,
+    /// Size of its results in bytes.
+    disk_bytes: u64,
 }
 
 /// A reconstruction.
@@ -116,6 +51,8 @@ pub struct Reconstruction {
     /// 0 to 1.
     progress: f64,
     stage: String,
+    /// Seconds that are left, while it runs.
+    remaining_s: Option<f64>,
     /// Of a rendering under way: `{"passes": 12, "of": 40, "noise": 0.02, "seconds_left": 31.5}`; noise is null after one pass.
     #[schema(value_type = Option<Object>)]
     so_far: Option<SoFar>,
@@ -213,11 +150,19 @@ impl App {
             attempts: job.attempts,
             progress: job.progress,
             stage: job.stage,
+            remaining_s: job.remaining_s,
             so_far,
             error: job.error.as_deref().map(|error| without_folders(&fields(error))),
             created: job.created,
             report: report.as_deref().and_then(told),
         }
+    }
+
+    /// Checks a job, and estimates it.
+    async fn work_of(&self, spec: &Spec) -> Answer<Work> {
+        let input = self.input_of(spec)?;
+        let (asked, uploads) = (spec.clone(), self.config.data.join("uploads"));
+        self.heavy.work(move || methods::check(&asked, &input, &uploads)).await
     }
 
     /// A session's own results as a reconstruction.
@@ -236,6 +181,7 @@ impl App {
             attempts: 1,
             progress: 1.0,
             stage: "done".into(),
+            remaining_s: None,
             so_far: None,
             error: None,
             created: session.map_or(0, |f| f.created),
@@ -255,14 +201,7 @@ fn told(report: &[u8]) -> Option<serde_json::Value> {
     responses((status = 202, body = Reconstruction, headers(("Location" = String, description = "The reconstruction"))),
         (status = 400, body = Problem), (status = 404, body = Problem), (status = 422, body = Problem)))]
 pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<Request>) -> Answer<Response> {
-    let offset_deg = body.offset_deg.unwrap_or(0.0);
-    let nothing = body.session.is_none() && body.upload.is_none() && body.method == Some(Method::Calibrate);
-    if body.session.is_some() == body.upload.is_some() && !nothing {
-        return Err(Problem::bad("give either a session or an upload"));
-    }
-    for id in body.session.iter().chain(&body.upload).chain(body.light.as_ref().map(|light| &light.upload)) {
-        super::check_id(id)?;
-    }
+    let mut spec = body.spec()?;
     let mut turn = app.keys.turn(key).await;
     if let Some(id) = turn.made()
         && let Some(job) = app.jobs()?.get(&id).await?
@@ -270,32 +209,22 @@ pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<Reque
         turn.same()?;
         return Ok(accepted(app.describe(job, false)));
     }
-    let mut spec = Spec {
-        id: String::new(),
-        method: body.method.unwrap_or_default(),
-        session: body.session,
-        upload: body.upload,
-        light: body.light,
-        options: body.options,
-        model: body.model.unwrap_or_default(),
-        oblique: body.oblique.unwrap_or_default(),
-        align: body.align,
-        demosaic: body.demosaic.unwrap_or_default(),
-        offset_deg,
-        smooth: body.smooth.unwrap_or_default(),
-        smooth_maps: body.smooth_maps.unwrap_or(false),
-        smoothed_exr: body.smoothed_exr.unwrap_or(false),
-        period: body.period,
-        palette: body.palette.unwrap_or_default(),
-        no_scale_bar: body.no_scale_bar.unwrap_or(false),
-    };
-    let input = app.input_of(&spec)?;
     // Refused here rather than by the job, so that whoever asks learns it at once.
-    let (asked, uploads) = (spec.clone(), app.config.data.join("uploads"));
-    app.heavy.work(move || methods::check(&asked, &input, &uploads)).await?;
+    app.work_of(&spec).await?;
     spec.id = turn.begin();
     let job = app.jobs()?.submit(spec).await?;
     Ok(accepted(app.describe(job, false)))
+}
+
+/// Estimates time, memory and disk of a reconstruction, without making it.
+#[utoipa::path(post, path = "/api/v1/reconstructions/estimate", tag = "reconstructions", operation_id = "estimate_reconstruction",
+    request_body = Request, responses((status = 200, body = Needs), (status = 400, body = Problem), (status = 404, body = Problem),
+        (status = 422, body = Problem)))]
+pub async fn estimate(State(app): State<Arc<App>>, Body(body): Body<Request>) -> Answer<Json<Needs>> {
+    let work = app.work_of(&body.spec()?).await?;
+    let Estimate { seconds, memory_bytes, disk_bytes } =
+        super::blocking(move || Ok(Machine::here().estimate(&work))).await?;
+    Ok(Json(Needs { seconds, memory_bytes, disk_bytes }))
 }
 
 fn accepted(doc: Reconstruction) -> Response {

@@ -8,15 +8,17 @@ use super::{
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
-use axum::http::{StatusCode, header};
+use axum::http::{Extensions, HeaderMap, StatusCode, Version, header};
 use axum::middleware::{self, Next};
-use axum::response::{IntoResponse, Response};
+use axum::response::{Html, IntoResponse, Response};
 use axum::routing::get;
 use axum::{Extension, Json, Router};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
+use tower_http::compression::CompressionLayer;
+use tower_http::compression::predicate::{Predicate, SizeAbove};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
 use utoipa::{Modify, OpenApi, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
@@ -85,6 +87,7 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(deletion::of_session))
         .routes(routes!(session_data::files))
         .routes(routes!(reconstructions::begin, reconstructions::list))
+        .routes(routes!(reconstructions::estimate))
         .routes(routes!(reconstructions::get, deletion::reconstruction))
         .routes(routes!(deletion::of_reconstruction))
         .routes(routes!(reconstructions::cancel))
@@ -190,6 +193,7 @@ pub fn router(app: &Arc<App>) -> Router {
         .merge(slow)
         .fallback(|| async { Problem::not_found("such path") })
         .method_not_allowed_fallback(|| async { Problem::new(Kind::Method, "this path takes another method") })
+        .layer(CompressionLayer::new().compress_when(SizeAbove::default().and(is_text)))
         .layer(middleware::from_fn(connections::in_pace))
         .layer(middleware::from_fn_with_state(app.clone(), access::check))
         .layer(middleware::from_fn_with_state(app.clone(), count))
@@ -213,12 +217,28 @@ async fn ready(State(app): State<Arc<App>>) -> Answer<&'static str> {
     app.jobs().map(|_| "ok")
 }
 
-/// An asset of the page.
+/// A document of the page, or one of its assets. Browsers keep assets whose path has the page's version in it.
 async fn page(path: String) -> Response {
-    match nacre_web::asset(&path) {
-        Some(asset) => ([(header::CONTENT_TYPE, asset.content_type)], asset.bytes).into_response(),
+    if let Some(document) = nacre_web::document(&path) {
+        return Html(document).into_response();
+    }
+    const FOR_EVER: &str = "public, max-age=31536000, immutable";
+    let kept = nacre_web::versioned(&path).map(|asset| (asset, FOR_EVER));
+    match kept.or_else(|| Some((nacre_web::asset(&path)?, "no-cache"))) {
+        Some((asset, cache)) => {
+            ([(header::CONTENT_TYPE, asset.content_type), (header::CACHE_CONTROL, cache)], asset.bytes).into_response()
+        }
         None => Problem::not_found("such page").into_response(),
     }
+}
+
+/// Whether an answer gets smaller by compression: text does. Events must not wait for more of their kind, and pictures and maps are
+/// compressed already or too large to be worth the time.
+fn is_text(_: StatusCode, _: Version, headers: &HeaderMap, _: &Extensions) -> bool {
+    const TEXT: [&str; 6] =
+        ["text/html", "text/css", "text/javascript", "image/svg+xml", "application/json", "application/problem+json"];
+    let kind = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    TEXT.iter().any(|text| kind.starts_with(text))
 }
 
 /// Ends what takes too long.

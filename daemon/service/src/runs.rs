@@ -234,6 +234,9 @@ fn note(entry: &Entry) -> Option<String> {
         Entry::Begun => "begun".into(),
         Entry::Resumed => "resumed".into(),
         Entry::Finished(_) => "finished".into(),
+        Entry::Salvaged(salvaged) => {
+            format!("the journal was damaged: {} entries kept, at least {} lost", salvaged.kept, salvaged.lost)
+        }
         Entry::Retried { reason } => format!("again after: {reason}"),
         Entry::Paused => "paused, with the light off".into(),
         Entry::Stopped { reason, .. } => format!("stopped: {reason}"),

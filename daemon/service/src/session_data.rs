@@ -8,7 +8,7 @@ use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use nacre_capture::plan::Role;
-use nacre_capture::session::{Journal, SessionFile};
+use nacre_capture::session::{Journal, SessionFile, unreadable_journal};
 use nacre_image::encode_png8;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -74,7 +74,7 @@ pub async fn frames(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<J
     let folder = app.existing_session(&id)?;
     let read = move || {
         let file = SessionFile::read(&folder).map_err(|e| Problem::bad(e.to_string()))?;
-        let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Problem::bad(e.to_string()))?;
+        let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| unreadable_journal(&folder, &e))?;
         let steps = file.plan.steps_with(&journal.chosen());
         let doc = |step: &nacre_capture::plan::Step| {
             let commit = journal.commit(&step.file)?;

@@ -1,21 +1,20 @@
 //! `/api/v1/sessions`.
 
 use super::keys::Keyed;
-use super::paths::without_folders;
 use super::plans::PlanBody;
 use super::problem::{Answer, Kind, Problem};
 use super::runs::{Run, history, now};
+use super::session_doc::SessionDoc;
 use super::{App, At, Params, blocking, events, work};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_capture::Failure;
-use nacre_capture::engine::{Input, State as RunState};
-use nacre_capture::plan::{Plan, PlanKind};
+use nacre_capture::engine::Input;
+use nacre_capture::plan::PlanKind;
 use nacre_capture::run::{Capture, complete};
-use nacre_capture::session::{Ending, Journal, MortalDisk, SESSION_FILE, SessionFile, SoFar, Timing};
-use nacre_drivers::DeviceError;
+use nacre_capture::session::{MortalDisk, SessionFile};
 use nacre_store::catalogue::{Cursor, Query, SessionRow};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -25,57 +24,6 @@ use utoipa::{IntoParams, ToSchema};
 
 /// Longest text that is searched for, in characters.
 const LONGEST_SEARCH: usize = 1000;
-
-/// Why a session ended whose journal does not say so.
-const CUT_OFF: &str = "its process was killed, or power failed; resume the session";
-
-/// A session.
-#[derive(Clone, Debug, Serialize, ToSchema)]
-pub struct SessionDoc {
-    id: String,
-    name: String,
-    sample: String,
-    operator: String,
-    notes: String,
-    kind: String,
-    /// When it was begun, in Unix seconds.
-    created: i64,
-    /// Size of all its files.
-    bytes: u64,
-    /// `idle`, `running`, `pausing`, `paused`, `resuming`, `stopping`, `aborting`, `finished` or `failed`.
-    #[schema(value_type = String)]
-    state: RunState,
-    /// For a series that goes on until its σ is as wanted: the most.
-    frames_planned: usize,
-    frames_committed: usize,
-    /// For a series that goes on until enough is known, what is known so far: `{angles, sigma_deg, until_sigma_deg, at_most,
-    /// least_deg}` behind an analyser, where `least_deg` is what σ will be at least after the most angles;
-    /// `{fringes, undecided, until_undecided, at_most}` of a spot scan.
-    #[schema(value_type = Option<Object>)]
-    sigma: Option<SoFar>,
-    /// Why such a series has ended: `met`, `at_most` or `cannot`.
-    #[schema(value_type = Option<String>)]
-    ended: Option<Ending>,
-    /// What it does now; none once it has given the devices back.
-    stage: Option<String>,
-    /// Seconds until that is done.
-    eta_s: Option<f64>,
-    /// Why it failed or was stopped.
-    error: Option<String>,
-    /// The device that did not do what it was asked to, if one is why: `{device, command, expected, got, remedy, class}`, where `class` is
-    /// `retry`, `lost`, `stop` or `setup`.
-    #[schema(value_type = Option<Object>)]
-    fault: Option<DeviceError>,
-    /// There are results of a reconstruction in the session.
-    has_results: bool,
-    /// Where the time went.
-    #[schema(value_type = Option<Object>)]
-    timing: Option<Timing>,
-    /// The plan; left out in lists and events.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
-    plan: Option<Plan>,
-}
 
 /// One page of sessions.
 #[derive(Debug, Serialize, ToSchema)]
@@ -105,89 +53,6 @@ pub struct Search {
     /// The `next` of the page before.
     #[param(pattern = "^[0-9]+\\.[0-9a-f]+$")]
     cursor: Option<String>,
-}
-
-impl SessionDoc {
-    /// Of a run, or of a folder that nobody works on.
-    pub fn read(app: &App, id: &str, with_plan: bool) -> Answer<Self> {
-        let folder = app.session_folder(id)?;
-        let run = app.run(id);
-        if !folder.join(SESSION_FILE).exists() {
-            let run = run.ok_or_else(|| Problem::not_found(format!("session {id}")))?;
-            return Ok(Self::without_folder(&run, with_plan));
-        }
-        let row = SessionRow::read(&folder)?;
-        let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| Problem::bad(e.to_string()))?;
-        let plan = SessionFile::read(&folder).map_err(|e| Problem::bad(e.to_string()))?.plan;
-        let mut doc = Self {
-            id: id.to_owned(),
-            name: row.name,
-            sample: row.sample,
-            operator: row.operator,
-            notes: row.notes,
-            kind: row.kind,
-            created: row.created,
-            bytes: row.bytes,
-            state: if journal.finished() { RunState::Finished } else { RunState::Idle },
-            frames_planned: row.frames_planned as usize,
-            frames_committed: row.frames_committed as usize,
-            sigma: journal.ended().map(|end| end.so_far),
-            ended: journal.ended().map(|end| end.why),
-            stage: None,
-            eta_s: None,
-            error: journal.why_stopped().map(|why| without_folders(&why)),
-            fault: journal.fault().cloned(),
-            has_results: folder.join("results/report.json").exists(),
-            timing: journal.timing(),
-            plan: with_plan.then_some(plan),
-        };
-        match run.filter(|r| !r.is_over() || r.error().is_some()) {
-            Some(run) => doc.live(&run),
-            None if doc.state == RunState::Idle => _ = doc.error.get_or_insert_with(|| CUT_OFF.into()),
-            None => {}
-        }
-        Ok(doc)
-    }
-
-    fn live(&mut self, run: &Run) {
-        self.state = run.control.state();
-        // Whoever sees them can have the devices.
-        self.has_results &= run.is_over();
-        self.stage = Some(run.stage().0).filter(|_| !run.is_over());
-        (self.eta_s, self.error) = (run.eta_s(), run.error().or(self.error.take()));
-        self.fault = run.fault().or(self.fault.take());
-        self.sigma = self.sigma.or(run.sigma_so_far());
-        self.frames_committed = run.committed().map_or(self.frames_committed, |n| n as usize);
-    }
-
-    /// Of a run that meters, and has no folder yet.
-    fn without_folder(run: &Run, with_plan: bool) -> Self {
-        let plan = &run.plan;
-        let mut doc = Self {
-            id: run.id.clone(),
-            name: plan.name.clone(),
-            sample: plan.sample.clone(),
-            operator: plan.operator.clone(),
-            notes: plan.notes.clone(),
-            kind: nacre_capture::plan::word(plan.kind),
-            created: run.created as i64,
-            bytes: 0,
-            state: RunState::Idle,
-            frames_planned: plan.most_steps().len(),
-            frames_committed: 0,
-            sigma: None,
-            ended: None,
-            stage: None,
-            eta_s: None,
-            error: None,
-            fault: None,
-            has_results: false,
-            timing: None,
-            plan: with_plan.then(|| plan.clone()),
-        };
-        doc.live(run);
-        doc
-    }
 }
 
 /// Begins a session.

@@ -45,6 +45,7 @@ pub struct Look {
     #[param(minimum = 0.05, maximum = 200)]
     period_um: Option<f64>,
     /// Its cross-section.
+    #[param(inline)]
     profile: Option<Section>,
     /// perfect, schlick=R0, or a metal.
     #[param(example = "aluminium")]

@@ -2,6 +2,7 @@
 
 pub mod contained;
 pub mod error;
+pub mod estimate;
 pub mod guard;
 pub mod input;
 pub mod least_squares;

@@ -1,9 +1,17 @@
 //! How a long computation tells its caller where it is, and learns that it is to stop.
 
+use crate::estimate::Work;
 use crate::{Error, Result};
 
 /// Receives progress. Called from the computing threads, so it must be cheap.
 pub trait Progress: Sync {
+    /// An operation states its time, memory and disk: after the check of its input, before its first stage and before anything is written.
+    ///
+    /// # Errors
+    /// `Cancelled` if only an estimate was asked for.
+    fn expect(&self, _: &Work) -> Result<()> {
+        Ok(())
+    }
     /// A stage begins: its name as a user reads it, and how many steps it has.
     fn stage(&self, name: &str, steps: u64);
     /// One step of the current stage is done.

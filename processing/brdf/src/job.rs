@@ -6,6 +6,7 @@ use super::height::{EXTENSIONS, HeightField, Quality, Scale, read};
 use super::output::{albedo, needed_size, write_map, write_picture};
 use super::report::Report;
 use super::settings::Settings;
+use nacre_base::estimate::Work;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_image::OutputFolder;
@@ -73,7 +74,7 @@ impl MapOptions {
     ///
     /// # Errors
     /// `Input`.
-    pub fn check(&self, input: &Path) -> Result<()> {
+    pub fn check(&self, input: &Path) -> Result<Work> {
         self.settings.check()?;
         self.views().check()?;
         self.scale().check()?;
@@ -103,7 +104,7 @@ impl MapOptions {
 /// nothing is left behind; `Cancelled`.
 pub fn render(input: &Path, out: &Path, options: &MapOptions, overwrite: bool, progress: &dyn Progress) -> Result<()> {
     let begun = Instant::now();
-    options.check(input)?;
+    progress.expect(&options.check(input)?)?;
     let path = file(input)?;
     let folder = OutputFolder::begin(out, overwrite)?;
     progress.stage("reading", 1);

@@ -1,6 +1,7 @@
-//! The memory budget: photographs whose computation would not fit are refused before any memory is taken for them.
+//! Time, memory and disk of operations. Photographs that need more memory than is allowed are refused before any is taken.
 
 use crate::{Depth, Info, info, size};
+use nacre_base::estimate::Work;
 use nacre_base::{Error, Result};
 use std::path::Path;
 use std::sync::OnceLock;
@@ -13,8 +14,10 @@ pub fn decoded(info: Info) -> u64 {
     2 * (info.width * info.height * info.channels * info.depth.bytes()) as u64
 }
 
-/// Operations whose memory is predicted from the size of their input, each with its bytes per pixel beside the decoded file. Polarization
-/// and HDR, whose memory depends on brackets and dark photographs as well, predict theirs themselves.
+/// Operations that are predicted from the size of their input, each with its bytes of memory per pixel beside the decoded file. Polarization
+/// and HDR, which depend on brackets and dark photographs as well, predict theirs themselves.
+///
+/// Times are those of the reference machine ([`Work`]), measured at 0.02 to 4 Mpixel (`tests/estimates`).
 ///
 /// The bounds are measured (peak of the resident memory at 4 and 16 Mpixel, in brackets) and rounded up. Not predicted, as no header says
 /// it, are calibration (windows of single photographs), meshes, lookup tables and their octaves (at most 2 GiB), transforms of height
@@ -22,17 +25,24 @@ pub fn decoded(info: Info) -> u64 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
     /// Deconvolution of a photograph, or of so many pixels of it: 44 (39 with the file).
-    Bokeh(Option<usize>),
-    /// Lookup table of a photograph, or its light for the distribution of a foil: 12 per channel (14 with a grey file, 27 with a colour file).
-    Light,
-    /// Gratings under a flash: 16 for the photograph and that by room light, 50 for a tile that fills it.
-    Flash,
+    Bokeh {
+        /// Pixels of it, if not all.
+        part: Option<usize>,
+        /// Iterations, at most or in any case.
+        iterations: usize,
+    },
+    /// Lookup table with so many entries of a photograph: 12 per channel (14 with a grey file, 27 with a colour file).
+    Table(usize),
+    /// Light of a photograph for the distribution of a foil: as a table.
+    Foil,
+    /// Gratings under so many flashes: 16 for the photograph and that by room light, 50 for a tile that fills it.
+    Flash(usize),
     /// Fringes: 8 for each of so many, 200 for the fit.
     Fringes(usize),
     /// A height field and its transforms: 48 (42 with the file).
     Heights,
-    /// A picture to be rendered: 64 (55).
-    Rendering,
+    /// A picture to be rendered with so many samples of a pixel: 64 (55).
+    Rendering(usize),
     /// So many maps that are read, and their edited copies: 24 each (value, σ and mask of both).
     Maps(usize),
 }
@@ -41,24 +51,26 @@ impl Operation {
     fn bytes(self, info: Info) -> u64 {
         let pixels = info.width * info.height;
         let bytes = match self {
-            Self::Bokeh(part) => 44 * part.unwrap_or(pixels).min(pixels),
-            Self::Light => 12 * info.channels * pixels,
-            Self::Flash => (16 + 50) * pixels,
+            Self::Bokeh { part, .. } => 44 * part.unwrap_or(pixels).min(pixels),
+            Self::Table(_) | Self::Foil => 12 * info.channels * pixels,
+            Self::Flash(_) => (16 + 50) * pixels,
             Self::Fringes(count) => (8 * count + 200) * pixels,
             Self::Heights => 48 * pixels,
-            Self::Rendering => 64 * pixels,
+            Self::Rendering(_) => 64 * pixels,
             Self::Maps(count) => 24 * count * pixels,
         };
-        let file = if self == Self::Rendering { 0 } else { decoded(info) };
+        let file = if matches!(self, Self::Rendering(_)) { 0 } else { decoded(info) };
         bytes as u64 + file
     }
 
-    /// Refuses input with this header when the operation needs more bytes than are allowed.
+    /// Time, memory and disk for input of this header.
     ///
     /// # Errors
     /// As [`check`].
-    pub fn check(self, input: &Path, info: Info) -> Result<()> {
-        check(input, info, self.bytes(info))
+    pub fn check(self, input: &Path, info: Info) -> Result<Work> {
+        let work = self.work(info);
+        check(input, info, work.memory_bytes)?;
+        Ok(work)
     }
 
     /// [`Self::check`] by the header of a file, whose channels may be those of a map. A file whose header is not understood is left to
@@ -66,9 +78,33 @@ impl Operation {
     ///
     /// # Errors
     /// As [`check`].
-    pub fn check_file(self, file: &Path) -> Result<()> {
+    pub fn check_file(self, file: &Path) -> Result<Work> {
         let any = |[width, height]: [usize; 2]| Info { width, height, channels: 3, depth: Depth::F32 };
-        info(file).or_else(|_| size(file).map(any)).map_or(Ok(()), |info| self.check(file, info))
+        match info(file).or_else(|_| size(file).map(any)) {
+            Ok(info) => self.check(file, info),
+            Err(_) => Ok(self.work(any([0, 0]))),
+        }
+    }
+
+    /// The same without a limit of memory.
+    pub fn work(self, info: Info) -> Work {
+        let pixels = info.width * info.height;
+        let mega = |count: usize| count as f64 / 1e6;
+        // Seconds, and bytes of the results.
+        let (operation, seconds, disk) = match self {
+            Self::Bokeh { part, iterations } => {
+                let part = part.unwrap_or(pixels).min(pixels);
+                ("bokeh", 0.03 + mega(part) * (0.45 + 0.003 * iterations as f64), 10 * part)
+            }
+            Self::Table(entries) => ("lut", 0.03 + 0.09 * mega(pixels) + 0.15 * mega(entries), 17 * entries),
+            Self::Foil => ("foil", 0.05 + 0.35 * mega(pixels), 1 << 20),
+            Self::Flash(lights) => ("flash", 1.7 + mega(pixels) * 1.05 * lights as f64, pixels),
+            Self::Fringes(count) => ("spots", 0.5 + mega(pixels) * 9.0 * count as f64, 27 * pixels),
+            Self::Heights => ("brdf", 0.1 + 2.0 * mega(pixels), 1 << 22),
+            Self::Rendering(samples) => ("render", 0.1 + 0.8 * mega(samples * pixels), 16 * pixels),
+            Self::Maps(count) => ("map", 0.02 + 0.2 * mega(count * pixels), 24 * count * pixels),
+        };
+        Work { operation: operation.into(), seconds, memory_bytes: self.bytes(info), disk_bytes: disk as u64 }
     }
 }
 
@@ -140,10 +176,13 @@ mod linux {
         groups.filter_map(|g| read_to_string(root.join(g).join("memory.max")).ok()?.trim().parse().ok()).min()
     }
 
-    /// Bytes that the process's own limits (`ulimit -v`, `ulimit -d`) leave beside the address space in use.
+    /// Bytes that the process's own limits leave: `ulimit -v` counts its address space, `ulimit -d` its private writable memory.
     pub(super) fn process() -> Option<u64> {
-        let limit = [Resource::As, Resource::Data].into_iter().filter_map(|r| getrlimit(r).current).min()?;
-        Some(limit.saturating_sub(bytes("/proc/self/status", "VmSize:")?))
+        let left = |(resource, in_use)| {
+            let limit = getrlimit(resource).current?;
+            Some(limit.saturating_sub(bytes("/proc/self/status", in_use)?))
+        };
+        [(Resource::As, "VmSize:"), (Resource::Data, "VmData:")].into_iter().filter_map(left).min()
     }
 }
 
@@ -169,16 +208,16 @@ mod tests {
         let colour = Info { channels: 3, ..grey };
         let per_pixel = |operation: Operation, info| operation.bytes(info) >> 20;
         for (operation, info, measured) in [
-            (Operation::Bokeh(None), grey, 39),
-            (Operation::Light, grey, 14),
-            (Operation::Light, colour, 27),
+            (Operation::Bokeh { part: None, iterations: 30 }, grey, 39),
+            (Operation::Foil, grey, 14),
+            (Operation::Table(1), colour, 27),
             (Operation::Heights, grey, 42),
-            (Operation::Rendering, colour, 55),
+            (Operation::Rendering(8), colour, 55),
         ] {
             let bound = per_pixel(operation, info);
             assert!((measured..2 * measured).contains(&bound), "{operation:?}: {bound}");
         }
-        assert_eq!(per_pixel(Operation::Bokeh(Some(1 << 18)), grey), 11 + 4);
+        assert_eq!(per_pixel(Operation::Bokeh { part: Some(1 << 18), iterations: 1 }, grey), 11 + 4);
         assert_eq!(per_pixel(Operation::Fringes(9), grey), 272 + 4);
         let told = Operation::Maps(1 << 30).check(Path::new("period.exr"), grey).unwrap_err().to_string();
         assert!(told.contains("period.exr") && told.contains("allowed"), "{told}");

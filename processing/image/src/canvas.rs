@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use ab_glyph::{Font, FontRef, ScaleFont, point};
-
+use super::font::Font;
 use super::write::write_png8;
 use nacre_base::Result;
 
@@ -71,20 +70,11 @@ impl Canvas {
 
     /// Writes one line of text, its top left corner at (`x`, `y`), `size` pixels from ascender to descender.
     pub fn text(&mut self, x: f32, y: f32, size: f32, color: Rgb, text: &str) {
-        let Some(font) = font() else { return };
-        let scaled = font.as_scaled(size);
-        let mut pen = point(x, y + scaled.ascent());
-        let mut last = None;
-        for id in text.chars().map(|c| font.glyph_id(c)) {
-            pen.x += last.map_or(0.0, |last| scaled.kern(last, id));
-            if let Some(outline) = font.outline_glyph(id.with_scale_and_position(size, pen)) {
-                let corner = outline.px_bounds().min;
-                outline.draw(|dx, dy, coverage| {
-                    self.blend(corner.x as i64 + i64::from(dx), corner.y as i64 + i64::from(dy), color, coverage);
-                });
-            }
-            pen.x += scaled.h_advance(id);
-            last = Some(id);
+        let Some(font) = Font::new(size) else { return };
+        let (mut left, baseline) = (x, y + font.ascent);
+        for sign in text.chars() {
+            font.draw(sign, left, baseline, |x, y, coverage| self.blend(x, y, color, coverage));
+            left += font.advance(sign);
         }
     }
 
@@ -99,29 +89,12 @@ impl Canvas {
 
 /// Width in pixels of a line written by [`Canvas::text`].
 pub fn text_width(size: f32, text: &str) -> f32 {
-    let Some(font) = font() else { return 0.0 };
-    let scaled = font.as_scaled(size);
-    let ids: Vec<_> = text.chars().map(|c| font.glyph_id(c)).collect();
-    let kerning: f32 = ids.windows(2).map(|pair| scaled.kern(pair[0], pair[1])).sum();
-    ids.iter().map(|id| scaled.h_advance(*id)).sum::<f32>() + kerning
-}
-
-/// The font is part of the program, so this is `None` only if its crate ships a broken one.
-fn font() -> Option<FontRef<'static>> {
-    FontRef::try_from_slice(epaint_default_fonts::UBUNTU_LIGHT).ok()
+    Font::new(size).map_or(0.0, |font| text.chars().map(|sign| font.advance(sign)).sum())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn every_sign_that_pictures_need_is_in_the_font() {
-        let font = font().unwrap();
-        for sign in "0123456789.,-−+°µλφσπ²·×/()%ABC abc≤≥".chars() {
-            assert!(font.glyph_id(sign).0 != 0, "{sign} is missing");
-        }
-    }
 
     #[test]
     fn drawing_outside_is_clipped() {

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use ::image::ImageError;
 use nacre_base::Error;
+use serde::{Deserialize, Serialize};
 
 /// Remedy for a damaged file.
 pub(super) const RENEW: &str = "copy or export the file again";
@@ -17,7 +18,7 @@ pub(super) const SAME_DEPTH: &str = "convert it to a grey or RGB PNG or TIFF of 
 pub(super) const FLOATS: &str = "save it as a TIFF of 32-bit floats";
 
 /// Why a decoder gave up; becomes an [`Error::Input`] once the path is known.
-#[derive(Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Fault {
     problem: String,
     remedy: String,

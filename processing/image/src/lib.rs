@@ -12,6 +12,7 @@ mod exif;
 mod fault;
 mod fits;
 mod folder;
+mod font;
 mod foreign;
 mod gray;
 mod homography;

@@ -4,6 +4,7 @@ use super::geometry::{Arrangement, Placement};
 use super::light::Light;
 use super::photograph::Photograph;
 use super::settings::{LightPhotograph, Settings, Wavelength};
+use nacre_base::estimate::Work;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_frames::hdr::{self, Source, is_bracket};
@@ -38,11 +39,14 @@ struct Channels {
 ///
 /// # Errors
 /// As [`reconstruct`](super::reconstruct) for settings and files that make no sense.
-pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
+pub fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     settings.check()?;
-    Source::check(input, Operation::Light)?;
-    settings.light.as_ref().map_or(Ok(()), |light| Source::check(&light.path, Operation::Light))?;
-    with_frames(input, settings).and_then(|(settings, _)| settings.bands().map(drop))
+    let operation = Operation::Table(settings.size * settings.size);
+    let mut work = Source::check(input, operation)?;
+    if let Some(light) = &settings.light {
+        work = work.preceded_by(&Source::check(&light.path, operation)?);
+    }
+    with_frames(input, settings).and_then(|(settings, _)| settings.bands().map(|_| work))
 }
 
 /// Reads what the settings want of an input.

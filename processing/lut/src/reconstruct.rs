@@ -24,7 +24,7 @@ const UNCOVERED: f64 = 0.05;
 /// which nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
     let begun = Instant::now();
-    check_input(input, settings)?;
+    progress.expect(&check_input(input, settings)?)?;
     let folder = OutputFolder::begin(out, settings.overwrite)?;
     progress.stage("reading", 1);
     let Input { channels, settings, band_nm, merged, warnings: mut of_files } = photograph(input, settings, progress)?;

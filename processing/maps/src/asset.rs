@@ -1,8 +1,9 @@
 //! Maps in memory and in their files.
 
+use nacre_base::estimate::Work;
 use nacre_base::{Error, Result};
 use nacre_image::budget::Operation;
-use nacre_image::{Attribute, ExrMap, MAX_PIXELS, OutputFolder, read_exr, write_exr};
+use nacre_image::{Attribute, Depth, ExrMap, Info, MAX_PIXELS, OutputFolder, read_exr, write_exr};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -99,6 +100,12 @@ impl Maps {
             }
         }
         all.ok_or_else(|| Error::file(input, "holds no map", remedy))
+    }
+
+    /// What an edit of them needs.
+    pub fn work(&self) -> Work {
+        let info = Info { width: self.width, height: self.height, channels: 3, depth: Depth::F32 };
+        Operation::Maps(self.maps.len()).work(info)
     }
 
     /// Writes each map into a folder.

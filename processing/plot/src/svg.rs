@@ -4,7 +4,8 @@
 
 use super::Scale;
 use super::style::{FRAME, GRID, INK, SOFT, number};
-use ab_glyph::{Font, FontRef, ScaleFont};
+use skrifa::instance::{LocationRef, Size};
+use skrifa::{FontRef, GlyphId, MetadataProvider};
 use std::fmt::Write;
 
 /// Corner and size of a rectangle, y down.
@@ -168,14 +169,14 @@ pub fn bold_width(text: &str, size: f64) -> f64 {
 
 fn width_in(font: &[u8], text: &str, size: f64) -> f64 {
     // Without a font, which its crate's tests rule out, a common average serves.
-    let Ok(font) = FontRef::try_from_slice(font) else {
+    let Ok(font) = FontRef::new(font) else {
         return 0.55 * size * text.chars().count() as f64;
     };
-    let font = font.as_scaled(1000.0);
-    // `as_scaled` scales the height from ascender to descender; text sizes are per em.
-    let em = font.font().units_per_em().map_or(1.0, |units| font.font().height_unscaled() / units);
-    let units: f32 = text.chars().map(|c| font.h_advance(font.glyph_id(c))).sum();
-    f64::from(units * em) * size / 1000.0
+    let (unscaled, location) = (Size::unscaled(), LocationRef::default());
+    let (charmap, metrics) = (font.charmap(), font.glyph_metrics(unscaled, location));
+    let advance = |sign| metrics.advance_width(charmap.map(sign).unwrap_or(GlyphId::NOTDEF)).unwrap_or_default();
+    let units: f32 = text.chars().map(advance).sum();
+    f64::from(units) * size / f64::from(font.metrics(unscaled, location).units_per_em)
 }
 
 /// Maps values to positions.

@@ -47,7 +47,7 @@ pub use fit::noise::estimate_noise;
 pub use fit::views::MAX_BRACKET;
 pub use fit::{Fit, StokesMaps, fit_stack};
 pub use look::{Glance, Point, Probe, PutRight, is_polarimetric, probe};
-pub use memory::check_memory;
+pub use memory::{check_memory, work, work_of};
 pub use nacre_frames::{FrameNoise, Illumination, NoiseModel, NoiseSource};
 pub use nacre_image::registration::{Align, Alignment};
 pub use nacre_optics::polarization::{Jones, JonesVector, Material, Stokes, angle_difference};

@@ -1,8 +1,10 @@
-//! How much memory a set of photographs needs.
+//! What a set of photographs needs: time, memory and disk.
 
 use crate::fit::demosaic::Demosaic;
 use crate::fit::views::{View, brackets, views};
+use crate::{Model, Options};
 use nacre_base::Result;
+use nacre_base::estimate::Work;
 use nacre_frames::LoadedFrames;
 use nacre_image::budget;
 use std::collections::BTreeSet;
@@ -19,14 +21,49 @@ const INTERPOLATED: u64 = 24;
 /// Photographs, or brackets of them, that are decoded at a time.
 const AT_A_TIME: u64 = 2;
 
-/// Refuses a set whose reconstruction would not fit into memory, by the headers of its photographs.
+/// What the reconstruction of a set needs, by the headers of its photographs; `gratings` if models of gratings are compared.
 ///
 /// # Errors
-/// `Input`, naming the first photograph, and for sets of another kind.
-pub fn check_memory(frames: &LoadedFrames, demosaic: Demosaic) -> Result<()> {
+/// `Input`, naming the first photograph, where it would not fit into memory, and for sets of another kind.
+pub fn work(frames: &LoadedFrames, demosaic: Demosaic, gratings: bool) -> Result<Work> {
     let brackets = brackets(&frames.set.frames);
-    let needed = needed(frames, &brackets, &views(frames, &brackets, demosaic)?, demosaic);
-    frames.set.frames.first().map_or(Ok(()), |first| budget::check(&frames.file(&first.file), frames.info, needed))
+    let views = views(frames, &brackets, demosaic)?;
+    let needed = needed(frames, &brackets, &views, demosaic);
+    frames.set.frames.first().map_or(Ok(()), |first| budget::check(&frames.file(&first.file), frames.info, needed))?;
+    let step = views.first().map_or(1, |view| view.step);
+    let size = [frames.info.width / step, frames.info.height / step];
+    Ok(Work { memory_bytes: needed, ..work_of(frames.set.frames.len() * step * step, size, gratings) })
+}
+
+/// What the reconstruction of maps of a size from so many photographs of that size needs, without dark photographs and brackets.
+pub fn work_of(photographs: usize, size: [usize; 2], gratings: bool) -> Work {
+    let pixels = size[0] * size[1];
+    let mega = 1e-6 * pixels as f64;
+    // The models are compared on as many points, however large the map is.
+    let models = if gratings { 0.7 + 0.6 * mega } else { 0.0 };
+    let seconds = 0.05 + mega * (0.06 + 0.012 * photographs as f64) + models;
+    let memory_bytes = pixels as u64 * (ALIKE + 4 * AT_A_TIME);
+    let disk_bytes = pixels as u64 * if gratings { 48 } else { 40 };
+    let operation = if gratings { "polarization of gratings" } else { "polarization" };
+    Work { operation: operation.into(), seconds, memory_bytes, disk_bytes }
+}
+
+impl Options {
+    /// What the reconstruction of a set needs.
+    ///
+    /// # Errors
+    /// As [`work`].
+    pub fn work(&self, frames: &LoadedFrames) -> Result<Work> {
+        work(frames, self.demosaic, self.model_for(frames) != Model::Plain)
+    }
+}
+
+/// Refuses a set whose reconstruction would not fit into memory.
+///
+/// # Errors
+/// As [`work`].
+pub fn check_memory(frames: &LoadedFrames, demosaic: Demosaic) -> Result<()> {
+    work(frames, demosaic, false).map(drop)
 }
 
 /// Most bytes that a reconstruction takes at a time. Their number does not grow with that of the photographs.

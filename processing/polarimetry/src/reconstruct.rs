@@ -19,6 +19,7 @@ use std::path::Path;
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
     let frames = load(input)?;
     options.check(&frames)?;
+    progress.expect(&options.work(&frames)?)?;
     let mut running = Running::new(frames, options.demosaic)?;
     let folder = OutputFolder::begin(out, options.overwrite)?;
     running.add_all(progress)?;

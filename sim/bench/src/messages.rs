@@ -8,6 +8,12 @@ use nacre_drivers::{
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
+/// Exposure times of the camera in s.
+pub(crate) const EXPOSURE_S: [f64; 2] = [1e-5, 60.0];
+
+/// Gains of the camera.
+pub(crate) const GAIN: [f64; 2] = [1.0, 100.0];
+
 /// A request to one of the bench's devices.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -165,9 +171,9 @@ pub fn describe(bench: &BenchConfig) -> Devices {
             id: id(FaultyDevice::Camera),
             width: camera.width as usize,
             height: camera.height as usize,
-            exposure_s: [1e-5, 60.0],
+            exposure_s: EXPOSURE_S,
             exposure_now_s: camera.power_on_exposure_s(),
-            gain: [1.0, 100.0],
+            gain: GAIN,
             black: camera.black_level as u16,
             white: ((1u32 << camera.bits) - 1) as u16,
             readout_s: camera.readout_ms / 1000.0,

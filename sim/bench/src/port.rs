@@ -3,7 +3,7 @@
 
 use crate::bench::{Bench, Shining};
 use crate::config::{FaultKind, FaultyDevice};
-use crate::messages::{Reply, Request, describe, device, error};
+use crate::messages::{EXPOSURE_S, GAIN, Reply, Request, describe, device, error};
 use nacre_drivers::{Arrived, Class, Clock, Controls, DeviceResult, Freshness, Level, Pattern, Shown, Stamp, Switched};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -232,6 +232,13 @@ impl State {
             Request::Position if fault == Some(FaultKind::Nonsense) => Reply::Angle(f64::NAN),
             Request::Position => Reply::Angle(self.bench.analyser_deg()),
             Request::Configure { exposure, gain } => {
+                let within = |[low, high]: [f64; 2], value: f64| (low..=high).contains(&value);
+                if !within(EXPOSURE_S, exposure.as_secs_f64()) || !within(GAIN, gain) {
+                    let ([short, long], [least, most]) = (EXPOSURE_S, GAIN);
+                    let expected = format!("an exposure of {short} to {long} s and a gain of {least} to {most}");
+                    let got = format!("{} s and {gain}", exposure.as_secs_f64());
+                    return Err(error(request, &expected, &got).remedy("correct the plan").class(Class::Setup));
+                }
                 self.bench.set_camera(exposure.as_secs_f64(), gain);
                 Reply::Controls(Controls { exposure, gain, set_at: self.reported(now) })
             }

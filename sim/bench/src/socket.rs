@@ -51,25 +51,29 @@ pub fn serve(bench: &SharedBench, path: &Path, stop: impl Fn() -> bool) -> io::R
     }
 }
 
-/// One connection. A panel whose connection closes goes black, as the page in a browser does without heartbeat; the flash
-/// stays as it is, as a relay does.
+/// One connection.
 fn serve_one(bench: &SharedBench, stream: UnixStream) {
+    let reader = stream.set_nonblocking(false).and_then(|()| stream.try_clone()).map(BufReader::new);
+    if let Ok(reader) = reader {
+        answer_all(bench, reader, stream);
+    }
+}
+
+/// Answers the requests of one connection until it ends. A panel whose connection closes goes black, as the page in a browser does
+/// without heartbeat; the flash stays as it is, as a relay does.
+pub fn answer_all(bench: &SharedBench, mut requests: impl BufRead, mut answers: impl Write) {
     let mut showed = false;
-    let served = stream.set_nonblocking(false).and_then(|()| stream.try_clone()).map(BufReader::new);
-    if let Ok(mut reader) = served {
-        let mut stream = stream;
-        while let Ok(Some(line)) = read_line(&mut reader) {
-            let answer = match serde_json::from_slice::<Request>(&line) {
-                Ok(request) => {
-                    showed |= matches!(request, Request::Show { .. });
-                    bench.answer(&request)
-                }
-                Err(e) => Err(DeviceError::new("simulated bench", "understand a request", "JSON", e.to_string())),
-            };
-            let lost = answer.as_ref().is_err_and(|e| e.class == Class::Lost);
-            if write_answer(&mut stream, &answer).is_err() || lost {
-                break;
+    while let Ok(Some(line)) = read_line(&mut requests) {
+        let answer = match serde_json::from_slice::<Request>(&line) {
+            Ok(request) => {
+                showed |= matches!(request, Request::Show { .. });
+                bench.answer(&request)
             }
+            Err(e) => Err(DeviceError::new("simulated bench", "understand a request", "JSON", e.to_string())),
+        };
+        let lost = answer.as_ref().is_err_and(|e| e.class == Class::Lost);
+        if write_answer(&mut answers, &answer).is_err() || lost {
+            break;
         }
     }
     if showed {
@@ -77,7 +81,7 @@ fn serve_one(bench: &SharedBench, stream: UnixStream) {
     }
 }
 
-fn write_answer(stream: &mut UnixStream, answer: &DeviceResult<Reply>) -> io::Result<()> {
+fn write_answer(stream: &mut impl Write, answer: &DeviceResult<Reply>) -> io::Result<()> {
     let mut bytes = serde_json::to_vec(answer)?;
     bytes.push(b'\n');
     if let Ok(Reply::Frame { codes, .. }) = answer {
@@ -114,7 +118,12 @@ impl RemoteBench {
                 .remedy("start one with `nacre sim bench --socket PATH`")
                 .class(Class::Setup)
         })?;
-        Ok(Self { reader: BufReader::new(stream), path: path.to_path_buf() })
+        Ok(Self::over(stream, path))
+    }
+
+    /// Over an open connection; `path` names it in messages.
+    pub fn over(stream: UnixStream, path: &Path) -> Self {
+        Self { reader: BufReader::new(stream), path: path.to_path_buf() }
     }
 
     fn exchange(&mut self, request: &Request) -> io::Result<DeviceResult<Reply>> {
@@ -129,8 +138,13 @@ impl RemoteBench {
         if let Ok(Reply::Frame { stamp, width, height, codes, .. }) = &mut answer {
             let pixels = width.checked_mul(*height).filter(|n| *n <= MAX_PIXELS).ok_or(io::ErrorKind::InvalidData)?;
             let follows = matches!(request, Request::NextFrame { fresh } if fresh.accepts(*stamp));
-            let mut bytes = vec![0; if follows { 2 * pixels } else { 0 }];
-            self.reader.read_exact(&mut bytes)?;
+            let size = if follows { 2 * pixels } else { 0 };
+            // Memory grows with what arrives, not with what the line promises.
+            let mut bytes = vec![];
+            self.reader.by_ref().take(size as u64).read_to_end(&mut bytes)?;
+            if bytes.len() < size {
+                return Err(io::ErrorKind::UnexpectedEof.into());
+            }
             *codes = bytes.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
         }
         Ok(answer)
@@ -173,5 +187,48 @@ impl Port for RemoteBench {
             let got = format!("a lost link to {} ({e})", self.path.display());
             Err(error(request, "an answer", &got).remedy("check that the bench still runs").class(Class::Lost))
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::Bench;
+    use crate::config::BenchConfig;
+    use nacre_base::progress::Silent;
+    use nacre_drivers::Freshness;
+    use std::net::Shutdown;
+
+    /// Found by fuzzing: times that no sum holds.
+    #[test]
+    fn settings_that_the_camera_does_not_have_are_refused_and_the_connection_goes_on() {
+        let config = BenchConfig::from_toml("camera = { width = 8, height = 6 }").unwrap();
+        let bench = SharedBench::new(Bench::new(&config, &Silent).unwrap());
+        let configure = |secs: &str, gain: &str| {
+            format!("{{\"configure\":{{\"exposure\":{{\"secs\":{secs},\"nanos\":0}},\"gain\":{gain}}}}}\n")
+        };
+        let lines =
+            [configure("18446744073709551615", "1"), configure("0", "1"), configure("1", "0"), configure("1", "1")];
+        let mut answers = vec![];
+        answer_all(&bench, lines.concat().as_bytes(), &mut answers);
+        let answers = String::from_utf8(answers).unwrap();
+        let answers: Vec<DeviceResult<Reply>> =
+            answers.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        for refused in &answers[..3] {
+            assert!(matches!(refused, Err(e) if e.class == Class::Setup && e.expected.contains("a gain of 1 to 100")));
+        }
+        assert!(matches!(answers[..], [_, _, _, Ok(Reply::Controls(_))]));
+    }
+
+    #[test]
+    fn a_frame_that_does_not_arrive_is_a_lost_link() {
+        let (mut bench, client) = UnixStream::pair().unwrap();
+        let line = "{\"Ok\":{\"frame\":{\"stamp\":{\"sequence\":9,\"timestamp\":{\"secs\":9,\"nanos\":0}},\"width\":16384,\"height\":16384,\"damaged\":false}}}\n";
+        bench.write_all(line.as_bytes()).unwrap();
+        bench.write_all(&[0; 100]).unwrap();
+        bench.shutdown(Shutdown::Write).unwrap();
+        let mut client = RemoteBench::over(client, Path::new("bench"));
+        let error = client.call(&Request::NextFrame { fresh: Freshness::default() }).unwrap_err();
+        assert_eq!(error.class, Class::Lost);
     }
 }

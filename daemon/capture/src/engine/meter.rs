@@ -29,6 +29,12 @@ const BRIGHT: f64 = 0.999;
 const DARKEST: f64 = 0.01;
 const LIT: f32 = 0.1;
 
+/// Angles of the analyser that tell the brightest of the whole turn.
+pub(crate) const TURN_DEG: [f64; 4] = [0.0, 45.0, 90.0, 135.0];
+
+/// Where metering begins if nothing is known.
+const FIRST_S: f64 = 0.01;
+
 /// What metering found.
 pub struct Metered {
     /// Exposure time for the steps that name none.
@@ -133,7 +139,7 @@ pub(super) fn steady(exposure: Duration, suiting_s: &[f64]) -> Duration {
 }
 
 /// What shines in the steps whose exposure is to be metered, each once.
-fn lights(plan: &Plan) -> Vec<State> {
+pub(crate) fn lights(plan: &Plan) -> Vec<State> {
     let mut lights: Vec<State> = vec![];
     let steps = plan.steps();
     let series: Vec<&State> =
@@ -160,15 +166,13 @@ pub(super) async fn one(
     let camera = hands.limits().camera.clone();
     let longest = longest(hands, light.flash);
     let clamp = |seconds: f64| Duration::from_secs_f64(seconds.min(longest).max(camera.exposure_s[0]));
-    let mut exposure = guess.unwrap_or_else(|| clamp(0.01));
+    let mut exposure = guess.unwrap_or_else(|| clamp(FIRST_S));
     for _ in 0..ATTEMPTS {
         hands.expose(exposure, gain).await?;
         hands.cover(false).await?;
         hands.show(light.pattern).await?;
         let level = level(hands, light, &camera).await?;
-        // Near white the level is clipped, and far below it is mostly noise: step, and look again.
-        let factor = if level > *TRUSTED.end() { 0.2 } else { (TARGET / level.max(1e-3)).min(20.0) };
-        let next = clamp(exposure.as_secs_f64() * factor);
+        let next = clamp(exposure.as_secs_f64() * step(level));
         if TRUSTED.contains(&level) {
             return Ok(next);
         }
@@ -180,22 +184,40 @@ pub(super) async fn one(
     Err(nothing(&camera, exposure).into())
 }
 
+/// How much longer the next exposure is after one that led to this level. Near white the level is clipped, and far below it is mostly
+/// noise: it steps, and looks again.
+fn step(level: f64) -> f64 {
+    if level > *TRUSTED.end() { 0.2 } else { (TARGET / level.max(1e-3)).min(20.0) }
+}
+
+/// Exposures that are tried for a light that needs this one.
+pub(crate) fn tried(guess: Option<Duration>, needed: Duration) -> Vec<Duration> {
+    let mut all = vec![guess.unwrap_or(Duration::from_secs_f64(FIRST_S))];
+    while let Some(last) = all.last().filter(|_| all.len() < ATTEMPTS as usize).map(Duration::as_secs_f64) {
+        let level = TARGET * last / needed.as_secs_f64();
+        if TRUSTED.contains(&level) {
+            break;
+        }
+        all.push(Duration::from_secs_f64(last * step(level)));
+    }
+    all
+}
+
 /// Level of the brightest pixels between black (0) and white (1), at their brightest analyser angle: four frames at 0,
 /// 45, 90 and 135 degrees tell the whole turn. Without an analyser, that of one frame.
 async fn level(hands: &mut Hands<'_>, light: &State, camera: &CameraInfo) -> Result<f64, Failure> {
     let (black, range) = (f32::from(camera.black), f32::from(camera.white.saturating_sub(camera.black).max(1)));
     let linear = |code: &u16| (f32::from(*code) - black) / range;
     let mut values: Vec<f32> = if light.analyser_deg.is_some() {
-        let angles = [0.0_f64, 45.0, 90.0, 135.0];
         let mut fit = Fit::new(camera.width, camera.height);
-        for angle in angles {
+        for angle in TURN_DEG {
             hands.turn(angle).await?;
             let frame = lit(hands, light.flash).await?;
             fit.add(angle.to_radians(), |y, row, _| {
                 row.iter_mut().zip(&frame.codes[y * frame.width..]).for_each(|(v, c)| *v = linear(c));
             });
         }
-        let maps = fit.solve(&Design::new(&angles.map(f64::to_radians))?);
+        let maps = fit.solve(&Design::new(&TURN_DEG.map(f64::to_radians))?);
         (0..maps.s0.len()).map(|i| 0.5 * (maps.s0[i] + maps.s1[i].hypot(maps.s2[i]))).collect()
     } else {
         lit(hands, light.flash).await?.codes.iter().map(linear).collect()

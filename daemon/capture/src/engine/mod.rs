@@ -21,6 +21,7 @@ mod watch;
 
 pub use hands::{Devices, Hands, Memory};
 pub use meter::Metered;
+pub(crate) use meter::{TURN_DEG, lights, tried};
 pub use panel::{LEVELS, PanelFound, measure as measure_panel};
 pub use panel_advice::drawn_by;
 

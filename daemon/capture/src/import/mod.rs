@@ -11,7 +11,7 @@ use nacre_frames::{
     Bayer, Channel, Clipping, FILE_NAME, Frame, FrameSet, Illumination, Kind, Layout, LoadedFrames, Mosaic, Transfer,
     check, exposures, mosaic, save,
 };
-use nacre_image::{details, photographs, read};
+use nacre_image::{details, info, photographs, read};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -56,6 +56,8 @@ pub fn describe(
     options: &Options,
 ) -> Result<Described, Error> {
     let angles = angles.map_or_else(|| vec![None; files.len()], |all| all.into_iter().map(Some).collect());
+    // A camera raw file whose decoder fails, perhaps after minutes, is refused by the first of them; its tags would only be missing.
+    files.iter().try_for_each(|file| info(&folder.join(file)).map(drop))?;
     let (tags, apertures) = exposures(folder, files)?;
     let frame = |((file, analyser_deg), tags): ((&PathBuf, _), nacre_frames::Tagged)| Frame {
         analyser_deg,

@@ -2,6 +2,7 @@
 
 use super::steps::groups;
 use super::{Plan, State, Step};
+use crate::engine::{TURN_DEG, lights, tried};
 use nacre_drivers::{CameraInfo, DisplayInfo, FlashInfo, StageInfo};
 use serde::Serialize;
 use std::time::Duration;
@@ -26,7 +27,7 @@ pub struct Estimate {
     pub frames: usize,
     /// Time that the devices need, in seconds, metering included.
     pub seconds: f64,
-    /// Of which metering, where the exposure is metered.
+    /// Of which metering, where the exposure has been metered.
     pub metering_seconds: Option<f64>,
     /// Exposure time in seconds, as planned or metered.
     pub exposure_s: f64,
@@ -70,6 +71,27 @@ impl Plan {
         Estimate { least, ..most }
     }
 
+    /// Time that metering takes if it ends at this exposure, in seconds; 0 for a plan that states its exposures.
+    pub fn metering_s(&self, exposure: Duration, limits: &Limits) -> f64 {
+        if !self.is_metered() {
+            return 0.0;
+        }
+        let mut time = Timeline::new(limits);
+        let mut guess = None;
+        for light in lights(self) {
+            for tried in tried(guess, exposure) {
+                let turns: &[f64] = if light.analyser_deg.is_some() { &TURN_DEG } else { &[0.0] };
+                for angle in turns {
+                    let analyser_deg = light.analyser_deg.map(|_| *angle);
+                    let exposure_ms = Some(1000.0 * tried.as_secs_f64());
+                    time.take(&State { analyser_deg, exposure_ms, ..light.clone() }, tried, 1);
+                }
+            }
+            guess = Some(exposure);
+        }
+        time.now
+    }
+
     fn estimate_of(&self, steps: &[Step], exposure: Duration, limits: &Limits, stands_deg: f64) -> Estimate {
         let mut time = Timeline::new(limits);
         if steps.iter().any(|s| s.state.analyser_deg.is_some()) {
@@ -78,14 +100,13 @@ impl Plan {
         for group in groups(steps) {
             time.take(&group[0].state, exposure, group.len() * self.camera.average as usize);
         }
-        let camera = &limits.camera;
-        let pixels = self.camera.roi.map_or(camera.width * camera.height, |[_, _, w, h]| w as usize * h as usize);
+        let [width, height] = self.frame_size(limits);
         Estimate {
             frames: steps.len(),
             seconds: time.now,
             metering_seconds: None,
             exposure_s: exposure.as_secs_f64(),
-            bytes: (steps.len() * pixels * 2) as u64,
+            bytes: (steps.len() * width * height * 2) as u64,
             least: None,
         }
     }

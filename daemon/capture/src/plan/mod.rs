@@ -4,6 +4,7 @@ mod analyser;
 mod check;
 mod estimate;
 mod fringes;
+mod results;
 mod steps;
 
 pub use analyser::{AnalyserPlan, UntilSigma};

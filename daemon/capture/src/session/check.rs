@@ -1,6 +1,8 @@
 //! `nacre check`: is a session folder complete, and are its files what the journal says?
 
-use super::{BROKEN, Journal, MAX_FRAME, SESSION_FILE, Seal, SeriesEnd, SessionFile, seal, sealed_files, sha256};
+use super::salvage::misfit;
+use super::{BROKEN, Journal, MAX_FRAME, SESSION_FILE, Salvaged, Seal, SeriesEnd, SessionFile};
+use super::{seal, sealed_files, sha256, unreadable_journal};
 use nacre_base::{Error, input};
 use nacre_frames::FILE_NAME as FRAMES_FILE;
 use serde::Serialize;
@@ -20,7 +22,10 @@ pub struct Condition {
     pub ended: Option<SeriesEnd>,
     /// What is wrong with the rest.
     pub trouble: Vec<Trouble>,
-    /// Files whose checksums are not recorded, in sessions of older versions.
+    /// How the journal was salvaged, if it was damaged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub salvaged: Option<Salvaged>,
+    /// Files whose checksums are not recorded, in sessions of older versions and salvaged ones.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub unverified: Vec<&'static str>,
     /// Results that the plan asks for are missing.
@@ -55,14 +60,17 @@ impl Condition {
 /// # Errors
 /// `Input` when it is no session folder or its journal is damaged.
 pub fn check(folder: &Path) -> Result<Condition, Error> {
-    let bad = |path: &Path, problem: String| {
-        Error::file(path, problem, "give a folder that `nacre capture` made; its frames may still be whole")
-    };
-    let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| bad(folder, e.to_string()))?;
+    let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| unreadable_journal(folder, &e))?;
+    condition(folder, &journal)
+}
+
+/// The state of a session folder with this journal.
+pub(super) fn condition(folder: &Path, journal: &Journal) -> Result<Condition, Error> {
+    let remedy = "give a folder that `nacre capture` made; its frames may still be whole";
     // A plan that was changed since says nothing about the frames.
-    let plan = match seal(folder, &journal, SESSION_FILE) {
+    let plan = match seal(folder, journal, SESSION_FILE) {
         Seal::Broken | Seal::Missing if journal.len() > 0 => None,
-        _ => Some(SessionFile::read(folder).map_err(|e| bad(&folder.join(SESSION_FILE), e.to_string()))?.plan),
+        _ => Some(SessionFile::read(folder).map_err(|e| Error::file(&folder.join(SESSION_FILE), e, remedy))?.plan),
     };
     let files: Vec<String> = match &plan {
         Some(plan) => plan.steps_with(&journal.chosen()).into_iter().map(|step| step.file).collect(),
@@ -74,12 +82,17 @@ pub fn check(folder: &Path) -> Result<Condition, Error> {
         finished: journal.finished(),
         ended: journal.ended(),
         trouble: vec![],
+        salvaged: journal.salvaged().cloned(),
         unverified: vec![],
-        lacks_results: plan.is_some_and(|p| p.reconstruct.is_some()) && !folder.join("results/report.json").exists(),
+        lacks_results: plan.as_ref().is_some_and(|p| p.reconstruct.is_some())
+            && !folder.join("results/report.json").exists(),
     };
     let trouble = |file: &str, problem: &str| Trouble { file: file.into(), problem: problem.into() };
-    for file in sealed_files(&journal) {
-        match seal(folder, &journal, file) {
+    if let Some(problem) = plan.filter(|_| journal.salvaged().is_some()).and_then(|plan| misfit(journal, &plan)) {
+        condition.trouble.push(trouble(Journal::NAME, &problem));
+    }
+    for file in sealed_files(journal) {
+        match seal(folder, journal, file) {
             Seal::Intact => {}
             Seal::Broken => condition.trouble.push(trouble(file, BROKEN)),
             Seal::Missing => condition.trouble.push(trouble(file, "is missing")),
@@ -87,11 +100,13 @@ pub fn check(folder: &Path) -> Result<Condition, Error> {
         }
     }
     for file in files {
-        let problem = match (journal.commit(&file), input::read(&folder.join(&file), MAX_FRAME)) {
-            (None, _) => Some("was not taken yet".to_owned()),
-            (Some(_), Err(e)) => Some(format!("is recorded, but {e}")),
-            (Some(c), Ok(bytes)) if sha256(&bytes) != c.sha256 => Some(BROKEN.to_owned()),
-            _ => None,
+        let path = folder.join(&file);
+        let problem = match journal.commit(&file).map(|commit| (commit, input::read(&path, MAX_FRAME))) {
+            None if path.exists() => Some("is there, but the journal does not record it".to_owned()),
+            None => Some("was not taken yet".to_owned()),
+            Some((_, Err(e))) => Some(format!("is recorded, but {e}")),
+            Some((commit, Ok(bytes))) if sha256(&bytes) != commit.sha256 => Some(BROKEN.to_owned()),
+            Some(_) => None,
         };
         match problem {
             Some(problem) => condition.trouble.push(Trouble { file, problem }),

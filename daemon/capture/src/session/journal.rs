@@ -3,6 +3,7 @@
 use super::series::SeriesEnd;
 use crate::failure::Failure;
 use crate::plan::{Added, Plan};
+use nacre_base::Error;
 use nacre_base::input::{self, Unreadable};
 use nacre_drivers::DeviceError;
 use serde::{Deserialize, Serialize};
@@ -12,7 +13,26 @@ use std::path::Path;
 use std::time::SystemTime;
 
 /// Longest journal that is read; a frame takes about 400 bytes.
-const MAX_BYTES: u64 = 256 << 20;
+pub(super) const MAX_BYTES: u64 = 256 << 20;
+
+/// A journal with damaged or missing lines.
+#[derive(Debug, thiserror::Error)]
+#[error("journal: {0}")]
+pub(super) struct Damaged(String);
+
+/// The error of a session whose journal cannot be read, with the remedy that fits.
+pub fn unreadable_journal(folder: &Path, error: &io::Error) -> Error {
+    let remedy = if is_damaged(error) { SALVAGE } else { "give a folder that `nacre capture` made" };
+    Error::file(folder, error, remedy)
+}
+
+/// Whether this is the error of a damaged journal, of which [`salvage`](super::salvage()) keeps the rest.
+pub fn is_damaged(error: &io::Error) -> bool {
+    error.get_ref().is_some_and(|inner| inner.is::<Damaged>())
+}
+
+/// Remedy for a damaged journal. Clients of the service read it too, so it names no path.
+pub const SALVAGE: &str = "`nacre salvage` on this folder makes a readable session of the rest";
 
 /// What happened.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -66,6 +86,23 @@ pub enum Entry {
     },
     /// All frames and `frames.json` are there.
     Finished(Timing),
+    /// The entries before this one are the undamaged ones of a damaged journal.
+    Salvaged(Salvaged),
+}
+
+/// How a journal was salvaged.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Salvaged {
+    /// File in the session folder that the damaged journal was kept as.
+    pub damaged_journal: String,
+    /// Number of entries that were kept.
+    pub kept: usize,
+    /// Number of lines that could not be read.
+    pub damaged: usize,
+    /// Number of entries that are lost, at least: how many followed the last undamaged line is unknown.
+    pub lost: usize,
+    /// Whether the capture had ended before the damage: its last entry was kept, or all frames and `frames.json` were there.
+    pub finished: bool,
 }
 
 /// Where the time of a run went.
@@ -115,13 +152,18 @@ pub struct Journal {
     commits: HashMap<String, usize>,
 }
 
+/// One line of a journal.
 #[derive(Serialize, Deserialize)]
-struct Line {
-    seq: usize,
+pub(super) struct Line {
+    /// Its number, from 0.
+    pub seq: usize,
+    /// When the entry was made, in Unix milliseconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    time_ms: Option<u64>,
-    crc: u32,
-    entry: Entry,
+    pub time_ms: Option<u64>,
+    /// Over entry and time.
+    pub crc: u32,
+    /// The entry.
+    pub entry: Entry,
 }
 
 impl Journal {
@@ -133,19 +175,20 @@ impl Journal {
     /// # Errors
     /// `InvalidData` when a line before the last is damaged, which no crash can cause.
     pub fn read(path: &Path) -> io::Result<(Self, u64)> {
-        let invalid = |problem: String| io::Error::new(io::ErrorKind::InvalidData, format!("journal: {problem}"));
+        let damaged = |problem: String| io::Error::new(io::ErrorKind::InvalidData, Damaged(problem));
         let bytes = match input::read(path, MAX_BYTES) {
             Err(Unreadable::System(e)) if e.kind() == io::ErrorKind::NotFound => return Ok((Self::default(), 0)),
+            Err(e @ Unreadable::TooLarge { .. }) => return Err(damaged(e.to_string())),
             Err(Unreadable::System(e)) => return Err(e),
-            Err(other) => return Err(invalid(other.to_string())),
+            Err(other) => return Err(io::Error::new(io::ErrorKind::InvalidData, format!("journal: {other}"))),
             Ok(bytes) => bytes,
         };
         let mut journal = Self::default();
         let mut intact = 0;
         for line in bytes.split_inclusive(|b| *b == b'\n') {
-            let Some(line_read) = parse(line, journal.entries.len()) else {
+            let Some(line_read) = parse(line).ok().filter(|read| read.seq == journal.entries.len()) else {
                 if intact + line.len() < bytes.len() {
-                    return Err(invalid(format!("line {} is damaged", journal.entries.len() + 1)));
+                    return Err(damaged(format!("line {} is damaged", journal.entries.len() + 1)));
                 }
                 break;
             };
@@ -161,11 +204,15 @@ impl Journal {
     /// Never for entries of this program; kept so that a failed serialisation cannot be overlooked.
     pub fn line(&mut self, entry: Entry) -> io::Result<String> {
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        let time_ms = since.ok().and_then(|t| u64::try_from(t.as_millis()).ok());
+        self.line_of(entry, since.ok().and_then(|t| u64::try_from(t.as_millis()).ok()))
+    }
+
+    /// Adds an entry of this time, in Unix milliseconds, and returns its line.
+    pub(super) fn line_of(&mut self, entry: Entry, time_ms: Option<u64>) -> io::Result<String> {
         let line = Line { seq: self.entries.len(), time_ms, crc: checksum(&entry, time_ms)?, entry };
         let text = serde_json::to_string(&line).map_err(io::Error::other)? + "\n";
         // JSON has no NaN: the line would be taken for a damaged one when it is read.
-        if parse(text.as_bytes(), line.seq).is_none() {
+        if parse(text.as_bytes()).is_err() {
             return Err(io::Error::new(io::ErrorKind::InvalidData, format!("the journal cannot hold {text}")));
         }
         self.push(line);
@@ -207,8 +254,18 @@ impl Journal {
 
     /// Whether the session was finished, and no frame was taken again since.
     pub fn finished(&self) -> bool {
-        let last = self.entries.iter().rev().find(|e| matches!(e, Entry::Finished(_) | Entry::Committed(_)));
-        matches!(last, Some(Entry::Finished(_)))
+        let ended = |entry: &Entry| match entry {
+            Entry::Finished(_) => Some(true),
+            Entry::Committed(_) => Some(false),
+            Entry::Salvaged(salvaged) => Some(salvaged.finished),
+            _ => None,
+        };
+        self.entries.iter().rev().find_map(ended).unwrap_or(false)
+    }
+
+    /// How the journal was salvaged, the last time that it was.
+    pub fn salvaged(&self) -> Option<&Salvaged> {
+        self.entries.iter().rev().find_map(|e| if let Entry::Salvaged(s) = e { Some(s) } else { None })
     }
 
     /// All entries in order, each with its time in Unix seconds where it is known.
@@ -291,10 +348,13 @@ fn checksum(entry: &Entry, time_ms: Option<u64>) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
-fn parse(line: &[u8], seq: usize) -> Option<Line> {
-    let text = line.strip_suffix(b"\n")?;
-    let line: Line = serde_json::from_slice(text).ok()?;
-    (line.seq == seq && checksum(&line.entry, line.time_ms).ok()? == line.crc).then_some(line)
+/// Reads a line, or says why it cannot be read.
+pub(super) fn parse(line: &[u8]) -> Result<Line, &'static str> {
+    let text = line.strip_suffix(b"\n").ok_or("is cut off")?;
+    let text = std::str::from_utf8(text).map_err(|_| "is not UTF-8")?;
+    let line: Line = serde_json::from_str(text).map_err(|_| "is not an entry of a journal")?;
+    let same = checksum(&line.entry, line.time_ms).is_ok_and(|crc| crc == line.crc);
+    if same { Ok(line) } else { Err("differs from its checksum") }
 }
 
 #[cfg(test)]

@@ -9,13 +9,16 @@ mod disk;
 mod journal;
 #[cfg(test)]
 mod power_loss;
+mod salvage;
 mod series;
 #[cfg(test)]
 mod tests;
 
 pub use check::{Condition, Trouble, check};
 pub use disk::{Disk, MortalDisk, RealDisk};
-pub use journal::{Commit, Entry, Journal, Timing};
+pub use journal::{Commit, Entry, Journal, Salvaged, Timing, unreadable_journal};
+pub(crate) use journal::{SALVAGE, is_damaged};
+pub use salvage::{DamagedLine, Salvage, salvage};
 pub use series::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 
 use crate::plan::{Plan, PlanKind};
@@ -124,12 +127,18 @@ impl<D: Disk> Session<D> {
     ///
     /// # Errors
     /// As the system answers; `WouldBlock` while another process has it open; `InvalidData` for a journal that is damaged
-    /// before its tail, and for a `session.json` or `frames.json` that was changed.
+    /// before its tail, for a `session.json` or `frames.json` that was changed, and for a salvaged journal that no longer says
+    /// which step a frame belongs to.
     pub fn open(disk: D, folder: &Path) -> io::Result<Self> {
         let lock = lock(folder)?;
         let (journal, intact) = Journal::read(&folder.join(Journal::NAME))?;
         if let Some(file) = sealed_files(&journal).find(|file| seal(folder, &journal, file) == Seal::Broken) {
             return Err(io::Error::new(io::ErrorKind::InvalidData, format!("{file}: {BROKEN}")));
+        }
+        if journal.salvaged().is_some()
+            && let Some(problem) = salvage::misfit(&journal, &SessionFile::read(folder)?.plan)
+        {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, format!("journal: {problem}")));
         }
         let mut session = Self { folder: folder.to_path_buf(), disk, journal, lock };
         session.disk.truncate(&session.folder.join(Journal::NAME), intact)?;

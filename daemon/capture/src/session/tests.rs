@@ -1,6 +1,7 @@
 //! Session files that were changed, and sessions of versions that recorded less.
 
-use super::{Commit, Entry, Journal, RealDisk, SESSION_FILE, Session, SessionFile, Setup, Timing, check};
+use super::{Commit, Entry, Journal, RealDisk, SESSION_FILE, Session, SessionFile, Setup, Timing, check, salvage};
+use crate::plan::Added;
 use nacre_frames::FILE_NAME as FRAMES_FILE;
 use std::path::Path;
 
@@ -116,4 +117,59 @@ fn a_session_without_a_checksum_yet_gets_one() {
     drop(Session::open(RealDisk, &folder).unwrap());
     let (journal, _) = Journal::read(&folder.join(Journal::NAME)).unwrap();
     assert!(journal.sealed(SESSION_FILE).is_some());
+}
+
+/// Rewrites a journal without some of its lines, and salvages it.
+fn lose(folder: &Path, lost: impl Fn(&str) -> bool) {
+    let path = folder.join(Journal::NAME);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let kept: String = text.split_inclusive('\n').filter(|line| !lost(line)).collect();
+    let count = text.lines().count() - kept.lines().count();
+    std::fs::write(path, kept).unwrap();
+    assert!(count > 0 && salvage(folder, true).unwrap().salvaged.lost == count);
+}
+
+/// Angles that were added to a series give the frames their meaning: without them, no frame is taken under another's name.
+#[test]
+fn a_series_whose_added_angles_are_lost_is_refused() {
+    let home = tempfile::tempdir().unwrap();
+    let plan = "kind = \"polarization\"\nanalyser = { until_sigma_deg = 0.1, at_most = 9 }";
+    let description = SessionFile { plan: toml::from_str(plan).unwrap(), ..description() };
+    let first = description.plan.steps().len();
+    let last = format!("frames/{:04}.png", first + 2);
+    let is_first_angle = |line: &str| line.contains("\"chosen\"") && line.contains("31.0");
+    let of_last = |line: &str| line.contains("\"committed\"") && line.contains(&last);
+    let any = |line: &str| line.contains("\"intent\"") && line.contains("0001.png");
+    for (name, lost, fits) in [
+        ("an angle", &is_first_angle as &dyn Fn(&str) -> bool, false),
+        ("an angle and a frame", &|line: &str| is_first_angle(line) || of_last(line), false),
+        ("the last frame", &of_last, true),
+        ("an intent", &any, true),
+    ] {
+        let folder = home.path().join(name);
+        let mut session = Session::create(RealDisk, &folder, &description).unwrap();
+        let mut chosen = vec![];
+        for k in 0..first + 3 {
+            if k >= first {
+                let added = Added::Angle { analyser_deg: 31.0 + 7.0 * (k - first) as f64 };
+                chosen.push(added);
+                session.record(Entry::Chosen { added, sigma_deg: Some(1.0), undecided: None }).unwrap();
+            }
+            let step = &description.plan.steps_with(&chosen)[k];
+            let commit = Commit { analyser_deg: step.state.analyser_deg.map(|a| a + 0.02), ..Commit::default() };
+            session.store(&step.file, b"frame", commit).unwrap();
+        }
+        session.record(Entry::Paused).unwrap();
+        drop(session);
+        lose(&folder, lost);
+        let journal = std::fs::read(folder.join(Journal::NAME)).unwrap();
+        match Session::open(RealDisk, &folder) {
+            Ok(_) => assert!(fits, "{name}"),
+            Err(refused) => {
+                assert!(!fits && refused.to_string().contains("frames/"), "{name}: {refused}");
+                assert!(check(&folder).unwrap().trouble.iter().any(|t| t.file == Journal::NAME), "{name}");
+                assert_eq!(std::fs::read(folder.join(Journal::NAME)).unwrap(), journal, "nothing is touched");
+            }
+        }
+    }
 }

@@ -12,6 +12,7 @@ Examples:
   nacre check session
   nacre check session --json
 
+`nacre salvage` keeps the undamaged lines of a damaged journal.
 Exits with 1 when a frame is missing, or a frame, session.json or frames.json differs from its
 recorded checksum.")]
 pub struct Args {
@@ -27,10 +28,13 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         text += &format!("\n{}: {}", trouble.file, trouble.problem);
     }
     if !condition.unverified.is_empty() {
-        text += &format!(
-            "\nnot verified, since an older version recorded no checksum: {}",
-            condition.unverified.join(", ")
-        );
+        let why =
+            if condition.salvaged.is_some() { "their checksums are lost" } else { "older versions recorded none" };
+        text += &format!("\nno checksum ({why}): {}", condition.unverified.join(", "));
+    }
+    if let Some(salvaged) = &condition.salvaged {
+        let [kept, lost] = [salvaged.kept, salvaged.lost];
+        text += &format!("\nsalvaged journal: {kept} entries kept, at least {lost} lost");
     }
     console.result(&text, &condition);
     if condition.finished && condition.trouble.is_empty() {

@@ -2,6 +2,7 @@
 
 use crate::console::Console;
 use nacre_base::Error;
+use nacre_base::estimate::Machine;
 use nacre_capture::Failure;
 use nacre_drivers::discovery::Root;
 use nacre_drivers::doctor::{Check, Health, examine};
@@ -36,6 +37,14 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         (Health::Warn, "this program was built without them (V4L2)", Some(remedy.to_owned()))
     };
     checks.insert(0, Check { name: "cameras".into(), ok, found: found.into(), remedy });
+    let machine = Machine::here();
+    let learned = match machine.learned.len() {
+        0 => String::new(),
+        1 => "; estimates learned from one kind of operation".into(),
+        n => format!("; estimates learned from {n} kinds of operations"),
+    };
+    let found = format!("{:.2} times the speed of the reference machine{learned}", machine.speed);
+    checks.push(Check { name: "speed".into(), ok: Health::Ok, found, remedy: None });
     let width = checks.iter().map(|c| c.name.chars().count()).max().unwrap_or_default();
     let mut text = String::new();
     for check in &checks {

@@ -23,6 +23,7 @@ pub mod recommend;
 pub mod reconstruct;
 pub mod render;
 mod said;
+pub mod salvage;
 pub mod schema;
 pub mod serve;
 pub mod sim;
@@ -32,6 +33,14 @@ mod values;
 use nacre_base::Error;
 use nacre_base::text::{from_toml, read_text};
 use std::path::Path;
+
+/// Option of commands whose operation states its time, memory and disk ([`nacre_base::progress::Progress::expect`]).
+#[derive(clap::Args)]
+pub struct Estimating {
+    /// Only say how long it would take, and how much memory and disk.
+    #[arg(long)]
+    estimate: bool,
+}
 
 /// Largest description that is read.
 const MAX_BYTES: u64 = 1 << 20;

@@ -1,15 +1,30 @@
 //! `nacre plan`.
 
 use super::bench::BenchArgs;
-use crate::console::Console;
+use crate::console::{Console, duration};
 use clap::Subcommand;
+use nacre_base::estimate::{self, Machine};
 use nacre_capture::Failure;
 use nacre_capture::engine::{Control, Engine};
 use nacre_capture::plan::{Estimate, Least, Limits, Plan};
-use nacre_capture::rig::{Rig, Uses, runtime};
+use nacre_capture::rig::{Rig, SimulatedBench, Uses, runtime};
 use nacre_capture::run::check_limits;
+use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Duration;
+
+/// Estimates of a session and of its results.
+#[derive(Serialize)]
+struct Needs {
+    #[serde(flatten)]
+    estimate: Estimate,
+    /// Of the reconstruction that the plan asks for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    results: Option<estimate::Estimate>,
+}
+
+/// Longer side of the pictures by which a simulated bench is metered for an estimate.
+const METERED_PX: u32 = 128;
 
 /// Commands on plans.
 #[derive(Subcommand)]
@@ -55,6 +70,7 @@ pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
             console.result(&text, &value);
         }
         PlanCommand::Estimate(_) => {
+            let results = plan.results_work(&limits).map(|work| Machine::here().estimate(&work));
             let estimate = estimate(&plan, limits, &args.bench, console)?;
             let metering = estimate.metering_seconds.map_or_else(String::new, |s| {
                 format!(" ({s:.1} s of it metering, which finds {:.2} ms)", 1000.0 * estimate.exposure_s)
@@ -67,8 +83,12 @@ pub fn run(command: &PlanCommand, console: &Console) -> Result<(), Failure> {
                 ],
                 None => [format!("{} frames", estimate.frames), format!("{seconds:.1} s")],
             };
-            let text = format!("{frames}, about {time} of the devices' time{metering}, at most {megabytes:.1} MB");
-            console.result(&text, &estimate);
+            let mut text = format!("{frames}, about {time} of the devices' time{metering}, at most {megabytes:.1} MB");
+            if let Some(results) = &results {
+                let (time, megabytes) = (duration(results.seconds), results.disk_bytes as f64 / 1e6);
+                text += &format!("; then about {time} for the results, {megabytes:.1} MB");
+            }
+            console.result(&text, &Needs { estimate, results });
         }
     }
     Ok(())
@@ -81,7 +101,14 @@ fn estimate(plan: &Plan, mut limits: Limits, bench: &BenchArgs, console: &Consol
         return Ok(plan.estimate(exposure, &limits, 0.0));
     }
     let (runtime, control) = (runtime()?, Control::default());
-    let mut rig = Rig::open(&runtime, &bench.described()?, Uses::SESSION, console, &console.interrupted())?;
+    let mut place = bench.described()?;
+    if let Some(SimulatedBench::Here { config, .. }) = place.simulated.as_mut().filter(|_| plan.camera.roi.is_none()) {
+        // A smaller picture of the same sample is as bright.
+        let size = [config.camera.width, config.camera.height];
+        let factor = (size[0].max(size[1]) / METERED_PX).max(1);
+        [config.camera.width, config.camera.height] = size.map(|pixels| (pixels / factor).max(1));
+    }
+    let mut rig = Rig::open(&runtime, &place, Uses::SESSION, console, &console.interrupted())?;
     let mut engine = Engine {
         runtime: &runtime,
         devices: &mut rig.devices,

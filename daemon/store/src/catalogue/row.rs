@@ -2,7 +2,7 @@
 
 use nacre_base::Error;
 use nacre_capture::plan::word;
-use nacre_capture::session::{Journal, SESSION_FILE, SessionFile, sha256};
+use nacre_capture::session::{Journal, SESSION_FILE, SessionFile, sha256, unreadable_journal};
 use serde::{Deserialize, Serialize};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, SqliteConnection};
@@ -66,9 +66,8 @@ impl SessionRow {
         let Some(text) = folder.to_str() else {
             return Err(Error::file(&folder, "has a path that is no UTF-8", "rename the folder"));
         };
-        let (described, recorded) = (folder.join(SESSION_FILE), folder.join(Journal::NAME));
-        let session = SessionFile::read(&folder).map_err(|e| bad(&described, e))?;
-        let (journal, _) = Journal::read(&recorded).map_err(|e| bad(&recorded, e))?;
+        let session = SessionFile::read(&folder).map_err(|e| bad(&folder.join(SESSION_FILE), e))?;
+        let (journal, _) = Journal::read(&folder.join(Journal::NAME)).map_err(|e| unreadable_journal(&folder, &e))?;
         let steps = session.plan.steps_with(&journal.chosen());
         let taken = steps.iter().filter(|s| journal.commit(&s.file).is_some()).count();
         Ok(Self {

@@ -1,5 +1,6 @@
 //! The job that is being worked on, as its threads report it.
 
+use nacre_base::estimate::{Running, Work};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -10,6 +11,7 @@ pub(super) struct Live {
     stage: Mutex<String>,
     steps: AtomicU64,
     done: AtomicU64,
+    running: Mutex<Option<Running>>,
 }
 
 impl Live {
@@ -20,6 +22,28 @@ impl Live {
             stage: Mutex::default(),
             steps: AtomicU64::new(0),
             done: AtomicU64::new(0),
+            running: Mutex::default(),
+        }
+    }
+
+    /// The job states its time, memory and disk.
+    pub fn expect(&self, work: &Work) {
+        let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        // An operation that is part of another one tells its needs, too.
+        running.get_or_insert_with(|| Running::begin(work.clone()));
+    }
+
+    /// Seconds that are left, once the job has stated its time.
+    pub fn remaining_s(&self) -> Option<f64> {
+        let running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
+        running.as_ref().map(Running::remaining_s)
+    }
+
+    /// It is done.
+    pub fn complete(&self) {
+        let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(running) = running {
+            running.complete();
         }
     }
 

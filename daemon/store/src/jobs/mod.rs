@@ -223,6 +223,8 @@ pub struct Job {
     pub progress: f64,
     /// The current or last stage.
     pub stage: String,
+    /// Seconds that are left, of a running job that has checked its input.
+    pub remaining_s: Option<f64>,
     /// Why the last attempt did not succeed.
     pub error: Option<String>,
     /// When it was made, in Unix seconds.

@@ -39,6 +39,7 @@ pub(super) fn job(spec: Spec, id: Ulid) -> Job {
         attempts: 0,
         progress: 0.0,
         stage: String::new(),
+        remaining_s: None,
         error: None,
         created: id.timestamp_ms() / 1000,
         spec,

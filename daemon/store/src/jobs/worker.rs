@@ -7,6 +7,7 @@ use apalis::layers::WorkerBuilderExt;
 use apalis::prelude::{BackendExt, BoxDynError, PollSnapshot, PollStrategy, WorkerBuilder};
 use apalis_sqlite::{Config, SqliteStorage};
 use nacre_base::Error;
+use nacre_base::estimate;
 use nacre_base::progress::Progress;
 use std::fs::{self, File, TryLockError};
 use std::path::Path;
@@ -90,6 +91,7 @@ impl Shared {
         if let Some(live) = self.current().as_ref().filter(|live| live.id == job.id && job.state == JobState::Running) {
             job.progress = live.progress();
             job.stage = live.stage();
+            job.remaining_s = live.remaining_s();
         }
         job
     }
@@ -189,6 +191,12 @@ struct Reporter {
 }
 
 impl Progress for Reporter {
+    fn expect(&self, work: &estimate::Work) -> Result<(), Error> {
+        self.live.expect(work);
+        self.shared.changed(&self.live.id);
+        Ok(())
+    }
+
     fn stage(&self, name: &str, steps: u64) {
         self.live.begin(name, steps);
         let _ = self.stages.try_send(name.into());
@@ -250,7 +258,8 @@ async fn attempt(shared: &Arc<Shared>, spec: Spec, live: Arc<Live>) -> Result<()
     let id = live.id.clone();
     let (stages, mut entered) = mpsc::channel::<String>(STAGES);
     let reporter = Reporter { live, shared: shared.clone(), stages };
-    let thread = tokio::task::spawn_blocking(move || (reporter.shared.work)(&spec, &reporter));
+    let work = move || (reporter.shared.work)(&spec, &reporter).inspect(|()| reporter.live.complete());
+    let thread = tokio::task::spawn_blocking(work);
     // Ends when the thread drops the reporter.
     while let Some(stage) = entered.recv().await {
         // A line of the log is not worth a job.

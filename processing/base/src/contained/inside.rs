@@ -2,6 +2,7 @@
 
 use super::{Limits, Message, Order, Part};
 use crate::Error;
+use crate::estimate::Work;
 use crate::progress::Progress;
 use serde_json::Value;
 use std::io::{self, BufRead, Read, Write};
@@ -41,6 +42,11 @@ impl Link {
 }
 
 impl Progress for Link {
+    fn expect(&self, work: &Work) -> Result<(), Error> {
+        self.send(&Message::Expected(work.clone()), &[]);
+        Ok(())
+    }
+
     fn stage(&self, name: &str, steps: u64) {
         self.done.store(0, Ordering::Relaxed);
         self.steps.store(steps, Ordering::Relaxed);

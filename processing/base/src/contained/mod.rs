@@ -16,6 +16,7 @@ pub use inside::{Link, serve};
 pub use owner::run;
 
 use crate::Error;
+use crate::estimate::Work;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::fmt;
@@ -116,6 +117,8 @@ struct Order {
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Message {
+    /// What the work needs.
+    Expected(Work),
     /// A stage with so many steps begins.
     Stage { name: String, steps: u64 },
     /// So many steps of the stage are done.

@@ -48,6 +48,8 @@ pub fn run(task: Value, limits: Limits, progress: &dyn Progress, shown: &mut dyn
             break None;
         }
         match process.messages.recv_timeout(LOOK) {
+            // Who only wanted to know stops the process by `cancelled`.
+            Ok((Message::Expected(work), _)) => drop(progress.expect(&work)),
             Ok((Message::Stage { name, steps: of }, _)) => {
                 steps = 0;
                 progress.stage(&name, of);

@@ -24,7 +24,7 @@ mod source;
 #[cfg(test)]
 mod tests;
 
-pub use input::check_input;
+pub use input::{check_input, work_of};
 pub use memory::{Merged, merge};
 pub use reconstruct::{Options, ResponseChoice, reconstruct};
 pub use report::{FrameReport, Report};

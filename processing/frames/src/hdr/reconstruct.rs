@@ -2,7 +2,7 @@
 
 use super::align::{Aligner, add_moved};
 use super::coding::{Coding, Curve};
-use super::input::{BATCH, KEPT, bracket};
+use super::input::{BATCH, KEPT, bracket, work};
 use super::merge::{Exposed, Sums};
 use super::outcome::Outcome;
 use super::output::Merged;
@@ -77,6 +77,7 @@ impl std::str::FromStr for ResponseChoice {
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
     let begun = Instant::now();
     let bracket = Bracket::new(bracket(input, options.white)?);
+    progress.expect(&work(&bracket.frames))?;
     let folder = OutputFolder::begin(out, options.overwrite)?;
     let looked = look(&bracket, options, progress)?;
     let look_s = begun.elapsed().as_secs_f64();

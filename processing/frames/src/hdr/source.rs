@@ -1,9 +1,10 @@
 //! One photograph for reconstructions that need one: a file, the merged exposures in a folder, or exposures that are merged first.
 
-use super::input::bracket;
+use super::input::{bracket, work};
 use super::{Options, Report, reconstruct};
 use crate::stated::warnings_of;
 use crate::{FILE_NAME, Transfer};
+use nacre_base::estimate::Work;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_image::budget::Operation;
@@ -45,15 +46,17 @@ impl Source {
         }
     }
 
-    /// Refuses what is no photograph, is too large, or needs more memory for an operation than is allowed, by its header.
+    /// What an operation on the photograph needs, by its header; merging included. Refuses what is no photograph, is too large, or needs more
+    /// memory than is allowed.
     ///
     /// # Errors
     /// `Input`.
-    pub fn check(input: &Path, operation: Operation) -> Result<()> {
+    pub fn check(input: &Path, operation: Operation) -> Result<Work> {
         if is_bracket(input) {
             let frames = bracket(input, None)?;
             let merged = Info { depth: Depth::F32, ..frames.info };
-            return operation.check(&frames.file(&frames.set.frames[0].file), merged);
+            let (merging, after) = (work(&frames), operation.check(&frames.file(&frames.set.frames[0].file), merged)?);
+            return Ok(after.preceded_by(&merging));
         }
         let file = file(input).unwrap_or_else(|| input.to_owned());
         size(&file)?;

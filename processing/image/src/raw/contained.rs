@@ -1,7 +1,10 @@
 //! Decodes camera raw files in a process of its own where the program allows it (`nacre_base::contained`): a damaged file can make the
 //! third-party decoder ask for any amount of memory, abort or never end. In other programs it is decoded here.
 
+use std::collections::HashMap;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::sync::{LazyLock, Mutex, PoisonError};
 
 use nacre_base::contained::{Death, Ended, Limits, Part, registered, run};
 use nacre_base::progress::Silent;
@@ -32,14 +35,20 @@ pub struct Decoding {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Wanted {
-    Info,
+    Statements,
     Pixels,
-    Levels,
-    Exposure,
+}
+
+/// All that a file states beside its pixels. One process reads it all, since starting a process takes longer.
+#[derive(Clone, Serialize, Deserialize)]
+struct Statements {
+    header: Header,
+    levels: Decoded<Option<[f64; 2]>>,
+    exposure: Option<Taken>,
 }
 
 /// An [`Info`] on its way; samples have 16 bits or are floats.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 struct Header {
     size: [usize; 2],
     channels: usize,
@@ -66,13 +75,18 @@ impl Decoding {
     /// # Errors
     /// `Input`, naming the file.
     pub fn perform(&self) -> Result<Part> {
+        misbehave();
         decode(&self.file, || {
             let mut source = open(&self.file)?;
             let Format::Raw(kind) = sniff(&mut source)? else { return Err(Fault::unusable("has changed", RENEW)) };
-            let value = match self.part {
-                Wanted::Info => json!(Header::from(decoder::info(source, kind)?)),
-                Wanted::Levels => json!(decoder::levels(source, kind)?),
-                Wanted::Exposure => json!(decoder::exposure(source, kind)),
+            match self.part {
+                Wanted::Statements => {
+                    // Decoders keep the file that they were given.
+                    let header = decoder::info(source, kind)?.into();
+                    let exposure = decoder::exposure(open(&self.file)?, kind);
+                    let levels = decoder::levels(open(&self.file)?, kind);
+                    Ok(Part { value: json!(Statements { header, levels, exposure }), bytes: vec![] })
+                }
                 Wanted::Pixels => {
                     let raster = decoder::read(source, kind)?;
                     let value = json!(Header::from(raster.info()));
@@ -81,11 +95,23 @@ impl Decoding {
                         Samples::U16(samples) => bytemuck::cast_slice(&samples).to_vec(),
                         Samples::F32(samples) => bytemuck::cast_slice(&samples).to_vec(),
                     };
-                    return Ok(Part { value, bytes });
+                    Ok(Part { value, bytes })
                 }
-            };
-            Ok(Part { value, bytes: vec![] })
+            }
         })
+    }
+}
+
+/// Ends or hangs as a damaged file can make a decoder do, where `NACRE_DECODER` is `abort` or `loop`: for tests, not in release builds.
+fn misbehave() {
+    if cfg!(debug_assertions) {
+        match std::env::var("NACRE_DECODER").as_deref() {
+            Ok("abort") => std::process::abort(),
+            Ok("loop") => loop {
+                std::hint::spin_loop();
+            },
+            _ => {}
+        }
     }
 }
 
@@ -113,11 +139,36 @@ fn value<T: DeserializeOwned>(part: Part) -> Decoded<T> {
     serde_json::from_value(part.value).map_err(|e| Fault::damaged(format!("its decoder answers {e}")))
 }
 
-pub(crate) fn info(path: &Path, source: Source, kind: Kind) -> Decoded<Info> {
-    if !registered() {
-        return decoder::info(source, kind);
+/// Files whose statements are remembered.
+const MOST_KNOWN: usize = 1024;
+
+/// Device, inode, length, and times of the last changes of contents and of the inode: a file that is replaced or written to has others.
+type Identity = ([u64; 3], [i64; 4]);
+
+static KNOWN: LazyLock<Mutex<HashMap<Identity, Statements>>> = LazyLock::new(Mutex::default);
+
+/// The statements of a file, from a process unless they are known.
+fn statements(path: &Path, source: &Source) -> Decoded<Statements> {
+    let found = source.get_ref().metadata()?;
+    let identity = (
+        [found.dev(), found.ino(), found.len()],
+        [found.mtime(), found.mtime_nsec(), found.ctime(), found.ctime_nsec()],
+    );
+    let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(statements) = known().get(&identity) {
+        return Ok(statements.clone());
     }
-    value::<Header>(ask(path, Wanted::Info)?)?.info()
+    let statements: Statements = value(ask(path, Wanted::Statements)?)?;
+    let mut known = known();
+    if known.len() >= MOST_KNOWN {
+        known.clear();
+    }
+    known.insert(identity, statements.clone());
+    Ok(statements)
+}
+
+pub(crate) fn info(path: &Path, source: Source, kind: Kind) -> Decoded<Info> {
+    if registered() { statements(path, &source)?.header.info() } else { decoder::info(source, kind) }
 }
 
 pub(crate) fn read(path: &Path, source: Source, kind: Kind) -> Decoded<Raster> {
@@ -137,9 +188,9 @@ pub(crate) fn read(path: &Path, source: Source, kind: Kind) -> Decoded<Raster> {
 }
 
 pub(crate) fn levels(path: &Path, source: Source, kind: Kind) -> Decoded<Option<[f64; 2]>> {
-    if registered() { value(ask(path, Wanted::Levels)?) } else { decoder::levels(source, kind) }
+    if registered() { statements(path, &source)?.levels } else { decoder::levels(source, kind) }
 }
 
 pub(crate) fn exposure(path: &Path, source: Source, kind: Kind) -> Option<Taken> {
-    if registered() { value(ask(path, Wanted::Exposure).ok()?).ok()? } else { decoder::exposure(source, kind) }
+    if registered() { statements(path, &source).ok()?.exposure } else { decoder::exposure(source, kind) }
 }

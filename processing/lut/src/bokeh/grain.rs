@@ -20,7 +20,7 @@ const POWER: f64 = 70.0;
 const MEDIAN: f64 = 0.674_49;
 
 /// Most places that are looked at.
-const LOOKED_AT: usize = 1 << 20;
+const LOOKED_AT: usize = 1 << 17;
 
 /// The noise, or nothing where too little is known. `step` is the distance of two codes: rounding makes noise even where the
 /// median sees none.

@@ -143,9 +143,12 @@ fn closest(values: &[f64], period: f64, profile: &[f64]) -> Option<[f64; 3]> {
 pub(super) fn ends(light: &[f32]) -> [f64; 2] {
     let step = (light.len() >> 20).max(1);
     let mut known: Vec<f32> = light.iter().step_by(step).copied().filter(|v| v.is_finite()).collect();
-    known.sort_by(f32::total_cmp);
+    if known.is_empty() {
+        return [f64::NAN; 2];
+    }
     ENDS.map(|share| {
-        known.get((share * known.len().saturating_sub(1) as f64).round() as usize).map_or(f64::NAN, |v| f64::from(*v))
+        let rank = (share * (known.len() - 1) as f64).round() as usize;
+        f64::from(*known.select_nth_unstable_by(rank, f32::total_cmp).1)
     })
 }
 

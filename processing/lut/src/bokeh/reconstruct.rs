@@ -12,6 +12,7 @@ use super::report::{NoiseReport, Report, Scale, Seconds};
 use super::slice::{Line, slice};
 use super::slits::slits;
 use super::turn::Map;
+use nacre_base::estimate::Work;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_frames::hdr::Source;
@@ -20,14 +21,14 @@ use nacre_image::budget::Operation;
 use std::path::Path;
 use std::time::Instant;
 
-/// Refuses what [`reconstruct`] would refuse, by the header of the photograph.
+/// What [`reconstruct`] needs. Refuses what it would refuse, by the header of the photograph.
 ///
 /// # Errors
 /// As [`reconstruct`].
-pub fn check_input(input: &Path, options: &Options) -> Result<()> {
+pub fn check_input(input: &Path, options: &Options) -> Result<Work> {
     options.check()?;
     let part = options.crop.map(|crop| crop.0[2].saturating_mul(crop.0[3]));
-    Source::check(input, Operation::Bokeh(part))
+    Source::check(input, Operation::Bokeh { part, iterations: options.iterations.usual() })
 }
 
 /// Deconvolves the photograph `input` is or holds (exposures are merged first) and writes what it shows into the new folder `out`.
@@ -41,7 +42,7 @@ pub fn check_input(input: &Path, options: &Options) -> Result<()> {
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
     let begun = Instant::now();
     let cutoff = options.check()?;
-    check_input(input, options)?;
+    progress.expect(&check_input(input, options)?)?;
     let (psf, psf_name) = options.psf()?;
     let folder = OutputFolder::begin(out, options.overwrite)?;
     progress.stage("reading", 1);

@@ -83,8 +83,35 @@ fn model(p: &Values, x: f64) -> f64 {
     dark + (bright - dark) * [-2.0, -1.0, 0.0, 1.0, 2.0].map(one).iter().sum::<f64>()
 }
 
-/// Steps of the numerical derivatives: dark, bright, middle, spacing, width, softness.
-const DIFFERENCES: [f64; N] = [1e-6, 1e-6, 1e-4, 1e-5, 1e-4, 1e-4];
+/// Derivatives of [`model`] by its parameters.
+fn slope(p: &Values, x: f64) -> Values {
+    let [dark, bright, middle, spacing, width, softness] = (*p).into();
+    let nearest = ((x - middle) / spacing).round();
+    let soft = softness.abs().max(1e-3);
+    let scale = 1.0 / (soft * std::f64::consts::SQRT_2);
+    let (mut lit, mut by_middle, mut by_spacing, mut by_width, mut by_softness) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for k in [-2.0, -1.0, 0.0, 1.0, 2.0] {
+        let off = x - middle - (nearest + k) * spacing;
+        let [end, begin] = [off + 0.5 * width, off - 0.5 * width].map(|edge| edge * scale);
+        // Half the derivative of erf.
+        let [at_end, at_begin] = [end, begin].map(|edge| (-edge * edge).exp() * 0.5 * std::f64::consts::FRAC_2_SQRT_PI);
+        lit += 0.5 * (libm::erf(end) - libm::erf(begin));
+        let by_place = (at_end - at_begin) * scale;
+        by_middle -= by_place;
+        by_spacing -= by_place * (nearest + k);
+        by_width += 0.5 * (at_end + at_begin) * scale;
+        by_softness -= (at_end * end - at_begin * begin) / soft;
+    }
+    let contrast = bright - dark;
+    Values::from([
+        1.0 - lit,
+        lit,
+        contrast * by_middle,
+        contrast * by_spacing,
+        contrast * by_width,
+        contrast * by_softness * softness.signum(),
+    ])
+}
 
 /// Damping of the fit.
 const DAMPING: Damping = Damping { first: 1e-3, down: 0.3, least: 0.0, up: 10.0, most: 1e10 };
@@ -103,12 +130,7 @@ impl Line<'_> {
         let (mut normal, mut right) = (SMatrix::<f64, N, N>::zeros(), Values::zeros());
         for (i, v) in self.0.iter().enumerate() {
             let x = i as f64;
-            let slope = Values::from_fn(|k, _| {
-                let (mut up, mut down) = (*p, *p);
-                up[k] += DIFFERENCES[k];
-                down[k] -= DIFFERENCES[k];
-                (model(&up, x) - model(&down, x)) / (2.0 * DIFFERENCES[k])
-            });
+            let slope = slope(p, x);
             normal += slope * slope.transpose();
             right += slope * (v - model(p, x));
         }
@@ -156,6 +178,21 @@ mod tests {
     fn noise(i: usize) -> f64 {
         let x = (i as f64 * 78.233).sin() * 43_758.545_3;
         3.46 * (x - x.floor() - 0.5)
+    }
+
+    #[test]
+    fn slopes_are_those_of_the_model() {
+        for p in [[0.2, 0.9, 4.7, 17.3, 6.2, 1.2], [0.1, 0.5, -3.0, 9.6, 5.5, -0.8]].map(Values::from) {
+            for x in (0..100).map(|i| 0.37 * f64::from(i)) {
+                let found = slope(&p, x);
+                for k in 0..N {
+                    let (mut up, mut down) = (p, p);
+                    (up[k], down[k]) = (p[k] + 1e-5, p[k] - 1e-5);
+                    let wanted = (model(&up, x) - model(&down, x)) / 2e-5;
+                    assert!((found[k] - wanted).abs() < 1e-7, "{k} at {x}: {} instead of {wanted}", found[k]);
+                }
+            }
+        }
     }
 
     #[test]

@@ -22,6 +22,7 @@ pub use output::picture;
 pub use report::Report;
 pub use synthesize::{Dots, Made, Shape, Synthesis, synthesize};
 
+use nacre_base::estimate::Work;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_frames::hdr::Source;
@@ -34,10 +35,10 @@ use std::path::Path;
 ///
 /// # Errors
 /// As [`reconstruct`].
-pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
+pub fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     settings.check()?;
     geometry_of(input, settings)?;
-    Source::check(input, Operation::Light)
+    Source::check(input, Operation::Foil)
 }
 
 /// The geometry that was given, or lies beside the photograph.
@@ -58,7 +59,7 @@ fn geometry_of(input: &Path, settings: &Settings) -> Result<Geometry> {
 /// `Input` for anything about photograph, geometry or settings, before anything is written; `Output`; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
     let begun = std::time::Instant::now();
-    check_input(input, settings)?;
+    progress.expect(&check_input(input, settings)?)?;
     let geometry = &geometry_of(input, settings)?;
     let folder = OutputFolder::begin(out, settings.overwrite)?;
     let (light, of_files) = input::read(input, geometry, progress)?;

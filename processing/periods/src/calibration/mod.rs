@@ -38,4 +38,4 @@ pub use picture::board_picture;
 pub use relative::{Ruler, relative};
 pub use report::{PhotographReport, Report};
 pub use sample::{CameraCovariance, Placed, camera_covariance, from_board, from_corners};
-pub use service::{Calibration, Options, calibrate_folder, write_overlays};
+pub use service::{Calibration, Options, calibrate_folder, work, write_overlays};

@@ -9,6 +9,7 @@ use super::light::Known;
 use super::mirrors::{LightOptions, Seen};
 use super::overlay::overlay;
 use super::report::Report;
+use nacre_base::estimate::Work;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_image::OutputFolder;
@@ -67,6 +68,15 @@ pub struct Calibration {
     /// The band of light, where spectra told it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub band: Option<Band>,
+}
+
+/// What a calibration by the photographs of a folder needs.
+pub fn work(folder: &Path, photographs: bool) -> Work {
+    /// A chessboard in a photograph of 12 Mpixel.
+    const EACH: [f64; 2] = [0.6, 400e6];
+    let count = if photographs { nacre_image::photographs(folder).map_or(0, |all| all.len()) } else { 0 };
+    let seconds = 0.05 + EACH[0] * count as f64;
+    Work { operation: "calibrate".into(), seconds, memory_bytes: EACH[1] as u64, disk_bytes: 1 << 20 }
 }
 
 impl Options {

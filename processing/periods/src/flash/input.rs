@@ -2,6 +2,7 @@
 
 use super::photographs::{Groups, groups};
 use super::settings::Settings;
+use nacre_base::estimate::Work;
 use nacre_base::{Error, Result};
 use nacre_frames::{LoadedFrames, load};
 use nacre_image::budget::Operation;
@@ -12,10 +13,10 @@ use std::path::Path;
 ///
 /// # Errors
 /// As [`reconstruct`](super::reconstruct) for settings and sets that make no sense.
-pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
+pub fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     settings.check()?;
     let frames = load(input)?;
-    check_memory(&frames)?;
+    let work = work(&frames)?;
     let settings = completed(settings, &frames)?;
     let groups = groups(&frames)?;
     known_lights(&groups, &settings, &frames)?;
@@ -24,16 +25,17 @@ pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
         let remedy = "give width and height of the sheet in mm, or --reference-px";
         return Err(Error::input("--size-mm", "is not known", remedy));
     }
-    Ok(())
+    Ok(work)
 }
 
-/// Refuses photographs whose reconstruction would not fit into memory, by the header of the first.
+/// What the reconstruction needs, by the header of the first photograph.
 ///
 /// # Errors
-/// `Input`, naming it.
-pub(super) fn check_memory(frames: &LoadedFrames) -> Result<()> {
-    let first = frames.set.frames.first();
-    first.map_or(Ok(()), |first| Operation::Flash.check(&frames.file(&first.file), frames.info))
+/// `Input`, naming it, where it would not fit into memory.
+pub(super) fn work(frames: &LoadedFrames) -> Result<Work> {
+    let count = frames.set.frames.len();
+    let first = frames.set.frames.first().map_or(frames.path.clone(), |first| frames.file(&first.file));
+    Operation::Flash(count).check(&first, frames.info)
 }
 
 /// Settings with the geometry that lies beside the photographs, or that of the bench they were taken on, unless they have another one.

@@ -13,6 +13,7 @@ use super::settings::Settings;
 use super::signals::{Carrier, Signals, carriers};
 use super::solve::MAX_CARRIERS;
 use nacre_base::Result;
+use nacre_base::estimate::Work;
 use nacre_base::progress::Progress;
 use nacre_base::statistics::median;
 use nacre_frames::{LoadedFrames, load};
@@ -25,15 +26,15 @@ use std::time::Instant;
 ///
 /// # Errors
 /// As [`reconstruct`].
-pub fn check_input(input: &Path, settings: &Settings) -> Result<()> {
+pub fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     settings.check()?;
     let frames = load(input)?;
     let shown = carriers(&frames, MAX_CARRIERS)?;
-    check_memory(&frames, shown.len())?;
-    Bench::new(&frames, settings).map(drop)
+    Bench::new(&frames, settings)?;
+    work(&frames, shown.len())
 }
 
-fn check_memory(frames: &LoadedFrames, fringes: usize) -> Result<()> {
+fn work(frames: &LoadedFrames, fringes: usize) -> Result<Work> {
     let first = &frames.set.frames[0];
     Operation::Fringes(fringes).check(&frames.file(&first.file), frames.info)
 }
@@ -51,7 +52,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     let frames = load(input)?;
     let shown = carriers(&frames, MAX_CARRIERS)?;
     let bench = Bench::new(&frames, settings)?;
-    check_memory(&frames, shown.len())?;
+    progress.expect(&work(&frames, shown.len())?)?;
     let known = settings.polarization.as_deref();
     let (width, height) = (frames.info.width, frames.info.height);
     let orientations = known.map(|folder| Orientations::read(folder, width, height)).transpose()?;

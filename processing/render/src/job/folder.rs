@@ -6,9 +6,11 @@ use crate::picture::{Picture, exposure, png, write_picture, write_png};
 use crate::prepared_scene;
 use crate::scene::Scene;
 use crate::settings::Settings;
+use nacre_base::estimate::Work;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
-use nacre_image::OutputFolder;
+use nacre_image::budget::Operation;
+use nacre_image::{Depth, Info, OutputFolder};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -80,6 +82,12 @@ pub fn check_folder(input: &Path, options: &Options) -> Result<Scene> {
     scene.check_files(input)?;
     options.spectral_nm.map_or(Ok(()), |step| spectral::check(&scene, step))?;
     Ok(scene)
+}
+
+/// What a rendering needs at most; many end earlier, once their error is met.
+pub fn work(scene: &Scene, options: &Options) -> Work {
+    let picture = Info { width: scene.camera.width, height: scene.camera.height, channels: 3, depth: Depth::F32 };
+    Operation::Rendering(options.samples).work(picture)
 }
 
 /// The only TOML file of a folder.

@@ -6,7 +6,7 @@ mod report;
 mod spectral;
 mod sums;
 
-pub use folder::{Glimpse, Options, check_folder, render_folder};
+pub use folder::{Glimpse, Options, check_folder, render_folder, work};
 pub use report::{Prediction, Report, SoFar};
 pub use spectral::SpectralReport;
 

@@ -62,7 +62,7 @@ pub(crate) fn check(scene: &Scene) -> Result<()> {
     let [width, height] = [camera.width, camera.height];
     Camera::new(camera, 0.0)?;
     let picture = Info { width, height, channels: 3, depth: Depth::F32 };
-    Operation::Rendering.check(Path::new("camera"), picture)
+    Operation::Rendering(1).check(Path::new("camera"), picture).map(drop)
 }
 
 impl PreparedScene {

@@ -1,5 +1,6 @@
 //! `nacre reconstruct bokeh`.
 
+use crate::commands::Estimating;
 use crate::commands::said::lines;
 use crate::commands::values::{BarArgs, numbers, transfer};
 use crate::console::Console;
@@ -99,6 +100,8 @@ pub struct Bokeh {
     /// Replace results that are already in the folder.
     #[arg(long, visible_alias = "overwrite")]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 #[derive(Clone, Copy, ValueEnum)]

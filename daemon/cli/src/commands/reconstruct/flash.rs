@@ -1,5 +1,6 @@
 //! `nacre reconstruct flash`.
 
+use crate::commands::Estimating;
 use crate::commands::said::{lines, meets};
 use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
@@ -88,6 +89,8 @@ pub struct Flash {
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 /// Corners of the sheet; none for those that are found.

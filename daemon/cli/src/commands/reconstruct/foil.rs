@@ -1,5 +1,6 @@
 //! `nacre reconstruct foil`.
 
+use crate::commands::Estimating;
 use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
@@ -44,6 +45,8 @@ pub struct Foil {
     /// Replace results that are already in the folder.
     #[arg(long, visible_alias = "overwrite")]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 impl Foil {

@@ -1,5 +1,6 @@
 //! `nacre reconstruct hdr`.
 
+use crate::commands::Estimating;
 use crate::commands::said::{lines, meets};
 use crate::console::Console;
 use nacre_capture::Failure;
@@ -43,6 +44,8 @@ pub struct Hdr {
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 impl Hdr {

@@ -1,5 +1,6 @@
 //! `nacre reconstruct lut`.
 
+use crate::commands::Estimating;
 use crate::commands::said::{lines, meets};
 use crate::commands::toml_file;
 use crate::commands::values::{ChannelName, numbers, transfer};
@@ -97,6 +98,8 @@ pub struct Lut {
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 /// Where the zero order is; none for where it is found.

@@ -1,5 +1,6 @@
 //! `nacre reconstruct polarization`.
 
+use crate::commands::Estimating;
 use crate::commands::said::{lines, meets};
 use crate::commands::values::PictureArgs;
 use crate::console::Console;
@@ -107,6 +108,8 @@ pub struct Polarization {
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 impl Polarization {

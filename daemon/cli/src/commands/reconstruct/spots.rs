@@ -1,5 +1,6 @@
 //! `nacre reconstruct spots`.
 
+use crate::commands::Estimating;
 use crate::commands::said::lines;
 use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
@@ -60,6 +61,8 @@ pub struct Spots {
     /// Replace results that are already in the folder.
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 fn pair(text: &str) -> Result<[f64; 2], String> {

@@ -57,11 +57,16 @@ impl Header {
 
     /// Takes in `Name: value unit`, `# Name = value unit`, `name value`, `name;value;unit`; other lines may name the columns.
     pub(super) fn take(&mut self, line: &str) {
-        let line = line.trim_start_matches(['#', '%', '!', '/', ' ']).trim_matches(['\t', ' ', '"']);
         // `h=650 w=650` holds two of them.
         if line.matches('=').count() > 1 && !line.contains(':') {
-            return line.split_whitespace().for_each(|part| self.take(part));
+            line.split_whitespace().for_each(|part| self.statement(part));
+        } else {
+            self.statement(line);
         }
+    }
+
+    fn statement(&mut self, line: &str) {
+        let line = line.trim_start_matches(['#', '%', '!', '/', ' ']).trim_matches(['\t', ' ', '"']);
         if line.is_empty() {
             return;
         }
@@ -223,4 +228,20 @@ fn names(line: &str) -> Vec<Column> {
         Column { axis, unit_um: unit_in(cell.trim().trim_matches('"')) }
     };
     cells.iter().take(64).map(column).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Found by fuzzing: a word with two signs was divided without end.
+    #[test]
+    fn two_equals_signs_in_a_word_end() {
+        let mut header = Header::default();
+        for line in ["a==b", "# =", "==", "h=3 w==5", "Zresolution = 1e-1=m0Range=5e-9"] {
+            header.take(line);
+        }
+        assert_eq!((header.rows, header.columns), (Some(3), Some(5)));
+        assert_eq!(header.problem, None);
+    }
 }

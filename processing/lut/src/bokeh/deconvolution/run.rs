@@ -22,6 +22,18 @@ pub enum Iterations {
     Count(usize),
 }
 
+impl Iterations {
+    /// How many photographs usually take.
+    pub fn usual(self) -> usize {
+        /// Accelerated iterations until they find noise only, in photographs of gratings.
+        const USUAL: usize = 30;
+        match self {
+            Self::Count(count) => count,
+            Self::Auto(most) => most.min(USUAL),
+        }
+    }
+}
+
 impl Default for Iterations {
     /// Accelerated ones have long ended by then.
     fn default() -> Self {

@@ -1,0 +1,48 @@
+//! Estimate of a session's results, before the session.
+
+use super::{Limits, Method, Plan, Role};
+use nacre_base::estimate::Work;
+use nacre_frames::hdr;
+use nacre_image::budget::Operation;
+use nacre_image::{Depth, Info};
+use nacre_polarimetry::Model;
+
+impl Plan {
+    /// Time, memory and disk of the plan's reconstruction; `None` for a plan without one.
+    pub fn results_work(&self, limits: &Limits) -> Option<Work> {
+        let planned = self.reconstruct.as_ref()?;
+        let [width, height] = self.frame_size(limits);
+        let info = Info { width, height, channels: 1, depth: Depth::U16 };
+        let photographs = self.most_steps().iter().filter(|step| step.role == Role::Series).count();
+        let merging = hdr::work_of(info, photographs);
+        Some(match planned.method {
+            Method::Polarization => {
+                nacre_polarimetry::work_of(photographs, [width, height], planned.model != Some(Model::Plain))
+            }
+            Method::Hdr => merging,
+            Method::Lut => {
+                let size = planned.lut.as_ref().map_or(nacre_lut::Settings::default().size, |settings| settings.size);
+                Operation::Table(size * size).work(info).preceded_by(&merging)
+            }
+            Method::Bokeh => {
+                let options = planned.bokeh.as_ref()?;
+                let operation = Operation::Bokeh { part: None, iterations: options.iterations.usual() };
+                operation.work(info).preceded_by(&merging)
+            }
+            Method::Spots => {
+                let fringes = self.spots.as_ref().and_then(|spots| spots.fringes.as_ref());
+                let phases = fringes.map_or(4, |fringes| fringes.phases);
+                Operation::Fringes(photographs / (phases as usize).max(1)).work(info)
+            }
+            Method::Flash => Operation::Flash(photographs).work(info),
+            // The others do not begin from a session.
+            Method::Foil | Method::Brdf | Method::Calibrate | Method::Map | Method::Render => return None,
+        })
+    }
+
+    /// Pixels of a row and of a column of the frames.
+    pub(super) fn frame_size(&self, limits: &Limits) -> [usize; 2] {
+        let camera = &limits.camera;
+        self.camera.roi.map_or([camera.width, camera.height], |[_, _, width, height]| [width as usize, height as usize])
+    }
+}

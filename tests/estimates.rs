@@ -1,0 +1,62 @@
+//! Estimates of time, memory and disk. How close they are is measured by `tests/estimates`.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_tests::http::{Service, begin, finished, plan};
+use nacre_tests::{BENCH, Place, nacre};
+use serde_json::json;
+use std::fs;
+
+fn bytes_in(folder: &std::path::Path) -> u64 {
+    fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().metadata().unwrap().len()).sum()
+}
+
+#[test]
+fn an_estimate_writes_nothing_and_is_of_the_size_that_comes() {
+    let place = Place::with_bench("", "camera = { width = 256, height = 256 }\n");
+    let (session, out) = (place.text("session"), place.text("out"));
+    nacre(["sim", "render", "--bench", &place.text("bench.toml"), "--angles-deg", "0,45,90,135", "--out", &session])
+        .expect(0);
+    for model in ["plain", "auto"] {
+        let command = ["--json", "reconstruct", "polarization", &session, "--model", model, "--out", &out];
+        let estimate = nacre(command.iter().chain(&["--estimate"])).expect(0).json();
+        assert!(!place.path("out").exists(), "something was written");
+        assert!(estimate["seconds"].as_f64().unwrap() > 0.0 && estimate["memory_bytes"].as_f64().unwrap() > 1e6);
+        nacre(command).expect(0);
+        let ratio = estimate["disk_bytes"].as_f64().unwrap() / bytes_in(&place.path("out")) as f64;
+        assert!((0.67..1.5).contains(&ratio), "{model}: {ratio}");
+        fs::remove_dir_all(place.path("out")).unwrap();
+    }
+    let text = nacre(["reconstruct", "polarization", &session, "--out", &out, "--estimate"]).expect(0).stdout();
+    assert!(["time", "memory", "disk"].iter().all(|word| text.contains(word)), "{text}");
+    nacre(["reconstruct", "polarization", &place.text("nothing"), "--out", &out, "--estimate"]).expect(2);
+    assert!(nacre(["doctor", "--data", &place.text("")]).stdout().contains("times the speed of the reference machine"));
+}
+
+#[test]
+fn the_service_says_what_is_to_come() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let id = begin(&service, &plan(4, 5.0));
+    finished(&service, &id);
+    let wanted = json!({ "session": id });
+    let needs = service.post("/api/v1/reconstructions/estimate", &wanted).expect(200).json();
+    assert!(needs["seconds"].as_f64().unwrap() > 0.0 && needs["disk_bytes"].as_u64().unwrap() > 0, "{needs}");
+    assert!(needs["memory_bytes"].as_u64().unwrap() > 0);
+    assert!(service.get("/api/v1/reconstructions").expect(200).json()["items"].as_array().unwrap().is_empty());
+    service.post("/api/v1/reconstructions/estimate", &json!({ "session": id, "options": {} })).expect(400);
+    service.post("/api/v1/reconstructions/estimate", &json!({})).expect(400);
+
+    let metered = json!({ "plan": {
+        "kind": "polarization", "analyser": { "angles_deg": [0, 60, 120] }, "reconstruct": { "method": "polarization" }
+    } });
+    let metered = service.post("/api/v1/plans/estimate", &metered).expect(200).json();
+    let of_metering = metered["metering_seconds"].as_f64().unwrap();
+    assert!(of_metering > 0.0 && metered["seconds"].as_f64().unwrap() > of_metering, "{metered}");
+    assert!(metered["results_seconds"].as_f64().unwrap() > 0.0 && metered["results_bytes"].as_u64().unwrap() > 0);
+    let stated = json!({ "plan": {
+        "kind": "polarization", "analyser": { "angles_deg": [0, 60, 120] }, "camera": { "exposure_ms": 5 }
+    } });
+    let stated = service.post("/api/v1/plans/estimate", &stated).expect(200).json();
+    assert!(stated["metering_seconds"] == 0.0 && stated["results_seconds"].is_null(), "{stated}");
+}

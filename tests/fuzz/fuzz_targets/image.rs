@@ -1,0 +1,6 @@
+//! Photographs of any format, told apart by their content.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| nacre_fuzz::photograph(&nacre_fuzz::file("photograph", bytes)));
