@@ -25,13 +25,22 @@ struct Strata {
 }
 
 impl Strata {
-    /// The stratum of the next number: as the streams' indices differ, so do their strata.
+    /// The stratum of the next number. Numbers of even and odd places are the two coordinates of a net: Sobol's first two dimensions, with the points
+    /// in another order and both coordinates shifted by bits (exclusive or), which leaves it a net.
     fn next(&mut self) -> u64 {
-        let bits = mix(self.key ^ mix(self.dimension));
-        self.dimension += 1;
+        let pair = mix(self.key ^ mix(self.dimension / 2));
         // An odd number has an inverse modulo a power of two, so that this is a permutation.
-        let odd = (bits >> 16) | 1;
-        ((self.index ^ bits).wrapping_mul(odd) ^ (bits >> 32)) & (self.count - 1)
+        let point = ((self.index ^ pair).wrapping_mul((pair >> 16) | 1) ^ (pair >> 32)) & (self.count - 1);
+        let bits = self.count.trailing_zeros();
+        let mut column = self.count >> 1;
+        let mut place = 0;
+        for bit in 0..bits {
+            place ^= if point >> bit & 1 == 1 { column } else { 0 };
+            column = if self.dimension % 2 == 0 { column >> 1 } else { column ^ (column >> 1) };
+        }
+        let shift = mix(pair ^ (self.dimension % 2 + 1));
+        self.dimension += 1;
+        (place ^ shift) & (self.count - 1)
     }
 }
 
@@ -46,8 +55,9 @@ impl Stream {
         Self::of(mix(mix(pixel as u64 ^ 0x9e37_79b9_7f4a_7c15) ^ (pass as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)))
     }
 
-    /// One of `count` streams of a pixel and a pass whose numbers are a Latin hypercube (McKay et al. 1979): of the n-th numbers of all, one lies in each of
-    /// `count` equal parts of [0, 1). Each stream by itself is as any other. `count` is a power of two; another is taken for the next one.
+    /// One of `count` streams of a pixel and a pass whose numbers are stratified: of the n-th numbers of all, one lies in each of `count` equal parts of
+    /// [0, 1), and of [`Self::numbers`], each two lie in different cells of every division of the square into `count` equal cells of halved sides (a net,
+    /// Sobol 1967). Each stream by itself is as any other. `count` is a power of two; another is taken for the next one.
     pub fn stratified(pixel: usize, pass: usize, index: usize, count: usize) -> Self {
         let key = Self::new(pixel, pass).state;
         let strata = Strata { index: index as u64, count: count.next_power_of_two() as u64, key, dimension: 0 };
@@ -66,8 +76,11 @@ impl Stream {
         }
     }
 
-    /// The next `N` numbers.
+    /// The next `N` numbers; of stratified streams, each two together.
     pub fn numbers<const N: usize>(&mut self) -> [f64; N] {
+        if let Some(strata) = self.strata.as_mut().filter(|_| N > 1) {
+            strata.dimension += strata.dimension % 2;
+        }
         std::array::from_fn(|_| self.next())
     }
 
@@ -80,6 +93,28 @@ impl Stream {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of 16 pairs, one lies in each of 16 × 1, 8 × 2, 4 × 4, 2 × 8 and 1 × 16 cells, also after a single number.
+    #[test]
+    fn pairs_of_stratified_numbers_are_a_net() {
+        for pass in 0..50 {
+            let pair = |k: usize| {
+                let mut stream = Stream::stratified(3, pass, k, 16);
+                let [_, _] = stream.numbers();
+                stream.next();
+                stream.numbers::<2>()
+            };
+            let pairs: Vec<[f64; 2]> = (0..16).map(pair).collect();
+            for across in [1, 2, 4, 8, 16] {
+                let cell =
+                    |[x, y]: &[f64; 2]| (x * f64::from(across)) as usize * 16 + (y * f64::from(16 / across)) as usize;
+                let mut cells: Vec<usize> = pairs.iter().map(cell).collect();
+                cells.sort_unstable();
+                cells.dedup();
+                assert_eq!(cells.len(), 16, "{pass} {across}");
+            }
+        }
+    }
 
     #[test]
     fn stratified_streams_fill_each_part_once_and_are_even_alone() {

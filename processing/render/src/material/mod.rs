@@ -2,6 +2,7 @@
 
 pub(crate) mod base;
 pub(crate) mod diffraction;
+mod light_pool;
 mod notes;
 pub(crate) mod shading;
 pub(crate) mod texture;
@@ -18,9 +19,12 @@ use nacre_base::progress::Progress;
 use nacre_base::random::Stream;
 use nacre_base::{Error, Result};
 use nacre_optics::color::Observer;
-use shading::{Above, Accuracy, Place, add, both_ways};
+use shading::{Above, Accuracy, Place, add, pooled};
 use std::path::Path;
 use texture::Over;
+
+/// Directions of a base's sample under an environment: of the environment's, and as many of its own. They cost less than to follow two of them.
+const BASE: usize = 4;
 
 /// A material.
 pub(crate) struct Material {
@@ -59,8 +63,9 @@ impl Base {
             let f = surface.scattered(light, view);
             above.sky.upsampling.seen([0, 1, 2].map(|c| f[c] * rgb[c])).map(|v| v * share(light[2]))
         };
-        let (at, drawn) = (random.numbers(), surface.sample(view, random.numbers()));
-        both_ways(above, at, value, (drawn[2] > 0.0).then_some(drawn), |l| surface.density(l, view))
+        let own = |u: [f64; 3]| Some(surface.sample(view, u)).filter(|light| light[2] > 0.0);
+        let numbers = (random.numbers(), random.numbers(), random.next());
+        pooled::<BASE, 3>(above, numbers, value, own, |l| surface.density(l, view))
     }
 }
 

@@ -76,7 +76,7 @@ fn sums_are_left_out_where_they_do_not_hold_or_do_not_pay() {
     }
 }
 
-/// The error that is asked for decides, not how many samples are allowed: 64 of them meet it, which drawn by chance leave more than five times as much.
+/// The error that is asked for decides, not how many samples are allowed: 64 of them meet it, which drawn by chance leave more than three times as much.
 #[test]
 fn what_meets_the_error_is_chosen_whatever_samples_are_allowed() {
     let dir = tempfile::tempdir().unwrap();
@@ -88,7 +88,7 @@ fn what_meets_the_error_is_chosen_whatever_samples_are_allowed() {
     let (_, other) = render(&scene, dir.path(), &Settings { by_chance: true, ..asked }, &Silent).unwrap();
     println!("{} {} against {}", report.noise, report.predicted_model_error, other.noise);
     assert!(report.materials["a"].method.contains("summed up once"), "{report:?}");
-    assert!(report.noise.hypot(report.predicted_model_error) <= 0.02 && other.noise > 0.1, "{report:?} {other:?}");
+    assert!(report.noise.hypot(report.predicted_model_error) <= 0.02 && other.noise > 0.06, "{report:?} {other:?}");
 }
 
 /// An error that neither way reaches: what is summed up with the finest cells is closer than what the samples leave by chance.

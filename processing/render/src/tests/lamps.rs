@@ -15,7 +15,7 @@ fn waves(spacing: f64, width: f64, count: usize, frequency: f64) -> f64 {
 }
 
 /// Luminance of the paper's disc at normal view, under light of 550 nm whose directions are a Gaussian about one: by 161 × 41 points of the lamp at 9 wavelengths.
-/// Orders keep their balance, which the renderer's own matrix gives.
+/// Orders have the powers of the renderer's own matrix, as a lobe's integral over directions is its order's power.
 fn divided(ready: &PreparedScene, light: [f64; 3], sigma: f64) -> f64 {
     let Some(Diffraction::Comb(comb)) = &ready.materials[0].diffraction else { panic!("no slits") };
     let (spacing, width, count) = (2.0, 0.5, 21);
@@ -32,7 +32,7 @@ fn divided(ready: &PreparedScene, light: [f64; 3], sigma: f64) -> f64 {
         let mut factors = vec![];
         let groove = Groove { across: [1.0, 0.0], period_um: spacing };
         comb.orders.orders([0.0, 0.0, 1.0], groove, number, &mut Scratch::default(), |o| {
-            factors.push((o.order, o.factor));
+            factors.push((o.order, o.power / comb.orders.power(o.order, 0.0)));
         });
         let (mut part, mut all) = (0.0, 0.0);
         for i in 0..161 * 41 {

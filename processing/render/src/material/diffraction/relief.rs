@@ -5,7 +5,9 @@ use crate::material::diffraction::albedo_normalisation::{AlbedoNormalisation, si
 use crate::material::diffraction::light_sampler::LightSampler;
 use crate::material::diffraction::lobes::{along, half_cos};
 use crate::material::diffraction::power_table::PowerTable;
+use crate::material::light_pool::{Candidate, Pool, even};
 use crate::material::shading::{Above, Accuracy, add};
+use crate::vector::V3;
 use nacre_base::Result;
 use nacre_base::progress::{Progress, Silent};
 use nacre_base::random::Stream;
@@ -21,9 +23,9 @@ const NORM_UM: f64 = 8.0;
 /// Least error that is asked of terms in single precision.
 const SINGLE: f64 = 1e-3;
 
-/// Wave numbers of a sample under an environment, and directions of the patch's that one is chosen from for each.
+/// Wave numbers of a sample under an environment, and directions of the environment's for each, and of the patch's, from which few are chosen.
 const NUMBERS: usize = 4;
-const CANDIDATES: usize = 4;
+const CANDIDATES: usize = 6;
 
 /// What depends on the field alone, so that readings of a scene that differ in their accuracy share it.
 struct Shared {
@@ -193,70 +195,50 @@ impl Relief {
         })
     }
 
-    /// X, Y, Z of what is seen of an environment, at some wave numbers. Each takes a direction of the environment's and one of the patch's, weighted by the
-    /// balance heuristic; that of the patch is one of [`CANDIDATES`], chosen by the light that it would send (Talbot et al. 2005), so that only it is followed
-    /// through the scene.
+    /// X, Y, Z of what is seen of an environment, at some wave numbers. Each draws directions of the environment's and of the patch's, which the balance
+    /// heuristic weighs, and follows a few of them, chosen by the light that the patch would send by the densities that it draws by (see [`Pool`]).
     pub(crate) fn under(&self, view: [f64; 3], above: &Above, random: &mut Stream, w: &mut Workspace) -> [f64; 3] {
         let (mut sum, Some(sky)) = ([0.0; 3], &self.shared.sky) else { return [0.0; 3] };
         let view = self.own(view);
         let [least, most] = above.sky.upsampling.range();
         let step = (most - least) / NUMBERS as f64;
-        let (shift, at, own): (f64, [f64; 2], [f64; 3]) = (random.next(), random.numbers(), random.numbers());
+        let (at, own, shift): ([f64; 2], [f64; 3], f64) = (random.numbers(), random.numbers(), random.next());
         for k in 0..NUMBERS {
             let number = least + step * (k as f64 + shift);
-            let colors = above.sky.upsampling.at(number);
-            let mut seen = |rgb: [f64; 3], weight: f64| {
-                for (color, part) in rgb.iter().zip(&colors) {
-                    add(&mut sum, *part, color * weight);
-                }
-            };
-            let albedo = self.shared.norm.at(view, number);
-            let share = step / self.divided_by(albedo, view);
-            let mut bare = |light: [f64; 3]| match &sky.table {
-                Some(table) => self.value(light, view, number, |f, q| table.at(f, q)),
-                None => self.value(light, view, number, |f, q| self.coarse.at(f, q, w)),
-            };
-            // The value over its integral is nearly the density of the patch's own directions, whatever they are drawn by.
-            let likely = |value: f64| value / albedo.max(1e-9);
-            // Each wave number has its own quarter of the environment.
-            let (towards, rgb, bright) = above.sky.sample(at.map(|u| (u + k as f64 / NUMBERS as f64).fract()));
-            let light = self.own(above.frame.map(|f| f.dot(&towards)));
-            if light[2] > 0.0 {
-                let value = bare(light);
-                if value > 0.0 && (above.open)(towards) {
-                    let reflected = self.reflectance.at(half_cos(light, view), 1e3 / number);
-                    seen(rgb, value * reflected * share / (bright + likely(value)));
-                }
-            }
             let sight = sky.sampler.sight(view, number);
-            let (mut all, mut chosen) = (0.0, None);
-            for j in 0..CANDIDATES {
-                // Even in each number, and in pairs of them (Roberts' sequence).
-                let n = (k * CANDIDATES + j) as f64;
-                let numbers =
-                    [(own[0], 1.0 / (NUMBERS * CANDIDATES) as f64), (own[1], 0.754_877_666), (own[2], 0.569_840_291)];
-                let Some(light) = sky.sampler.sample(&sight, numbers.map(|(u, step)| (u + n * step).fract())) else {
-                    continue;
+            let mut pool = Pool::new();
+            let mut put = |light: [f64; 3], towards: V3, rgb: [f64; 3], bright: f64| {
+                let own = sky.sampler.density(&sight, light);
+                let over = 1.0 / (CANDIDATES as f64 * (bright + own));
+                let weight = rgb.iter().sum::<f64>() * own * over;
+                pool.add(Candidate { local: light, towards, part: rgb.map(|c| c * over), weight });
+            };
+            for n in k * CANDIDATES..(k + 1) * CANDIDATES {
+                let (towards, rgb, bright) = above.sky.sample(even(at, n));
+                let light = self.own(above.frame.map(|f| f.dot(&towards)));
+                if light[2] > 0.0 {
+                    put(light, towards, rgb, bright);
+                }
+                if let Some(light) = sky.sampler.sample(&sight, even(own, n)) {
+                    let towards = above.direction(self.scene(light));
+                    put(light, towards, above.sky.radiance(towards), above.sky.density(towards));
+                }
+            }
+            let colors = above.sky.upsampling.at(number);
+            let share = step / self.divided_by(self.shared.norm.at(view, number), view);
+            pool.chosen(random.next(), |one, factor| {
+                if !(above.open)(one.towards) {
+                    return;
+                }
+                let value = match &sky.table {
+                    Some(table) => self.value(one.local, view, number, |f, q| table.at(f, q)),
+                    None => self.value(one.local, view, number, |f, q| self.coarse.at(f, q, w)),
                 };
-                let value = bare(light);
-                if value <= 0.0 {
-                    continue;
+                let value = value * self.reflectance.at(half_cos(one.local, view), 1e3 / number) * share * factor;
+                for (part, color) in one.part.iter().zip(&colors) {
+                    add(&mut sum, *color, part * value);
                 }
-                let towards = above.direction(self.scene(light));
-                let rgb = above.sky.radiance(towards);
-                let bright: f64 = rgb.iter().sum();
-                let own = likely(value);
-                let weight =
-                    value * bright * own / (own + above.sky.density(towards)) / sky.sampler.density(&sight, light);
-                all += weight;
-                if weight > 0.0 && random.next() * all < weight {
-                    chosen = Some((light, towards, rgb.map(|c| c / bright)));
-                }
-            }
-            if let Some((light, _, rgb)) = chosen.filter(|(_, towards, _)| (above.open)(*towards)) {
-                let reflected = self.reflectance.at(half_cos(light, view), 1e3 / number);
-                seen(rgb, all / CANDIDATES as f64 * reflected * share);
-            }
+            });
         }
         sum
     }
