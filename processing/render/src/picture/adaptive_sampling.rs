@@ -1,5 +1,5 @@
-//! Samples where noise is: two thirds of the passes go to pixels in proportion to their standard deviation, as leaves the least error for a number
-//! of samples (Neyman 1934), the others evenly.
+//! Samples where noise is: half of the passes go to pixels in proportion to their standard deviation, as leaves the least error for a number of
+//! samples (Neyman 1934), the other half evenly.
 //!
 //! A rim, a lobe's flank or a glint has most of the noise of a picture in a few of its pixels. What a pixel's own samples tell of its noise goes
 //! together with what they tell of its brightness: a choice by them leaves pixels too dark whose bright samples have not come yet. So the
@@ -9,15 +9,15 @@ use crate::picture::pixel::Pixel;
 use nacre_base::random::Stream;
 use rayon::prelude::*;
 
-/// Passes that go evenly to all pixels with light, per pass that goes where noise is: calm and dark ones, whose noise counts little in a mean
-/// but is seen, are never noisier than by √3 of what they would be.
-const EVEN: f64 = 0.5;
+/// Passes that go evenly to all pixels with light for each one that goes where noise is: calm and dark ones, whose noise counts little in a mean
+/// but is seen, are never noisier than by √2 of what they would be.
+const EVEN: f64 = 1.0;
 
 /// What pixels without any light get of that.
 const UNLIT: f64 = 0.1;
 
 /// How far around a pixel others tell its noise: what it tells them in turn comes back to it the less the more they are.
-const AROUND: usize = 1;
+const AROUND: usize = 2;
 
 /// Most passes of a pixel at once.
 const MOST: f64 = 255.0;

@@ -14,7 +14,7 @@ fn waves(spacing: f64, width: f64, count: usize, frequency: f64) -> f64 {
     slit * slit * (sin * sin + cos * cos) / (count * count) as f64
 }
 
-/// Luminance of the paper's disc at normal view, under light of 550 nm whose directions are a Gaussian about one: by 161 × 41 points of the lamp at 9 wavelengths.
+/// Luminance of the paper's disc at normal view, under light of 550 nm whose directions are a Gaussian about one: by 161 × 81 points of the lamp at 9 wavelengths.
 /// Orders have the powers of the renderer's own matrix, as a lobe's integral over directions is its order's power.
 fn divided(ready: &PreparedScene, light: [f64; 3], sigma: f64) -> f64 {
     let Some(Diffraction::Comb(comb)) = &ready.materials[0].diffraction else { panic!("no slits") };
@@ -35,8 +35,8 @@ fn divided(ready: &PreparedScene, light: [f64; 3], sigma: f64) -> f64 {
             factors.push((o.order, o.power / comb.orders.power(o.order, 0.0)));
         });
         let (mut part, mut all) = (0.0, 0.0);
-        for i in 0..161 * 41 {
-            let [u, v] = [f64::from(i % 161 - 80) / 16.0, f64::from(i / 161 - 20) / 4.0];
+        for i in 0..161 * 81 {
+            let [u, v] = [f64::from(i % 161 - 80) / 16.0, f64::from(i / 161 - 40) / 8.0];
             let weight = (-0.5 * (u * u + v * v)).exp();
             let towards = (middle + (first * u + second * v) * sigma).normalize();
             let [x, y] = [towards.x * number, towards.y * number];
