@@ -32,13 +32,14 @@ impl Strata {
         // An odd number has an inverse modulo a power of two, so that this is a permutation.
         let point = ((self.index ^ pair).wrapping_mul((pair >> 16) | 1) ^ (pair >> 32)) & (self.count - 1);
         let bits = self.count.trailing_zeros();
+        let first = self.dimension.is_multiple_of(2);
         let mut column = self.count >> 1;
         let mut place = 0;
         for bit in 0..bits {
             place ^= if point >> bit & 1 == 1 { column } else { 0 };
-            column = if self.dimension % 2 == 0 { column >> 1 } else { column ^ (column >> 1) };
+            column = if first { column >> 1 } else { column ^ (column >> 1) };
         }
-        let shift = mix(pair ^ (self.dimension % 2 + 1));
+        let shift = mix(pair ^ if first { 1 } else { 2 });
         self.dimension += 1;
         (place ^ shift) & (self.count - 1)
     }
