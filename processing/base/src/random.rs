@@ -8,33 +8,135 @@ pub fn mix(mut z: u64) -> u64 {
 }
 
 /// A stream of numbers from 0 to 1.
-pub struct Stream(u64);
+pub struct Stream {
+    state: u64,
+    strata: Option<Strata>,
+}
+
+/// One of some streams whose numbers are stratified.
+struct Strata {
+    /// Which of them, and how many there are: a power of two.
+    index: u64,
+    count: u64,
+    /// What they have in common.
+    key: u64,
+    /// Numbers that have been drawn.
+    dimension: u64,
+}
+
+impl Strata {
+    /// The stratum of the next number. Numbers of even and odd places are the two coordinates of a net: Sobol's first two dimensions, with the points
+    /// in another order and both coordinates shifted by bits (exclusive or), which leaves it a net.
+    fn next(&mut self) -> u64 {
+        let pair = mix(self.key ^ mix(self.dimension / 2));
+        // An odd number has an inverse modulo a power of two, so that this is a permutation.
+        let point = ((self.index ^ pair).wrapping_mul((pair >> 16) | 1) ^ (pair >> 32)) & (self.count - 1);
+        let bits = self.count.trailing_zeros();
+        let first = self.dimension.is_multiple_of(2);
+        let mut column = self.count >> 1;
+        let mut place = 0;
+        for bit in 0..bits {
+            place ^= if point >> bit & 1 == 1 { column } else { 0 };
+            column = if first { column >> 1 } else { column ^ (column >> 1) };
+        }
+        let shift = mix(pair ^ if first { 1 } else { 2 });
+        self.dimension += 1;
+        (place ^ shift) & (self.count - 1)
+    }
+}
 
 impl Stream {
     /// The stream of a seed.
     pub fn of(seed: u64) -> Self {
-        Self(seed)
+        Self { state: seed, strata: None }
     }
 
     /// That of a pixel, a pass, and the like: streams of neighbours have nothing in common.
     pub fn new(pixel: usize, pass: usize) -> Self {
-        Self(mix(mix(pixel as u64 ^ 0x9e37_79b9_7f4a_7c15) ^ (pass as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)))
+        Self::of(mix(mix(pixel as u64 ^ 0x9e37_79b9_7f4a_7c15) ^ (pass as u64).wrapping_mul(0xd1b5_4a32_d192_ed03)))
+    }
+
+    /// One of `count` streams of a pixel and a pass whose numbers are stratified: of the n-th numbers of all, one lies in each of `count` equal parts of
+    /// [0, 1), and of [`Self::numbers`], each two lie in different cells of every division of the square into `count` equal cells of halved sides (a net,
+    /// Sobol 1967). Each stream by itself is as any other. `count` is a power of two; another is taken for the next one.
+    pub fn stratified(pixel: usize, pass: usize, index: usize, count: usize) -> Self {
+        let key = Self::new(pixel, pass).state;
+        let strata = Strata { index: index as u64, count: count.next_power_of_two() as u64, key, dimension: 0 };
+        Self { state: mix(key ^ mix(index as u64)), strata: Some(strata) }
     }
 
     /// The next number, in `[0, 1)`.
     #[expect(clippy::should_implement_trait, reason = "the stream never ends, so that an Option would be in the way")]
     pub fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        (mix(self.0) >> 11) as f64 / (1_u64 << 53) as f64
+        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let number = (mix(self.state) >> 11) as f64 / (1_u64 << 53) as f64;
+        match &mut self.strata {
+            // Rounding may not reach 1.
+            Some(strata) => ((strata.next() as f64 + number) / strata.count as f64).min(1.0 - f64::EPSILON),
+            None => number,
+        }
     }
 
-    /// The next `N` numbers.
+    /// The next `N` numbers; of stratified streams, each two together.
     pub fn numbers<const N: usize>(&mut self) -> [f64; N] {
+        if let Some(strata) = self.strata.as_mut().filter(|_| N > 1) {
+            strata.dimension += strata.dimension % 2;
+        }
         std::array::from_fn(|_| self.next())
     }
 
     /// A whole number below `n`, which is above 0.
     pub fn below(&mut self, n: usize) -> usize {
         ((self.next() * n as f64) as usize).min(n - 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of 16 pairs, one lies in each of 16 × 1, 8 × 2, 4 × 4, 2 × 8 and 1 × 16 cells, also after a single number.
+    #[test]
+    fn pairs_of_stratified_numbers_are_a_net() {
+        for pass in 0..50 {
+            let pair = |k: usize| {
+                let mut stream = Stream::stratified(3, pass, k, 16);
+                let [_, _] = stream.numbers();
+                stream.next();
+                stream.numbers::<2>()
+            };
+            let pairs: Vec<[f64; 2]> = (0..16).map(pair).collect();
+            for across in [1, 2, 4, 8, 16] {
+                let cell =
+                    |[x, y]: &[f64; 2]| (x * f64::from(across)) as usize * 16 + (y * f64::from(16 / across)) as usize;
+                let mut cells: Vec<usize> = pairs.iter().map(cell).collect();
+                cells.sort_unstable();
+                cells.dedup();
+                assert_eq!(cells.len(), 16, "{pass} {across}");
+            }
+        }
+    }
+
+    #[test]
+    fn stratified_streams_fill_each_part_once_and_are_even_alone() {
+        for count in [4_usize, 16] {
+            let mut sums = vec![0.0; count];
+            let passes = 4000;
+            for pass in 0..passes {
+                let mut streams: Vec<Stream> = (0..count).map(|k| Stream::stratified(7, pass, k, count)).collect();
+                for dimension in 0..5 {
+                    let mut seen = vec![false; count];
+                    for (k, stream) in streams.iter_mut().enumerate() {
+                        let number = stream.next();
+                        assert!((0.0..1.0).contains(&number));
+                        seen[(number * count as f64) as usize] = true;
+                        sums[k] += if dimension == 3 { number } else { 0.0 };
+                    }
+                    assert!(seen.iter().all(|s| *s), "{count} {pass} {dimension}");
+                }
+            }
+            // The mean of numbers that are even has a standard error of 0.0046.
+            assert!(sums.iter().all(|s| (s / passes as f64 - 0.5).abs() < 0.02), "{sums:?}");
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::pq::dirichlet;
 use nacre_base::{Error, Result};
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 /// Parallel slits.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +42,62 @@ impl Slits {
         (slit * all).powi(2)
     }
 
+    /// Highest number of spacings between two slits whose light still interferes under a light whose directions spread by `sigma` in spatial
+    /// frequency (1/µm): [`Self::averaged`] has no faster part than one more spacing. The rest is below 1e-6.
+    pub fn coherent_spacings(&self, sigma: f64) -> usize {
+        let reach = (0.84 / sigma + self.width_um) / self.spacing_um;
+        // Beyond the largest number, `as` is the largest number.
+        (reach as usize).min(self.count.saturating_sub(1))
+    }
+
+    /// [`Self::at`], averaged over a Gaussian of spatial frequencies `u/λ`: its mean and standard deviation in 1/µm.
+    ///
+    /// The sum over slits is a Fourier series over the spacings between two of them, `Σ (1 - |k|/N) exp(2πi k Δ f) / N`. A Gaussian damps its terms
+    /// by `exp(-2π² k² Δ² σ²)` and evaluates the factor of one slit at the complex frequency `f + 2πi σ² k Δ`, averaged over the same Gaussian.
+    /// A wide light thus takes fewer terms than a small one, and no pair of terms is too coarse for the lobes.
+    pub fn averaged(&self, frequency: f64, sigma: f64) -> f64 {
+        let (width, spacing, count) = (self.width_um, self.spacing_um, self.count as f64);
+        if sigma * spacing * count < 5e-3 {
+            return self.at(frequency, 1e3);
+        }
+        let most = self.coherent_spacings(sigma);
+        let fastest = TAU * sigma * (spacing * count + width);
+        // Very many slits under a very small light: the average itself takes fewer terms, each of which costs three of the series'.
+        if sigma * width > SERIES || 3.0 * (2.0 * fastest + 10.0) < most as f64 {
+            let mut sum = 0.0;
+            nodes(fastest, |node, weight| {
+                sum += weight * self.at(frequency + sigma * node, 1e3);
+            });
+            return sum;
+        }
+        // exp(-2π² σ² k² Δ²) and the imaginary part of π w (f + 2πi σ² k Δ), for k = 1.
+        let damping = 0.5 * (TAU * sigma * spacing).powi(2);
+        let imaginary = PI * width * TAU * sigma * sigma * spacing;
+        // exp(-d k²) = exp(-d) exp(-3d) exp(-5d) …
+        let (step, growth) = ((-damping).exp(), imaginary.exp());
+        let (sin, cos) = (TAU * spacing * frequency).sin_cos();
+        let once = [cos, sin];
+        let mut sum = 0.0;
+        nodes(TAU * sigma * width, |node, weight| {
+            let real = PI * width * (frequency + sigma * node);
+            let (sin, cos) = real.sin_cos();
+            let (mut turn, mut grown, mut damped) = ([1.0, 0.0], 1.0, [1.0, step]);
+            for k in 0..=most {
+                let (order, y) = (k as f64, imaginary * k as f64);
+                let (up, down) = (0.5 * grown, 0.5 / grown);
+                let slit = sinc_square([real, y], [sin * (up + down), cos * (up - down)]);
+                let part = slit[0] * turn[0] - slit[1] * turn[1];
+                let both = if k == 0 { 1.0 } else { 2.0 };
+                sum += weight * both * (1.0 - order / count) * damped[0] * part;
+                // The next factors, each from the one before.
+                turn = [turn[0] * once[0] - turn[1] * once[1], turn[0] * once[1] + turn[1] * once[0]];
+                grown *= growth;
+                damped = [damped[0] * damped[1], damped[1] * step * step];
+            }
+        });
+        (sum / count).max(0.0)
+    }
+
     /// The same on a disc at a place relative to its middle: its tracks run along the tangent, so that the radial component of `ωi + ωr` is the
     /// one across, and along the track a Gaussian window of the same number of spacings (four standard deviations) holds the light.
     pub fn on_disc(&self, place: [f64; 2], tangent: [f64; 2], wavelength_nm: f64) -> f64 {
@@ -60,6 +116,42 @@ impl Slits {
     /// Of a pattern of all directions, such as a radial one: the slits' pattern turned around its middle.
     pub fn radial(&self, tangent: [f64; 2], wavelength_nm: f64) -> f64 {
         self.at(tangent[0].hypot(tangent[1]), wavelength_nm)
+    }
+}
+
+/// Largest product of a light's standard deviation and a slit's width for the series of [`Slits::averaged`], whose terms cancel by
+/// `exp(2π² σ² w²)`.
+const SERIES: f64 = 0.8;
+
+/// `(sin z / z)²` of a complex number, whose sine is given: real and imaginary part.
+fn sinc_square([x, y]: [f64; 2], [a, b]: [f64; 2]) -> [f64; 2] {
+    let square = x * x + y * y;
+    if square < 1e-8 {
+        return [1.0 - (x * x - y * y) / 3.0, -2.0 * x * y / 3.0];
+    }
+    let [re, im] = [(a * x + b * y) / square, (b * x - a * y) / square];
+    [re * re - im * im, 2.0 * re * im]
+}
+
+/// Nodes and weights that average over a Gaussian of standard deviation 1, exact to 1e-5 for functions with no part faster than `fastest`
+/// (rad per standard deviation): Gauss and Hermite's for slow functions, else the trapezoid rule, which converges exponentially.
+fn nodes(fastest: f64, mut each: impl FnMut(f64, f64)) {
+    /// Most nodes to either side; functions that are faster are narrower than the Gaussian by as much.
+    const MOST: f64 = 4000.0;
+    match fastest {
+        ..0.01 => each(0.0, 1.0),
+        ..0.2 => [-1.0, 1.0].into_iter().for_each(|x| each(x, 0.5)),
+        ..0.6 => {
+            each(0.0, 2.0 / 3.0);
+            [-3f64.sqrt(), 3f64.sqrt()].into_iter().for_each(|x| each(x, 1.0 / 6.0));
+        }
+        _ => {
+            // The first alias of the fastest part lies five standard deviations out in the Gaussian's own transform.
+            let step = (TAU / (fastest + 5.0)).max(5.0 / MOST);
+            let half = (5.0 / step).ceil() as i32;
+            let weight = |x: f64| step * (-0.5 * x * x).exp() / TAU.sqrt();
+            (-half..=half).map(|k| f64::from(k) * step).for_each(|x| each(x, weight(x)));
+        }
     }
 }
 
@@ -100,6 +192,36 @@ mod tests {
                 if m == 0 { 1.0 } else { ((PI * 0.25 * f64::from(m)).sin() / (PI * 0.25 * f64::from(m))).powi(2) };
             assert!((peak - envelope).abs() < 1e-9 && (peak - next).abs() < 1e-9, "{m}: {peak} {envelope}");
         }
+    }
+
+    /// Lights from far narrower than a lobe to wider than the distance of orders, slits from fine to as wide as their spacing.
+    #[test]
+    fn averages_are_those_of_dense_sums() {
+        let slits = [
+            Slits::DISC,
+            Slits { spacing_um: 1.6, width_um: 1.6, count: 7 },
+            Slits { spacing_um: 40.0, width_um: 11.0, count: 3 },
+            Slits { spacing_um: 3.0, width_um: 1.0, count: 1 },
+            Slits { spacing_um: 2.0, width_um: 0.5, count: 400 },
+        ];
+        let mut worst = 0.0_f64;
+        for slits in slits {
+            for sigma in [1e-5, 1e-3, 0.004, 0.012, 0.03, 0.08, 0.3] {
+                for k in 0..60 {
+                    let f = f64::from(k) * 0.0371 - 0.7;
+                    let n = 40_000;
+                    let (mut sum, mut all) = (0.0, 0.0);
+                    for i in 0..n {
+                        let x = 12.0 * (f64::from(i) + 0.5) / f64::from(n) - 6.0;
+                        let weight = (-0.5 * x * x).exp();
+                        sum += weight * slits.at(f + sigma * x, 1e3);
+                        all += weight;
+                    }
+                    worst = worst.max((slits.averaged(f, sigma) - sum / all).abs());
+                }
+            }
+        }
+        assert!(worst < 2e-5, "{worst}");
     }
 
     #[test]

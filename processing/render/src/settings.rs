@@ -3,6 +3,9 @@
 use nacre_base::{Error, Result};
 use std::path::PathBuf;
 
+/// Most samples of a pixel that may be asked for.
+pub(crate) const MOST_SAMPLES: usize = 1 << 20;
+
 /// Settings of a rendering.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -48,7 +51,7 @@ impl Settings {
     /// # Errors
     /// `Input`, which names the setting.
     pub(crate) fn check(&self) -> Result<()> {
-        if !(1..=1 << 20).contains(&self.samples) {
+        if !(1..=MOST_SAMPLES).contains(&self.samples) {
             let problem = format!("are {}", self.samples);
             return Err(Error::input("samples", problem, "give 1 to 1048576 samples per pixel"));
         }

@@ -16,7 +16,7 @@ const CELL: f64 = 12.0;
 /// Part of the work of drawing by chance that summing up may take: at worst, where the sample's base is as noisy, it is done in vain.
 const SHARE: f64 = 0.4;
 
-/// Sums up what flat tables reflect, where that takes less than drawing by chance to an error; nothing where it does not.
+/// Sums up what flat tables reflect, where that takes less than drawing by chance to the error asked for, in `passes` passes; nothing where it does not.
 ///
 /// Cells are halved until they differ from those before by less than `allowed`, or at the finest ones by less than `better`: what is then still less than
 /// what drawing by chance would leave. Returns what they are off by in directions that are in view: root mean square over the mean, at most.

@@ -13,6 +13,7 @@ pub use spectral::SpectralReport;
 use crate::gpu::{self, Card};
 use crate::material::SAMPLES;
 use crate::picture::{FEWEST, Picture, Pilot, digest, keep, resumed};
+use crate::prepared_scene::PreparedScene;
 use crate::scene::Scene;
 use crate::settings::Settings;
 use nacre_base::progress::Progress;
@@ -23,6 +24,10 @@ use sums::Sums;
 
 /// Seconds between two states that are kept.
 const KEEP: f64 = 10.0;
+
+/// Samples of a pixel from which a picture has passes of [`WELL_SPREAD`] samples: fewer, but each of them more even in all that is drawn by chance.
+const MANY: usize = 256;
+const WELL_SPREAD: usize = 16;
 
 const ASSUMPTIONS: [&str; 4] = [
     "light is reflected once: surfaces do not light each other, but shade each other",
@@ -59,27 +64,35 @@ pub fn render_watched(
     if let Some(path) = settings.keep.as_ref().filter(|_| settings.resume) {
         picture = resumed(path, &digest, sums.ready.size())?;
     }
-    let most = (settings.samples / SAMPLES).max(1);
+    let mut most = (settings.samples / SAMPLES).max(1);
     let (mut card, refused) = match settings.gpu.then(|| gpu::card(&sums.ready)) {
         Some(Ok(card)) => (Some(card), None),
         Some(Err(why)) => (None, Some(format!("rendered on the processor: {why}"))),
         None => (None, None),
     };
-    let pilot = match &mut card {
+    let mut pilot = match &mut card {
         Some(card) => first_passes(card, &mut picture, most, progress)?,
         None => sums.pilot(settings, most, progress)?,
     };
+    if card.is_none() && picture.passes == 0 && pilot.passes(settings.max_error, most) >= MANY / SAMPLES {
+        picture.pass_samples = WELL_SPREAD;
+    }
+    most = (settings.samples / picture.pass_samples).max(1);
     let ready = &sums.ready;
+    let measured = if settings.check { Some(sums.checked(scene, folder, progress)?) } else { None };
+    let passing = Instant::now();
+    let (mut kept, first) = (Instant::now(), picture.passes);
+    if card.is_none() {
+        pilot = own_first_passes(ready, &mut picture, pilot, (settings.max_error, most), progress, watch)?;
+    }
+    let mut noise = picture.error();
     let passes = pilot.passes(settings.max_error, most);
     let predicted = Prediction {
         passes,
         noise: pilot.noise(passes),
-        seconds: pilot.seconds_of_a_pass * passes.saturating_sub(picture.passes) as f64,
+        seconds: pilot.seconds_of_a_pass * passes.saturating_sub(first) as f64,
     };
-    let measured = if settings.check { Some(sums.checked(scene, folder, progress)?) } else { None };
-    let passing = Instant::now();
-    progress.stage("passes", passes as u64);
-    let (mut kept, first, mut noise) = (Instant::now(), picture.passes, picture.error());
+    progress.stage("passes", passes.saturating_sub(picture.passes) as u64);
     while !picture.is_enough(most, settings.max_error) {
         match &mut card {
             Some(card) => on_card(card, &mut picture, progress)?,
@@ -117,11 +130,11 @@ pub fn render_watched(
         (picture.bands, spectral) = (bands, Some(about));
     }
     let report = Report {
-        method: "passes of 4 samples per pixel, most where noise is; exact orders in closed lobes under small lights, sums over orders and wavelengths or \
+        method: "passes of 4 or 16 samples per pixel, most where noise is; exact orders in closed lobes under small lights, sums over orders and wavelengths or \
                  multiple importance sampling under environments",
         device,
         size,
-        samples: picture.passes * SAMPLES,
+        samples: picture.samples(),
         noise: if picture.passes > 1 { noise } else { predicted.noise },
         predicted_model_error: sums.error,
         measured_model_error: measured,
@@ -151,6 +164,33 @@ fn on_card(card: &mut Card, picture: &mut Picture, progress: &dyn Progress) -> R
         .map_err(|why| Error::input("gpu", why, "leave --gpu out to render on the processor"))?;
     picture.add_pixels(&pixels);
     Ok(())
+}
+
+/// The first passes of all pixels, which a picture takes anyway; they predict the others. A picture that has passes already, or too few, is predicted by the
+/// look ahead.
+fn own_first_passes(
+    ready: &PreparedScene,
+    picture: &mut Picture,
+    ahead: Pilot,
+    (error, most): (f64, usize),
+    progress: &dyn Progress,
+    watch: &mut dyn FnMut(&Picture, &SoFar),
+) -> Result<Pilot> {
+    let (begun, first) = (Instant::now(), picture.passes);
+    let larger = picture.pass_samples / SAMPLES;
+    let of = (ahead.passes(error, most * larger) / larger).max(FEWEST).min(most);
+    progress.stage("first passes", FEWEST.min(most).saturating_sub(first) as u64);
+    while picture.passes < FEWEST.min(most) {
+        picture.add(ready, progress)?;
+        progress.step();
+        let seconds_left = (ahead.seconds_of_a_pass * larger as f64) * (of - picture.passes) as f64;
+        watch(picture, &SoFar { passes: picture.passes, of, noise: picture.error(), seconds_left });
+    }
+    if picture.passes == first || picture.passes < 2 {
+        return Ok(ahead);
+    }
+    let seconds = begun.elapsed().as_secs_f64() / (picture.passes - first) as f64;
+    Ok(Pilot::of_picture(picture, seconds))
 }
 
 /// The first passes of a card tell what the others will be like.

@@ -4,11 +4,12 @@
 //! that there is, or lobes under an environment, where it is next to nothing; so sums are compared with finer ones where they are looked at.
 
 use super::flats;
+use crate::material::SAMPLES;
 use crate::material::shading::Accuracy;
 use crate::picture::{Pilot, compared};
 use crate::prepared_scene::PreparedScene;
 use crate::scene::Scene;
-use crate::settings::Settings;
+use crate::settings::{MOST_SAMPLES, Settings};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
 use std::path::Path;
@@ -47,15 +48,15 @@ impl Sums {
     /// As [`PreparedScene::new`].
     pub(crate) fn new(scene: &Scene, folder: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Self> {
         let allowed = MODEL * settings.max_error;
-        let ready =
-            |error: f64, wavelengths| PreparedScene::new(scene, folder, Accuracy::new(error, wavelengths), progress);
         let mut asked = allowed;
-        let mut coarse = ready(asked, settings.wavelengths)?;
+        let accuracy = Accuracy::new(asked, settings.wavelengths);
+        let mut coarse = PreparedScene::new(scene, folder, accuracy, progress)?;
         for left in (0..TRIES).rev() {
             if !coarse.sums() {
                 return Ok(Self { ready: coarse, error: 0.0, allowed });
             }
-            let fine = ready(asked * FINER, None)?;
+            let accuracy = Accuracy::new(asked * FINER, None);
+            let fine = PreparedScene::like(Some(&coarse), scene, folder, accuracy, progress)?;
             let error = compared(&coarse, &fine, LOOKED_AT, progress)?;
             // What is dark may be a flank that neither has followed so far.
             if error.is_some_and(|e| e <= allowed) || left == 0 || settings.wavelengths.is_some() {
@@ -66,7 +67,8 @@ impl Sums {
         Ok(Self { ready: coarse, error: f64::NAN, allowed })
     }
 
-    /// A look ahead; what flat samples reflect is summed up first where that takes less than it says.
+    /// A look ahead; what flat samples reflect is summed up first where that takes less than as many samples as the error asked for takes. How
+    /// many samples are allowed does not matter for that: what meets the error is chosen rather than what does not.
     ///
     /// # Errors
     /// `Cancelled`.
@@ -75,9 +77,9 @@ impl Sums {
         if settings.by_chance {
             return Ok(pilot);
         }
-        let passes = pilot.passes(settings.max_error, most);
+        let passes = pilot.passes(settings.max_error, MOST_SAMPLES / SAMPLES);
         // Where samples do not suffice, what is summed up may be off by more, as long as it is off by less than they.
-        let left = pilot.noise(passes);
+        let left = pilot.noise(pilot.passes(settings.max_error, most));
         let better = if left > settings.max_error { BETTER * left } else { 0.0 };
         let Some(error) = flats::sum_up(&mut self.ready, &pilot, passes, (self.allowed, better), progress)? else {
             return Ok(pilot);
@@ -91,8 +93,8 @@ impl Sums {
     /// # Errors
     /// As [`PreparedScene::new`].
     pub(crate) fn checked(&self, scene: &Scene, folder: &Path, progress: &dyn Progress) -> Result<f64> {
-        let mut fine =
-            PreparedScene::new(scene, folder, Accuracy::new(CHECK * self.ready.accuracy.error, None), progress)?;
+        let accuracy = Accuracy::new(CHECK * self.ready.accuracy.error, None);
+        let mut fine = PreparedScene::like(Some(&self.ready), scene, folder, accuracy, progress)?;
         flats::sum_up_finer(&mut fine, &self.ready, progress)?;
         Ok(compared(&self.ready, &fine, CHECKED, progress)?.unwrap_or(0.0))
     }

@@ -2,6 +2,7 @@
 
 pub(crate) mod base;
 pub(crate) mod diffraction;
+mod light_pool;
 mod notes;
 pub(crate) mod shading;
 pub(crate) mod texture;
@@ -18,9 +19,12 @@ use nacre_base::progress::Progress;
 use nacre_base::random::Stream;
 use nacre_base::{Error, Result};
 use nacre_optics::color::Observer;
-use shading::{Above, Accuracy, Place, add, both_ways};
+use shading::{Above, Accuracy, Place, add, pooled};
 use std::path::Path;
 use texture::Over;
+
+/// Directions of a base's sample under an environment: of the environment's, and as many of its own. They cost less than to follow two of them.
+const BASE: usize = 4;
 
 /// A material.
 pub(crate) struct Material {
@@ -59,24 +63,31 @@ impl Base {
             let f = surface.scattered(light, view);
             above.sky.upsampling.seen([0, 1, 2].map(|c| f[c] * rgb[c])).map(|v| v * share(light[2]))
         };
-        let drawn = surface.sample(view, random.numbers());
-        both_ways(above, random, value, (drawn[2] > 0.0).then_some(drawn), |l| surface.density(l, view))
+        let own = |u: [f64; 3]| Some(surface.sample(view, u)).filter(|light| light[2] > 0.0);
+        let numbers = (random.numbers(), random.numbers(), random.next());
+        pooled::<BASE, 3>(above, numbers, value, own, |l| surface.density(l, view))
     }
 }
 
+/// What materials are made with.
+#[derive(Clone, Copy)]
+pub(crate) struct Context<'a> {
+    /// Where files are sought.
+    pub folder: &'a Path,
+    pub observer: Observer,
+    pub accuracy: &'a Accuracy,
+    /// Whether there is an environment.
+    pub under: bool,
+    pub progress: &'a dyn Progress,
+}
+
 impl Material {
-    /// Of a description.
+    /// Of a description; `like` the same one made for another accuracy, whose parts may be shared.
     ///
     /// # Errors
     /// `Input` for what makes no sense, or files that are none.
-    pub(crate) fn new(
-        name: &str,
-        material: &scene::Material,
-        folder: &Path,
-        observer: Observer,
-        accuracy: &Accuracy,
-        progress: &dyn Progress,
-    ) -> Result<Self> {
+    pub(crate) fn new(name: &str, material: &scene::Material, context: &Context, like: Option<&Self>) -> Result<Self> {
+        let folder = context.folder;
         let key = |what: &str| format!("material.{name}.{what}");
         let mut notes = Notes::default();
         let base = match &material.base {
@@ -95,7 +106,8 @@ impl Material {
         };
         let diffraction = match &material.diffraction {
             Some(of) => {
-                Some(Diffraction::new(&key("diffraction"), of, folder, observer, accuracy, &mut notes, progress)?)
+                let like = like.and_then(|like| like.diffraction.as_ref());
+                Some(Diffraction::new(&key("diffraction"), of, context, like, &mut notes)?)
             }
             None => None,
         };

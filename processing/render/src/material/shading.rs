@@ -2,8 +2,8 @@
 
 use crate::light::Sky;
 use crate::light::viewer::RANGE;
+use crate::material::light_pool::{Candidate, Pool, even};
 use crate::vector::V3;
-use nacre_base::random::Stream;
 use std::f64::consts::PI;
 
 /// Samples of a pixel in a pass: two by two places within it.
@@ -71,16 +71,16 @@ impl Above<'_> {
 }
 
 /// An environment by multiple importance sampling with the balance heuristic (Veach and Guibas 1995): a direction of the environment's, and one of
-/// the surface's own. `value` is BRDF times cosine times radiance.
+/// the surface's own. Two numbers from 0 to 1 choose the environment's; `value` is BRDF times cosine times radiance.
 pub(crate) fn both_ways(
     above: &Above,
-    random: &mut Stream,
+    at: [f64; 2],
     mut value: impl FnMut([f64; 3], [f64; 3]) -> [f64; 3],
     drawn: Option<[f64; 3]>,
     density: impl Fn([f64; 3]) -> f64,
 ) -> [f64; 3] {
     let mut sum = [0.0; 3];
-    let (towards, rgb, bright) = above.sky.sample(random.numbers());
+    let (towards, rgb, bright) = above.sky.sample(at);
     let local = above.frame.map(|f| f.dot(&towards));
     let all = bright + density(local);
     if local[2] > 0.0 && all > 0.0 && (above.open)(towards) {
@@ -93,5 +93,39 @@ pub(crate) fn both_ways(
             add(&mut sum, value(local, above.radiance(local)), 1.0 / all);
         }
     }
+    sum
+}
+
+/// The same with `COUNT` directions of each kind, of which a few are followed through the scene (see [`Pool`]): for values that take less than that.
+/// `numbers` choose the environment's directions, the surface's own by `draw`, and those that are followed.
+pub(crate) fn pooled<const COUNT: usize, const N: usize>(
+    above: &Above,
+    (at, own, pick): ([f64; 2], [f64; N], f64),
+    value: impl Fn([f64; 3], [f64; 3]) -> [f64; 3],
+    draw: impl Fn([f64; N]) -> Option<[f64; 3]>,
+    density: impl Fn([f64; 3]) -> f64,
+) -> [f64; 3] {
+    let mut pool = Pool::new();
+    let mut put = |local: [f64; 3], towards: V3, rgb: [f64; 3], all: f64| {
+        if local[2] > 0.0 && all > 0.0 {
+            let part = value(local, rgb).map(|v| v / (all * COUNT as f64));
+            pool.add(Candidate { local, towards, part, weight: part.iter().sum() });
+        }
+    };
+    for k in 0..COUNT {
+        let (towards, rgb, bright) = above.sky.sample(even(at, k));
+        let local = above.frame.map(|f| f.dot(&towards));
+        put(local, towards, rgb, bright + density(local));
+        if let Some(local) = draw(even(own, k)) {
+            let towards = above.direction(local);
+            put(local, towards, above.sky.radiance(towards), density(local) + above.sky.density(towards));
+        }
+    }
+    let mut sum = [0.0; 3];
+    pool.chosen(pick, |one, factor| {
+        if (above.open)(one.towards) {
+            add(&mut sum, one.part, factor);
+        }
+    });
     sum
 }

@@ -50,8 +50,8 @@ pub(crate) fn weights(others: &[Others]) -> Vec<f64> {
     others.iter().map(|o| o.deviation + even * if o.lit { 1.0 } else { UNLIT }).collect()
 }
 
-/// Passes that each pixel gets next: as many together as there are pixels with light, after `rounds` rounds.
-pub(crate) fn adaptive_passes(pixels: &[Pixel], width: usize, rounds: usize) -> Vec<u8> {
+/// Weights of a picture's pixels, by those around them.
+pub(crate) fn picture_weights(pixels: &[Pixel], width: usize) -> Vec<f64> {
     let rows = pixels.len() / width.max(1);
     let near = |at: usize, n: usize| at.saturating_sub(AROUND)..(at + AROUND + 1).min(n);
     let around = |k: usize| {
@@ -60,7 +60,12 @@ pub(crate) fn adaptive_passes(pixels: &[Pixel], width: usize, rounds: usize) -> 
         Others::of(places.filter(|other| *other != k).map(|other| &pixels[other]))
     };
     let others: Vec<Others> = (0..pixels.len()).into_par_iter().map(around).collect();
-    let weights = weights(&others);
+    weights(&others)
+}
+
+/// Passes that each pixel gets next: as many together as there are pixels with light, after `rounds` rounds.
+pub(crate) fn adaptive_passes(pixels: &[Pixel], width: usize, rounds: usize) -> Vec<u8> {
+    let weights = picture_weights(pixels, width);
     let all: f64 = weights.iter().sum();
     if all <= 0.0 {
         return vec![1; pixels.len()];

@@ -13,6 +13,7 @@ pub(crate) use pilot::{Pilot, compared};
 pub(crate) use pixel::FEWEST;
 pub use pixel::Pixel;
 
+use crate::material::SAMPLES;
 use crate::material::diffraction::memory::Memory;
 use crate::prepared_scene::PreparedScene;
 use adaptive_sampling::adaptive_passes;
@@ -32,6 +33,8 @@ pub struct Picture {
     pub width: usize,
     /// Rows.
     pub height: usize,
+    /// Samples of a pass: 4 or 16.
+    pub pass_samples: usize,
     /// Rounds of passes that are in it: as many passes each as there are pixels with light.
     pub passes: usize,
     /// Row by row from the top.
@@ -63,7 +66,8 @@ fn relative(squares: impl Iterator<Item = f64>, luminances: impl Iterator<Item =
 impl Picture {
     /// A picture before its first pass.
     pub(crate) fn new([width, height]: [usize; 2]) -> Self {
-        Self { width, height, passes: 0, pixels: vec![Pixel::default(); width * height], bands: vec![] }
+        let pixels = vec![Pixel::default(); width * height];
+        Self { width, height, pass_samples: SAMPLES, passes: 0, pixels, bands: vec![] }
     }
 
     /// Adds a round of passes: one to each pixel at first, then more where noise is.
@@ -80,6 +84,7 @@ impl Picture {
 
     /// Adds so many passes to each pixel.
     pub(crate) fn add_passes(&mut self, ready: &PreparedScene, counts: &[u8], progress: &dyn Progress) -> Result<()> {
+        let samples = self.pass_samples;
         let tiles = self.pixels.par_chunks_mut(TILE).zip(counts.par_chunks(TILE)).enumerate();
         tiles.for_each_init(Memory::default, |memory, (tile, (pixels, counts))| {
             for (k, (pixel, count)) in pixels.iter_mut().zip(counts).enumerate() {
@@ -87,7 +92,8 @@ impl Picture {
                     if progress.cancelled() {
                         return;
                     }
-                    pixel.add(ready.viewer.kept(pass(ready, tile * TILE + k, pixel.passes as usize, memory)));
+                    let seen = pass(ready, tile * TILE + k, pixel.passes as usize, samples, memory);
+                    pixel.add(ready.viewer.kept(seen));
                 }
             }
         });
@@ -113,7 +119,7 @@ impl Picture {
             Pixel { rgb: sum.rgb.map(|v| v / count), luminance: sum.luminance / count, ..sum }
         };
         let pixels = (0..width * height).map(block).collect();
-        Self { width, height, passes: self.passes, pixels, bands: vec![] }
+        Self { width, height, pass_samples: self.pass_samples, passes: self.passes, pixels, bands: vec![] }
     }
 
     /// Adds a pass that was made elsewhere, linear sRGB.
@@ -127,6 +133,11 @@ impl Picture {
     /// Whether it has as many passes as are allowed, or as an error takes.
     pub(crate) fn is_enough(&self, most: usize, error: f64) -> bool {
         self.passes >= most || (self.passes >= FEWEST && self.error() <= error)
+    }
+
+    /// Samples of a pixel, on average over those with light.
+    pub fn samples(&self) -> usize {
+        self.passes * self.pass_samples
     }
 
     /// Root mean square of the pixels' standard errors over the mean luminance; NaN before the second pass.

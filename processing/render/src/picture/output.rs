@@ -28,7 +28,7 @@ fn channel(nm: f64) -> String {
 pub fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
     let mut attributes = vec![
         ("units", Attribute::Text("radiance, linear sRGB (D65 is white, Y of a light's own unit); error of Y".into())),
-        ("samples", Attribute::Number((picture.passes * SAMPLES) as f64)),
+        ("samples", Attribute::Number(picture.samples() as f64)),
     ];
     let width = picture.width;
     let bands: Vec<String> = picture.bands.iter().map(|band| channel(band.nm)).collect();
@@ -98,7 +98,7 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
         Pixel { rgb: rgb.map(f64::from), luminance: xyz_of_linear_srgb(rgb)[1].into(), squares: 0.0, passes: 1 }
     };
     let pixels = (0..map.width * map.height).map(pixel).collect();
-    Ok(Picture { width: map.width, height: map.height, passes: 1, pixels, bands: vec![] })
+    Ok(Picture { width: map.width, height: map.height, pass_samples: SAMPLES, passes: 1, pixels, bands: vec![] })
 }
 
 /// What tells a scene and its accuracy from others.
@@ -114,8 +114,12 @@ pub(crate) fn digest(scene: &Scene, settings: &Settings) -> String {
 /// # Errors
 /// `Output` when the system refuses.
 pub(crate) fn keep(path: &Path, picture: &Picture, digest: &str) -> Result<()> {
-    let attributes =
-        [("scene", Attribute::Text(digest.into())), ("passes", Attribute::Text(picture.passes.to_string()))];
+    let text = |number: usize| Attribute::Text(number.to_string());
+    let attributes = [
+        ("scene", Attribute::Text(digest.into())),
+        ("passes", text(picture.passes)),
+        ("pass_samples", text(picture.pass_samples)),
+    ];
     let width = picture.width;
     // Each number in two parts: passes are alloted by them, so that one that is gone on with must not differ.
     let channels = STATE.map(|name| [name.to_owned(), format!("{name}.rest")]);
@@ -163,5 +167,8 @@ pub(crate) fn resumed(path: &Path, digest: &str, [width, height]: [usize; 2]) ->
     if let Some(i) = planes.iter().find_map(|p| p.iter().position(|v| !v.is_finite())) {
         return Err(Error::file(path, format!("has no number in column {}, row {}", i % width, i / width), remedy));
     }
-    Ok(Picture { width, height, passes, pixels, bands: vec![] })
+    // States of earlier versions have passes of 4.
+    let samples = map.attributes.get("pass_samples").and_then(|t| t.parse().ok());
+    let pass_samples = samples.filter(|n| [4, 16].contains(n)).unwrap_or(SAMPLES);
+    Ok(Picture { width, height, pass_samples, passes, pixels, bands: vec![] })
 }

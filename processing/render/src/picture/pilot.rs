@@ -1,7 +1,9 @@
-//! Predicts the noise of a picture and the number of passes from a sample of its pixels.
+//! Predicts the noise of a picture and the number of passes, from a sample of its pixels or from its first passes.
 
+use crate::material::SAMPLES;
 use crate::material::diffraction::memory::Memory;
-use crate::picture::adaptive_sampling::{Others, weights};
+use crate::picture::Picture;
+use crate::picture::adaptive_sampling::{Others, picture_weights, weights};
 use crate::picture::pixel::{FEWEST, Pixel, pass};
 use crate::prepared_scene::PreparedScene;
 use nacre_base::Result;
@@ -14,16 +16,22 @@ const PILOT: usize = 1024;
 
 /// Noise and light of a sample of pixels, from which those of the picture are predicted.
 pub(crate) struct Pilot {
-    /// Variances of their passes, over the square of their mean luminance.
-    variances: Vec<f64>,
-    /// Relative numbers of passes that they get.
-    weights: Vec<f64>,
+    /// By rising weight.
+    pixels: Vec<Weighed>,
     /// Part of them that has light.
     lit: f64,
     /// Whether all pixels get the same.
     even: bool,
     /// Seconds of a round.
     pub seconds_of_a_pass: f64,
+}
+
+/// A pixel of a pilot.
+struct Weighed {
+    /// Relative number of passes that it gets.
+    weight: f64,
+    /// Sums over it and those of larger weights: weights, variances of passes over the square of the mean luminance, and these over weights.
+    sums: [f64; 3],
 }
 
 impl Pilot {
@@ -41,7 +49,7 @@ impl Pilot {
             let (x, y) = ((first % width + k % 2).min(width - 1), (first / width + k / 2 % 2).min(height - 1));
             let mut pixel = Pixel::default();
             if !progress.cancelled() {
-                (0..FEWEST).for_each(|n| pixel.add(ready.viewer.kept(pass(ready, y * width + x, n, memory))));
+                (0..FEWEST).for_each(|n| pixel.add(ready.viewer.kept(pass(ready, y * width + x, n, SAMPLES, memory))));
             }
             pixel
         };
@@ -54,19 +62,39 @@ impl Pilot {
 
     /// Of pixels that have been rendered, four side by side each.
     pub(crate) fn of(pixels: &[Pixel], seconds_of_a_pass: f64, even: bool) -> Self {
-        let count = pixels.len().max(1) as f64;
-        let mean = pixels.iter().map(|p| p.luminance).sum::<f64>() / count;
-        let over = |p: &Pixel| p.error().powi(2) * f64::from(p.passes) / (mean * mean);
-        let variances: Vec<f64> =
-            pixels.iter().map(|p| Some(over(p)).filter(|v| v.is_finite()).unwrap_or(0.0)).collect();
         // As in a picture, the others tell where noise is.
         let others = |four: &[Pixel]| -> Vec<Others> {
             let without = |k: usize| four.iter().enumerate().filter(move |(i, _)| *i != k).map(|(_, p)| p);
             (0..four.len()).map(|k| Others::of(without(k))).collect()
         };
         let weights = weights(&pixels.chunks(4).flat_map(others).collect::<Vec<_>>());
+        Self::with(pixels, weights, seconds_of_a_pass, even)
+    }
+
+    /// Of the first passes of a whole picture: a few bright pixels that have most of the noise are missed by a sample.
+    pub(crate) fn of_picture(picture: &Picture, seconds_of_a_pass: f64) -> Self {
+        Self::with(&picture.pixels, picture_weights(&picture.pixels, picture.width), seconds_of_a_pass, false)
+    }
+
+    fn with(pixels: &[Pixel], weights: Vec<f64>, seconds_of_a_pass: f64, even: bool) -> Self {
+        let count = pixels.len().max(1) as f64;
+        let mean = pixels.iter().map(|p| p.luminance).sum::<f64>() / count;
+        let over = |p: &Pixel| p.error().powi(2) * f64::from(p.passes) / (mean * mean);
+        let variance = |p: &Pixel| Some(over(p)).filter(|v| v.is_finite()).unwrap_or(0.0);
+        let mut pairs: Vec<[f64; 2]> = weights.into_iter().zip(pixels.iter().map(variance)).map(Into::into).collect();
+        pairs.sort_by(|a, b| b[0].total_cmp(&a[0]));
+        let mut sums = [0.0; 3];
+        let mut weighed: Vec<Weighed> = pairs
+            .into_iter()
+            .map(|[weight, variance]| {
+                let parts = [weight, variance, if weight > 0.0 { variance / weight } else { 0.0 }];
+                sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+                Weighed { weight, sums }
+            })
+            .collect();
+        weighed.reverse();
         let lit = pixels.iter().filter(|p| p.luminance > 0.0).count() as f64 / count;
-        Self { variances, weights, lit, even, seconds_of_a_pass }
+        Self { pixels: weighed, lit, even, seconds_of_a_pass }
     }
 
     /// Pixels of a picture of this size that have light, about.
@@ -75,13 +103,32 @@ impl Pilot {
     }
 
     /// Noise of the picture after some rounds.
+    ///
+    /// The first passes go evenly to all pixels; those that follow raise pixels to passes in proportion to their weights, and none is left out that has fewer. So
+    /// pixels whose share is less than the first passes keep these, and the level of the others is that of what remains.
     pub(crate) fn noise(&self, rounds: usize) -> f64 {
-        let count = self.variances.len() as f64;
+        let count = self.pixels.len() as f64;
         let first = rounds.min(FEWEST) as f64;
-        let passes = (first + rounds.saturating_sub(FEWEST) as f64 * self.lit) * count;
-        let share = passes / self.weights.iter().sum::<f64>().max(1e-300);
-        let of = |(v, w): (&f64, &f64)| v / if self.even { rounds as f64 } else { (w * share).max(first).max(1.0) };
-        (self.variances.iter().zip(&self.weights).map(of).sum::<f64>() / count.max(1.0)).sqrt()
+        if self.even || rounds <= FEWEST {
+            return (self.sums(0)[1] / (rounds as f64).max(1.0) / count).sqrt();
+        }
+        let passes = (first + (rounds - FEWEST) as f64 * self.lit) * count;
+        // Passes per weight if the pixels before one keep the first passes: enough for that one from some pixel on.
+        let level = |k: usize| (passes - first * k as f64) / self.sums(k)[0];
+        let (mut low, mut high) = (0, self.pixels.len() - 1);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if self.pixels[middle].weight * level(middle) >= first { high = middle } else { low = middle + 1 }
+        }
+        let [weights, variances, over] = self.sums(low);
+        let kept = (self.sums(0)[1] - variances) / first;
+        let raised = if weights > 0.0 { over / level(low) } else { variances / first };
+        ((kept + raised) / count).sqrt()
+    }
+
+    /// Sums over the pixels from one on, by rising weight: weights, variances, and variances over weights.
+    fn sums(&self, from: usize) -> [f64; 3] {
+        self.pixels.get(from).map_or([0.0; 3], |p| p.sums)
     }
 
     /// Rounds that an error takes, at most so many.
@@ -120,7 +167,7 @@ pub(crate) fn compared(
             if progress.cancelled() {
                 return [0.0; 2];
             }
-            [one, other].map(|ready| pass(ready, chosen(k, count, width * height), 0, memory)[1])
+            [one, other].map(|ready| pass(ready, chosen(k, count, width * height), 0, SAMPLES, memory)[1])
         })
         .collect();
     progress.check()?;

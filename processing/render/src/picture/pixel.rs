@@ -1,6 +1,5 @@
 //! A pixel after some passes, and one pass of it.
 
-use crate::material::SAMPLES;
 use crate::material::diffraction::memory::Memory;
 use crate::prepared_scene::PreparedScene;
 use nacre_base::random::Stream;
@@ -42,17 +41,19 @@ impl Pixel {
     }
 }
 
-/// One pass of a pixel: the mean of its samples, X, Y, Z.
-pub(super) fn pass(ready: &PreparedScene, index: usize, pass: usize, memory: &mut Memory) -> [f64; 3] {
+/// One pass of a pixel: the mean of `samples` samples, X, Y, Z. They lie in as many squares of the pixel, and each of their other numbers in as many
+/// parts from 0 to 1. `samples` is 4 or 16.
+pub(super) fn pass(ready: &PreparedScene, index: usize, pass: usize, samples: usize, memory: &mut Memory) -> [f64; 3] {
     let width = ready.size()[0];
     let (x, y) = ((index % width) as f64, (index / width) as f64);
-    let mut random = Stream::new(index, pass);
+    let side = samples.isqrt();
     let mut sum = [0.0; 3];
-    for k in 0..SAMPLES {
+    for k in 0..samples {
+        let mut random = Stream::stratified(index, pass, k, samples);
         let [u, v] = random.numbers();
-        let at = [x + 0.5 * ((k % 2) as f64 + u), y + 0.5 * ((k / 2) as f64 + v)];
+        let at = [x + ((k % side) as f64 + u) / side as f64, y + ((k / side) as f64 + v) / side as f64];
         let part = ready.at(at, &mut random, memory);
-        (0..3).for_each(|c| sum[c] += part[c] / SAMPLES as f64);
+        (0..3).for_each(|c| sum[c] += part[c] / samples as f64);
     }
     sum
 }

@@ -9,7 +9,7 @@ use crate::light::{Lamp, Sky, Source};
 use crate::material::diffraction::Diffraction;
 use crate::material::diffraction::memory::Memory;
 use crate::material::shading::{Above, Accuracy, Place};
-use crate::material::{Material, Notes};
+use crate::material::{Context, Material, Notes};
 use crate::scene::{self, Scene};
 use crate::shape::ray::{Hit, Ray};
 use crate::shape::{Form, Placed};
@@ -71,6 +71,20 @@ impl PreparedScene {
     /// # Errors
     /// `Input` for what makes no sense, with its key or file.
     pub(crate) fn new(scene: &Scene, folder: &Path, accuracy: Accuracy, progress: &dyn Progress) -> Result<Self> {
+        Self::like(None, scene, folder, accuracy, progress)
+    }
+
+    /// The same; parts of materials that do not depend on the accuracy are shared with an earlier reading of the scene.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(crate) fn like(
+        like: Option<&Self>,
+        scene: &Scene,
+        folder: &Path,
+        accuracy: Accuracy,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         check(scene)?;
         let Scene { camera, shape, light, material, turn, observer, .. } = scene;
         let angle = |what: &str, deg: f64| number(what, deg, [-1e6, 1e6]).map(f64::to_radians);
@@ -88,11 +102,12 @@ impl PreparedScene {
             progress.check()?;
         }
         let (mut materials, mut names, mut notes, mut warnings) = (vec![], vec![], BTreeMap::new(), vec![]);
-        for (name, of) in material {
+        let context = Context { folder, observer: *observer, accuracy: &accuracy, under: !skies.is_empty(), progress };
+        for (k, (name, of)) in material.iter().enumerate() {
             if !shape.iter().any(|s| s.material() == name) {
                 warnings.push(format!("no shape is made of {name}"));
             }
-            let made = Material::new(name, of, folder, *observer, &accuracy, progress)?;
+            let made = Material::new(name, of, &context, like.and_then(|like| like.materials.get(k)))?;
             notes.insert(name.clone(), made.notes.clone());
             warnings.extend(made.notes.warnings.iter().map(|w| format!("material {name}: {w}")));
             materials.push(made);

@@ -6,7 +6,7 @@ use crate::material::diffraction::table::Table;
 use std::f64::consts::PI;
 
 /// A sky with a lamp of some 10° that is not alike to any side.
-fn sky(folder: &Path) {
+pub(super) fn sky(folder: &Path) {
     write_exr(&folder.join("sky.exr"), 128, 64, &["R", "G", "B"], &[], &|c, y, row| {
         for (x, out) in row.iter_mut().enumerate() {
             let (polar, azimuth) = (PI * (y as f64 + 0.5) / 64.0, TAU * (0.5 - (x as f64 + 0.5) / 128.0));
@@ -62,18 +62,33 @@ fn what_is_summed_up_is_what_is_drawn_by_chance() {
     }
 }
 
-/// Where another shape may stand before the sky, and where few samples do, light is drawn by chance.
+/// Where another shape may stand before the sky, and where few samples reach the error that is asked for, light is drawn by chance.
 #[test]
 fn sums_are_left_out_where_they_do_not_hold_or_do_not_pay() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
     sky(dir.path());
     let ball = "[[shape]]\ntype = \"sphere\"\ncenter = [0, 0, 30]\nradius = 20\nmaterial = \"a\"\n";
-    for (more, samples, error) in [(ball, 1 << 16, 0.01), ("", 16, 0.01), ("", 1 << 16, 1.0)] {
+    for (more, samples, error) in [(ball, 1 << 16, 0.01), ("", 16, 1.0), ("", 1 << 16, 1.0)] {
         let scene = Scene::parse(&lit([0.0, 30.0, 500.0], more)).unwrap();
         let (_, report) = render(&scene, dir.path(), &settings(samples, error), &Silent).unwrap();
         assert!(!report.materials["a"].method.contains("summed"), "{:?}", report.materials);
     }
+}
+
+/// The error that is asked for decides, not how many samples are allowed: 64 of them meet it, which drawn by chance leave more than three times as much.
+#[test]
+fn what_meets_the_error_is_chosen_whatever_samples_are_allowed() {
+    let dir = tempfile::tempdir().unwrap();
+    table(dir.path());
+    sky(dir.path());
+    let scene = Scene::parse(&lit([-300.0, 100.0, 350.0], "")).unwrap();
+    let asked = settings(64, 0.02);
+    let (_, report) = render(&scene, dir.path(), &asked, &Silent).unwrap();
+    let (_, other) = render(&scene, dir.path(), &Settings { by_chance: true, ..asked }, &Silent).unwrap();
+    println!("{} {} against {}", report.noise, report.predicted_model_error, other.noise);
+    assert!(report.materials["a"].method.contains("summed up once"), "{report:?}");
+    assert!(report.noise.hypot(report.predicted_model_error) <= 0.02 && other.noise > 0.06, "{report:?} {other:?}");
 }
 
 /// An error that neither way reaches: what is summed up with the finest cells is closer than what the samples leave by chance.

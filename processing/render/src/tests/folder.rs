@@ -72,7 +72,14 @@ fn a_job_shows_its_passes_and_leaves_nothing_when_it_fails() {
 #[test]
 fn a_smaller_picture_holds_the_same_light() {
     let pixel = |k: usize| Pixel { rgb: [k as f64, 1.0, 0.0], luminance: k as f64, ..Pixel::default() };
-    let picture = Picture { width: 5, height: 3, passes: 2, pixels: (0..15).map(pixel).collect(), bands: vec![] };
+    let picture = Picture {
+        width: 5,
+        height: 3,
+        pass_samples: 4,
+        passes: 2,
+        pixels: (0..15).map(pixel).collect(),
+        bands: vec![],
+    };
     assert_eq!(picture.shrunk(5), picture);
     let small = picture.shrunk(3);
     assert_eq!((small.width, small.height), (3, 2));

@@ -2,13 +2,16 @@
 
 pub(crate) mod albedo_normalisation;
 pub(crate) mod grating;
+mod light_sampler;
 mod lobes;
 pub(crate) mod memory;
+pub(crate) mod power_table;
 pub(crate) mod relief;
 mod slits;
 pub(crate) mod table;
 
 use crate::light::Source;
+use crate::material::Context;
 use crate::material::notes::Notes;
 use crate::material::shading::{Above, Accuracy, Place, add, both_ways};
 use crate::material::texture::Grooves;
@@ -17,16 +20,13 @@ use crate::vector::number;
 use grating::{BalancedOrders, Grating, Groove};
 use lobes::{lit, under};
 use memory::Memory;
-use nacre_base::progress::Progress;
 use nacre_base::random::Stream;
 use nacre_base::{Error, Result};
 use nacre_brdf::height::{self, Scale};
 use nacre_brdf::{Reflectance, Section, Slits, Window};
-use nacre_optics::color::Observer;
 use relief::Relief;
 use slits::{Comb, Lattice, radial};
 use std::f64::consts::FRAC_PI_4;
-use std::path::Path;
 use table::Table;
 
 /// Longest period of a grating, in µm, and deepest.
@@ -46,19 +46,18 @@ pub(crate) enum Diffraction {
 }
 
 impl Diffraction {
-    /// Of a description.
+    /// Of a description, which may be `like` one that was made for another accuracy.
     ///
     /// # Errors
     /// `Input` for what makes no sense, or files that are none.
     pub(crate) fn new(
         key: &str,
         of: &scene::Diffraction,
-        folder: &Path,
-        observer: Observer,
-        accuracy: &Accuracy,
+        context: &Context,
+        like: Option<&Self>,
         notes: &mut Notes,
-        progress: &dyn Progress,
     ) -> Result<Self> {
+        let Context { folder, observer, accuracy, under, progress } = *context;
         let sub = |what: &str| format!("{key}.{what}");
         let degrees = |what: &str, v: f64| number(&sub(what), v, [-3600.0, 3600.0]).map(f64::to_radians);
         let sigma = |um: f64| number(&sub("coherence_um"), um, [1.0, 1e4]).and_then(|um| Ok(Window::new(um)?.sigma));
@@ -147,7 +146,11 @@ impl Diffraction {
                 let field = height::read(&folder.join(file), &scale)?;
                 let turn = degrees("orientation_deg", *orientation_deg)?;
                 let light = (*coherence_um, reflectance.clone());
-                let relief = Relief::new(&field, light, (turn, *lossless), accuracy.error, progress)?;
+                let like = match like {
+                    Some(Self::Relief(like)) => Some(&**like),
+                    _ => None,
+                };
+                let relief = Relief::new(&field, light, (turn, *lossless), (accuracy.error, under), like, progress)?;
                 notes.method = format!("Stam's BRDF of the height field: {}", relief.why);
                 notes.predicted_error += relief.error;
                 Ok(Self::Relief(Box::new(relief)))
@@ -271,31 +274,10 @@ impl Diffraction {
                     let f = table.scattered(light, view);
                     above.sky.upsampling.seen([0, 1, 2].map(|c| f[c] * rgb[c]))
                 };
-                let drawn = table.sample(view, random.numbers());
-                both_ways(above, random, value, drawn, |l| if l[2] > 0.0 { table.density(l, view) } else { 0.0 })
+                let (at, drawn) = (random.numbers(), table.sample(view, random.numbers()));
+                both_ways(above, at, value, drawn, |l| if l[2] > 0.0 { table.density(l, view) } else { 0.0 })
             }
-            Self::Relief(relief) => {
-                const COUNT: usize = 4;
-                let mut sum = [0.0; 3];
-                let shift = random.next();
-                for k in 0..COUNT {
-                    let number = least + spectrum * (k as f64 + shift) / COUNT as f64;
-                    let colors = above.sky.upsampling.at(number);
-                    let workspace = &mut memory.workspace;
-                    let value = |light: [f64; 3], rgb: [f64; 3]| {
-                        let f = relief.at(light, view, number, workspace) * spectrum / COUNT as f64;
-                        let mut part = [0.0; 3];
-                        for (color, weights) in rgb.iter().zip(&colors) {
-                            add(&mut part, *weights, color * f);
-                        }
-                        part
-                    };
-                    let drawn = relief.sample(view, number, random.numbers());
-                    let density = |l: [f64; 3]| if l[2] > 0.0 { relief.density(l, view, number) } else { 0.0 };
-                    add(&mut sum, both_ways(above, random, value, drawn, density), 1.0);
-                }
-                sum
-            }
+            Self::Relief(relief) => relief.under(view, above, random, &mut memory.workspace),
         }
     }
 }

@@ -78,39 +78,47 @@ impl Comb {
         if beside.abs() * RANGE[0] > accuracy.reach * self.sigma.hypot(RANGE[1] * width) {
             return [0.0; 3];
         }
-        // The sum over slits has no faster part than N of their distance.
-        let fast = 0.5 / (self.slits.count as f64 * self.slits.spacing_um) / across.abs().max(1e-9);
-        let step = fast.min(narrow / beside.abs().max(1e-9));
+        // Bandwidths of a product add up: of the sum over slits, whose fastest part is that of the farthest two whose light interferes, of the
+        // window along them, and of the spectrum. The trapezoid rule is as exact as on the spectrum alone where its frequency is their sum.
+        let spacings = 1.0 + self.slits.coherent_spacings(RANGE[0] * blur) as f64;
+        let fastest = spacings * self.slits.spacing_um * across.abs() + beside.abs() / narrow + 1.0 / seen.fine;
         let norm = self.slits.count as f64 * self.slits.width_um;
-        let mut kept: (f64, Vec<(i32, f64)>) = (f64::INFINITY, vec![]);
+        let mut balanced = (f64::INFINITY, vec![]);
         let exact = Accuracy { step: 1.0, ..*accuracy };
-        let points: [(f64, f64); 5] = [(-2.0, 0.0545), (-1.0, 0.2442), (0.0, 0.4026), (1.0, 0.2442), (2.0, 0.0545)];
-        along(seen, seen.range(), step, &exact, |number| {
+        along(seen, seen.range(), 1.0 / fastest, &exact, |number| {
             let sigma = self.sigma.hypot(number * width);
             let off = beside * number / sigma;
             let window = (-0.5 * off * off).exp() / (TAU.sqrt() * sigma);
             if window * sigma < 1e-7 {
                 return 0.0;
             }
-            let nm = 1e3 / number;
-            let density: f64 = if blur * number * self.slits.spacing_um * (self.slits.count as f64) < 0.05 {
-                self.slits.at(across, nm)
-            } else {
-                points.iter().map(|(p, w)| w * self.slits.at(across + p * blur, nm)).sum()
-            };
-            if (number - kept.0).abs() > 0.02 * number {
-                kept.0 = number;
-                kept.1.clear();
-                let orders = &mut kept.1;
-                self.orders.orders(view, groove, number, scratch, |o| {
-                    let theory = self.orders.power(o.order, 0.0);
-                    orders.push((o.order, o.power / theory.max(1e-12)));
-                });
+            if (number - balanced.0).abs() > 0.02 * number {
+                balanced.0 = number;
+                balanced.1.clear();
+                self.orders.orders(view, groove, number, scratch, |o| balanced.1.push((o.order, o.power)));
             }
-            let nearest = (across * number * self.slits.spacing_um).round() as i32;
-            let factor = kept.1.iter().find(|o| o.0 == nearest).map_or(0.0, |o| o.1);
-            self.share() * norm * density * window * factor * number * number
+            let (frequency, blur) = (across * number, blur * number);
+            let density = self.slits.averaged(frequency, blur);
+            self.share() * norm * density * window * self.balance(&balanced.1, frequency, blur) * number * number
         })
+    }
+
+    /// Balanced over scalar power at a spatial frequency across the slits: of the nearest order, or the mean of those that a light of standard
+    /// deviation `blur` (1/µm) covers. Orders below the horizon have none.
+    fn balance(&self, balanced: &[(i32, f64)], frequency: f64, blur: f64) -> f64 {
+        let place = frequency * self.slits.spacing_um;
+        let nearest = place.round() as i32;
+        let wide = blur * self.slits.spacing_um;
+        let power = |m: i32| [balanced.iter().find(|o| o.0 == m).map_or(0.0, |o| o.1), self.orders.power(m, 0.0)];
+        // Five standard deviations; a narrower light than this lies within the reach of one order.
+        let around = (5.0 * wide).min(1e6) as i32;
+        let mut sums = [0.0; 2];
+        for m in if wide > 0.05 { nearest - around..=nearest + around } else { nearest..=nearest } {
+            let off = if wide > 0.05 { (place - f64::from(m)) / wide } else { 0.0 };
+            let weight = (-0.5 * off * off).exp();
+            power(m).into_iter().zip(&mut sums).for_each(|(power, sum)| *sum += weight * power);
+        }
+        if sums[1] > 0.0 { sums[0] / sums[1] } else { 0.0 }
     }
 
     /// Light of an environment that is seen: X, Y, Z.
