@@ -26,7 +26,7 @@ use utoipa::{IntoParams, ToSchema};
 pub struct Needs {
     /// Time in seconds, once it begins.
     seconds: f64,
-    /// About the most memory at a time, in bytes, of photographs and maps.
+    /// Bound of the memory at a time, that of the program included, in bytes; an estimate for calibrations, height fields and renderings.
     memory_bytes: u64,
     /// Size of its results in bytes.
     disk_bytes: u64,
