@@ -40,7 +40,7 @@ fn an_estimate_writes_nothing_and_is_of_the_size_that_comes() {
 }
 
 #[test]
-fn estimates_of_maps_and_height_fields_grow_with_what_comes() {
+fn maps_height_fields_and_calibrations_are_estimated() {
     let place = Place::new("");
     let [height, maps, out] = ["h.exr", "maps", "out"].map(|name| place.text(name));
     nacre(["brdf", "surface", "blazed", "--period-um", "2.5", "--depth-um", "0.3", "--out", &height]).expect(0);
@@ -57,7 +57,22 @@ fn estimates_of_maps_and_height_fields_grow_with_what_comes() {
         assert!(!place.path("out").exists(), "something was written");
         disk
     };
+    // In proportion to the pixels of the result.
     assert!((3.9..4.1).contains(&(disk("512,512") / disk("256,256"))));
+
+    fs::create_dir(place.path("boards")).unwrap();
+    let seconds = |photographs: usize| {
+        let board = place.text(&format!("boards/{photographs}.png"));
+        nacre(["calibrate", "board", "--panel-px", "1920,1080", "--square-px", "120", "--out", &board]).expect(0);
+        let boards = place.text("boards");
+        let line =
+            ["calibrate", "geometry", &boards, "--board", "9x6", "--square-mm", "25", "--out", &out, "--estimate"];
+        let seconds = nacre(["--json"].iter().chain(&line)).expect(0).json()["seconds"].as_f64().unwrap();
+        assert!(!place.path("out").exists(), "something was written");
+        seconds
+    };
+    let one = seconds(1);
+    assert!(seconds(2) > one);
 }
 
 #[test]

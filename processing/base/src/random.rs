@@ -18,7 +18,7 @@ struct Strata {
     /// Which of them, and how many there are: a power of two.
     index: u64,
     count: u64,
-    /// What they have in common.
+    /// Seed that they share.
     key: u64,
     /// Numbers that have been drawn.
     dimension: u64,

@@ -42,8 +42,8 @@ impl Slits {
         (slit * all).powi(2)
     }
 
-    /// Highest number of spacings between two slits whose light still interferes under a light whose directions spread by `sigma` in spatial
-    /// frequency (1/µm): [`Self::averaged`] has no faster part than one more spacing. The rest is below 1e-6.
+    /// Largest distance, in spacings, of two slits that still interfere under a light of standard deviation `sigma` in spatial frequency (1/µm). Pairs
+    /// farther apart contribute less than 1e-6. [`Self::averaged`] has no part faster than this distance plus one spacing.
     pub fn coherent_spacings(&self, sigma: f64) -> usize {
         let reach = (0.84 / sigma + self.width_um) / self.spacing_um;
         // Beyond the largest number, `as` is the largest number.
@@ -54,7 +54,7 @@ impl Slits {
     ///
     /// The sum over slits is a Fourier series over the spacings between two of them, `Σ (1 - |k|/N) exp(2πi k Δ f) / N`. A Gaussian damps its terms
     /// by `exp(-2π² k² Δ² σ²)` and evaluates the factor of one slit at the complex frequency `f + 2πi σ² k Δ`, averaged over the same Gaussian.
-    /// A wide light thus takes fewer terms than a small one, and no pair of terms is too coarse for the lobes.
+    /// A wide light thus takes fewer terms than a small one.
     pub fn averaged(&self, frequency: f64, sigma: f64) -> f64 {
         let (width, spacing, count) = (self.width_um, self.spacing_um, self.count as f64);
         if sigma * spacing * count < 5e-3 {

@@ -14,7 +14,7 @@ pub fn decoded(info: Info) -> u64 {
     2 * (info.width * info.height * info.channels * info.depth.bytes()) as u64
 }
 
-/// Most bytes that the overview of so many pixels takes while it is made: it is scaled down to a million of them.
+/// Bound in bytes of the memory for the overview picture of a map with this number of pixels. Maps above 1 Mpixel are scaled down first.
 pub fn overview(pixels: u64) -> u64 {
     40 * pixels.min(1 << 20)
 }
@@ -36,7 +36,8 @@ pub enum Operation {
         /// Iterations, at most or in any case.
         iterations: usize,
     },
-    /// Lookup table with so many entries of a photograph: 12 per channel (14 with a grey file, 27 with a colour file), 22 per entry (20).
+    /// Lookup table with this number of entries: 12 per pixel and channel of the photograph (14 with a grey file, 27 with a colour file), 22 per entry
+    /// (20).
     Table(usize),
     /// Light of a photograph for the distribution of a foil: as a table.
     Foil,

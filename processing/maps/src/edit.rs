@@ -76,7 +76,7 @@ pub fn edit(maps: &Maps, edits: &Edits) -> Result<Maps> {
 }
 
 impl Edits {
-    /// What the edit needs, by the largest size that maps have in the course of it.
+    /// Time, memory and disk of the edit, from the largest map among its steps.
     pub fn work(&self, maps: &Maps) -> Work {
         let factor = self.resample.unwrap_or(1.0);
         let resampled = [maps.width, maps.height].map(|n| (n as f64 * factor).ceil().max(1.0) as usize);

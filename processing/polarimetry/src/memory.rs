@@ -15,10 +15,11 @@ const ALIKE: u64 = 44;
 /// The same where exposures are merged: 22 floats.
 const MERGED: u64 = 88;
 
-/// Bytes for each pixel of the map, up to so many of them, of the models of gratings, and those that they take in any case: measured at 0.26 to
-/// 16 Mpixel.
+/// Bytes that models of gratings take for each of the first [`MODELLED`] pixels of the map. Measured at 0.26 to 16 Mpixel, as the next two.
 const MODELS: u64 = 24;
 const MODELLED: u64 = 4 << 20;
+
+/// Bytes that models of gratings take for a map of any size.
 const MODELS_ALONE: u64 = 12 << 20;
 
 /// Bytes per pixel while a photograph is interpolated: the four images and two estimates of one.
@@ -72,7 +73,7 @@ pub fn check_memory(frames: &LoadedFrames, demosaic: Demosaic) -> Result<()> {
     work(frames, demosaic, false).map(drop)
 }
 
-/// Most bytes of pictures and models for a map of so many pixels.
+/// Bound in bytes of the memory for pictures and models of a map with this number of pixels.
 fn of_results(pixels: usize, gratings: bool) -> u64 {
     let pixels = pixels as u64;
     let models = if gratings { MODELS * pixels.min(MODELLED) + MODELS_ALONE } else { 0 };

@@ -63,7 +63,7 @@ pub struct Photograph {
     pub rms_px: f64,
 }
 
-/// What a search for the board in so many photographs of a size needs. The memory is an estimate: it depends on how much looks like corners.
+/// Time, memory and disk of the board search. Memory is an estimate: it grows with the number of corner-like features.
 pub(super) fn work(photographs: usize, [width, height]: [usize; 2]) -> Work {
     /// Seconds and bytes for each pixel.
     const EACH: [f64; 2] = [0.05e-6, 34.0];

@@ -11,7 +11,7 @@ pub use report::{Prediction, Report, SoFar};
 pub use spectral::SpectralReport;
 
 use crate::gpu::{self, Card};
-use crate::material::SAMPLES;
+use crate::material::{SAMPLES, WELL_SPREAD};
 use crate::picture::{FEWEST, Picture, Pilot, digest, keep, resumed};
 use crate::prepared_scene::PreparedScene;
 use crate::scene::Scene;
@@ -25,9 +25,8 @@ use sums::Sums;
 /// Seconds between two states that are kept.
 const KEEP: f64 = 10.0;
 
-/// Samples of a pixel from which a picture has passes of [`WELL_SPREAD`] samples: fewer, but each of them more even in all that is drawn by chance.
+/// Samples of a pixel from which passes have [`WELL_SPREAD`] of them: fewer passes, whose samples are more even.
 const MANY: usize = 256;
-const WELL_SPREAD: usize = 16;
 
 const ASSUMPTIONS: [&str; 4] = [
     "light is reflected once: surfaces do not light each other, but shade each other",
@@ -166,8 +165,8 @@ fn on_card(card: &mut Card, picture: &mut Picture, progress: &dyn Progress) -> R
     Ok(())
 }
 
-/// The first passes of all pixels, which a picture takes anyway; they predict the others. A picture that has passes already, or too few, is predicted by the
-/// look ahead.
+/// Renders the first passes of all pixels and predicts the remaining ones from their noise. Returns the pilot `ahead` for a picture that has passes already,
+/// or has fewer than two.
 fn own_first_passes(
     ready: &PreparedScene,
     picture: &mut Picture,

@@ -67,8 +67,8 @@ impl Sums {
         Ok(Self { ready: coarse, error: f64::NAN, allowed })
     }
 
-    /// A look ahead; what flat samples reflect is summed up first where that takes less than as many samples as the error asked for takes. How
-    /// many samples are allowed does not matter for that: what meets the error is chosen rather than what does not.
+    /// The pilot of the picture. Flat samples are summed up first if that takes less time than the samples that reach the error asked for, whether or not
+    /// that many samples are allowed.
     ///
     /// # Errors
     /// `Cancelled`.

@@ -1,14 +1,14 @@
-//! Resampled importance sampling (Talbot et al. 2005): many directions of light are drawn, a few of them are followed through the scene.
+//! Resampled importance sampling (Talbot et al. 2005): many directions of light are drawn, few of them are traced through the scene.
 
 use crate::vector::V3;
 
 /// Most directions of a pool.
-const MOST: usize = 16;
+pub(crate) const MOST: usize = 16;
 
-/// Directions that are followed.
+/// Directions that are traced.
 const CHOSEN: usize = 2;
 
-/// Steps of Roberts' sequences in three dimensions and in two: numbers that fill a cube, or a square, evenly.
+/// Steps of Roberts' low-discrepancy sequences in three and in two dimensions.
 const STEPS: [[f64; 3]; 2] = [[0.819_172_513, 0.671_043_607, 0.549_700_478], [0.754_877_666, 0.569_840_291, 0.0]];
 
 /// A direction of light.
@@ -20,11 +20,11 @@ pub(crate) struct Candidate {
     pub towards: V3,
     /// Colours of its part of the estimate.
     pub part: [f64; 3],
-    /// What it is chosen by: about the light of its part.
+    /// Weight by which it is chosen: an estimate of the light of its part.
     pub weight: f64,
 }
 
-/// Directions of which few are followed.
+/// Candidates, of which few are chosen.
 pub(crate) struct Pool {
     candidates: [Candidate; MOST],
     count: usize,
@@ -45,7 +45,8 @@ impl Pool {
         }
     }
 
-    /// Chooses directions by their weights, evenly for a number from 0 to 1, each with the factor by which its part stands for those of all.
+    /// Chooses [`CHOSEN`] directions by systematic sampling in proportion to their weights, with a random number from 0 to 1. Calls `each` with the
+    /// factor of its part that makes the sum unbiased.
     pub(crate) fn chosen(&self, number: f64, mut each: impl FnMut(&Candidate, f64)) {
         let step = self.sum / CHOSEN as f64;
         let (mut running, mut next) = (0.0, number * step);

@@ -8,7 +8,7 @@ pub(crate) mod shading;
 pub(crate) mod texture;
 
 pub use notes::Notes;
-pub use shading::SAMPLES;
+pub use shading::{SAMPLES, WELL_SPREAD};
 
 use crate::light::Source;
 use crate::scene::{self, Blend};
@@ -23,7 +23,7 @@ use shading::{Above, Accuracy, Place, add, pooled};
 use std::path::Path;
 use texture::Over;
 
-/// Directions of a base's sample under an environment: of the environment's, and as many of its own. They cost less than to follow two of them.
+/// Directions that a base draws under an environment, by the environment's density and as many by its own: together cheaper than tracing two.
 const BASE: usize = 4;
 
 /// A material.
@@ -69,10 +69,10 @@ impl Base {
     }
 }
 
-/// What materials are made with.
+/// Scene-wide inputs of materials.
 #[derive(Clone, Copy)]
 pub(crate) struct Context<'a> {
-    /// Where files are sought.
+    /// Folder of the scene's files.
     pub folder: &'a Path,
     pub observer: Observer,
     pub accuracy: &'a Accuracy,

@@ -2,12 +2,15 @@
 
 use crate::light::Sky;
 use crate::light::viewer::RANGE;
-use crate::material::light_pool::{Candidate, Pool, even};
+use crate::material::light_pool::{self, Candidate, Pool, even};
 use crate::vector::V3;
 use std::f64::consts::PI;
 
 /// Samples of a pixel in a pass: two by two places within it.
 pub const SAMPLES: usize = 4;
+
+/// The same for a picture with many samples: four by four places.
+pub const WELL_SPREAD: usize = 16;
 
 /// Accuracy of sums over orders and wave numbers.
 #[derive(Clone, Copy, Debug)]
@@ -96,8 +99,8 @@ pub(crate) fn both_ways(
     sum
 }
 
-/// The same with `COUNT` directions of each kind, of which a few are followed through the scene (see [`Pool`]): for values that take less than that.
-/// `numbers` choose the environment's directions, the surface's own by `draw`, and those that are followed.
+/// The same with `COUNT` directions of each kind, of which [`Pool`] chooses few to be traced through the scene: for BRDFs that cost less than tracing.
+/// The random numbers choose the environment's directions, the surface's own by `draw`, and those that are traced.
 pub(crate) fn pooled<const COUNT: usize, const N: usize>(
     above: &Above,
     (at, own, pick): ([f64; 2], [f64; N], f64),
@@ -105,6 +108,7 @@ pub(crate) fn pooled<const COUNT: usize, const N: usize>(
     draw: impl Fn([f64; N]) -> Option<[f64; 3]>,
     density: impl Fn([f64; 3]) -> f64,
 ) -> [f64; 3] {
+    const { assert!(2 * COUNT <= light_pool::MOST) }
     let mut pool = Pool::new();
     let mut put = |local: [f64; 3], towards: V3, rgb: [f64; 3], all: f64| {
         if local[2] > 0.0 && all > 0.0 {

@@ -1,6 +1,6 @@
 //! Pictures as files.
 
-use crate::material::SAMPLES;
+use crate::material::{SAMPLES, WELL_SPREAD};
 use crate::picture::Picture;
 use crate::picture::pixel::Pixel;
 use crate::scene::Scene;
@@ -169,6 +169,6 @@ pub(crate) fn resumed(path: &Path, digest: &str, [width, height]: [usize; 2]) ->
     }
     // States of earlier versions have passes of 4.
     let samples = map.attributes.get("pass_samples").and_then(|t| t.parse().ok());
-    let pass_samples = samples.filter(|n| [4, 16].contains(n)).unwrap_or(SAMPLES);
+    let pass_samples = samples.filter(|n| [SAMPLES, WELL_SPREAD].contains(n)).unwrap_or(SAMPLES);
     Ok(Picture { width, height, pass_samples, passes, pixels, bands: vec![] })
 }

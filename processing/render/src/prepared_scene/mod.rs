@@ -74,7 +74,7 @@ impl PreparedScene {
         Self::like(None, scene, folder, accuracy, progress)
     }
 
-    /// The same; parts of materials that do not depend on the accuracy are shared with an earlier reading of the scene.
+    /// The same for another accuracy. Parts of materials that do not depend on it are shared with `like`, an earlier reading of the scene.
     ///
     /// # Errors
     /// As [`Self::new`].

@@ -76,9 +76,9 @@ fn sums_are_left_out_where_they_do_not_hold_or_do_not_pay() {
     }
 }
 
-/// The error that is asked for decides, not how many samples are allowed: 64 of them meet it, which drawn by chance leave more than three times as much.
+/// With 64 samples allowed, the sum meets the error asked for; the same samples drawn by chance have more than three times as much.
 #[test]
-fn what_meets_the_error_is_chosen_whatever_samples_are_allowed() {
+fn the_error_decides_the_method_not_the_sample_limit() {
     let dir = tempfile::tempdir().unwrap();
     table(dir.path());
     sky(dir.path());

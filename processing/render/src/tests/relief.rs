@@ -61,7 +61,7 @@ fn summed(ready: &PreparedScene, densities: &Densities, view: [f64; 3]) -> f64 {
 }
 
 #[test]
-fn what_is_drawn_by_chance_is_the_sum_over_all_directions() {
+fn sampled_light_equals_the_sum_over_all_directions() {
     let dir = tempfile::tempdir().unwrap();
     heights(dir.path());
     flat::sky(dir.path());
@@ -82,4 +82,20 @@ fn what_is_drawn_by_chance_is_the_sum_over_all_directions() {
         assert!((found / truth - 1.0).abs() < 0.015, "{angle}: {found} {truth}");
         assert!(matches!(ready.materials[0].diffraction, Some(Diffraction::Relief(_))));
     }
+}
+
+/// A finer reading of a scene that shares the coarse table would report no error at all.
+#[test]
+fn the_error_of_the_density_table_is_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    heights(dir.path());
+    flat::sky(dir.path());
+    let more = "[material.a.diffraction]\ntype = \"heightfield\"\nfile = \"heights.exr\"\n\
+                [[light]]\ntype = \"environment\"\nfile = \"sky.exr\"\n";
+    let scene = Scene::parse(&plane(20.0, 30.0, more)).unwrap();
+    let asked = Settings { check: true, ..settings(16, 0.05) };
+    let (_, report) = render(&scene, dir.path(), &asked, &Silent).unwrap();
+    let measured = report.measured_model_error.unwrap();
+    // A quarter of the error asked for is the model's.
+    assert!(measured > 1e-5 && measured < 0.0125 && report.predicted_model_error > 1e-5, "{report:?}");
 }

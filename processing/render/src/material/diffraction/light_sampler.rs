@@ -1,15 +1,19 @@
 //! Draws directions of light by a height field's power densities.
 //!
-//! What a deep field sends into an order depends on `q`, which changes with the direction of light itself. Directions are drawn by densities at
-//! several `q` in turn, those that light from above the horizon has with the view; a density at one of them alone may vanish where the field is bright.
+//! The power of a deep field in an order depends on `q = 2π/λ (cos θi + cos θr)`, and so on the direction of light itself. Directions are drawn by
+//! densities at several `q` in turn: all that light above the horizon has for the view. A density at a single `q` can vanish where the field is bright.
 
 use crate::light::viewer::RANGE;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Values of `q` in a turn of the deepest place's phase, fewest and most of them, and most entries of all tables.
+/// Values of `q` for each turn of the phase of the deepest place.
 const COURSES_PER_TURN: f64 = 4.0;
+
+/// Fewest and most values of `q`.
 const COURSES: [usize; 2] = [8, 24];
+
+/// Most entries of all tables together.
 const MOST: usize = 4_000_000;
 
 /// Part of the directions that is drawn evenly from above the horizon, so that no direction is far rarer than its light.

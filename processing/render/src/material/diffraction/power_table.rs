@@ -18,7 +18,7 @@ const FEWEST_NODES: usize = 8;
 /// Most values: 12 MB, and some seconds to make.
 const MOST: usize = 3_000_000;
 
-/// Places at which a table is compared with what it stands for.
+/// Random frequencies at which the table is compared with the densities.
 const PROBES: usize = 1000;
 
 /// A table of power densities.

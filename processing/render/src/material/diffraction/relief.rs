@@ -5,7 +5,7 @@ use crate::material::diffraction::albedo_normalisation::{AlbedoNormalisation, si
 use crate::material::diffraction::light_sampler::LightSampler;
 use crate::material::diffraction::lobes::{along, half_cos};
 use crate::material::diffraction::power_table::PowerTable;
-use crate::material::light_pool::{Candidate, Pool, even};
+use crate::material::light_pool::{self, Candidate, Pool, even};
 use crate::material::shading::{Above, Accuracy, add};
 use crate::vector::V3;
 use nacre_base::Result;
@@ -27,16 +27,11 @@ const SINGLE: f64 = 1e-3;
 const NUMBERS: usize = 4;
 const CANDIDATES: usize = 6;
 
-/// What depends on the field alone, so that readings of a scene that differ in their accuracy share it.
-struct Shared {
-    norm: AlbedoNormalisation,
-    sky: Option<SkySums>,
-}
-
-/// What sums over an environment need.
+/// Importance sampling of an environment.
 struct SkySums {
-    sampler: LightSampler,
-    table: Option<PowerTable>,
+    sampler: Arc<LightSampler>,
+    /// Power densities; without a table that is accurate enough, those of [`Relief::coarse`].
+    table: Option<Arc<PowerTable>>,
 }
 
 /// A height field ready for use.
@@ -49,7 +44,9 @@ pub(crate) struct Relief {
     pub reflectance: Reflectance,
     /// Directions of the patch's axes.
     pub turn: [f64; 2],
-    shared: Arc<Shared>,
+    norm: Arc<AlbedoNormalisation>,
+    /// For scenes with an environment.
+    sky: Option<SkySums>,
     pub lossless: bool,
     /// How densities are computed, in words.
     pub why: String,
@@ -57,31 +54,27 @@ pub(crate) struct Relief {
     pub error: f64,
 }
 
-impl Shared {
-    fn new(
-        field: &HeightField,
-        shortest: &Densities,
-        coarse: &Densities,
-        (under, error): (bool, f64),
-        progress: &dyn Progress,
-    ) -> Result<Self> {
+impl SkySums {
+    fn new(field: &HeightField, coarse: &Densities, error: f64, progress: &dyn Progress) -> Result<Self> {
         let depth = field.range_um();
-        let norm = AlbedoNormalisation::new(shortest, sides(field, shortest), depth, progress)?;
-        if !under {
-            return Ok(Self { norm, sky: None });
-        }
-        let table = PowerTable::new(coarse, depth, error, progress)?;
+        let table = PowerTable::new(coarse, depth, error, progress)?.map(Arc::new);
         let sampler = LightSampler::new(field.size_um(), depth, |f, q, w| match &table {
             Some(table) => table.at(f, q),
             None => coarse.at(f, q, w),
         });
         progress.check()?;
-        Ok(Self { norm, sky: Some(SkySums { sampler, table }) })
+        Ok(Self { sampler: Arc::new(sampler), table })
+    }
+
+    /// The same for another error: without the table where its own error is larger, so that a comparison of both measures it.
+    fn within(&self, error: f64) -> Self {
+        let table = self.table.clone().filter(|table| table.error <= error);
+        Self { sampler: Arc::clone(&self.sampler), table }
     }
 }
 
 impl Relief {
-    /// Of a height field, which may be `like` one that was made for another error; `under` environments or not.
+    /// Of a height field. `like` is the same one made for another error, if there is one; `under` says whether the scene has an environment.
     ///
     /// # Errors
     /// `Input` when its pitch does not suffice.
@@ -101,19 +94,23 @@ impl Relief {
         let coarse = short(COARSE_UM)?;
         let (sin, cos) = orientation.sin_cos();
         let (why, predicted) = (densities.choice.why.clone(), densities.choice.predicted_error);
-        let shared = match like {
-            Some(like) => Arc::clone(&like.shared),
-            None => Arc::new(Shared::new(field, &short(NORM_UM)?, &coarse, (under, error), progress)?),
+        let (norm, sky) = if let Some(like) = like {
+            (Arc::clone(&like.norm), like.sky.as_ref().map(|sky| sky.within(error)))
+        } else {
+            let shortest = short(NORM_UM)?;
+            let norm = AlbedoNormalisation::new(&shortest, sides(field, &shortest), field.range_um(), progress)?;
+            let sky = if under { Some(SkySums::new(field, &coarse, error, progress)?) } else { None };
+            (Arc::new(norm), sky)
         };
-        let turn = [cos, sin];
         Ok(Self {
             field: field.clone(),
             coherence_um,
             densities,
             coarse,
             reflectance,
-            turn,
-            shared,
+            turn: [cos, sin],
+            norm,
+            sky,
             lossless,
             why,
             error: predicted,
@@ -149,7 +146,7 @@ impl Relief {
 
     /// What directions of view are divided by.
     pub(crate) fn norm(&self) -> &AlbedoNormalisation {
-        &self.shared.norm
+        &self.norm
     }
 
     /// In the patch's own frame.
@@ -164,13 +161,12 @@ impl Relief {
         [cos * x - sin * y, sin * x + cos * y, z]
     }
 
-    /// What a direction of view is divided by, times its cosine, from its albedo times the cosine.
+    /// Divisor of a direction of view, times its cosine, from its albedo times the cosine.
     fn divided_by(&self, albedo: f64, view: [f64; 3]) -> f64 {
         if self.lossless { albedo.max(1e-9) } else { albedo.max(view[2]) }
     }
 
-    /// BRDF times the cosine of the light at a wave number, without the reflectance and before it is divided ([`Self::divided_by`]), in the patch's own
-    /// frame.
+    /// BRDF times the cosine of the light at a wave number, in the patch's own frame, before the reflectance and [`Self::divided_by`].
     fn value(&self, light: [f64; 3], view: [f64; 3], number: f64, density: impl FnOnce([f64; 2], f64) -> f64) -> f64 {
         let f = [0, 1].map(|k| (light[k] + view[k]) * number);
         let density = density(f, TAU * number * (light[2] + view[2]));
@@ -191,14 +187,14 @@ impl Relief {
                 return 0.0;
             }
             let reflected = self.reflectance.at(half_cos(light, view), 1e3 / number);
-            value * reflected / self.divided_by(self.shared.norm.at(view, number), view)
+            value * reflected / self.divided_by(self.norm.at(view, number), view)
         })
     }
 
-    /// X, Y, Z of what is seen of an environment, at some wave numbers. Each draws directions of the environment's and of the patch's, which the balance
-    /// heuristic weighs, and follows a few of them, chosen by the light that the patch would send by the densities that it draws by (see [`Pool`]).
+    /// Light of an environment: X, Y, Z. At each of [`NUMBERS`] wave numbers, directions are drawn by the environment's and by the patch's densities and
+    /// weighted by the balance heuristic. [`Pool`] chooses few of them by their estimated light; only these are traced through the scene.
     pub(crate) fn under(&self, view: [f64; 3], above: &Above, random: &mut Stream, w: &mut Workspace) -> [f64; 3] {
-        let (mut sum, Some(sky)) = ([0.0; 3], &self.shared.sky) else { return [0.0; 3] };
+        let (mut sum, Some(sky)) = ([0.0; 3], &self.sky) else { return [0.0; 3] };
         let view = self.own(view);
         let [least, most] = above.sky.upsampling.range();
         let step = (most - least) / NUMBERS as f64;
@@ -206,6 +202,7 @@ impl Relief {
         for k in 0..NUMBERS {
             let number = least + step * (k as f64 + shift);
             let sight = sky.sampler.sight(view, number);
+            const { assert!(2 * CANDIDATES <= light_pool::MOST) }
             let mut pool = Pool::new();
             let mut put = |light: [f64; 3], towards: V3, rgb: [f64; 3], bright: f64| {
                 let own = sky.sampler.density(&sight, light);
@@ -225,7 +222,7 @@ impl Relief {
                 }
             }
             let colors = above.sky.upsampling.at(number);
-            let share = step / self.divided_by(self.shared.norm.at(view, number), view);
+            let share = step / self.divided_by(self.norm.at(view, number), view);
             pool.chosen(random.next(), |one, factor| {
                 if !(above.open)(one.towards) {
                     return;
