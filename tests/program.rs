@@ -33,6 +33,7 @@ mod panel;
 mod periods;
 mod render;
 mod renders;
+mod reported_errors;
 mod resume;
 mod salvage;
 mod service;

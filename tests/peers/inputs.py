@@ -1,6 +1,8 @@
 """Files that both sides read. Each function writes into the folder that it is given."""
 
 import json
+import os
+import subprocess
 
 import cv2
 import numpy as np
@@ -21,7 +23,7 @@ def polarization(folder):
         name = f"{k:03}.tif"
         tifffile.imwrite(folder / name, np.clip(light, 0, 65535).astype(np.uint16))
         frames.append({"file": name, "analyser_deg": 180 * k / FRAMES})
-    (folder / "frames.json").write_text(json.dumps({"kind": "polarization", "frames": frames}))
+    (folder / "frames.json").write_text(json.dumps({"kind": "polarization", "transfer": "linear", "frames": frames}))
 
 
 # Orders on a square lattice in narrow-band light, in half vectors; 2048² pixels; background exactly 0.
@@ -96,3 +98,61 @@ def board(folder):
         view = cv2.warpPerspective(flat, camera @ pose @ to_mm, (4000, 3000), flags=cv2.INTER_AREA, borderValue=120)
         noisy = cv2.GaussianBlur(view, (0, 0), 1.2).astype(float) + random.normal(0, 2, view.shape)
         cv2.imwrite(str(folder / f"{k:02}.png"), np.clip(noisy, 0, 255).astype(np.uint8))
+
+
+SHIFT_PX = 1.5
+
+
+def registration(folder):
+    """Nine photographs of 3.1 Mpixel behind a wedged analyser, which shifts them on a circle."""
+    random = np.random.default_rng(4)
+    scene = cv2.GaussianBlur(random.normal(0, 1, (1600, 2112)).astype(np.float32), (0, 0), 4.0)
+    scene = 20000 + 8000 * scene / scene.std()
+    orientation = cv2.GaussianBlur(random.normal(0, 1, scene.shape).astype(np.float32), (0, 0), 40.0)
+    orientation *= 0.5 / orientation.std()
+    frames = []
+    for k in range(9):
+        angle = np.pi * k / 9
+        move = np.float32([[1, 0, SHIFT_PX * np.cos(2 * angle) - 32], [0, 1, SHIFT_PX * np.sin(2 * angle) - 32]])
+        seen = scene * (1 + 0.3 * np.cos(2 * (angle - orientation)))
+        light = cv2.warpAffine(seen, move, (2048, 1536), flags=cv2.INTER_CUBIC) + random.normal(0, 100, (1536, 2048))
+        tifffile.imwrite(folder / f"{k}.tif", np.clip(light, 0, 65535).astype(np.uint16))
+        frames.append({"file": f"{k}.tif", "analyser_deg": 20.0 * k})
+    (folder / "frames.json").write_text(json.dumps({"kind": "polarization", "transfer": "linear", "frames": frames}))
+
+
+# What lights a sheet, what it is seen with, and how many lights brute force makes of each pixel of the environment.
+SKY, VIEW, FINENESS, CAMERA_MM, FOV_DEG = (128, 64), (96, 64), 2, (0.0, -150.0, 300.0), 16.0
+
+
+def environment(folder):
+    """A sheet with a table of broad orders in a room with windows."""
+    at = (np.arange(128) - 63.5) / 64
+    order = np.round(at / 0.25)
+    across = np.exp(-0.5 * ((at - 0.25 * order) / 0.05) ** 2) / (1 + order**2)
+    tifffile.imwrite(folder / "photograph.tif", np.outer(across, across).astype(np.float32))
+    make = ["reconstruct", "lut", str(folder / "photograph.tif"), "--wavelength", "550", "--scale", str(1 / 64), "--size", "128", "--extent", "1"]
+    subprocess.run([os.environ["NACRE_BIN"], *make, "--out", str(folder / "table")], check=True, capture_output=True)
+    y, x = np.mgrid[0:SKY[1], 0:SKY[0]]
+    sky = np.stack([0.3 + 0.2 * np.cos(2 * np.pi * x / SKY[0] + c) * np.sin(np.pi * y / SKY[1]) for c in range(3)], 2)
+    sky[10:20, 40:50] = (8, 9, 10)
+    sky[6:12, 90:100] = (12, 8, 5)
+    cv2.imwrite(str(folder / "sky.hdr"), cv2.GaussianBlur(sky, (0, 0), 1.0)[:, :, ::-1].astype(np.float32))
+    (folder / "scene.toml").write_text(f"""
+[camera]
+position = {list(CAMERA_MM)}
+target = [0, 0, 0]
+fov_deg = {FOV_DEG}
+width = {VIEW[0]}
+height = {VIEW[1]}
+[[shape]]
+type = "plane"
+size = [1000, 1000]
+material = "sheet"
+[[light]]
+type = "environment"
+file = "sky.hdr"
+up = [0, 0, 1]
+[material.sheet]
+diffraction = {{ type = "table", file = "table/lut.exr" }}
+""")

@@ -1,4 +1,4 @@
-"""What others do with the same files: `peers.py PEER FOLDER`. Results stay in memory; each prints one number to be compared."""
+"""What others do with the same files: `peers.py PEER FOLDER`. Results stay in memory; each prints numbers to be compared."""
 
 import json
 import sys
@@ -31,7 +31,7 @@ def polarization_polanalyser(folder):
     import polanalyser
 
     angles, frames = read_series(folder)
-    stokes = polanalyser.calcStokes(np.stack(frames).astype(np.float32), polanalyser.polarizer(np.radians(angles)))
+    stokes = polanalyser.calcStokes(np.stack(frames).astype(np.float32), [polanalyser.polarizer(a) for a in np.radians(angles)])
     return float(polanalyser.cvtStokesToDoLP(stokes).mean()), float(polanalyser.cvtStokesToAoLP(stokes).mean())
 
 
@@ -113,6 +113,71 @@ def board_opencv(folder):
     return float(rms), float(camera[0, 0])
 
 
+def moved_back(folder, shift_of):
+    """Photographs moved onto the first: the largest error of a shift in pixels, and the mean of their mean."""
+    _, frames = read_series(folder)
+    first, total, worst = frames[0].astype(np.float32), 0.0, 0.0
+    for k, frame in enumerate(frames):
+        frame, angle = frame.astype(np.float32), 2 * np.pi * k / len(frames)
+        x, y = shift_of(first, frame) if k else (0.0, 0.0)
+        true = inputs.SHIFT_PX * (np.cos(angle) - 1), inputs.SHIFT_PX * np.sin(angle)
+        worst = max(worst, np.hypot(x - true[0], y - true[1]))
+        back = np.float32([[1, 0, x], [0, 1, y]])
+        total = total + cv2.warpAffine(frame, back, frame.shape[::-1], flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP)
+    return float(worst), float((total / len(frames)).mean())
+
+
+def shift_ecc(first, frame):
+    until = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-6)
+    _, found = cv2.findTransformECC(first, frame, np.eye(2, 3, dtype=np.float32), cv2.MOTION_TRANSLATION, until, None, 5)
+    return found[:, 2]
+
+
+def shift_scikit_image(first, frame):
+    from skimage.registration import phase_cross_correlation
+
+    y, x = phase_cross_correlation(first - first.mean(), frame - frame.mean(), upsample_factor=100, normalization=None)[0]
+    return -x, -y
+
+
+# IEC 61966-2-1.
+XYZ_TO_SRGB = np.float32([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
+
+
+def environment_numpy(folder):
+    """Brute force: the sum over all lights of the environment, at each pixel (2017 TOG paper, Eq. 9). The picture's colours in its middle."""
+    import OpenEXR
+
+    channels = OpenEXR.File(str(folder / "table/lut.exr")).channels()
+    pixels = np.stack([channels[c].pixels for c in "XYZ"], 2) @ XYZ_TO_SRGB.T
+    size, sky = pixels.shape[0], cv2.imread(str(folder / "sky.hdr"), cv2.IMREAD_UNCHANGED)[:, :, ::-1].astype(np.float32)
+    # Lights: between pixels the environment is linear. The middle column lies towards +x, azimuth grows to the left.
+    (wide, high), fine = inputs.SKY, inputs.FINENESS
+    v, u = np.mgrid[0:high * fine // 2, 0:wide * fine].astype(np.float32)
+    polar, azimuth = np.pi * (v + 0.5) / (high * fine), 2 * np.pi * (0.5 - (u + 0.5) / (wide * fine))
+    power = cv2.remap(np.pad(sky, ((0, 0), (1, 1), (0, 0)), mode="wrap"), (u + 0.5) / fine + 0.5, (v + 0.5) / fine - 0.5, cv2.INTER_LINEAR)
+    power *= (np.sin(polar) * (np.pi / (high * fine)) * (2 * np.pi / (wide * fine)))[:, :, None]
+    light = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], 2).reshape(-1, 3)
+    power = power.reshape(-1, 3)
+    eye = np.float32(inputs.CAMERA_MM)
+    ahead = -eye / np.linalg.norm(eye)
+    right = np.cross(ahead, (0, 1, 0))
+    right /= np.linalg.norm(right)
+    up, (columns, rows), tall = np.cross(right, ahead), inputs.VIEW, np.tan(np.radians(inputs.FOV_DEG / 2))
+    picture = np.empty((rows, columns, 3), np.float32)
+    for row in range(rows):
+        for column in range(columns):
+            x, y = (2 * column + 1 - columns) / rows, 1 - (2 * row + 1) / rows
+            view = -(ahead + tall * (x * right + y * up))
+            view = (view / np.linalg.norm(view)).astype(np.float32)
+            h = light[:, :2] + view[:2]
+            at = [((h[:, 0] + 1) * size - 1) / 2, ((1 - h[:, 1]) * size - 1) / 2]
+            known = cv2.remap(pixels, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).reshape(-1, 3)
+            picture[row, column] = ((1 + light @ view) ** 2 / view[2]) @ (known * power)
+    np.save(folder / "numpy.npy", picture)
+    return picture[rows // 2, columns // 2].tolist()
+
+
 PEERS = {
     "numpy": polarization_numpy,
     "polanalyser": polarization_polanalyser,
@@ -123,6 +188,9 @@ PEERS = {
     "scikit-image": bokeh_scikit_image,
     "SciPy": terms_scipy,
     "OpenCV chessboard": board_opencv,
+    "OpenCV ECC": lambda folder: moved_back(folder, shift_ecc),
+    "scikit-image phases": lambda folder: moved_back(folder, shift_scikit_image),
+    "numpy, brute force": environment_numpy,
 }
 
 if __name__ == "__main__":

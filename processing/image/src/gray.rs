@@ -33,6 +33,7 @@ impl Gray {
             (0..raster.width * raster.height).into_par_iter().map(one).collect()
         };
         let values = match &raster.samples {
+            Samples::U8(v) if n == 1 => v.par_iter().map(|v| f32::from(*v)).collect(),
             Samples::U8(v) => mean(&|i| f32::from(v[i])),
             Samples::U16(v) => mean(&|i| f32::from(v[i])),
             Samples::F32(v) => mean(&|i| if v[i].is_finite() { v[i] } else { 0.0 }),
@@ -68,14 +69,23 @@ impl Gray {
 
     /// Blurred by 1-2-1 along rows and columns: a Gaussian of 0.7 px.
     pub fn softened(&self) -> Self {
-        let pass = |source: &Self, [dx, dy]: [i64; 2]| {
-            let value = |i: usize| {
-                let (x, y) = ((i % self.width) as i64, (i / self.width) as i64);
-                0.5 * source.near(x, y) + 0.25 * (source.near(x - dx, y - dy) + source.near(x + dx, y + dy))
-            };
-            let values = (0..source.values.len()).into_par_iter().map(value).collect();
-            Self { width: source.width, height: source.height, values }
-        };
-        pass(&pass(self, [1, 0]), [0, 1])
+        let mean = |left: f32, middle: f32, right: f32| 0.5 * middle + 0.25 * (left + right);
+        let (width, last) = (self.width, self.height.saturating_sub(1));
+        let mut along = vec![0.0; self.values.len()];
+        along.par_chunks_mut(width).zip(self.values.par_chunks(width)).for_each(|(to, from)| {
+            let end = width - 1;
+            to[0] = mean(from[0], from[0], from[1.min(end)]);
+            to[end] = mean(from[end.saturating_sub(1)], from[end], from[end]);
+            to.iter_mut().skip(1).zip(from.windows(3)).for_each(|(to, near)| *to = mean(near[0], near[1], near[2]));
+        });
+        let row = |y: usize| &along[y * width..][..width];
+        let mut values = vec![0.0; self.values.len()];
+        values.par_chunks_mut(width).enumerate().for_each(|(y, to)| {
+            let [above, middle, below] = [y.saturating_sub(1), y, (y + 1).min(last)].map(row);
+            for (x, to) in to.iter_mut().enumerate() {
+                *to = mean(above[x], middle[x], below[x]);
+            }
+        });
+        Self { width, height: self.height, values }
     }
 }

@@ -97,7 +97,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     }
     let _ = write!(
         text,
-        "\nerror     {:.2} % of the table, at most {:.1} % of a picture (one light that is a point)",
+        "\nerror     {:.2} % of the table (measured on what is written), at most {:.1} % of a picture (one light that is a point)",
         100.0 * report.error,
         100.0 * report.picture_error_point
     );

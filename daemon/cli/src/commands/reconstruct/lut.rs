@@ -190,7 +190,7 @@ fn summary(report: &Report) -> String {
     let percent = |v: Option<f64>| v.map_or("unknown".into(), |v| format!("{:.2} %", 100.0 * v));
     let _ = writeln!(
         text,
-        "quality   error at the rim {} (adding up {}, zero order's place {}, between pixels {})",
+        "quality   error at the rim {} (adding up, measured: {}; expected: zero order's place {}, between pixels {})",
         percent(report.error_estimate),
         percent(report.sum_error),
         percent(report.center_error),
