@@ -7,7 +7,7 @@ use super::peaks::peaks_picture;
 use super::settings::{Normalisation, Settings};
 use nacre_base::{Error, Result};
 use nacre_image::{Attribute, encode_png8, scalar_picture, write_exr, write_whole, write_whole_with};
-use nacre_optics::color::displayed;
+use nacre_optics::color::displayed_codes;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -60,11 +60,7 @@ pub fn write_picture(path: &Path, map: &Map) -> Result<()> {
     let scale = KEY / shining.get(shining.len() * 9 / 10).map_or(1.0, |y| y.max(f32::MIN_POSITIVE));
     let mut bytes = Vec::with_capacity(3 * map.xyz.len());
     for xyz in &map.xyz {
-        bytes.extend(if xyz[1].is_nan() {
-            BELOW
-        } else {
-            displayed(xyz.map(|v| v * scale)).map(|v| (v * 255.0).round() as u8)
-        });
+        bytes.extend(if xyz[1].is_nan() { BELOW } else { displayed_codes(xyz.map(|v| v * scale)) });
     }
     let encoded = encode_png8(map.size, map.size, 3, &bytes).map_err(|e| Error::output(path, e))?;
     write_whole(path, &encoded)

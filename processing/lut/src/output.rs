@@ -7,7 +7,7 @@ use super::table::Grid;
 use nacre_base::Result;
 use nacre_base::parallel::sum_in_order;
 use nacre_image::{Attribute, OutputFolder, scalar_picture, write_exr, write_png8};
-use nacre_optics::color::{Illuminant, displayed};
+use nacre_optics::color::{Illuminant, displayed_codes};
 use rayon::prelude::*;
 use std::fmt::Write;
 
@@ -97,8 +97,8 @@ impl Output<'_> {
                 out.copy_from_slice(&GRAY);
                 return;
             }
-            for ((out, v), unknown) in out.iter_mut().zip(displayed([x, y, z].map(|v| v * scale))).zip(GRAY) {
-                *out = (v * 255.0 * coverage + f32::from(unknown) * (1.0 - coverage)).round() as u8;
+            for ((out, code), unknown) in out.iter_mut().zip(displayed_codes([x, y, z].map(|v| v * scale))).zip(GRAY) {
+                *out = (f32::from(code) * coverage + f32::from(unknown) * (1.0 - coverage) + 0.5) as u8;
             }
         });
         bytes

@@ -4,7 +4,7 @@ use super::merge::Sums;
 use super::report::Samples;
 use nacre_base::Result;
 use nacre_image::{Attribute, OutputFolder, write_exr, write_png8};
-use nacre_optics::color::srgb_encode;
+use nacre_optics::color::srgb_code;
 use rayon::prelude::*;
 
 /// Light that is less than so many standard deviations above nothing counts as dark.
@@ -85,7 +85,7 @@ impl Merged<'_> {
         let shown = |value: f32, luminance: f32| {
             let l = (luminance * scale).max(0.0);
             let curve = scale * (1.0 + l / (white * white)) / (1.0 + l);
-            if value.is_nan() { 255 } else { (srgb_encode(value * curve) * 255.0).round() as u8 }
+            if value.is_nan() { 255 } else { srgb_code(value * curve) }
         };
         let mut bytes = vec![0_u8; self.sums.pixels() * channels];
         bytes.par_chunks_mut(channels).enumerate().for_each(|(p, out)| {

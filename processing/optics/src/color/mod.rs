@@ -95,16 +95,55 @@ pub fn xyz_of_linear_srgb([r, g, b]: [f32; 3]) -> [f32; 3] {
 
 /// What a screen shows of CIE XYZ, sRGB values of 0 to 1: the brightest is compressed by Reinhard's curve (Reinhard et al. 2002), and colours
 /// that no screen shows lose saturation until one does.
-pub fn displayed([x, y, z]: [f32; 3]) -> [f32; 3] {
+pub fn displayed(xyz: [f32; 3]) -> [f32; 3] {
+    compressed(xyz).map(srgb_encode)
+}
+
+/// The same as codes of 8 bits.
+pub fn displayed_codes(xyz: [f32; 3]) -> [u8; 3] {
+    compressed(xyz).map(srgb_code)
+}
+
+fn compressed([x, y, z]: [f32; 3]) -> [f32; 3] {
     let luminance = y.max(0.0);
     let rgb = linear_srgb([x, y, z]);
     let (least, most) = rgb.iter().fold((luminance, 1e-9_f32), |(a, b), v| (a.min(*v), b.max(*v)));
     let kept = if least < 0.0 { luminance / (luminance - least) } else { 1.0 };
-    rgb.map(|v| srgb_encode((luminance + kept * (v - luminance)) / (1.0 + most)))
+    rgb.map(|v| (luminance + kept * (v - luminance)) / (1.0 + most))
 }
 
 /// Value of the sRGB curve for linear light, 0 to 1.
 pub fn srgb_encode(light: f32) -> f32 {
     let v = light.clamp(0.0, 1.0);
     if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The nearest code of 8 bits to [`srgb_encode`], without its power: 0 for NaN.
+pub fn srgb_code(light: f32) -> u8 {
+    /// Bits of a number that do not choose its bucket: buckets are 1/64 of an octave, narrower than a code.
+    const REST: u32 = 17;
+    /// Light of the first bucket; less than half a code lies below it.
+    const FIRST: u32 = (1.0_f32 / 8192.0).to_bits() >> REST;
+    static CODES: LazyLock<(Vec<u8>, Vec<f32>)> = LazyLock::new(|| {
+        let code = |light: f32| (255.0 * srgb_encode(light)).round() as u8;
+        let buckets = (FIRST..=1.0_f32.to_bits() >> REST).map(|bucket| code(f32::from_bits(bucket << REST))).collect();
+        // Numbers above 0 are in the order of their bits.
+        let least = |wanted: u8| {
+            let (mut low, mut high) = (0, 1.0_f32.to_bits());
+            while low < high {
+                let middle = low.midpoint(high);
+                if code(f32::from_bits(middle)) >= wanted { high = middle } else { low = middle + 1 }
+            }
+            f32::from_bits(high)
+        };
+        (buckets, (0..=255).map(least).collect())
+    });
+    let (buckets, least) = &*CODES;
+    let light = light.clamp(0.0, 1.0);
+    let bucket = (light.to_bits() >> REST).saturating_sub(FIRST) as usize;
+    let mut code = usize::from(buckets.get(bucket).copied().unwrap_or(0));
+    while least.get(code + 1).is_some_and(|next| light >= *next) {
+        code += 1;
+    }
+    code as u8
 }

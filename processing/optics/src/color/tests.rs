@@ -75,3 +75,14 @@ fn white_is_white() {
     let white = linear_srgb([0.950_47, 1.0, 1.088_83]);
     assert!(white.iter().all(|v| (v - 1.0).abs() < 1e-4), "{white:?}");
 }
+
+#[test]
+fn codes_are_those_of_the_curve() {
+    // Every 97th number from 0 to 1, and what lies outside.
+    for bits in (0..=1.0_f32.to_bits()).step_by(97) {
+        let light = f32::from_bits(bits);
+        assert_eq!(srgb_code(light), (255.0 * srgb_encode(light)).round() as u8, "{light}");
+    }
+    let outside = [-1.0, -0.0, 1.0, 1.5, f32::INFINITY, f32::NEG_INFINITY, f32::NAN].map(srgb_code);
+    assert_eq!(outside, [0, 0, 255, 255, 255, 0, 0]);
+}

@@ -7,7 +7,7 @@ use crate::scene::Scene;
 use crate::settings::Settings;
 use nacre_base::{Error, Result};
 use nacre_image::{Attribute, encode_png8, read_exr, rewrite, write_exr, write_whole, write_whole_with};
-use nacre_optics::color::{displayed, xyz_of_linear_srgb};
+use nacre_optics::color::{displayed_codes, xyz_of_linear_srgb};
 use std::path::Path;
 
 /// What the brighter twentieth of what is lit starts at, of white before it is compressed.
@@ -64,7 +64,7 @@ pub fn exposure(picture: &Picture) -> f64 {
 pub fn bytes(picture: &Picture, exposure: f64) -> Vec<u8> {
     let pixel = |p: &Pixel| {
         let xyz = xyz_of_linear_srgb(p.rgb.map(|v| (v * exposure) as f32));
-        displayed(xyz).map(|v| (v * 255.0).round() as u8)
+        displayed_codes(xyz)
     };
     picture.pixels.iter().flat_map(pixel).collect()
 }
