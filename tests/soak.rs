@@ -183,7 +183,13 @@ impl Soak {
         for ((name, bytes), (wanted_name, wanted)) in found.iter().zip(&self.whole) {
             assert_eq!(name, wanted_name, "{id}");
             let journal = || fs::read_to_string(folder.join("journal")).unwrap_or_default();
-            assert!(bytes == wanted || differs_by_noise(bytes, wanted), "{id}: {name} differs\n{}", journal());
+            let light = || [bytes, wanted].map(|bytes| mean_light(bytes));
+            assert!(
+                bytes == wanted || differs_by_noise(bytes, wanted),
+                "{id}: {name} differs: {:?} found and wanted\n{}",
+                light(),
+                journal()
+            );
         }
         let base = format!("/api/v1/sessions/{id}");
         let token = service.get(&format!("{base}/deletion")).expect(200).json()["token"].as_str().unwrap().to_owned();
@@ -202,6 +208,12 @@ fn begin(service: &Service) -> String {
         }
         service.until_full(false);
     }
+}
+
+/// Mean value of a frame's pixels; 0 for what is none.
+fn mean_light(bytes: &[u8]) -> f64 {
+    let Ok(frame) = image::load_from_memory(bytes).map(|picture| picture.to_luma16()) else { return 0.0 };
+    frame.iter().map(|v| f64::from(*v)).sum::<f64>() / frame.len() as f64
 }
 
 /// Whether two frames differ by their noise alone, which the bench draws anew where a fault has cost a frame before them: 3 % of the light in a

@@ -7,6 +7,7 @@ use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::engine::Observer;
 use nacre_capture::session::SoFar;
+use nacre_service::problem::Problem;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -92,10 +93,14 @@ impl Console {
         stage.bar.set_message(name.to_owned());
     }
 
-    /// Why the command failed.
-    pub fn error(&self, failure: &Failure) {
+    /// Why the command failed: for a person, and as JSON if that is asked for.
+    pub fn error(&self, failure: Failure) {
         self.finish_stage();
         self.note(&format!("nacre: {failure}"));
+        if self.json {
+            let (code, text) = (failure.exit_code(), failure.to_string());
+            print_problem(&Problem::from(failure).in_full(text), code);
+        }
     }
 
     fn finish_stage(&self) {
@@ -151,6 +156,17 @@ impl Progress for Console {
     fn cancelled(&self) -> bool {
         self.interrupted.load(Ordering::Relaxed) > 0
     }
+}
+
+/// Prints a problem (RFC 9457) with the exit code that it causes.
+pub fn print_problem(problem: &Problem, exit_code: u8) {
+    let mut value = serde_json::to_value(problem).unwrap_or_default();
+    if let Some(object) = value.as_object_mut() {
+        // There is no HTTP here.
+        object.remove("status");
+        object.insert("exit_code".into(), exit_code.into());
+    }
+    let _ = writeln!(std::io::stdout().lock(), "{}", serde_json::to_string_pretty(&value).unwrap_or_default());
 }
 
 /// Time, memory and disk in words.

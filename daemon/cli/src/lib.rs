@@ -8,6 +8,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::Console;
 use nacre_base::{Error, input};
 use nacre_capture::Failure;
+use nacre_service::problem::Problem;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -100,6 +101,10 @@ enum Command {
     Sim(commands::sim::Sim),
     /// Print the JSON Schema of a file format.
     Schema(commands::schema::Args),
+    /// Print what makes a shell complete commands, options and their values.
+    Completions(commands::shell::Completions),
+    /// Write manual pages, one for each command.
+    Man(commands::shell::Man),
     /// Hold a flash and see to it that it goes off; started by other commands.
     #[command(hide = true)]
     Guardian(commands::manual::Guardian),
@@ -127,11 +132,32 @@ fn only_estimate(matches: &ArgMatches) -> bool {
     given(matches) || matches.subcommand().is_some_and(|(_, inner)| only_estimate(inner))
 }
 
-/// Runs the command line of this process.
-pub fn main() -> ExitCode {
-    let command = Cli::command();
-    let matches = command.clone().get_matches();
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
+/// Features of this build that change what it can do.
+fn features() -> String {
+    let all = [("v4l2", cfg!(feature = "v4l2")), ("gpu", cfg!(feature = "gpu")), ("raw", cfg!(feature = "raw"))];
+    let built: Vec<&str> = all.iter().filter(|(_, built)| *built).map(|(name, _)| *name).collect();
+    if built.is_empty() { "none".into() } else { built.join(", ") }
+}
+
+/// The command line, which says what it was built from.
+fn command(commit: &str, target: &str) -> clap::Command {
+    let version = env!("CARGO_PKG_VERSION");
+    Cli::command().long_version(format!("{version}\ncommit    {commit}\nfeatures  {}\ntarget    {target}", features()))
+}
+
+/// Ends the process with what clap says of a command line; that it is wrong is JSON too for whoever asks for that.
+fn refused(error: &clap::Error) -> ! {
+    if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
+        console::print_problem(&Problem::bad(error.render().to_string().trim_end()), 2);
+    }
+    error.exit()
+}
+
+/// Runs the command line of this process, which was built from this commit for this target.
+pub fn main(commit: &str, target: &str) -> ExitCode {
+    let command = command(commit, target);
+    let matches = command.clone().try_get_matches().unwrap_or_else(|e| refused(&e));
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| refused(&e));
     if let Command::Guardian(args) = &cli.command {
         return commands::manual::guardian(args);
     }
@@ -173,6 +199,8 @@ pub fn main() -> ExitCode {
         Command::Import(args) => commands::import::run(&args, &console),
         Command::Sim(args) => commands::sim::run(&args, &console),
         Command::Schema(args) => commands::schema::run(&args, &console),
+        Command::Completions(args) => commands::shell::completions(&args, command),
+        Command::Man(args) => commands::shell::man(&args, command, &console),
         Command::Guardian(_) | Command::Job => Ok(()),
     };
     if let Some(found) = leaks.found() {
@@ -183,8 +211,9 @@ pub fn main() -> ExitCode {
         Err(Failure::Processing(Error::Cancelled)) if console.estimated() => ExitCode::SUCCESS,
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            console.error(&failure);
-            ExitCode::from(failure.exit_code())
+            let code = failure.exit_code();
+            console.error(failure);
+            ExitCode::from(code)
         }
     }
 }

@@ -21,7 +21,7 @@ mod methods;
 mod metrics;
 mod paths;
 mod plans;
-mod problem;
+pub mod problem;
 mod reconstruction_request;
 mod reconstructions;
 mod renders;

@@ -137,6 +137,11 @@ impl Problem {
         self
     }
 
+    /// With this as its detail: of a command line, to whose user the machine's folders belong.
+    pub fn in_full(self, detail: String) -> Self {
+        Self { detail, ..self }
+    }
+
     /// There is no such thing.
     pub fn not_found(what: impl std::fmt::Display) -> Self {
         Self::new(Kind::NotFound, format!("there is no {what}"))

@@ -55,7 +55,7 @@ pub struct Memory {
     reported: [Duration; 4],
 }
 
-/// Whose time it is: that of a device is compared with its own of before, since each settles for another time.
+/// Whose time it is. Each device settles for another time.
 #[derive(Clone, Copy)]
 enum Whose {
     Stage,
@@ -387,7 +387,11 @@ impl<'a> Hands<'a> {
 
     /// Something changed and is steady since then.
     fn steady(&mut self, whose: Whose, since: Duration, command: &str) -> DeviceResult<()> {
-        let before = std::mem::replace(&mut self.memory.reported[whose as usize], since);
+        // Devices share a clock; another one may have reported a time ahead, at which it will have settled.
+        let settling = self.limits.flash.as_ref().map_or(0.0, |f| f.settling_s).max(self.limits.stage.settling_s);
+        let others = self.memory.reported.iter().max().copied().unwrap_or_default();
+        let others = others.saturating_sub(Duration::from_secs_f64(settling));
+        let before = std::mem::replace(&mut self.memory.reported[whose as usize], since).max(others);
         if since + CLOCK_TOLERANCE < before {
             let expected = format!("a time after {:.3} s", before.as_secs_f64());
             let got = format!("{:.3} s", since.as_secs_f64());

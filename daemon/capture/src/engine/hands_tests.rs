@@ -6,7 +6,7 @@ use crate::plan::Plan;
 use async_trait::async_trait;
 use nacre_base::progress::Silent;
 use nacre_drivers::{Clock, DeviceResult, Flash, FlashInfo, HandStage, Pattern, Prompt, Switched};
-use nacre_sim::{Bench, BenchConfig, SharedBench, SimDevice};
+use nacre_sim::{Bench, BenchConfig, FaultConfig, FaultKind, FaultyDevice, SharedBench, SimDevice};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -35,7 +35,11 @@ impl Flash for SlowLamp {
 }
 
 fn bench() -> (SharedBench, Devices) {
-    let mut config = BenchConfig::default();
+    bench_with(vec![])
+}
+
+fn bench_with(faults: Vec<FaultConfig>) -> (SharedBench, Devices) {
+    let mut config = BenchConfig { faults, ..BenchConfig::default() };
     (config.camera.width, config.camera.height) = (16, 16);
     let bench = SharedBench::new(Bench::new(&config, &Silent).unwrap());
     let device = || Box::new(SimDevice::new(Box::new(bench.clone())).unwrap());
@@ -75,6 +79,41 @@ fn other_devices_are_used_while_a_lamp_settles() {
         hands.dark().await
     })
     .unwrap();
+}
+
+/// Wherever the clock is set back, the first frame after a change of the exposure has the new one, or an error says so: the first time that
+/// the camera reports after a preparation may be the one that is wrong.
+#[test]
+fn a_clock_that_is_set_back_leaves_no_frame_with_the_earlier_exposure() {
+    let lit = |faults| {
+        let (_bench, mut devices) = bench_with(faults);
+        // Nothing is to wait for a lamp.
+        devices.flash = None;
+        let mut hands = Hands::new(&mut devices);
+        run(async {
+            for exposure_us in [4000, 1000] {
+                hands.prepare(true).await?;
+                hands.show(Pattern::Disc { center_mm: [0.0, 0.0], diameter_mm: 100.0 }).await?;
+                // Meanwhile frames wait in the camera.
+                hands.turn(20.0).await?;
+                hands.expose(Duration::from_micros(exposure_us), 1.0).await?;
+            }
+            let codes = hands.fresh().await?.0.codes;
+            DeviceResult::Ok(codes.iter().map(|c| f64::from(*c)).sum::<f64>())
+        })
+    };
+    let light = lit(vec![]).unwrap();
+    let mut ends = [0, 0];
+    for after in 0..40 {
+        let fault = FaultConfig { device: FaultyDevice::Clock, kind: FaultKind::SetBack, after, times: Some(1) };
+        let found = lit(vec![fault]);
+        ends[usize::from(found.is_ok())] += 1;
+        match found {
+            Ok(found) => assert!((found / light - 1.0).abs() < 0.05, "after {after} commands: {found} {light}"),
+            Err(error) => assert!(error.to_string().contains("clock was set back"), "{error}"),
+        }
+    }
+    assert!(ends[0] > 5 && ends[1] > 0, "{ends:?}");
 }
 
 /// As after a pause: an analyser that the plan leaves alone must be where it was.

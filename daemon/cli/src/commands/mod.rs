@@ -26,6 +26,7 @@ mod said;
 pub mod salvage;
 pub mod schema;
 pub mod serve;
+pub mod shell;
 pub mod sim;
 pub mod synthesize;
 mod values;

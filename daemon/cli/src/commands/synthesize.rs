@@ -1,5 +1,6 @@
 //! `nacre synthesize`.
 
+use crate::commands::Estimating;
 use crate::commands::said::lines;
 use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
@@ -45,6 +46,8 @@ pub struct Args {
     /// Replace files that are already in the folder.
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 /// Shape of the dots.
@@ -86,8 +89,9 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         // clap has seen to it that there is one.
         _ => Shape::Square(1),
     };
-    console.stage("drawing dots", 1);
     let dots = Dots { size: args.size, pixel_um: args.pixel_um, shape, seed: args.seed };
+    console.expect(&dots.work())?;
+    console.stage("drawing dots", 1);
     let made = synthesize(&from, &dots)?;
     console.check()?;
     let folder = OutputFolder::begin(&args.out, args.force)?;

@@ -1,0 +1,21 @@
+//! What `nacre --version` says of the build: the commit and the target.
+
+use std::process::Command;
+
+fn git(args: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(args).output().ok().filter(|output| output.status.success())?;
+    Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())
+}
+
+fn main() {
+    // The log of HEAD grows with every commit and checkout. Sources from an archive have neither; packagers give the commit.
+    println!("cargo::rerun-if-env-changed=NACRE_COMMIT");
+    println!("cargo::rerun-if-changed=build.rs");
+    if let Some(log) = git(&["rev-parse", "--git-path", "logs/HEAD"]).filter(|log| std::path::Path::new(log).exists()) {
+        println!("cargo::rerun-if-changed={log}");
+    }
+    let given = std::env::var("NACRE_COMMIT").ok();
+    let commit = given.or_else(|| git(&["rev-parse", "--short=12", "HEAD"])).unwrap_or_else(|| "unknown".into());
+    println!("cargo::rustc-env=NACRE_COMMIT={commit}");
+    println!("cargo::rustc-env=NACRE_TARGET={}", std::env::var("TARGET").unwrap_or_default());
+}
