@@ -350,3 +350,45 @@ fn schemas_and_help_are_there() {
     }
     nacre(["reconstruct", "polarisation"]).expect(2);
 }
+
+#[test]
+fn what_is_wrong_is_json_too_for_a_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let missing = folder.path().join("nowhere");
+    let bad = nacre(args(&["--json", "reconstruct", "hdr", missing.to_str().unwrap(), "--out", "OUT"], &out)).expect(2);
+    let problem = bad.json();
+    assert!(problem["type"].as_str().unwrap().ends_with("/bad-request"), "{problem}");
+    assert!(problem["detail"].as_str().unwrap().contains(missing.to_str().unwrap()), "{problem}");
+    assert!(problem["remedy"].as_str().unwrap().contains("frames.json"), "{problem}");
+    assert_eq!(problem["exit_code"], 2);
+    assert!(bad.stderr().contains("nowhere"));
+    let usage = nacre(["--json", "reconstruct", "hdr", "--no-such-option"]).expect(2);
+    assert!(usage.json()["detail"].as_str().unwrap().contains("--no-such-option"));
+    // Without --json nothing but the result goes to standard output.
+    assert_eq!(nacre(["reconstruct", "hdr", "--no-such-option"]).expect(2).stdout(), "");
+}
+
+#[test]
+fn shells_manual_and_version_know_the_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    let pages = folder.path().join("man1");
+    let written = nacre(args(&["--json", "man", "--out", "OUT"], &pages)).expect(0).json();
+    let named: Vec<&str> = written["pages"].as_array().unwrap().iter().map(|p| p.as_str().unwrap()).collect();
+    assert_eq!(named.len(), listing(&pages).len());
+    for page in ["nacre.1", "nacre-reconstruct-polarization.1", "nacre-sim-photograph-flash.1"] {
+        assert!(named.contains(&page), "{page}: {named:?}");
+    }
+    // Hidden commands are nobody's business.
+    assert!(named.iter().all(|page| !page.contains("guardian") && !page.contains("job")), "{named:?}");
+    let page = std::fs::read_to_string(pages.join("nacre-reconstruct-lut.1")).unwrap();
+    assert!(page.contains("wavelength") && page.contains("Examples"), "{page}");
+    for shell in ["bash", "zsh", "fish"] {
+        let script = nacre(["completions", shell]).expect(0).stdout();
+        assert!(script.contains("polarization") && script.contains("max-error"), "{shell}");
+    }
+    let version = nacre(["--version"]).expect(0).stdout();
+    for line in ["nacre ", "\ncommit ", "\nfeatures ", "\ntarget "] {
+        assert!(version.contains(line), "{version}");
+    }
+}

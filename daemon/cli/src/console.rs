@@ -99,7 +99,7 @@ impl Console {
         self.note(&format!("nacre: {failure}"));
         if self.json {
             let (code, text) = (failure.exit_code(), failure.to_string());
-            print_problem(&Problem::from(failure).in_full(text), code);
+            print_problem(&Problem::from(failure).in_full(&text), code);
         }
     }
 

@@ -137,9 +137,10 @@ impl Problem {
         self
     }
 
-    /// With this as its detail: of a command line, to whose user the machine's folders belong.
-    pub fn in_full(self, detail: String) -> Self {
-        Self { detail, ..self }
+    /// With this as its detail, which may end with the remedy: of a command line, to whose user the machine's folders belong.
+    pub fn in_full(self, text: &str) -> Self {
+        let remedy = self.remedy.as_ref().and_then(|remedy| text.strip_suffix(remedy.as_str())?.strip_suffix("; "));
+        Self { detail: remedy.unwrap_or(text).to_owned(), ..self }
     }
 
     /// There is no such thing.
