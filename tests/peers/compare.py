@@ -112,7 +112,8 @@ def table(found):
         "# Nacre and others", "",
         f"Made by `tests/peers/run --update` on {datetime.date.today()}: {cpu}, {os.cpu_count()} threads; medians of {PAIRS} runs in turn on",
         "the same files (`tests/peers/inputs.py`). Nacre's commands are whole: they read, compute, write maps and draw pictures. Peers",
-        "(`tests/peers/peers.py`) read and compute, without the time that Python takes to start.", "",
+        "(`tests/peers/peers.py`) read and compute, without the time that Python takes to start; they write nothing. Kernels without files are",
+        "compared in [charts.md](charts.md).", "",
         "| task | program | CPU-seconds | wall, s | peak, MB | Nacre's CPU over it | Nacre's wall over it | goal |",
         "|---|---|---|---|---|---|---|---|",
     ]
