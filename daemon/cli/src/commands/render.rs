@@ -7,7 +7,7 @@ use nacre_brdf::height::{self, Scale};
 use nacre_capture::Failure;
 use nacre_image::OutputFolder;
 use nacre_render::{
-    Report, Scene, Settings, exposure, gallery, gallery_scene, gallery_skin, render, write_picture, write_png,
+    Method, Report, Scene, Settings, exposure, gallery, gallery_scene, gallery_skin, render, write_picture, write_png,
 };
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -101,12 +101,29 @@ pub struct Args {
     /// A spectrum per pixel too, in bands so far apart (1 to 100 nm): channels S0.550,000000nm and so on of the EXR.
     #[arg(long, value_name = "NM", conflicts_with_all = ["keep", "frames", "gallery", "gpu"])]
     spectral: Option<f64>,
-    /// Draw light of environments by chance even where it could be summed up once for all pixels, to compare.
-    #[arg(long)]
+    /// How tables (lut.exr) are rendered under environments.
+    #[arg(long, value_enum, default_value_t = MethodArg::Auto)]
+    method: MethodArg,
+    /// Most terms per channel and part of a table that two passes take (1 to 96), instead of as many as the error needs.
+    #[arg(long, value_name = "R")]
+    rank: Option<usize>,
+    /// The same as --method samples.
+    #[arg(long, conflicts_with = "method")]
     by_chance: bool,
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
+}
+
+/// Methods of rendering tables under environments.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum MethodArg {
+    /// The cheapest that meets --max-error: a correlation on a flat sample, two passes, or samples.
+    Auto,
+    /// Samples of environment and table, by Monte Carlo.
+    Samples,
+    /// Lookups in environments that two passes filter, at any error, which is measured. The curves are those of the scene's `factors`, or computed.
+    TwoPass,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -157,7 +174,13 @@ impl Args {
             check: self.check,
             gpu: self.gpu,
             spectral_nm: self.spectral,
-            by_chance: self.by_chance,
+            method: match self.method {
+                _ if self.by_chance => Method::Samples,
+                MethodArg::Auto => Method::Auto,
+                MethodArg::Samples => Method::Samples,
+                MethodArg::TwoPass => Method::TwoPass,
+            },
+            rank: self.rank,
         }
     }
 

@@ -83,6 +83,30 @@ impl Part {
         Self { grid, channels, norm, albedo, left_out }
     }
 
+    /// Of curves on a grid, measured against the part of a table that `weight` picks.
+    pub(super) fn of_curves(
+        table: &Table,
+        grid: Grid,
+        channels: [Vec<Term>; 3],
+        weight: impl Fn([f64; 2]) -> f64,
+    ) -> Self {
+        let [columns, rows] = grid.size;
+        let [dx, dy] = grid.cell();
+        let matrices = grid.kernel(table, weight).map(|k| DMatrix::from_vec(rows, columns, k));
+        let norm = [0, 1, 2].map(|c| matrices[c].norm());
+        let albedo = [0, 1, 2].map(|c| matrices[c].sum() * dx * dy);
+        let left_out = [0, 1, 2].map(|c| left_out(&matrices[c], &channels[c]));
+        Self { grid, channels, norm, albedo, left_out }
+    }
+
+    /// The part of a surface whose bitangent points the other way: across the meridian it is the mirror image.
+    pub fn mirrored(&self) -> Self {
+        let mut part = self.clone();
+        part.grid.shear = -part.grid.shear;
+        part.channels.iter_mut().flatten().for_each(|term| term.across.reverse());
+        part
+    }
+
     /// Terms of the channel that has the most.
     pub fn terms(&self) -> usize {
         self.channels.iter().map(Vec::len).max().unwrap_or(0)
