@@ -45,7 +45,7 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
     vec![wavelengths(effort), distance(effort), summed(effort)]
 }
 
-fn broken(what: &str, why: impl std::fmt::Display) -> Error {
+pub(super) fn broken(what: &str, why: impl std::fmt::Display) -> Error {
     Error::input(what, why, "report this")
 }
 
@@ -109,7 +109,7 @@ fn off(found: &Picture, truth: &Picture) -> f64 {
     (square / count).sqrt() / (sum / count).max(f64::MIN_POSITIVE)
 }
 
-fn outcome(found: &Picture, truth: &Picture, seconds: f64) -> Outcome {
+pub(super) fn outcome(found: &Picture, truth: &Picture, seconds: f64) -> Outcome {
     Outcome { error: Some(off(found, truth)), seconds, masked: 0.0, wrong: 0.0, predicted: None }
 }
 

@@ -1,11 +1,10 @@
 //! Chooses two passes for shapes made of tables, and measures their error against samples of the whole integral.
 
-use crate::environment::factor::Factors;
 use crate::material::SAMPLES;
 use crate::material::diffraction::Diffraction;
 use crate::picture::Pilot;
 use crate::prepared_scene::PreparedScene;
-use crate::prepared_scene::two_pass::{Fineness, Plan, Seen, TwoPass};
+use crate::prepared_scene::two_pass::{Curves, Fineness, Plan, Seen, TwoPass};
 use crate::settings::{MOST_SAMPLES, Method, Settings};
 use crate::shape::ray::Hit;
 use nacre_base::progress::Progress;
@@ -17,11 +16,14 @@ use std::sync::Arc;
 
 /// Filtered environments that are tried, from coarse to fine.
 const LADDER: [Fineness; 4] = [
-    Fineness { width: 128, poles: 48 },
-    Fineness { width: 256, poles: 96 },
-    Fineness { width: 512, poles: 192 },
-    Fineness { width: 1024, poles: 384 },
+    Fineness { width: 128, poles: 24, tilts: 0.3 },
+    Fineness { width: 256, poles: 48, tilts: 0.2 },
+    Fineness { width: 512, poles: 96, tilts: 0.13 },
+    Fineness { width: 1024, poles: 192, tilts: 0.09 },
 ];
+
+/// Least and largest error of the table that terms are taken for.
+const ERRORS: [f64; 2] = [1e-3, 0.3];
 
 /// A finer step is worth trying while the one before made the error this many times smaller.
 const WORTH: f64 = 0.9;
@@ -195,12 +197,13 @@ impl Work<'_> {
         else {
             return Ok(None);
         };
-        let factors = table.factored(self.settings.rank, self.settings.max_error.clamp(1e-3, 0.3))?;
+        let curves = Curves::of(table, self.settings.rank, self.settings.max_error.clamp(ERRORS[0], ERRORS[1]))?;
+        let factors = &curves.factors;
         progress.stage("measuring two passes", 1);
         let reference = self.reference(count, progress)?;
-        let Some(mut best) = self.best(&factors, &reference, progress)? else { return Ok(None) };
+        let Some(mut best) = self.best(&curves, &reference, progress)? else { return Ok(None) };
         let kept = self.forced() || best.choice.left + best.cost / self.by_chance() <= 1.0 - GAIN;
-        let why = self.why(&best, &factors, kept);
+        let why = self.why(&best, kept);
         let Fineness { width, .. } = best.fineness;
         let report = EnvironmentReport {
             shape: format!("shape[{}]", self.shape),
@@ -221,12 +224,9 @@ impl Work<'_> {
         Ok(Some((report, kept.then_some(best.filtered))))
     }
 
-    fn why(&self, best: &Tried, factors: &Factors, kept: bool) -> String {
+    fn why(&self, best: &Tried, kept: bool) -> String {
         let Choice { error, left, looked_up, .. } = best.choice;
-        let source = match (self.settings.rank, factors.parts.len()) {
-            (Some(_), _) => "as asked for",
-            _ => "as many as the error of the table needs",
-        };
+        let source = if self.settings.rank.is_some() { "as asked for" } else { "as many as the error of the table needs" };
         let asked = 100.0 * self.settings.max_error;
         match (kept, self.forced()) {
             (true, true) => format!("asked for; terms {source}"),
@@ -294,12 +294,12 @@ impl Work<'_> {
     }
 
     /// The best of the ladder, as far as it pays; none where not even its first step does, or nothing fits.
-    fn best(&self, factors: &Factors, reference: &Reference, progress: &dyn Progress) -> Result<Option<Tried>> {
+    fn best(&self, curves: &Curves, reference: &Reference, progress: &dyn Progress) -> Result<Option<Tried>> {
         let seen: Vec<Seen> = self.seen.iter().map(|(_, hit)| self.ready.seen(hit, self.shape)).collect();
         let mut best: Option<Tried> = None;
         let mut spent = 0.0;
         for fineness in LADDER {
-            let plan = Plan::new(&factors.parts, &seen, fineness);
+            let plan = Plan::new(curves, &seen, fineness);
             let cost = plan.operations() * self.ready.skies.len() as f64 / PER_SAMPLE;
             let dear = !self.forced() && spent + cost > SHARE * self.by_chance();
             if plan.count() == 0 || dear || !plan.fits(self.ready.skies.len()) {

@@ -237,7 +237,7 @@ impl PreparedScene {
         random: &mut Stream,
     ) -> Option<f64> {
         let material = &self.materials[self.shapes[shape].material];
-        let Some(top @ Diffraction::Table(table)) = &material.diffraction else { return None };
+        let Some(top @ Diffraction::Table(_)) = &material.diffraction else { return None };
         let [covered] = material.coverage.at(hit.uv);
         let (frame, towards) = seen;
         let place = Place { uv: hit.uv, view: frame.map(|f| f.dot(towards)) };
@@ -245,7 +245,7 @@ impl PreparedScene {
         let mut sum = 0.0;
         for (k, sky) in self.skies.iter().enumerate() {
             let summed = match filtered {
-                Some(filtered) => Some(filtered.at(k, table, seen)?),
+                Some(filtered) => Some(filtered.at(k, seen)?),
                 None => None,
             };
             let above = Above { sky, frame, open: &open, summed };
@@ -332,10 +332,10 @@ impl PreparedScene {
         }
         for (k, sky) in self.skies.iter().enumerate() {
             let open = |towards: V3| self.open(hit, towards);
-            let summed = match (flat, &self.two_passes[shape], &material.diffraction) {
-                (Some(flat), ..) => Some(flat.at(k, place.view)),
-                (None, Some(filtered), Some(Diffraction::Table(table))) => filtered.at(k, table, &(frame, towards)),
-                _ => None,
+            let summed = match (flat, &self.two_passes[shape]) {
+                (Some(flat), _) => Some(flat.at(k, place.view)),
+                (None, Some(filtered)) => filtered.at(k, &(frame, towards)),
+                (None, None) => None,
             };
             let above = Above { sky, frame: &frame, open: &open, summed };
             let part = material.under(&place, &above, random, &self.accuracy, memory);

@@ -204,7 +204,7 @@ pub enum Diffraction {
         /// Give back all light at every direction of view and in every channel.
         #[serde(default)]
         lossless: bool,
-        /// Folder of `nacre factor` of this table, whose curves two passes take; without it they factor the table themselves.
+        /// Folder that `nacre factor` wrote of this table, whose curves `--method two-pass` and `auto` take; without it the table is factored when needed.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         factors: Option<PathBuf>,
     },

@@ -7,6 +7,7 @@ mod parts;
 mod report;
 mod straight;
 mod svd;
+mod tilted;
 mod written;
 
 pub use job::{Job, factor};

@@ -89,20 +89,20 @@ impl Table {
         Ok(table)
     }
 
-    /// The table as products of curves: those of its folder, or as many terms as the error of the table needs, or `rank` of either.
+    /// The table with even entries, and as products of curves: those of its folder, or as many terms as the error of the table needs, or `rank` of either.
     ///
     /// # Errors
     /// `Input` for a folder that holds no curves of this table.
-    pub(crate) fn factored(&self, rank: Option<usize>, max_error: f64) -> Result<Factors> {
+    pub(crate) fn factored(&self, rank: Option<usize>, max_error: f64) -> Result<(Factors, environment::Table)> {
         let table = self.even()?;
-        let Some(folder) = &self.factors else {
-            return Factors::of(&table, &Settings { rank, max_error, ..Settings::default() });
+        let factors = match (&self.factors, rank) {
+            (None, _) => Factors::of(&table, &Settings { rank, max_error, ..Settings::default() })?,
+            (Some(folder), None) => Factors::read(folder, &table, self.white_point.map(|v| 1.0 / v))?,
+            (Some(folder), Some(rank)) => {
+                Factors::read(folder, &table, self.white_point.map(|v| 1.0 / v))?.truncated(&table, rank)
+            }
         };
-        let factors = Factors::read(folder, &table, self.white_point.map(|v| 1.0 / v))?;
-        Ok(match rank {
-            Some(rank) => factors.truncated(&table, rank),
-            None => factors,
-        })
+        Ok((factors, table))
     }
 
     /// The table with entries that are even in the half vector: its own, or means of them where it has more than [`FACTORED`] along a side.
@@ -122,12 +122,6 @@ impl Table {
             }
             sum
         })
-    }
-
-    /// What a white sky gives towards a direction of view, over what it gives along the normal; both times the cosine of view.
-    pub(crate) fn white_share(&self, view: [f64; 3]) -> [f64; 3] {
-        let (here, normal) = (self.white.at(view), self.white.at([0.0, 0.0, 1.0]));
-        [0, 1, 2].map(|c| if normal[c] > 0.0 { (here[c] / normal[c]).max(0.0) } else { 1.0 })
     }
 
     /// What samples are drawn by: coarse entries, their means.

@@ -60,7 +60,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// What surfaces that face each direction reflect, times 1 (the cosine of view): twice as many columns as rows, row 0 at the pole.
+/// What surfaces reflect whose mirror direction is each one, times the cosine of view: twice as many columns as rows, row 0 at the pole.
 pub(super) struct Filtered {
     axes: [V3; 3],
     width: usize,

@@ -1,18 +1,19 @@
 //! Tables under environments by lookups in filtered environments (2017 TOG, section 6.2), which two passes made (2017 CVMP, section 4).
 //!
-//! A filtered environment holds, for each direction, what a surface of this table reflects that faces the direction and the viewer, with a direction
-//! of the table towards the environment's pole. A place is looked up in its mirror direction. Where its table lies there decides the pole: the
-//! great circle from the mirror direction along the table's direction passes through it. So one pole does for a plane and for a cylinder whose
-//! axis is a direction of the table; for other shapes, whose table turns from place to place, there are poles all around one great circle, which
-//! every other great circle crosses, and a place is interpolated between the nearest two.
+//! A filtered environment holds, for each mirror direction, what surfaces of a table reflect there that are tilted by a certain angle, with a direction
+//! of the table towards the environment's pole. Where a place's table lies decides the pole: the great circle from the mirror direction along
+//! the table's direction passes through it. So one pole does for a plane and for a cylinder whose axis is a direction of the table. For other
+//! shapes, whose table turns from place to place, there are poles all around one great circle, which every other great circle crosses, and a
+//! place is interpolated between the nearest two.
 //!
-//! Exact where the surface faces the viewer, but for terms left out and the environment's pixels. At other views the pattern would be stretched
-//! by `1/cos θ` in the plane of incidence, which is left out; the light of a white sky is right at each view.
+//! The papers' surfaces face the viewer. Here there are environments for a grid of tilts, between which a place is interpolated: finer tilts,
+//! poles and pixels and more terms lead to the whole integral.
 
 mod filtered;
 mod poles;
 
-use crate::environment::factor::Part;
+use crate::environment::factor::{Factors, MOST_RANK, Part};
+use crate::environment::Table as EvenTable;
 use crate::light::Sky;
 use crate::material::diffraction::table::Table;
 use crate::vector::V3;
@@ -21,12 +22,22 @@ use nacre_base::Result;
 use nacre_base::progress::Progress;
 use poles::Poles;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// A place that is looked at: its frame, and the direction towards the viewer.
 pub(crate) type Seen = ([V3; 3], V3);
 
 /// Most bytes of all filtered environments of a shape.
-const MOST_BYTES: usize = 128 << 20;
+const MOST_BYTES: usize = 256 << 20;
+
+/// Width of a curve's cells at least, in pixels of the filtered environment.
+const CELL: f64 = 0.25;
+
+/// Terms that tilted surfaces may have beyond twice those of the table.
+const MORE: usize = 4;
+
+/// Tilts between which a place is interpolated with less weight than this are left out.
+const LITTLE: f64 = 1e-9;
 
 /// How finely environments are filtered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,26 +46,44 @@ pub(crate) struct Fineness {
     pub width: usize,
     /// Poles around the great circle, where one does not do.
     pub poles: usize,
+    /// Distance of tilts, rad.
+    pub tilts: f64,
 }
 
+/// Curves, and the terms that those of tilted surfaces may have.
+pub(crate) struct Curves {
+    pub factors: Factors,
+    /// The table, where it is known beside the curves.
+    pub table: Option<EvenTable>,
+    pub extent: f64,
+    /// Most terms, and the error of the table that need not be met.
+    pub terms: (usize, f64),
+}
+
+/// A part of the table, whether its frame is left-handed (planes seen from behind), and a tilt.
+type Key = (usize, bool, [i32; 2]);
+
 /// Where filtered environments are needed, before any is made.
-pub(crate) struct Plan {
+pub(crate) struct Plan<'a> {
     fineness: Fineness,
-    parts: Vec<(Part, [Poles; 2])>,
+    curves: &'a Curves,
+    nodes: Vec<(Key, Poles)>,
 }
 
 /// Filtered environments of a shape.
 pub(crate) struct TwoPass {
-    parts: Vec<Filter>,
+    /// Directions of the parts along their meridians, rad.
+    meridians: Vec<f64>,
+    tilts: f64,
+    nodes: BTreeMap<Key, Node>,
     /// Places are looked up from this cosine of view on, and drawn by chance below.
     pub least_cosine: f64,
 }
 
-/// Those of a part of a table, for frames that are right-handed and for those that are not (planes seen from behind).
-struct Filter {
-    meridian: f64,
-    /// Environments by pole and sky; poles that no place needs have none.
-    sides: [(Poles, Vec<Vec<Filtered>>); 2],
+/// Environments of a tilt by pole and sky; poles that no place needs have none.
+struct Node {
+    poles: Poles,
+    maps: Vec<Vec<Filtered>>,
 }
 
 /// How a place looks into a filtered environment.
@@ -64,6 +93,8 @@ struct Look {
     /// The table's meridian there: that of the surface, turned as the normal is turned to the mirror direction.
     north: V3,
     left_handed: bool,
+    /// Tilt of the surface from the mirror direction, rad, across the table's meridian and along it.
+    tilt: [f64; 2],
 }
 
 impl Look {
@@ -78,27 +109,42 @@ impl Look {
         let (sin, c) = meridian.sin_cos();
         let along = frame[0] * c + frame[1] * sin;
         let north = along - (normal + mirror) * (along.dot(&mirror) / (1.0 + cos));
-        Some(Self { mirror, north, left_handed: frame[0].cross(&frame[1]).dot(&normal) < 0.0 })
+        let left_handed = frame[0].cross(&frame[1]).dot(&normal) < 0.0;
+        let east = north.cross(&mirror) * if left_handed { -1.0 } else { 1.0 };
+        let towards = (normal - mirror * cos).try_normalize(1e-12).unwrap_or_else(V3::zeros) * cos.min(1.0).acos();
+        Some(Self { mirror, north, left_handed, tilt: [towards.dot(&east), towards.dot(&north)] })
+    }
+
+    /// The four tilts between which it lies, with their weights.
+    fn around(&self, tilts: f64) -> [([i32; 2], f64); 4] {
+        let [x, y] = self.tilt.map(|v| v / tilts);
+        let (left, low) = (x.floor(), y.floor());
+        let (u, v) = (x - left, y - low);
+        let at = |i: i32, j: i32, weight: f64| ([left as i32 + i, low as i32 + j], weight);
+        [at(0, 0, (1.0 - u) * (1.0 - v)), at(1, 0, u * (1.0 - v)), at(0, 1, (1.0 - u) * v), at(1, 1, u * v)]
     }
 }
 
-impl Plan {
-    /// For some places of a shape; none without a place.
-    pub(crate) fn new(parts: &[Part], seen: &[Seen], fineness: Fineness) -> Self {
-        let plan = |part: &Part| {
-            let looks: Vec<Look> = seen.iter().filter_map(|s| Look::new(s, part.grid.meridian)).collect();
-            let side = |left: bool| {
-                let looks: Vec<Look> = looks.iter().filter(|l| l.left_handed == left).copied().collect();
-                Poles::new(&looks, fineness.poles)
-            };
-            (part.clone(), [side(false), side(true)])
-        };
-        Self { fineness, parts: parts.iter().map(plan).collect() }
+impl<'a> Plan<'a> {
+    /// For some places of a shape.
+    pub(crate) fn new(curves: &'a Curves, seen: &[Seen], fineness: Fineness) -> Self {
+        let mut looks: BTreeMap<Key, Vec<Look>> = BTreeMap::new();
+        for (k, part) in curves.factors.parts.iter().enumerate() {
+            for look in seen.iter().filter_map(|s| Look::new(s, part.grid.meridian)) {
+                for (tilt, weight) in look.around(fineness.tilts) {
+                    if weight > LITTLE {
+                        looks.entry((k, look.left_handed, tilt)).or_default().push(look);
+                    }
+                }
+            }
+        }
+        let nodes = looks.into_iter().map(|(key, looks)| (key, Poles::new(&looks, fineness.poles))).collect();
+        Self { fineness, curves, nodes }
     }
 
     /// Environments that are to be filtered, per sky.
     pub(crate) fn count(&self) -> usize {
-        self.parts.iter().flat_map(|(_, sides)| sides).map(Poles::needed).sum()
+        self.nodes.iter().map(|(_, poles)| poles.needed()).sum()
     }
 
     /// Whether the filtered environments fit into the memory that they may take.
@@ -108,18 +154,20 @@ impl Plan {
         bytes.saturating_mul(self.count()).saturating_mul(skies) <= MOST_BYTES
     }
 
-    /// Multiplications that the passes of one sky take.
+    /// Multiplications that the passes of one sky take, about.
     pub(crate) fn operations(&self) -> f64 {
         let height = self.fineness.width / 2;
         let pixels = (self.fineness.width * height) as f64;
+        let cell = CELL * std::f64::consts::TAU / self.fineness.width as f64;
+        let columns = |part: &Part| (part.grid.size[0] as f64).min(2.0 * part.grid.reach[0] / cell);
         let of = |part: &Part| {
             // Four for the light between pixels, and one for each picture between the passes: mirrored curves double them.
-            let across = |terms: usize| part.grid.size[0] as f64 * (4.0 + 2.0 * terms as f64);
+            let across = |terms: usize| columns(part) * (4.0 + 2.0 * terms as f64);
             let steps = 2.0 * part.grid.reach[1] / std::f64::consts::PI * height as f64;
             part.channels.iter().map(|c| across(c.len()) + c.len() as f64 * steps).sum::<f64>()
         };
-        let needed = |sides: &[Poles; 2]| sides.iter().map(Poles::needed).sum::<usize>() as f64;
-        self.parts.iter().map(|(part, sides)| pixels * of(part) * needed(sides)).sum()
+        let parts: Vec<f64> = self.curves.factors.parts.iter().map(of).collect();
+        self.nodes.iter().map(|((k, ..), poles)| pixels * parts[*k] * poles.needed() as f64).sum()
     }
 
     /// Filters the skies.
@@ -127,45 +175,70 @@ impl Plan {
     /// # Errors
     /// `Cancelled`.
     pub(crate) fn filter(self, skies: &[Sky], progress: &dyn Progress) -> Result<TwoPass> {
-        let width = self.fineness.width;
-        let sources: Vec<Source> = skies.iter().map(|sky| Source::new(sky, width)).collect();
-        let side = |part: &Part, poles: Poles| -> Result<(Poles, Vec<Vec<Filtered>>)> {
-            let filter = |k: usize| -> Result<Vec<Filtered>> {
-                let pole = poles.get(k);
-                sources.iter().map(|source| source.filtered(pole, part, progress)).collect()
+        let Self { fineness, curves, nodes } = self;
+        let sources: Vec<Source> = skies.iter().map(|sky| Source::new(sky, fineness.width)).collect();
+        let node = |((k, left_handed, tilt), poles): (Key, Poles)| -> Result<(Key, Node)> {
+            progress.check()?;
+            let of = &curves.factors.parts[k];
+            let angle = tilt.map(|v| f64::from(v) * fineness.tilts);
+            let cell = CELL * std::f64::consts::TAU / fineness.width as f64;
+            let part = match &curves.table {
+                Some(table) => of.tilted(angle, |h| table.at(h).map(f64::from), curves.extent, cell, curves.terms),
+                None => of.tilted(angle, |h| of.value(h), curves.extent, cell, curves.terms),
             };
-            let all = (0..poles.len()).into_par_iter().map(|k| if poles.needs(k) { filter(k) } else { Ok(vec![]) });
-            let all = all.collect::<Result<Vec<_>>>()?;
-            Ok((poles, all))
+            let part = if left_handed { part.mirrored() } else { part };
+            let filter = |k: usize| -> Result<Vec<Filtered>> {
+                sources.iter().map(|source| source.filtered(poles.get(k), &part, progress)).collect()
+            };
+            let maps = (0..poles.len()).map(|k| if poles.needs(k) { filter(k) } else { Ok(vec![]) });
+            let maps = maps.collect::<Result<Vec<_>>>()?;
+            Ok(((k, left_handed, tilt), Node { poles, maps }))
         };
-        let parts = self.parts.into_iter().map(|(part, [right, left])| {
-            let mirrored = part.mirrored();
-            Ok(Filter { meridian: part.grid.meridian, sides: [side(&part, right)?, side(&mirrored, left)?] })
-        });
-        Ok(TwoPass { parts: parts.collect::<Result<_>>()?, least_cosine: 0.0 })
+        let nodes = nodes.into_par_iter().map(node).collect::<Result<BTreeMap<_, _>>>()?;
+        let meridians = curves.factors.parts.iter().map(|p| p.grid.meridian).collect();
+        Ok(TwoPass { meridians, tilts: fineness.tilts, nodes, least_cosine: 0.0 })
     }
 }
 
 impl TwoPass {
     /// Radiance of a sky that a table reflects at a place, times the cosine of view, before it is divided by what the table gives back. None where
     /// no environment was filtered for the place, or it is seen too obliquely.
-    pub(crate) fn at(&self, sky: usize, table: &Table, seen: &Seen) -> Option<[f64; 3]> {
-        let view = seen.0.map(|f| f.dot(&seen.1));
-        if view[2] < self.least_cosine {
+    pub(crate) fn at(&self, sky: usize, seen: &Seen) -> Option<[f64; 3]> {
+        if seen.0[2].dot(&seen.1) < self.least_cosine {
             return None;
         }
         let mut sum = [0.0; 3];
-        for part in &self.parts {
-            let look = Look::new(seen, part.meridian)?;
-            let (poles, maps) = &part.sides[usize::from(look.left_handed)];
-            for (k, weight) in poles.around(&look) {
-                if weight > 0.0 {
-                    let rgb = maps.get(k)?.get(sky)?.at(look.mirror);
-                    (0..3).for_each(|c| sum[c] += weight * rgb[c]);
+        for (part, meridian) in self.meridians.iter().enumerate() {
+            let look = Look::new(seen, *meridian)?;
+            for (tilt, share) in look.around(self.tilts) {
+                if share <= LITTLE {
+                    continue;
+                }
+                let node = self.nodes.get(&(part, look.left_handed, tilt))?;
+                for (k, weight) in node.poles.around(&look) {
+                    if weight > 0.0 {
+                        let rgb = node.maps.get(k)?.get(sky)?.at(look.mirror);
+                        (0..3).for_each(|c| sum[c] += share * weight * rgb[c]);
+                    }
                 }
             }
         }
-        let share = table.white_share(view);
-        Some([0, 1, 2].map(|c| sum[c] * share[c]))
+        Some(sum)
+    }
+}
+
+/// What two passes take of a table.
+impl Curves {
+    /// The curves of the table's folder, or as many terms as leave `max_error` of the table out; at most `rank` of either.
+    ///
+    /// # Errors
+    /// `Input` for a folder that holds no curves of this table.
+    pub(crate) fn of(table: &Table, rank: Option<usize>, max_error: f64) -> Result<Self> {
+        let (factors, own) = table.factored(rank, max_error)?;
+        let known = table.factors.is_none().then_some(own);
+        let own_terms = factors.parts.iter().map(Part::terms).max().unwrap_or(1);
+        let most = rank.unwrap_or((2 * own_terms + MORE).min(MOST_RANK));
+        let terms = (most, if rank.is_some() { 0.0 } else { max_error });
+        Ok(Self { factors, table: known, extent: table.extent, terms })
     }
 }

@@ -3,10 +3,13 @@
 use super::Look;
 use crate::vector::V3;
 use nalgebra::Matrix3;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// Part of the places that may lie nearer to the great circle of the poles than its clearance.
 const NEAR: f64 = 0.05;
+
+/// Part of the distance of two poles by which a single one may be missed.
+const MISSED: f64 = 0.1;
 
 /// Poles of filtered environments.
 pub(super) struct Poles {
@@ -16,12 +19,12 @@ pub(super) struct Poles {
 }
 
 impl Poles {
-    /// For some places: one pole if all their meridians pass it within half the distance of `count` poles, or those of `count` around a great
+    /// For some places: one pole if all their meridians pass it within a tenth of the distance of `count` poles, or those of `count` around a great
     /// circle that they need.
     pub(super) fn new(looks: &[Look], count: usize) -> Self {
         let one = common(looks);
         let off = looks.iter().map(|look| angle(look, one).abs()).fold(0.0, f64::max);
-        if looks.is_empty() || off <= PI / count as f64 {
+        if looks.is_empty() || off <= MISSED * TAU / count as f64 {
             return Self { axes: [one, one], needed: vec![!looks.is_empty()] };
         }
         let mut poles = Self { axes: circle(looks), needed: vec![false; count] };
