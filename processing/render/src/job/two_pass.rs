@@ -36,6 +36,9 @@ const PER_SAMPLE: f64 = 7000.0;
 const SHARE: f64 = 0.4;
 const MEASURING: f64 = 0.15;
 
+/// Samples whose time filtering may take in any case where two passes are asked for.
+const FORCED: f64 = 2e7;
+
 /// Rays along a side of the picture that say which poles are needed.
 const RAYS: usize = 192;
 
@@ -66,7 +69,7 @@ pub struct EnvironmentReport {
     pub method: &'static str,
     /// Reason for the method.
     pub why: String,
-    /// Terms of each channel, of each part of the table.
+    /// Most terms per channel of each part of the table, over all tilts.
     pub rank: Vec<usize>,
     /// Root mean square of what the terms leave out of the table, over the table's own.
     pub table_error: f64,
@@ -198,10 +201,13 @@ impl Work<'_> {
             return Ok(None);
         };
         let curves = Curves::of(table, self.settings.rank, self.settings.max_error.clamp(ERRORS[0], ERRORS[1]))?;
-        let factors = &curves.factors;
         progress.stage("measuring two passes", 1);
         let reference = self.reference(count, progress)?;
-        let Some(mut best) = self.best(&curves, &reference, progress)? else { return Ok(None) };
+        let Some(mut best) = self.best(&curves, &reference, progress)? else {
+            let problem = format!("is two-pass, whose filtered environments of shape[{}] would not fit into 256 MiB", self.shape);
+            let refused = Error::input("method", problem, "choose the method auto or samples, or a scene with fewer environments");
+            return if self.forced() { Err(refused) } else { Ok(None) };
+        };
         let kept = self.forced() || best.choice.left + best.cost / self.by_chance() <= 1.0 - GAIN;
         let why = self.why(&best, kept);
         let Fineness { width, .. } = best.fineness;
@@ -209,8 +215,8 @@ impl Work<'_> {
             shape: format!("shape[{}]", self.shape),
             method: if kept { "two-pass" } else { "samples" },
             why,
-            rank: factors.parts.iter().map(|p| p.terms()).collect(),
-            table_error: factors.error(),
+            rank: best.filtered.ranks(),
+            table_error: curves.factors.error(),
             environment: [width, width / 2],
             poles: best.poles,
             up_to_deg: best.choice.least_cosine.clamp(0.0, 1.0).acos().to_degrees(),
@@ -301,7 +307,12 @@ impl Work<'_> {
         for fineness in LADDER {
             let plan = Plan::new(curves, &seen, fineness);
             let cost = plan.operations() * self.ready.skies.len() as f64 / PER_SAMPLE;
-            let dear = !self.forced() && spent + cost > SHARE * self.by_chance();
+            let allowed = SHARE * self.by_chance();
+            let dear = match (self.forced(), &best) {
+                (true, None) => false,
+                (true, Some(_)) => spent + cost > allowed.max(FORCED),
+                (false, _) => spent + cost > allowed,
+            };
             if plan.count() == 0 || dear || !plan.fits(self.ready.skies.len()) {
                 break;
             }

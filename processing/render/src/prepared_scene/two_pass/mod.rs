@@ -36,7 +36,7 @@ const CELL: f64 = 0.25;
 /// Terms that tilted surfaces may have beyond twice those of the table.
 const MORE: usize = 4;
 
-/// Tilts between which a place is interpolated with less weight than this are left out.
+/// Tilts that have less weight than this in a place are left out.
 const LITTLE: f64 = 1e-9;
 
 /// How finely environments are filtered.
@@ -83,6 +83,8 @@ pub(crate) struct TwoPass {
 /// Environments of a tilt by pole and sky; poles that no place needs have none.
 struct Node {
     poles: Poles,
+    /// Terms of the channel that has the most.
+    rank: usize,
     maps: Vec<Vec<Filtered>>,
 }
 
@@ -115,13 +117,18 @@ impl Look {
         Some(Self { mirror, north, left_handed, tilt: [towards.dot(&east), towards.dot(&north)] })
     }
 
-    /// The four tilts between which it lies, with their weights.
-    fn around(&self, tilts: f64) -> [([i32; 2], f64); 4] {
-        let [x, y] = self.tilt.map(|v| v / tilts);
-        let (left, low) = (x.floor(), y.floor());
-        let (u, v) = (x - left, y - low);
-        let at = |i: i32, j: i32, weight: f64| ([left as i32 + i, low as i32 + j], weight);
-        [at(0, 0, (1.0 - u) * (1.0 - v)), at(1, 0, u * (1.0 - v)), at(0, 1, (1.0 - u) * v), at(1, 1, u * v)]
+    /// The nine tilts around it, with the weights of parabolas through three of them along each axis: they may be negative.
+    fn around(&self, tilts: f64) -> [([i32; 2], f64); 9] {
+        let place = self.tilt.map(|v| v / tilts);
+        let middle = place.map(f64::round);
+        let weights = [0, 1].map(|k| {
+            let off = place[k] - middle[k];
+            [0.5 * off * (off - 1.0), 1.0 - off * off, 0.5 * off * (off + 1.0)]
+        });
+        std::array::from_fn(|k| {
+            let [i, j] = [k % 3, k / 3];
+            ([middle[0] as i32 + i as i32 - 1, middle[1] as i32 + j as i32 - 1], weights[0][i] * weights[1][j])
+        })
     }
 }
 
@@ -132,7 +139,7 @@ impl<'a> Plan<'a> {
         for (k, part) in curves.factors.parts.iter().enumerate() {
             for look in seen.iter().filter_map(|s| Look::new(s, part.grid.meridian)) {
                 for (tilt, weight) in look.around(fineness.tilts) {
-                    if weight > LITTLE {
+                    if weight.abs() > LITTLE {
                         looks.entry((k, look.left_handed, tilt)).or_default().push(look);
                     }
                 }
@@ -192,7 +199,7 @@ impl<'a> Plan<'a> {
             };
             let maps = (0..poles.len()).map(|k| if poles.needs(k) { filter(k) } else { Ok(vec![]) });
             let maps = maps.collect::<Result<Vec<_>>>()?;
-            Ok(((k, left_handed, tilt), Node { poles, maps }))
+            Ok(((k, left_handed, tilt), Node { poles, rank: part.terms(), maps }))
         };
         let nodes = nodes.into_par_iter().map(node).collect::<Result<BTreeMap<_, _>>>()?;
         let meridians = curves.factors.parts.iter().map(|p| p.grid.meridian).collect();
@@ -201,6 +208,12 @@ impl<'a> Plan<'a> {
 }
 
 impl TwoPass {
+    /// Most terms of a tilt, of each part.
+    pub(crate) fn ranks(&self) -> Vec<usize> {
+        let of = |k: usize| self.nodes.iter().filter(|(key, _)| key.0 == k).map(|(_, node)| node.rank).max();
+        (0..self.meridians.len()).map(|k| of(k).unwrap_or(0)).collect()
+    }
+
     /// Radiance of a sky that a table reflects at a place, times the cosine of view, before it is divided by what the table gives back. None where
     /// no environment was filtered for the place, or it is seen too obliquely.
     pub(crate) fn at(&self, sky: usize, seen: &Seen) -> Option<[f64; 3]> {
@@ -211,7 +224,7 @@ impl TwoPass {
         for (part, meridian) in self.meridians.iter().enumerate() {
             let look = Look::new(seen, *meridian)?;
             for (tilt, share) in look.around(self.tilts) {
-                if share <= LITTLE {
+                if share.abs() <= LITTLE {
                     continue;
                 }
                 let node = self.nodes.get(&(part, look.left_handed, tilt))?;
