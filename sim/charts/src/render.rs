@@ -234,7 +234,11 @@ fn summed(effort: Effort) -> Study {
             let of = toml::from_str(&text).map_err(|e| broken("scene", e))?;
             let finest = asked.iter().copied().fold(1.0, f64::min);
             let sample = last.get(at, seed, || Sample::new(&of, finest))?;
-            let wanted = Settings { max_error: asked[setting / 2], method: [Method::Auto, Method::Samples][setting % 2], ..Settings::default() };
+            let wanted = Settings {
+                max_error: asked[setting / 2],
+                method: [Method::Auto, Method::Samples][setting % 2],
+                ..Settings::default()
+            };
             let (found, [_, seconds], predicted) = sample.picture(&of, wanted)?;
             Ok(Outcome { predicted: Some(predicted), ..outcome(&found, &sample.truth, seconds) })
         }),

@@ -162,7 +162,11 @@ pub(crate) fn two_passes(
     }
     if forced && !any {
         let remedy = "give a shape a table (diffraction type = \"table\") and the scene an environment, or choose the method auto";
-        return Err(Error::input("method", "is two-pass, which renders tables under environments, and the scene has none", remedy));
+        return Err(Error::input(
+            "method",
+            "is two-pass, which renders tables under environments, and the scene has none",
+            remedy,
+        ));
     }
     Ok(outcome)
 }
@@ -190,11 +194,7 @@ impl Work<'_> {
     }
 
     /// How the shape is rendered, and what was filtered for it; adds to the picture's error. None where it is not worth a try.
-    fn report(
-        &self,
-        error: &mut f64,
-        progress: &dyn Progress,
-    ) -> Result<Option<(EnvironmentReport, Option<TwoPass>)>> {
+    fn report(&self, error: &mut f64, progress: &dyn Progress) -> Result<Option<(EnvironmentReport, Option<TwoPass>)>> {
         let Some(count) = self.samples_at_place() else { return Ok(None) };
         let Some(Diffraction::Table(table)) = &self.ready.materials[self.ready.shapes[self.shape].material].diffraction
         else {
@@ -204,8 +204,13 @@ impl Work<'_> {
         progress.stage("measuring two passes", 1);
         let reference = self.reference(count, progress)?;
         let Some(mut best) = self.best(&curves, &reference, progress)? else {
-            let problem = format!("is two-pass, whose filtered environments of shape[{}] would not fit into 256 MiB", self.shape);
-            let refused = Error::input("method", problem, "choose the method auto or samples, or a scene with fewer environments");
+            let problem =
+                format!("is two-pass, whose filtered environments of shape[{}] would not fit into 256 MiB", self.shape);
+            let refused = Error::input(
+                "method",
+                problem,
+                "choose the method auto or samples, or a scene with fewer environments",
+            );
             return if self.forced() { Err(refused) } else { Ok(None) };
         };
         let kept = self.forced() || best.choice.left + best.cost / self.by_chance() <= 1.0 - GAIN;
@@ -232,7 +237,8 @@ impl Work<'_> {
 
     fn why(&self, best: &Tried, kept: bool) -> String {
         let Choice { error, left, looked_up, .. } = best.choice;
-        let source = if self.settings.rank.is_some() { "as asked for" } else { "as many as the error of the table needs" };
+        let source =
+            if self.settings.rank.is_some() { "as asked for" } else { "as many as the error of the table needs" };
         let asked = 100.0 * self.settings.max_error;
         match (kept, self.forced()) {
             (true, true) => format!("asked for; terms {source}"),
@@ -244,7 +250,10 @@ impl Work<'_> {
             ),
             (false, _) => {
                 let all = 100.0 * best.choice.error;
-                format!("two passes would be {all:.2} % off with {:.0} % of the shape looked up, and spare too few samples at {asked:.2} %", 100.0 * looked_up)
+                format!(
+                    "two passes would be {all:.2} % off with {:.0} % of the shape looked up, and spare too few samples at {asked:.2} %",
+                    100.0 * looked_up
+                )
             }
         }
     }
@@ -341,7 +350,8 @@ impl Work<'_> {
     fn choice(&self, reference: &Reference, filtered: &TwoPass) -> Choice {
         let count = reference.places.len() as f64;
         let square = |place: &Place| {
-            let found = self.ready.under_skies((&place.hit, self.shape), &place.seen, Some(filtered), &mut Stream::of(0));
+            let found =
+                self.ready.under_skies((&place.hit, self.shape), &place.seen, Some(filtered), &mut Stream::of(0));
             // The samples' own variance is no error of the passes. Where nothing was filtered, samples are taken.
             found.map_or(0.0, |found| (found - place.mean).powi(2) - place.variance)
         };
@@ -363,7 +373,8 @@ impl Work<'_> {
             // Samples go where noise is, in proportion to its deviation, and are to leave what two passes leave of the error.
             let rest = if all > 0.0 { (1.0 - deviations / all).max(0.0).powi(2) } else { 0.0 };
             let left = rest / (1.0 - (error / wanted).powi(2)).max(0.0);
-            let choice = Choice { least_cosine, looked_up, error, left: if last && error < wanted { 0.0 } else { left } };
+            let choice =
+                Choice { least_cosine, looked_up, error, left: if last && error < wanted { 0.0 } else { left } };
             if self.forced() && last || !self.forced() && error < wanted && choice.left < best.left {
                 best = choice;
             }

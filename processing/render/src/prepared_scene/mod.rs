@@ -257,8 +257,7 @@ impl PreparedScene {
     /// Whether the sky is seen from a place in a direction. A normal that is not the shape's may look below the shape's horizon; that counts as open.
     fn open(&self, hit: &Hit, towards: V3) -> bool {
         let start = above(hit);
-        hit.flat.dot(&towards) <= 0.0
-            || self.meet(&Ray { from: start, along: towards }, [0.0, f64::INFINITY]).is_none()
+        hit.flat.dot(&towards) <= 0.0 || self.meet(&Ray { from: start, along: towards }, [0.0, f64::INFINITY]).is_none()
     }
 
     /// What a shape reflects of the skies, if it is flat and made of a table and nothing hides the skies from it.

@@ -39,7 +39,8 @@ fn what_is_summed_up_is_what_is_drawn_by_chance() {
         let (summed, report) = render(&scene, dir.path(), &asked, &Silent).unwrap();
         assert!(report.materials["a"].method.contains("summed up once"), "{report:?}");
         assert!(report.predicted_model_error < 0.005, "{report:?}");
-        let (drawn, other) = render(&scene, dir.path(), &Settings { method: Method::Samples, ..asked }, &Silent).unwrap();
+        let (drawn, other) =
+            render(&scene, dir.path(), &Settings { method: Method::Samples, ..asked }, &Silent).unwrap();
         assert!(!other.materials["a"].method.contains("summed"), "{other:?}");
         let (mut square, mut light, mut sum, count) = (0.0, 0.0, 0.0, summed.pixels.len() as f64);
         for (a, b) in summed.pixels.iter().zip(&drawn.pixels) {

@@ -21,8 +21,7 @@ type V = nalgebra::Vector3<f64>;
 
 const PLANE: &str = "type = \"plane\"\nsize = [100, 100]\nup = [0.3, 1, 0]";
 const SPHERE: &str = "type = \"sphere\"\ncenter = [0, 0, 0]\nradius = 45\naxis = [0.4, 1, 0.2]";
-const CYLINDER: &str =
-    "type = \"cylinder\"\ncenter = [0, 0, -300]\naxis = [0, 1, 0]\nstart = [0, 0, 1]\nradius = 300\nlength = 90\narc_deg = [-10, 10]";
+const CYLINDER: &str = "type = \"cylinder\"\ncenter = [0, 0, -300]\naxis = [0, 1, 0]\nstart = [0, 0, 1]\nradius = 300\nlength = 90\narc_deg = [-10, 10]";
 const BOWL: &str = "type = \"mesh\"\nfile = \"bowl.obj\"";
 
 /// A shallow bowl of triangles, bent along both sides, with texture coordinates.
@@ -108,7 +107,9 @@ fn filtered_skies_approach_plain_sums_on_every_shape() {
     let dir = files();
     let coarse = Fineness { width: 96, poles: 16, tilts: 0.4 };
     let fine = Fineness { width: 128, poles: 32, tilts: 0.2 };
-    for (name, shape, limit) in [("plane", PLANE, 0.02), ("cylinder", CYLINDER, 0.03), ("bowl", BOWL, 0.03), ("sphere", SPHERE, 0.08)] {
+    for (name, shape, limit) in
+        [("plane", PLANE, 0.02), ("cylinder", CYLINDER, 0.03), ("bowl", BOWL, 0.03), ("sphere", SPHERE, 0.08)]
+    {
         for (turn, behind) in [(0.0, false), (37.0, true)] {
             let front = scene(shape, 32, "") + &format!("[turn]\nsample_deg = {turn}\n");
             let text = if behind && name != "sphere" { front.replace("90, 600]", "90, -600]") } else { front };
@@ -185,8 +186,7 @@ fn curves_of_a_folder_are_those_of_the_table() {
     let dir = files();
     let (lut, out) = (dir.path().join("lut.exr"), dir.path().join("curves"));
     let settings = factor::Settings { rank: Some(6), ..factor::Settings::default() };
-    let job =
-        factor::Job { table: &lut, environment: None, layer: None, out: &out, settings, overwrite: true };
+    let job = factor::Job { table: &lut, environment: None, layer: None, out: &out, settings, overwrite: true };
     factor::factor(&job, &Silent).unwrap();
     let asked = Settings { method: Method::TwoPass, rank: Some(6), max_error: 0.05, ..Settings::default() };
     let shape = PLANE.replace("[0.3, 1, 0]", "[0.3, 1, 0.1]\nnormal = [0, 0.1, 1]");
@@ -201,7 +201,9 @@ fn curves_of_a_folder_are_those_of_the_table() {
     assert!((first.environments[0].table_error - second.environments[0].table_error).abs() < 1e-3);
     // Fewer of them are more off.
     let (_, fewer) = picture(named, &Settings { rank: Some(1), ..asked.clone() }).unwrap();
-    assert!(fewer.environments[0].rank == [1] && fewer.environments[0].table_error > second.environments[0].table_error);
+    assert!(
+        fewer.environments[0].rank == [1] && fewer.environments[0].table_error > second.environments[0].table_error
+    );
 
     let refused = |words: &str| {
         let said = picture(named, &asked).unwrap_err().to_string();
@@ -213,9 +215,15 @@ fn curves_of_a_folder_are_those_of_the_table() {
         let number = |key: &str, shift: f64| {
             (key.to_owned(), Attribute::Text((whole.attributes[key].parse::<f64>().unwrap() + shift).to_string()))
         };
-        let attributes = [number("meridian_deg", 0.0), number("shear_deg", shift), number("reach_x", 0.0), number("reach_beta", 0.0)];
+        let attributes = [
+            number("meridian_deg", 0.0),
+            number("shear_deg", shift),
+            number("reach_x", 0.0),
+            number("reach_beta", 0.0),
+        ];
         let attributes: Vec<(&str, Attribute)> = attributes.iter().map(|(k, v)| (k.as_str(), v.clone())).collect();
-        write_exr(&out.join(name), size[0], size[1], &["R", "G", "B"], &attributes, &|_, _, row| row.fill(value)).unwrap();
+        write_exr(&out.join(name), size[0], size[1], &["R", "G", "B"], &attributes, &|_, _, row| row.fill(value))
+            .unwrap();
     };
     let size = [whole.width, whole.height];
     write("part-1-along.exr", size, 0.0, f32::NAN);

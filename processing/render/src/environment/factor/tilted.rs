@@ -73,7 +73,8 @@ impl Part {
         for i in 0..columns {
             let x = grid.x(i);
             for j in 0..rows {
-                let (rgb, gain) = inside(light(x, grid.beta(j) + grid.lean(x))).map_or(([0.0; 3], 0.0), |(h, g)| (value(h), g));
+                let (rgb, gain) =
+                    inside(light(x, grid.beta(j) + grid.lean(x))).map_or(([0.0; 3], 0.0), |(h, g)| (value(h), g));
                 (0..3).for_each(|k| kernel[k].push(rgb[k] * gain));
             }
         }

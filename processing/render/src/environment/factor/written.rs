@@ -66,7 +66,8 @@ fn part(paths: [&Path; 2], scale: [f64; 3]) -> Result<(Grid, [Vec<Term>; 3])> {
         // By the header, before anything is decoded.
         let [samples, rank] = size(path)?;
         if !(2..=MOST_SAMPLES).contains(&samples) || !(1..=MOST_RANK).contains(&rank) {
-            let problem = format!("has {rank} curves of {samples} samples; 1 to {MOST_RANK} of 2 to {MOST_SAMPLES} are expected");
+            let problem =
+                format!("has {rank} curves of {samples} samples; 1 to {MOST_RANK} of 2 to {MOST_SAMPLES} are expected");
             return Err(refuse(path, problem));
         }
         files.push(read_exr(path)?);

@@ -12,8 +12,8 @@
 mod filtered;
 mod poles;
 
-use crate::environment::factor::{Factors, MOST_RANK, Part};
 use crate::environment::Table as EvenTable;
+use crate::environment::factor::{Factors, MOST_RANK, Part};
 use crate::light::Sky;
 use crate::material::diffraction::table::Table;
 use crate::vector::V3;

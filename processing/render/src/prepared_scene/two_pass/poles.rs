@@ -35,8 +35,7 @@ impl Poles {
         }
         // Places between those that were looked at may need the next ones.
         let some = poles.needed.clone();
-        poles.needed =
-            (0..count).map(|k| some[k] || some[(k + 1) % count] || some[(k + count - 1) % count]).collect();
+        poles.needed = (0..count).map(|k| some[k] || some[(k + 1) % count] || some[(k + count - 1) % count]).collect();
         poles
     }
 
