@@ -147,7 +147,7 @@ fn scene(folder: &Path, look: &Look) -> Answer<Scene> {
         }
         Err(_) => {
             files::inside(folder, "lut.exr").map_err(|_| Problem::not_found("orientation or table in this result"))?;
-            (Diffraction::Table { file: "lut.exr".into(), albedo: 1.0, lossless: false }, [longer; 2])
+            (Diffraction::Table { file: "lut.exr".into(), albedo: 1.0, lossless: false, factors: None }, [longer; 2])
         }
     };
     let spectrum = look.spectrum.as_deref().unwrap_or("D65");

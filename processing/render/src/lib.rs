@@ -34,8 +34,8 @@ mod tests;
 
 pub use gallery::{GALLERY, gallery, gallery_scene, gallery_skin, scene_of_maps};
 pub use job::{
-    Glimpse, Options, Prediction, Report, SoFar, SpectralReport, check_folder, render, render_folder, render_watched,
-    work,
+    EnvironmentReport, Glimpse, Options, Prediction, Report, SoFar, SpectralReport, check_folder, render,
+    render_folder, render_watched, work,
 };
 pub use material::diffraction::grating::{BalancedOrder, BalancedOrders};
 pub use material::{Notes, SAMPLES};
@@ -45,4 +45,4 @@ pub use picture::{
 pub use scene::{
     Base, Blend, Camera, Color, Diffraction, Light, Material, Relief, Scene, Shape, Spectrum, Turn, Value,
 };
-pub use settings::Settings;
+pub use settings::{Method, Settings};

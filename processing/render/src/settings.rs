@@ -1,10 +1,25 @@
 //! Settings of a rendering.
 
+use crate::environment::factor::MOST_RANK;
 use nacre_base::{Error, Result};
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// Most samples of a pixel that may be asked for.
 pub(crate) const MOST_SAMPLES: usize = 1 << 20;
+
+/// How tables over half vectors are rendered under environments.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// The cheapest method that meets the error: one correlation for a flat sample, two passes, or samples.
+    #[default]
+    Auto,
+    /// Samples of the environment and of the table, by Monte Carlo.
+    Samples,
+    /// Lookups in environments that two passes filter (2017 CVMP and TOG papers).
+    TwoPass,
+}
 
 /// Settings of a rendering.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,8 +40,10 @@ pub struct Settings {
     pub gpu: bool,
     /// Distance of spectral bands in nm (1 to 100); none for colours only.
     pub spectral_nm: Option<f64>,
-    /// Sample environments by Monte Carlo even where a sum over all directions is cheaper.
-    pub by_chance: bool,
+    /// How tables are rendered under environments.
+    pub method: Method,
+    /// Most terms per channel and part of a table that two passes take (1 to 96); none for as many as the error needs.
+    pub rank: Option<usize>,
 }
 
 impl Default for Settings {
@@ -40,7 +57,8 @@ impl Default for Settings {
             check: false,
             gpu: false,
             spectral_nm: None,
-            by_chance: false,
+            method: Method::Auto,
+            rank: None,
         }
     }
 }
@@ -61,6 +79,17 @@ impl Settings {
         }
         if self.wavelengths.is_some_and(|n| !(3..=10_000).contains(&n)) {
             return Err(Error::input("wavelengths", "are too few or too many", "give 3 to 10000, or leave them out"));
+        }
+        if let Some(rank) = self.rank.filter(|r| !(1..=MOST_RANK).contains(r)) {
+            return Err(Error::input("rank", format!("is {rank}"), format!("give 1 to {MOST_RANK} terms")));
+        }
+        if self.rank.is_some() && self.method == Method::Samples {
+            let remedy = "leave the rank out, or choose the method two-pass or auto";
+            return Err(Error::input("rank", "is of two passes, which the method samples does not take", remedy));
+        }
+        if self.gpu && self.method == Method::TwoPass {
+            let remedy = "leave out --gpu, or the method";
+            return Err(Error::input("gpu", "does not render two passes, which the processor does", remedy));
         }
         if self.resume && self.keep.is_none() {
             return Err(Error::input("resume", "needs a file that was kept", "add --keep FILE.exr"));

@@ -10,6 +10,7 @@ mod photographs;
 mod render;
 pub mod spots;
 mod surface;
+mod two_pass;
 
 use nacre_polarimetry::{Align, Model, Oblique, Options};
 use nacre_sim::BenchConfig;
@@ -27,6 +28,7 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     all.extend(flash::studies(effort));
     all.extend(environment::studies(effort));
     all.extend(render::studies(effort));
+    all.push(two_pass::study(effort));
     all.extend(maxwell::studies(effort));
     all
 }

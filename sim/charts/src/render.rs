@@ -4,7 +4,7 @@ use super::environment::Last;
 use nacre_base::progress::Silent;
 use nacre_base::{Error, Result};
 use nacre_image::{Attribute, write_exr};
-use nacre_render::{Picture, Scene, Settings, render};
+use nacre_render::{Method, Picture, Scene, Settings, render};
 use nacre_sim::random::{key, uniform};
 use nacre_studies::{Axis, Effort, Outcome, Scene as Stress, Setting, Study};
 use std::f64::consts::PI;
@@ -45,7 +45,7 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
     vec![wavelengths(effort), distance(effort), summed(effort)]
 }
 
-fn broken(what: &str, why: impl std::fmt::Display) -> Error {
+pub(super) fn broken(what: &str, why: impl std::fmt::Display) -> Error {
     Error::input(what, why, "report this")
 }
 
@@ -77,7 +77,7 @@ impl Sample {
             }
         })?;
         let mut sample = Self { folder, truth: Picture::default() };
-        let exact = Settings { max_error: asked / TRUTH, by_chance: true, ..Settings::default() };
+        let exact = Settings { max_error: asked / TRUTH, method: Method::Samples, ..Settings::default() };
         sample.truth = sample.picture(scene, exact)?.0;
         Ok(sample)
     }
@@ -109,7 +109,7 @@ fn off(found: &Picture, truth: &Picture) -> f64 {
     (square / count).sqrt() / (sum / count).max(f64::MIN_POSITIVE)
 }
 
-fn outcome(found: &Picture, truth: &Picture, seconds: f64) -> Outcome {
+pub(super) fn outcome(found: &Picture, truth: &Picture, seconds: f64) -> Outcome {
     Outcome { error: Some(off(found, truth)), seconds, masked: 0.0, wrong: 0.0, predicted: None }
 }
 
@@ -234,7 +234,11 @@ fn summed(effort: Effort) -> Study {
             let of = toml::from_str(&text).map_err(|e| broken("scene", e))?;
             let finest = asked.iter().copied().fold(1.0, f64::min);
             let sample = last.get(at, seed, || Sample::new(&of, finest))?;
-            let wanted = Settings { max_error: asked[setting / 2], by_chance: setting % 2 == 1, ..Settings::default() };
+            let wanted = Settings {
+                max_error: asked[setting / 2],
+                method: [Method::Auto, Method::Samples][setting % 2],
+                ..Settings::default()
+            };
             let (found, [_, seconds], predicted) = sample.picture(&of, wanted)?;
             Ok(Outcome { predicted: Some(predicted), ..outcome(&found, &sample.truth, seconds) })
         }),

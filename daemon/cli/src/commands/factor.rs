@@ -20,7 +20,7 @@ Examples:
 Takes the lut.exr of `nacre reconstruct lut`, finds the two main directions of the pattern, straightens it and splits it into sums of
 products of two curves, with which two passes over a lat-long environment make what the surface reflects. Writes the curves
 (part-N-across.exr, part-N-along.exr), factors.png (the table, and beside it the sum of its terms) and report.json, which says whether the
-table separates at all, and what to use if not.")]
+table separates at all, and what to use if not. `nacre render` takes the folder as `factors` of a material's table (nacre schema scene).")]
 pub struct Args {
     /// The table.
     table: PathBuf,

@@ -7,7 +7,7 @@ use nacre_brdf::height::{self, Scale};
 use nacre_capture::Failure;
 use nacre_image::OutputFolder;
 use nacre_render::{
-    Report, Scene, Settings, exposure, gallery, gallery_scene, gallery_skin, render, write_picture, write_png,
+    Method, Report, Scene, Settings, exposure, gallery, gallery_scene, gallery_skin, render, write_picture, write_png,
 };
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -21,6 +21,7 @@ Examples:
   nacre render foil.toml --out foil.exr --keep foil.state.exr          Ctrl-C, and later the same with --resume
   nacre render foil.toml --out turning --frames 36 --turn light       a folder of 36 pictures
   nacre render cd.toml --out cd.exr --spectral 10                      with 41 bands from 380 to 780 nm
+  nacre render phone.toml --out phone.exr --method two-pass --rank 3   a table in a room, by filtered environments
   nacre render --gallery gallery                                       scenes to start from, rendered
   nacre render --gallery gallery --scenes cd,cd-room                   only these
   nacre render --gallery gallery --skin elaphe.png --pixel-um 0.08 --range-um 0.43
@@ -101,12 +102,29 @@ pub struct Args {
     /// A spectrum per pixel too, in bands so far apart (1 to 100 nm): channels S0.550,000000nm and so on of the EXR.
     #[arg(long, value_name = "NM", conflicts_with_all = ["keep", "frames", "gallery", "gpu"])]
     spectral: Option<f64>,
-    /// Draw light of environments by chance even where it could be summed up once for all pixels, to compare.
-    #[arg(long)]
+    /// How tables (lut.exr) are rendered under environments.
+    #[arg(long, value_enum, default_value_t = MethodArg::Auto)]
+    method: MethodArg,
+    /// Most terms per channel and part of a table that two passes take (1 to 96), instead of as many as the error needs.
+    #[arg(long, value_name = "R")]
+    rank: Option<usize>,
+    /// The same as --method samples.
+    #[arg(long, conflicts_with = "method")]
     by_chance: bool,
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
+}
+
+/// Methods of rendering tables under environments.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum MethodArg {
+    /// The cheapest that meets --max-error: a correlation on a flat sample, two passes, or samples.
+    Auto,
+    /// Samples of environment and table, by Monte Carlo.
+    Samples,
+    /// Lookups in environments that two passes filter, at any error, which is measured. The curves are those of the scene's `factors`, or computed.
+    TwoPass,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -157,13 +175,22 @@ impl Args {
             check: self.check,
             gpu: self.gpu,
             spectral_nm: self.spectral,
-            by_chance: self.by_chance,
+            method: match self.method {
+                _ if self.by_chance => Method::Samples,
+                MethodArg::Auto => Method::Auto,
+                MethodArg::Samples => Method::Samples,
+                MethodArg::TwoPass => Method::TwoPass,
+            },
+            rank: self.rank,
         }
     }
 
-    /// Fails where the noise is larger than asked for.
-    fn judge(&self, noise: f64) -> Result<(), Failure> {
+    /// Fails where the noise, or the error of two passes, is larger than asked for.
+    fn judge(&self, (noise, two_passes): (f64, f64)) -> Result<(), Failure> {
         match self.max_error {
+            Some(wanted) if two_passes > wanted => Err(Failure::Bound(format!(
+                "two passes are off by {two_passes:.2e} of the mean (measured), more than the {wanted} asked for: leave out --method, or allow a larger --max-error"
+            ))),
             Some(wanted) if noise > wanted => Err(Failure::Bound(format!(
                 "the noise is {noise:.2e} of the mean, more than the {wanted} asked for: allow more --samples"
             ))),
@@ -180,7 +207,7 @@ fn single(args: &Args, scene: &Scene, folder: &Path, out: &Path, console: &Conso
     write_png(&png, &picture, scene.exposure.unwrap_or_else(|| exposure(&picture)))?;
     report.files = vec![out.to_path_buf(), png];
     console.result(&summary(&report), &report);
-    args.judge(report.noise)
+    args.judge((report.noise, two_passes(&report)))
 }
 
 /// Pictures of a full turn, in a folder, all of the first one's exposure.
@@ -199,7 +226,7 @@ fn animation(
         return Err(Error::input("keep", "is for one picture", "leave it out").into());
     }
     let target = OutputFolder::begin(out, args.force)?;
-    let (start, mut reports, mut noise) = (scene.turn, vec![], 0.0_f64);
+    let (start, mut reports, mut worst) = (scene.turn, vec![], (0.0_f64, 0.0_f64));
     for k in 0..frames {
         let turn = 360.0 * k as f64 / frames as f64;
         scene.turn = start;
@@ -213,14 +240,15 @@ fn animation(
         write_picture(&target.path(&name("exr")), &picture)?;
         let shown = *scene.exposure.get_or_insert_with(|| exposure(&picture));
         write_png(&target.path(&name("png")), &picture, shown)?;
-        noise = noise.max(report.noise);
+        worst = (worst.0.max(report.noise), worst.1.max(two_passes(&report)));
         reports.push(report);
     }
     target.write_json("report.json", &reports)?;
     target.commit()?;
+    let noise = worst.0;
     let text = format!("frames    {frames} in {}\nquality   noise {noise:.2e} of the mean or less", out.display());
     console.result(&text, &reports);
-    args.judge(noise)
+    args.judge(worst)
 }
 
 fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), Failure> {
@@ -239,7 +267,7 @@ fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), F
         }
         args.scenes.clone()
     };
-    let (mut reports, mut text, mut noise) = (vec![], String::new(), 0.0_f64);
+    let (mut reports, mut text, mut worst) = (vec![], String::new(), (0.0_f64, 0.0_f64));
     for name in scenes {
         let path = target.path(&format!("{name}.toml"));
         let scene = Scene::read(&path)?;
@@ -249,14 +277,20 @@ fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), F
         write_png(&target.path(&format!("{name}.png")), &picture, shown)?;
         let _ =
             writeln!(text, "{name:24} {} samples, noise {:.2e}, {:.1} s", report.samples, report.noise, report.seconds);
-        noise = noise.max(report.noise);
+        worst = (worst.0.max(report.noise), worst.1.max(two_passes(&report)));
         reports.push(serde_json::json!({ "scene": name, "report": report }));
     }
     target.write_json("report.json", &reports)?;
     target.commit()?;
     let _ = write!(text, "results   {}", folder.display());
     console.result(&text, &reports);
-    args.judge(noise)
+    args.judge(worst)
+}
+
+/// Error of all shapes that two passes render.
+fn two_passes(report: &Report) -> f64 {
+    let used = report.environments.iter().filter(|e| e.method == "two-pass");
+    used.map(|e| e.measured_error).fold(0.0, f64::hypot)
 }
 
 /// The report in a few lines.
@@ -266,6 +300,22 @@ fn summary(report: &Report) -> String {
         format!("picture   {width} × {height} pixels, {} samples each, on {}", report.samples, report.device);
     for (name, notes) in &report.materials {
         let _ = write!(text, "\nmaterial  {name}: {}", notes.method);
+    }
+    for e in &report.environments {
+        let _ = write!(text, "\nmethod    {}: {} ({})", e.shape, e.method, e.why);
+        if e.method == "two-pass" {
+            let rank: Vec<String> = e.rank.iter().map(ToString::to_string).collect();
+            let [width, height] = e.environment;
+            let _ = write!(
+                text,
+                "\n          rank {} ({:.2} % left out of the table), {} environments of {width} × {height}, views up to {:.0}°; error {:.2e} of the mean (measured)",
+                rank.join(" + "),
+                100.0 * e.table_error,
+                e.poles,
+                e.up_to_deg,
+                e.measured_error
+            );
+        }
     }
     let p = &report.predicted;
     let _ = write!(text, "\nquality   noise {:.2e} of the mean ({:.2e} expected)", report.noise, p.noise);

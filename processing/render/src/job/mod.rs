@@ -5,10 +5,12 @@ mod folder;
 mod report;
 mod spectral;
 mod sums;
+mod two_pass;
 
 pub use folder::{Glimpse, Options, check_folder, render_folder, work};
 pub use report::{Prediction, Report, SoFar};
 pub use spectral::SpectralReport;
+pub use two_pass::EnvironmentReport;
 
 use crate::gpu::{self, Card};
 use crate::material::{SAMPLES, WELL_SPREAD};
@@ -73,7 +75,8 @@ pub fn render_watched(
         Some(card) => first_passes(card, &mut picture, most, progress)?,
         None => sums.pilot(settings, most, progress)?,
     };
-    if card.is_none() && picture.passes == 0 && pilot.passes(settings.max_error, most) >= MANY / SAMPLES {
+    let wanted = sums.noise(settings.max_error);
+    if card.is_none() && picture.passes == 0 && pilot.passes(wanted, most) >= MANY / SAMPLES {
         picture.pass_samples = WELL_SPREAD;
     }
     most = (settings.samples / picture.pass_samples).max(1);
@@ -82,17 +85,17 @@ pub fn render_watched(
     let passing = Instant::now();
     let (mut kept, first) = (Instant::now(), picture.passes);
     if card.is_none() {
-        pilot = own_first_passes(ready, &mut picture, pilot, (settings.max_error, most), progress, watch)?;
+        pilot = own_first_passes(ready, &mut picture, pilot, (wanted, most), progress, watch)?;
     }
     let mut noise = picture.error();
-    let passes = pilot.passes(settings.max_error, most);
+    let passes = pilot.passes(wanted, most);
     let predicted = Prediction {
         passes,
         noise: pilot.noise(passes),
         seconds: pilot.seconds_of_a_pass * passes.saturating_sub(first) as f64,
     };
     progress.stage("passes", passes.saturating_sub(picture.passes) as u64);
-    while !picture.is_enough(most, settings.max_error) {
+    while !picture.is_enough(most, wanted) {
         match &mut card {
             Some(card) => on_card(card, &mut picture, progress)?,
             None => picture.add(ready, progress)?,
@@ -101,7 +104,7 @@ pub fn render_watched(
         noise = picture.error();
         let of = match picture.passes < 2 * FEWEST {
             true => passes.max(picture.passes),
-            false => expected(&picture, noise, settings.max_error, most),
+            false => expected(&picture, noise, wanted, most),
         };
         let pace = passing.elapsed().as_secs_f64() / (picture.passes - first) as f64;
         let seconds_left = pace * of.saturating_sub(picture.passes) as f64;
@@ -117,6 +120,7 @@ pub fn render_watched(
     let mut warnings = ready.warnings.clone();
     warnings.extend(refused);
     warnings.extend(sums.warning());
+    warnings.extend(sums.two_pass_warning(settings.max_error));
     if picture.pixels.iter().all(|p| p.luminance <= 0.0) {
         warnings.push("nothing is lit".into());
     }
@@ -135,11 +139,12 @@ pub fn render_watched(
         size,
         samples: picture.samples(),
         noise: if picture.passes > 1 { noise } else { predicted.noise },
-        predicted_model_error: sums.error,
+        predicted_model_error: sums.error.hypot(sums.two_pass),
         measured_model_error: measured,
         spectral,
         predicted,
         materials,
+        environments: sums.environments,
         warnings,
         assumptions: ASSUMPTIONS.to_vec(),
         seconds: begun.elapsed().as_secs_f64(),

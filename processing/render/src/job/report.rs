@@ -1,6 +1,7 @@
 //! Reports: the prediction, the progress and the result of a rendering.
 
 use super::spectral::SpectralReport;
+use super::two_pass::EnvironmentReport;
 use crate::material::Notes;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
@@ -43,6 +44,9 @@ pub struct Report {
     pub predicted: Prediction,
     /// How each material is computed.
     pub materials: BTreeMap<String, Notes>,
+    /// Shapes whose tables two passes render under environments, or would.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub environments: Vec<EnvironmentReport>,
     /// Warnings.
     pub warnings: Vec<String>,
     /// Assumptions of the model.

@@ -4,12 +4,13 @@
 //! that there is, or lobes under an environment, where it is next to nothing; so sums are compared with finer ones where they are looked at.
 
 use super::flats;
+use super::two_pass::{self, EnvironmentReport};
 use crate::material::SAMPLES;
 use crate::material::shading::Accuracy;
 use crate::picture::{Pilot, compared};
 use crate::prepared_scene::PreparedScene;
 use crate::scene::Scene;
-use crate::settings::{MOST_SAMPLES, Settings};
+use crate::settings::{MOST_SAMPLES, Method, Settings};
 use nacre_base::Result;
 use nacre_base::progress::Progress;
 use std::path::Path;
@@ -39,6 +40,10 @@ pub(crate) struct Sums {
     pub error: f64,
     /// What they were allowed.
     pub allowed: f64,
+    /// Measured error of two passes, as that of the sums; 0 without them.
+    pub two_pass: f64,
+    /// How tables are rendered under environments.
+    pub environments: Vec<EnvironmentReport>,
 }
 
 impl Sums {
@@ -53,18 +58,28 @@ impl Sums {
         let mut coarse = PreparedScene::new(scene, folder, accuracy, progress)?;
         for left in (0..TRIES).rev() {
             if !coarse.sums() {
-                return Ok(Self { ready: coarse, error: 0.0, allowed });
+                return Ok(Self::of(coarse, 0.0, allowed));
             }
             let accuracy = Accuracy::new(asked * FINER, None);
             let fine = PreparedScene::like(Some(&coarse), scene, folder, accuracy, progress)?;
             let error = compared(&coarse, &fine, LOOKED_AT, progress)?;
             // What is dark may be a flank that neither has followed so far.
             if error.is_some_and(|e| e <= allowed) || left == 0 || settings.wavelengths.is_some() {
-                return Ok(Self { ready: coarse, error: error.unwrap_or(0.0), allowed });
+                return Ok(Self::of(coarse, error.unwrap_or(0.0), allowed));
             }
             (coarse, asked) = (fine, asked * FINER);
         }
-        Ok(Self { ready: coarse, error: f64::NAN, allowed })
+        Ok(Self::of(coarse, f64::NAN, allowed))
+    }
+
+    fn of(ready: PreparedScene, error: f64, allowed: f64) -> Self {
+        Self { ready, error, allowed, two_pass: 0.0, environments: vec![] }
+    }
+
+    /// Noise that passes may leave: what two passes leave of the error asked for, or that error where they leave nothing of it.
+    pub(crate) fn noise(&self, wanted: f64) -> f64 {
+        let left = wanted * wanted - self.two_pass * self.two_pass;
+        if left > 0.0 { left.sqrt() } else { wanted }
     }
 
     /// The pilot of the picture. Flat samples are summed up first if that takes less time than the samples that reach the error asked for, whether or not
@@ -74,18 +89,24 @@ impl Sums {
     /// `Cancelled`.
     pub(crate) fn pilot(&mut self, settings: &Settings, most: usize, progress: &dyn Progress) -> Result<Pilot> {
         let pilot = Pilot::new(&self.ready, progress)?;
-        if settings.by_chance {
+        if settings.method == Method::Samples {
             return Ok(pilot);
         }
         let passes = pilot.passes(settings.max_error, MOST_SAMPLES / SAMPLES);
         // Where samples do not suffice, what is summed up may be off by more, as long as it is off by less than they.
         let left = pilot.noise(pilot.passes(settings.max_error, most));
         let better = if left > settings.max_error { BETTER * left } else { 0.0 };
-        let Some(error) = flats::sum_up(&mut self.ready, &pilot, passes, (self.allowed, better), progress)? else {
-            return Ok(pilot);
-        };
-        self.error = self.error.hypot(error);
-        Pilot::new(&self.ready, progress)
+        let mut changed = false;
+        if settings.method == Method::Auto
+            && let Some(error) = flats::sum_up(&mut self.ready, &pilot, passes, (self.allowed, better), progress)?
+        {
+            self.error = self.error.hypot(error);
+            changed = true;
+        }
+        let found = two_pass::two_passes(&mut self.ready, &pilot, passes, settings, progress)?;
+        changed |= self.ready.two_passes.iter().any(Option::is_some);
+        (self.two_pass, self.environments) = (found.error, found.reports);
+        if changed { Pilot::new(&self.ready, progress) } else { Ok(pilot) }
     }
 
     /// The same error, against much finer sums of more pixels.
@@ -96,7 +117,20 @@ impl Sums {
         let accuracy = Accuracy::new(CHECK * self.ready.accuracy.error, None);
         let mut fine = PreparedScene::like(Some(&self.ready), scene, folder, accuracy, progress)?;
         flats::sum_up_finer(&mut fine, &self.ready, progress)?;
-        Ok(compared(&self.ready, &fine, CHECKED, progress)?.unwrap_or(0.0))
+        // Two passes were measured already; samples in their place would count as an error.
+        fine.two_passes.clone_from(&self.ready.two_passes);
+        Ok(compared(&self.ready, &fine, CHECKED, progress)?.unwrap_or(0.0).hypot(self.two_pass))
+    }
+
+    /// What to know of two passes that miss the error asked for.
+    pub(crate) fn two_pass_warning(&self, wanted: f64) -> Option<String> {
+        (self.two_pass > wanted).then(|| {
+            format!(
+                "two passes are off by {:.2} % (measured), {:.2} % are asked for: choose the method auto or samples, or allow a larger error",
+                100.0 * self.two_pass,
+                100.0 * wanted
+            )
+        })
     }
 
     /// What to know of them.

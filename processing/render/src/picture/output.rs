@@ -4,7 +4,7 @@ use crate::material::{SAMPLES, WELL_SPREAD};
 use crate::picture::Picture;
 use crate::picture::pixel::Pixel;
 use crate::scene::Scene;
-use crate::settings::Settings;
+use crate::settings::{Method, Settings};
 use nacre_base::{Error, Result};
 use nacre_image::{Attribute, encode_png8, read_exr, rewrite, write_exr, write_whole, write_whole_with};
 use nacre_optics::color::{displayed_codes, xyz_of_linear_srgb};
@@ -104,7 +104,10 @@ pub fn read_picture(path: &Path) -> Result<Picture> {
 /// What tells a scene and its accuracy from others.
 pub(crate) fn digest(scene: &Scene, settings: &Settings) -> String {
     // FNV-1a; it is to tell a changed scene, not an attacker's.
-    let text = serde_json::to_string(&(scene, settings.max_error, settings.wavelengths)).unwrap_or_default();
+    let mut text = serde_json::to_string(&(scene, settings.max_error, settings.wavelengths)).unwrap_or_default();
+    if (settings.method, settings.rank) != (Method::Auto, None) {
+        text += &serde_json::to_string(&(settings.method, settings.rank)).unwrap_or_default();
+    }
     let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
     format!("{hash:016x}")
 }

@@ -20,6 +20,8 @@ pub(crate) struct Pilot {
     pixels: Vec<Weighed>,
     /// Part of them that has light.
     lit: f64,
+    /// Mean luminance.
+    pub mean: f64,
     /// Whether all pixels get the same.
     even: bool,
     /// Seconds of a round.
@@ -94,7 +96,7 @@ impl Pilot {
             .collect();
         weighed.reverse();
         let lit = pixels.iter().filter(|p| p.luminance > 0.0).count() as f64 / count;
-        Self { pixels: weighed, lit, even, seconds_of_a_pass }
+        Self { pixels: weighed, lit, mean, even, seconds_of_a_pass }
     }
 
     /// Pixels of a picture of this size that have light, about.

@@ -2,6 +2,7 @@
 
 pub(crate) mod camera;
 pub(crate) mod flat;
+pub(crate) mod two_pass;
 
 use crate::light::spectrum::Upsampling;
 use crate::light::viewer::{Bands, Viewer};
@@ -23,6 +24,8 @@ use nacre_image::budget::Operation;
 use nacre_image::{Depth, Info};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
+use two_pass::{Seen, TwoPass};
 
 /// Most shapes, and most lights, of a scene.
 const MOST_THINGS: usize = 1000;
@@ -39,6 +42,8 @@ pub(crate) struct PreparedScene {
     pub skies: Vec<Sky>,
     /// What shapes reflect of the skies, where it has been summed up.
     pub flats: Vec<Option<Flat>>,
+    /// Filtered skies of shapes that two passes render.
+    pub two_passes: Vec<Option<Arc<TwoPass>>>,
     pub accuracy: Accuracy,
     pub viewer: Viewer,
     /// How each material is computed.
@@ -141,7 +146,8 @@ impl PreparedScene {
             warnings.push("there is no light".into());
         }
         let flats = shapes.iter().map(|_| None).collect();
-        Ok(Self { camera, shapes, materials, lamps, skies, flats, accuracy, viewer, notes, warnings })
+        let two_passes = vec![None; shapes.len()];
+        Ok(Self { camera, shapes, materials, lamps, skies, flats, two_passes, accuracy, viewer, notes, warnings })
     }
 
     /// Renders three bands of the spectrum from now on.
@@ -196,6 +202,64 @@ impl PreparedScene {
         (0..VIEWED * VIEWED).filter_map(view).collect()
     }
 
+    /// Where the rays of `side` × `side` places of the picture meet a shape, with their numbers.
+    pub(crate) fn places_of(&self, shape: usize, side: usize) -> Vec<(usize, Hit)> {
+        let [width, height] = self.camera.size.map(|n| n as f64);
+        let at = |k: usize, n: f64| (k as f64 + 0.5) / side as f64 * n;
+        let place = |k: usize| {
+            let ray = self.camera.ray([at(k % side, width), at(k / side, height)], [0.0; 2]);
+            let (hit, met) = self.meet(&ray, [0.0, f64::INFINITY])?;
+            (met == shape).then_some((k, hit))
+        };
+        (0..side * side).filter_map(place).collect()
+    }
+
+    /// The frame in which a place is shaded, and the direction towards the camera's middle.
+    pub(crate) fn seen(&self, hit: &Hit, shape: usize) -> Seen {
+        let towards = (self.camera.at - hit.point).normalize();
+        (self.shading_frame(hit, shape, towards), towards)
+    }
+
+    fn shading_frame(&self, hit: &Hit, shape: usize, towards: V3) -> [V3; 3] {
+        match self.materials[self.shapes[shape].material].normal(hit.uv) {
+            Some(normal) => bent(&hit.frame, normal, towards),
+            None => hit.frame,
+        }
+    }
+
+    /// Luminance that a shape's table reflects of the skies at a place, by filtered skies or, without them, by one sample of each. None for other
+    /// materials, and where nothing was filtered.
+    pub(crate) fn under_skies(
+        &self,
+        (hit, shape): (&Hit, usize),
+        seen: &Seen,
+        filtered: Option<&TwoPass>,
+        random: &mut Stream,
+    ) -> Option<f64> {
+        let material = &self.materials[self.shapes[shape].material];
+        let Some(top @ Diffraction::Table(_)) = &material.diffraction else { return None };
+        let [covered] = material.coverage.at(hit.uv);
+        let (frame, towards) = seen;
+        let place = Place { uv: hit.uv, view: frame.map(|f| f.dot(towards)) };
+        let open = |towards: V3| self.open(hit, towards);
+        let mut sum = 0.0;
+        for (k, sky) in self.skies.iter().enumerate() {
+            let summed = match filtered {
+                Some(filtered) => Some(filtered.at(k, seen)?),
+                None => None,
+            };
+            let above = Above { sky, frame, open: &open, summed };
+            sum += covered * top.under(&place, &above, random, &self.accuracy, &mut Memory::default())[1];
+        }
+        Some(sum)
+    }
+
+    /// Whether the sky is seen from a place in a direction. A normal that is not the shape's may look below the shape's horizon; that counts as open.
+    fn open(&self, hit: &Hit, towards: V3) -> bool {
+        let start = above(hit);
+        hit.flat.dot(&towards) <= 0.0 || self.meet(&Ray { from: start, along: towards }, [0.0, f64::INFINITY]).is_none()
+    }
+
     /// What a shape reflects of the skies, if it is flat and made of a table and nothing hides the skies from it.
     ///
     /// # Errors
@@ -242,14 +306,10 @@ impl PreparedScene {
     fn reflected(&self, hit: &Hit, shape: usize, towards: V3, random: &mut Stream, memory: &mut Memory) -> [f64; 3] {
         let material = &self.materials[self.shapes[shape].material];
         let flat = self.flats[shape].as_ref().filter(|flat| flat.is_of(hit));
-        let frame = match material.normal(hit.uv) {
-            Some(normal) => bent(&hit.frame, normal, towards),
-            None => hit.frame,
-        };
+        let frame = self.shading_frame(hit, shape, towards);
         let local = |v: V3| frame.map(|f| f.dot(&v));
         let place = Place { uv: hit.uv, view: local(towards) };
-        // A little off the surface, so that it does not shade itself.
-        let start = hit.point + hit.flat * (1e-7 * (1.0 + hit.t));
+        let start = above(hit);
         let free = |towards: V3, distance: f64| {
             hit.flat.dot(&towards) > 0.0 && self.meet(&Ray { from: start, along: towards }, [0.0, distance]).is_none()
         };
@@ -270,17 +330,23 @@ impl PreparedScene {
             });
         }
         for (k, sky) in self.skies.iter().enumerate() {
-            // A normal that is not the shape's may look below the shape's horizon; that counts as open.
-            let open = |towards: V3| {
-                hit.flat.dot(&towards) <= 0.0
-                    || self.meet(&Ray { from: start, along: towards }, [0.0, f64::INFINITY]).is_none()
+            let open = |towards: V3| self.open(hit, towards);
+            let summed = match (flat, &self.two_passes[shape]) {
+                (Some(flat), _) => Some(flat.at(k, place.view)),
+                (None, Some(filtered)) => filtered.at(k, &(frame, towards)),
+                (None, None) => None,
             };
-            let above = Above { sky, frame: &frame, open: &open, summed: flat.map(|flat| flat.at(k, place.view)) };
+            let above = Above { sky, frame: &frame, open: &open, summed };
             let part = material.under(&place, &above, random, &self.accuracy, memory);
             (0..3).for_each(|c| sum[c] += part[c]);
         }
         sum
     }
+}
+
+/// A little off the surface, so that it does not shade itself.
+fn above(hit: &Hit) -> V3 {
+    hit.point + hit.flat * (1e-7 * (1.0 + hit.t))
 }
 
 /// A frame whose normal has these components in another frame, turned back until it is seen.

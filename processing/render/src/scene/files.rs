@@ -82,7 +82,13 @@ fn of_material<'a>(key: &str, material: &'a Material, files: &mut Vec<(String, &
     }
     match diffraction {
         Some(Diffraction::Grating { maps: Some(file), .. }) => add("diffraction.maps", file),
-        Some(Diffraction::Table { file, .. } | Diffraction::Heightfield { file, .. }) => add("diffraction.file", file),
+        Some(Diffraction::Table { file, factors, .. }) => {
+            add("diffraction.file", file);
+            if let Some(folder) = factors {
+                add("diffraction.factors", folder);
+            }
+        }
+        Some(Diffraction::Heightfield { file, .. }) => add("diffraction.file", file),
         Some(
             Diffraction::Grating { maps: None, .. }
             | Diffraction::Cd { .. }

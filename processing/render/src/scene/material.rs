@@ -204,6 +204,9 @@ pub enum Diffraction {
         /// Give back all light at every direction of view and in every channel.
         #[serde(default)]
         lossless: bool,
+        /// Folder that `nacre factor` wrote of this table, whose curves `--method two-pass` and `auto` take; without it the table is factored when needed.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        factors: Option<PathBuf>,
     },
     /// A measured height field (image, EXR or text, as for `nacre brdf map`).
     Heightfield {

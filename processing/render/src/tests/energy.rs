@@ -89,7 +89,7 @@ fn lossless_is_white(dir: &Path, material: &str, samples: usize, allowed: f64) {
     for (angle, azimuth) in [(0.0, 0.0), (40.0, 0.0), (65.0, 70.0)] {
         let text = plane(angle, azimuth, &format!("{material}{SKY}"));
         // By chance: summed up, a table would be divided by the same sum.
-        let found = mean(&picture(&text, dir, &Settings { by_chance: true, ..settings(samples, 1e-4) }));
+        let found = mean(&picture(&text, dir, &Settings { method: Method::Samples, ..settings(samples, 1e-4) }));
         let white = luminance(found);
         assert!((white - 1.0).abs() < 0.005, "{angle} {azimuth}: {white} {found:?}\n{material}");
         assert!(found.iter().all(|v| (v - 1.0).abs() < allowed), "{angle} {azimuth}: {found:?}\n{material}");

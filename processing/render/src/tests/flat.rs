@@ -39,7 +39,8 @@ fn what_is_summed_up_is_what_is_drawn_by_chance() {
         let (summed, report) = render(&scene, dir.path(), &asked, &Silent).unwrap();
         assert!(report.materials["a"].method.contains("summed up once"), "{report:?}");
         assert!(report.predicted_model_error < 0.005, "{report:?}");
-        let (drawn, other) = render(&scene, dir.path(), &Settings { by_chance: true, ..asked }, &Silent).unwrap();
+        let (drawn, other) =
+            render(&scene, dir.path(), &Settings { method: Method::Samples, ..asked }, &Silent).unwrap();
         assert!(!other.materials["a"].method.contains("summed"), "{other:?}");
         let (mut square, mut light, mut sum, count) = (0.0, 0.0, 0.0, summed.pixels.len() as f64);
         for (a, b) in summed.pixels.iter().zip(&drawn.pixels) {
@@ -85,7 +86,7 @@ fn the_error_decides_the_method_not_the_sample_limit() {
     let scene = Scene::parse(&lit([-300.0, 100.0, 350.0], "")).unwrap();
     let asked = settings(64, 0.02);
     let (_, report) = render(&scene, dir.path(), &asked, &Silent).unwrap();
-    let (_, other) = render(&scene, dir.path(), &Settings { by_chance: true, ..asked }, &Silent).unwrap();
+    let (_, other) = render(&scene, dir.path(), &Settings { method: Method::Samples, ..asked }, &Silent).unwrap();
     println!("{} {} against {}", report.noise, report.predicted_model_error, other.noise);
     assert!(report.materials["a"].method.contains("summed up once"), "{report:?}");
     assert!(report.noise.hypot(report.predicted_model_error) <= 0.02 && other.noise > 0.06, "{report:?} {other:?}");
@@ -101,7 +102,7 @@ fn what_samples_do_not_reach_is_summed_up_all_the_same() {
     let asked = settings(1 << 13, 1e-4);
     let (_, report) = render(&scene, dir.path(), &asked, &Silent).unwrap();
     assert!(report.materials["a"].method.contains("summed up once for 512"), "{report:?}");
-    let (_, other) = render(&scene, dir.path(), &Settings { by_chance: true, ..asked }, &Silent).unwrap();
+    let (_, other) = render(&scene, dir.path(), &Settings { method: Method::Samples, ..asked }, &Silent).unwrap();
     let off = report.noise.hypot(report.predicted_model_error);
     println!("{} {} against {}", report.noise, report.predicted_model_error, other.noise);
     assert!(other.noise > 1e-4 && off < 0.5 * other.noise, "{off} {}", other.noise);

@@ -9,6 +9,7 @@ mod held;
 mod lamps;
 mod relief;
 mod spectral;
+mod two_pass;
 
 use super::*;
 use crate::material::diffraction::grating::{Grating, Groove, Scratch};

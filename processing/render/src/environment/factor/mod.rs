@@ -7,6 +7,8 @@ mod parts;
 mod report;
 mod straight;
 mod svd;
+mod tilted;
+mod written;
 
 pub use job::{Job, factor};
 pub use parts::{Kind, MOST_RANK, Part, Term};
@@ -151,6 +153,17 @@ impl Factors {
         };
         let (first, second) = (along(given), along(between));
         if left(&second) < left(&first) { second } else { first }
+    }
+
+    /// The same with at most `rank` terms per channel and part.
+    #[must_use]
+    pub fn truncated(&self, table: &Table, rank: usize) -> Self {
+        let parts: Vec<Part> = self.parts.iter().map(|p| p.truncated(rank)).collect();
+        let directions: Vec<f64> =
+            if parts.len() > 1 { parts.iter().map(|p| p.grid.across()).collect() } else { vec![] };
+        let measured = Measured::of(table, &parts, &directions);
+        let rank = parts.iter().map(Part::terms).collect();
+        Self { parts, rank, measured, pattern: self.pattern.clone(), wanted: None }
     }
 
     /// Whether the error that was asked for is missed.

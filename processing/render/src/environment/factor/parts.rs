@@ -83,6 +83,52 @@ impl Part {
         Self { grid, channels, norm, albedo, left_out }
     }
 
+    /// Of curves on a grid, measured against the part of a table that `weight` picks.
+    pub(super) fn of_curves(
+        table: &Table,
+        grid: Grid,
+        channels: [Vec<Term>; 3],
+        weight: impl Fn([f64; 2]) -> f64,
+    ) -> Self {
+        let [columns, rows] = grid.size;
+        let [dx, dy] = grid.cell();
+        let matrices = grid.kernel(table, weight).map(|k| DMatrix::from_vec(rows, columns, k));
+        let norm = [0, 1, 2].map(|c| matrices[c].norm());
+        let albedo = [0, 1, 2].map(|c| matrices[c].sum() * dx * dy);
+        let left_out = [0, 1, 2].map(|c| left_out(&matrices[c], &channels[c]));
+        Self { grid, channels, norm, albedo, left_out }
+    }
+
+    /// Singular vectors of a kernel on a grid: at most `most` terms, and no more than leave `max_error` of each channel's norm out.
+    pub(super) fn of_kernel(grid: Grid, kernel: [Vec<f64>; 3], most: usize, max_error: f64) -> Self {
+        let [columns, rows] = grid.size;
+        let [dx, dy] = grid.cell();
+        let matrices = kernel.map(|k| DMatrix::from_vec(rows, columns, k));
+        let norm = [0, 1, 2].map(|c| matrices[c].norm());
+        let albedo = [0, 1, 2].map(|c| matrices[c].sum() * dx * dy);
+        let channels: [Vec<Term>; 3] =
+            std::array::from_fn(|c| decompose(&matrices[c], most).into_iter().map(term).collect());
+        let left_out = [0, 1, 2].map(|c| left_out(&matrices[c], &channels[c]));
+        let part = Self { grid, channels, norm, albedo, left_out };
+        let enough = |r: &usize| (0..3).all(|c| part.left_out(c, *r) <= max_error * norm[c]);
+        let rank = (1..most).find(enough).unwrap_or(most);
+        part.truncated(rank)
+    }
+
+    /// Value at a half vector of the table, interpolated between cells; none outside of the grid.
+    pub(crate) fn value(&self, h: [f64; 2]) -> [f64; 3] {
+        let gain = (1.0 + (1.0 - h[0] * h[0] - h[1] * h[1]).max(0.0).sqrt()).powi(2);
+        [0, 1, 2].map(|c| self.between(c, h) / gain)
+    }
+
+    /// The part of a surface whose bitangent points the other way: across the meridian it is the mirror image.
+    pub fn mirrored(&self) -> Self {
+        let mut part = self.clone();
+        part.grid.shear = -part.grid.shear;
+        part.channels.iter_mut().flatten().for_each(|term| term.across.reverse());
+        part
+    }
+
     /// Terms of the channel that has the most.
     pub fn terms(&self) -> usize {
         self.channels.iter().map(Vec::len).max().unwrap_or(0)

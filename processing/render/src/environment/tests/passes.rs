@@ -178,3 +178,19 @@ fn settings_that_make_no_sense_are_refused_by_name() {
     let f = factors(&table, Settings::default());
     assert!(two_pass(&odd, &f.parts[0], &Silent).is_err());
 }
+
+/// Three streaks that do not separate. The numbers are of numpy's `linalg.svd` of the same kernel, written down from the formulas alone; the program
+/// `tests/factor/compare.py` does so for more tables.
+#[test]
+fn truncation_errors_are_those_of_numpy() {
+    let table = Table::from_fn(96, 0.62, |h| {
+        let line = |a: f64| (-0.5 * ((h[1] * a.cos() - h[0] * a.sin()) / 0.035).powi(2)).exp();
+        [[0.3, 1.5, 2.4].into_iter().map(line).sum::<f64>() * (-h[0].hypot(h[1]) / 0.2).exp(); 3]
+    })
+    .unwrap();
+    for (rank, truth) in [(1, 0.289_856), (3, 0.172_291), (10, 0.051_030), (21, 0.013_447_5)] {
+        let settings = Settings { rank: Some(rank), directions: Some([0.3, 1.5]), ..Settings::default() };
+        let found = factors(&table, settings).error();
+        assert!((found / truth - 1.0_f64).abs() < 0.01, "{rank}: {found} {truth}");
+    }
+}

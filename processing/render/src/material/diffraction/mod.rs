@@ -118,9 +118,10 @@ impl Diffraction {
                 let light = (*coherence_um, reflectance.clone());
                 Ok(Self::Lattice(Lattice::new(key, *period_um, *aperture_um, turn, light)?))
             }
-            scene::Diffraction::Table { file, albedo, lossless } => {
+            scene::Diffraction::Table { file, albedo, lossless, factors } => {
                 let albedo = number(&sub("albedo"), *albedo, [0.0, 1.0])?;
-                let table = Table::read(&folder.join(file), observer, albedo, *lossless)?;
+                let mut table = Table::read(&folder.join(file), observer, albedo, *lossless)?;
+                table.factors = factors.as_ref().map(|factors| folder.join(factors));
                 notes.method = "table over half vectors, per channel".into();
                 if table.unknown > 0.0 {
                     let percent = 100.0 * table.unknown;

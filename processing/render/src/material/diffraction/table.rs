@@ -1,17 +1,21 @@
 //! Tables over half vectors (2017 TOG): `f = S(ωi + ωo) (1 + ωi·ωo)² / (cos θi cos θo)` per channel of linear sRGB.
 
-use crate::environment::{Entry, LUT_REMEDY, Lut, Reflected, correlate, entry, light};
+use crate::environment::factor::{Factors, Settings};
+use crate::environment::{self, Entry, LUT_REMEDY, Lut, Reflected, correlate, entry, light};
 use nacre_base::progress::Silent;
 use nacre_base::{Error, Result};
 use nacre_optics::color::{Illuminant, Observer, linear_srgb};
 use rayon::prelude::*;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Most entries of a side that the albedo and samples are taken from.
 const COARSE: usize = 192;
 
 /// Sines of view along a side at which cards know the albedo.
 pub(crate) const VIEWS: usize = 81;
+
+/// Most entries of a side that are factored: environments for two passes have no finer pixels.
+const FACTORED: usize = 256;
 
 /// A table ready for use.
 pub(crate) struct Table {
@@ -26,6 +30,10 @@ pub(crate) struct Table {
     white: Reflected,
     pub scale: f64,
     pub lossless: bool,
+    /// Folder with its curves, if the scene names one.
+    pub factors: Option<PathBuf>,
+    /// What is white under the table's own light, linear sRGB of the file's entries.
+    white_point: [f64; 3],
     /// Running sum over coarse entries, and how many there are along a side.
     running: Vec<f64>,
     coarse: usize,
@@ -64,6 +72,8 @@ impl Table {
             unknown: lut.unknown,
             scale: 1.0,
             lossless,
+            factors: None,
+            white_point: white,
             running: vec![],
             coarse: size.min(COARSE),
         };
@@ -77,6 +87,41 @@ impl Table {
         let most = table.white.at([0.0, 0.0, 1.0]).into_iter().fold(0.0, f64::max);
         table.scale = albedo / most.max(1e-300);
         Ok(table)
+    }
+
+    /// The table with even entries, and as products of curves: those of its folder, or as many terms as the error of the table needs, or `rank` of either.
+    ///
+    /// # Errors
+    /// `Input` for a folder that holds no curves of this table.
+    pub(crate) fn factored(&self, rank: Option<usize>, max_error: f64) -> Result<(Factors, environment::Table)> {
+        let table = self.even()?;
+        let factors = match (&self.factors, rank) {
+            (None, _) => Factors::of(&table, &Settings { rank, max_error, ..Settings::default() })?,
+            (Some(folder), None) => Factors::read(folder, &table, self.white_point.map(|v| 1.0 / v))?,
+            (Some(folder), Some(rank)) => {
+                Factors::read(folder, &table, self.white_point.map(|v| 1.0 / v))?.truncated(&table, rank)
+            }
+        };
+        Ok((factors, table))
+    }
+
+    /// The table with entries that are even in the half vector: its own, or means of them where it has more than [`FACTORED`] along a side.
+    fn even(&self) -> Result<environment::Table> {
+        if self.warp == 1.0 && self.size <= FACTORED {
+            return environment::Table::of(self.size, self.extent, self.rgb.clone());
+        }
+        let n = self.size.min(FACTORED);
+        let cell = 2.0 * self.extent / n as f64;
+        let many = 2 * self.size.div_ceil(n);
+        let within = |k: usize| ((k as f64 + 0.5) / many as f64 - 0.5) * cell;
+        environment::Table::from_fn(n, self.extent, |[x, y]| {
+            let mut sum = [0.0; 3];
+            for k in 0..many * many {
+                let rgb = self.raw([x + within(k % many), y + within(k / many)]);
+                (0..3).for_each(|c| sum[c] += rgb[c] / (many * many) as f64);
+            }
+            sum
+        })
     }
 
     /// What samples are drawn by: coarse entries, their means.

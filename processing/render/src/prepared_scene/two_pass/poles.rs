@@ -1,0 +1,119 @@
+//! Poles of filtered environments: where the meridians of some places meet.
+
+use super::Look;
+use crate::vector::V3;
+use nalgebra::Matrix3;
+use std::f64::consts::TAU;
+
+/// Part of the places that may lie nearer to the great circle of the poles than its clearance.
+const NEAR: f64 = 0.05;
+
+/// Part of the distance of two poles by which a single one may be missed.
+const MISSED: f64 = 0.1;
+
+/// Poles of filtered environments.
+pub(super) struct Poles {
+    axes: [V3; 2],
+    /// Poles evenly around the great circle of the two axes, or the first axis alone.
+    needed: Vec<bool>,
+}
+
+impl Poles {
+    /// For some places: one pole if all their meridians pass it within a tenth of the distance of `count` poles, or those of `count` around a great
+    /// circle that they need.
+    pub(super) fn new(looks: &[Look], count: usize) -> Self {
+        let one = common(looks);
+        let off = looks.iter().map(|look| angle(look, one).abs()).fold(0.0, f64::max);
+        if looks.is_empty() || off <= MISSED * TAU / count as f64 {
+            return Self { axes: [one, one], needed: vec![!looks.is_empty()] };
+        }
+        let mut poles = Self { axes: circle(looks), needed: vec![false; count] };
+        for look in looks {
+            for (k, weight) in poles.around(look) {
+                poles.needed[k] |= weight > 0.0;
+            }
+        }
+        // Places between those that were looked at may need the next ones.
+        let some = poles.needed.clone();
+        poles.needed = (0..count).map(|k| some[k] || some[(k + 1) % count] || some[(k + count - 1) % count]).collect();
+        poles
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.needed.len()
+    }
+
+    pub(super) fn needs(&self, k: usize) -> bool {
+        self.needed[k]
+    }
+
+    pub(super) fn needed(&self) -> usize {
+        self.needed.iter().filter(|n| **n).count()
+    }
+
+    pub(super) fn get(&self, k: usize) -> V3 {
+        let (sin, cos) = (TAU * k as f64 / self.needed.len() as f64).sin_cos();
+        self.axes[0] * cos + if self.needed.len() > 1 { self.axes[1] * sin } else { V3::zeros() }
+    }
+
+    /// The two poles that a place's meridian passes between, with their weights.
+    pub(super) fn around(&self, look: &Look) -> [(usize, f64); 2] {
+        let count = self.needed.len();
+        if count == 1 {
+            return [(0, 1.0), (0, 0.0)];
+        }
+        let [a, b] = self.axes;
+        let crossing = look.mirror.cross(&look.north).cross(&a.cross(&b));
+        // A meridian along the great circle meets it everywhere.
+        let crossing = if crossing.norm() > 1e-9 { crossing } else { look.north };
+        let crossing = if crossing.dot(&look.north) < 0.0 { -crossing } else { crossing };
+        let place = (crossing.dot(&b).atan2(crossing.dot(&a)) / TAU).rem_euclid(1.0) * count as f64;
+        let first = place as usize % count;
+        let pair = [first, (first + 1) % count];
+        let [left, right] = pair.map(|k| angle(look, self.get(k)).abs());
+        let share = if left + right > 0.0 { left / (left + right) } else { 0.0 };
+        [(pair[0], 1.0 - share), (pair[1], share)]
+    }
+}
+
+/// Angle at a place from its meridian to a pole, rad.
+fn angle(look: &Look, pole: V3) -> f64 {
+    pole.dot(&look.mirror.cross(&look.north)).atan2(pole.dot(&look.north))
+}
+
+/// The pole that the meridians of all places pass the nearest (least squares).
+fn common(looks: &[Look]) -> V3 {
+    let mut sum = Matrix3::zeros();
+    let mut north = V3::zeros();
+    for look in looks {
+        let across = look.mirror.cross(&look.north);
+        sum += across * across.transpose();
+        north += look.north;
+    }
+    let eigen = sum.symmetric_eigen();
+    let pole: V3 = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned();
+    if pole.dot(&north) < 0.0 { -pole } else { pole }
+}
+
+/// Axes of the great circle that lies the farthest from the mirror directions of some places: near to it, poles are close to the places.
+fn circle(looks: &[Look]) -> [V3; 2] {
+    let mut sum = Matrix3::zeros();
+    let mut mean = V3::zeros();
+    for look in looks {
+        sum += look.mirror * look.mirror.transpose();
+        mean += look.mirror;
+    }
+    let vectors = sum.symmetric_eigen().eigenvectors;
+    let own = (0..3).map(|k| vectors.column(k).into_owned());
+    let candidates = own.chain([V3::x(), V3::y(), V3::z(), mean]).filter_map(|v: V3| v.try_normalize(1e-9));
+    let clearance = |normal: &V3| {
+        let mut sines: Vec<f64> = looks.iter().map(|look| look.mirror.dot(normal).abs()).collect();
+        sines.sort_by(f64::total_cmp);
+        sines[(NEAR * sines.len() as f64) as usize]
+    };
+    let best = candidates.max_by(|a, b| clearance(a).total_cmp(&clearance(b)));
+    let normal = best.unwrap_or_else(V3::z);
+    let first = if normal.x.abs() < 0.9 { V3::x() } else { V3::y() };
+    let first = (first - normal * normal.dot(&first)).normalize();
+    [first, normal.cross(&first)]
+}
