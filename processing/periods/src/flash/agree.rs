@@ -70,12 +70,18 @@ fn at_edge(found: &[Found], width: usize, i: usize, own: &Grating) -> bool {
     ends || !(y - REACH..=y + REACH).all(|v| (x - REACH..=x + REACH).all(|u| same(v * width + u)))
 }
 
+/// Pixels whose neighbours all have the same grating.
+pub(super) fn firm(found: &[Found], width: usize) -> Vec<bool> {
+    let of = |i: usize| matches!(&found[i], Found::Grating(own) if !at_edge(found, width, i, own));
+    (0..found.len()).map(of).collect()
+}
+
 /// `to - from`, the short way around.
 fn turn(from: f64, to: f64) -> f64 {
     (to - from + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2
 }
 
-fn agree(a: &Grating, b: &Grating) -> bool {
+pub(super) fn agree(a: &Grating, b: &Grating) -> bool {
     let within = |off: f64, s: f64, t: f64| off.abs() <= AGREE * s.hypot(t);
     within(turn(a.orientation, b.orientation), a.orientation_sigma, b.orientation_sigma)
         && within(a.length - b.length, a.length_sigma, b.length_sigma)
