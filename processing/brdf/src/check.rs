@@ -74,7 +74,7 @@ pub fn check(
     ends("wavelengths", wavelengths_nm, [200.0, 2000.0])?;
     let [period_um, azimuth_deg] = given;
     // A patch that cuts its grating is repeated with the cut: one period of the grating stands in for it, along its own direction.
-    if let Some(grating) = quality.grating.filter(|_| !quality.is_periodic()) {
+    if let Some(grating) = quality.grating.filter(|_| quality.cut().is_some()) {
         let whole = grating.whole(field);
         let of_whole = Quality::of(&whole, settings.coherence_um);
         let azimuth = azimuth_deg.unwrap_or(grating.direction_deg);

@@ -171,9 +171,34 @@ impl Profile {
     }
 }
 
+impl Profile {
+    fn steps(&self) -> Vec<f64> {
+        self.bins.windows(2).map(|b| b[1][0] - b[0][0]).collect()
+    }
+
+    /// Whether it rises or falls all the way.
+    fn is_ramp(&self) -> bool {
+        let steps = self.steps();
+        steps.iter().all(|d| *d > 0.0) || steps.iter().all(|d| *d < 0.0)
+    }
+
+    /// Whether its end is as near to its begin as neighbours are; steps of its own do not count.
+    fn joins(&self) -> bool {
+        let mut sizes: Vec<f64> = self.steps().iter().map(|d| d.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let usual = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+        let heights = self.bins.iter().map(|b| b[0]);
+        let range = heights.clone().fold(f64::MIN, f64::max) - heights.fold(f64::MAX, f64::min);
+        let ends = self.bins.first().zip(self.bins.last()).map_or(0.0, |(a, b)| (a[0] - b[0]).abs());
+        ends <= (3.0 * usual).max(0.02 * range)
+    }
+}
+
 impl Grating {
     /// The grating that a patch is a part of, if it is of one alone.
-    pub(super) fn find(field: &HeightField) -> Option<Self> {
+    ///
+    /// `goes_on` says whether the patch goes on without steps where it is repeated.
+    pub(super) fn find(field: &HeightField, goes_on: bool) -> Option<Self> {
         let places = Places::of(field);
         if field.width < 2 * LEAST_PIXELS || !(places.variance > 1e-14) {
             return None;
@@ -189,7 +214,7 @@ impl Grating {
             |angle: f64| size[0] * angle.cos().abs() + if field.height > 1 { size[1] * angle.sin().abs() } else { 0.0 };
         let profile = places.profile(angle, bin);
         let Some(period) = profile.period().map(|p| p * bin).filter(|p| *p >= FEWEST * field.pixel_um) else {
-            return whole_side(field, angle, share);
+            return whole_side(field, &profile, goes_on, angle, share);
         };
         let harmonics = ((0.5 * period / bin) as usize).clamp(1, HARMONICS);
         let found = refined(&places, period, angle, across(angle), harmonics);
@@ -265,13 +290,15 @@ fn refined(places: &Places, period: f64, angle: f64, size: f64, harmonics: usize
     [best[0], best[1], left]
 }
 
-/// A profile along a side that does not repeat within the patch, as one period of the surface that the repeated patch is.
-fn whole_side(field: &HeightField, angle: f64, share: f64) -> Option<Grating> {
+/// A profile along a side that does not repeat within the patch, as one period of the surface that the repeated patch is: where it goes on
+/// there, or is a ramp, whose step may lie at the seam.
+fn whole_side(field: &HeightField, profile: &Profile, goes_on: bool, angle: f64, share: f64) -> Option<Grating> {
     let size = field.size_um();
     let along = usize::from(angle.sin().abs() > angle.cos().abs());
     let across = if along == 0 { angle.sin().abs() * size[1] } else { angle.cos().abs() * size[0] };
     // Along a side within a pixel over the patch.
-    (across < 1.5 * field.pixel_um || field.height == 1).then(|| Grating {
+    let straight = across < 1.5 * field.pixel_um || field.height == 1;
+    (straight && (goes_on && profile.joins() || profile.is_ramp())).then(|| Grating {
         period_um: size[along],
         direction_deg: 90.0 * along as f64,
         periods: 1.0,

@@ -75,7 +75,8 @@ impl Quality {
     pub fn of(field: &HeightField, coherence_um: f64) -> Self {
         let count = field.um.len() as f64;
         let mean = field.um.iter().sum::<f64>() / count;
-        let grating = Grating::find(field);
+        let seams = seams(field);
+        let grating = Grating::find(field, seams.iter().all(|s| *s <= SEAM));
         let rms_um = (field.um.iter().map(|h| (h - mean).powi(2)).sum::<f64>() / count).sqrt();
         let mut this = Self {
             width: field.width,
@@ -88,7 +89,7 @@ impl Quality {
             tilt: field.tilt(),
             periods: with_grating(periods(field), grating, field),
             grating,
-            seams: seams(field),
+            seams,
             shortest_nm: 2e3 * field.pixel_um,
             step_um: field.step_um,
             notes: field.notes.clone(),
@@ -98,14 +99,14 @@ impl Quality {
         this
     }
 
-    /// Whether the patch goes on where it is repeated: no steps at its edges and, of a single grating, whose own steps may hide them, a whole
-    /// number of periods.
+    /// Whether the patch goes on where it is repeated: of a single grating, whose own steps may hide those at the edges, a whole number of periods;
+    /// of others no steps there.
     pub fn is_periodic(&self) -> bool {
-        self.seams.iter().all(|s| *s <= SEAM) && self.cut().is_none()
+        self.cut().is_none() && (self.grating.is_some() || self.seams.iter().all(|s| *s <= SEAM))
     }
 
     /// Periods of a single grating to the right and up, where they are no whole numbers.
-    fn cut(&self) -> Option<[f64; 2]> {
+    pub(crate) fn cut(&self) -> Option<[f64; 2]> {
         let peak = self.single()?;
         let (sin, cos) = peak.direction_deg.to_radians().sin_cos();
         let cycles = [cos * self.size_um[0] / peak.period_um, sin * self.size_um[1] / peak.period_um];
