@@ -81,7 +81,7 @@ fn turn(from: f64, to: f64) -> f64 {
     (to - from + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2
 }
 
-pub(super) fn agree(a: &Grating, b: &Grating) -> bool {
+fn agree(a: &Grating, b: &Grating) -> bool {
     let within = |off: f64, s: f64, t: f64| off.abs() <= AGREE * s.hypot(t);
     within(turn(a.orientation, b.orientation), a.orientation_sigma, b.orientation_sigma)
         && within(a.length - b.length, a.length_sigma, b.length_sigma)

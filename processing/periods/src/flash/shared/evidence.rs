@@ -5,7 +5,7 @@ use super::refine::thinned;
 use rayon::prelude::*;
 
 /// Fewest whole pixels that an area, or half of one, has a grating of its own from.
-const FEWEST: usize = 5;
+const FEWEST: usize = 8;
 
 /// How far lobes that are not quite Gaussian move a grating that is seen from one side, over the lobe's width.
 const SHAPE: f64 = 0.1;
@@ -13,8 +13,14 @@ const SHAPE: f64 = 0.1;
 /// Fewest areas that tell a gradual change.
 const FEWEST_AREAS: usize = 6;
 
+/// Largest standard deviation of an area's own grating that tells anything, over the lobe's width.
+const VAGUE: f64 = 0.4;
+
 /// Squares over variances from which an area's own grating is another (two unknowns: once in 3000 by chance).
 const OTHER: f64 = 16.0;
+
+/// Neighbours of a pixel that must be of its area.
+const VOUCHING: usize = 3;
 
 /// Neighbouring pixels with one of the shared gratings.
 #[derive(Clone, Debug)]
@@ -23,6 +29,21 @@ pub(super) struct Area {
     pub grating: usize,
     /// Pixels of the map.
     pub pixels: Vec<usize>,
+}
+
+impl Area {
+    /// Its pixels that have enough neighbours in it: where polygons meet, single pixels look like one that is neither.
+    pub fn vouched(&self, width: usize) -> Vec<usize> {
+        let mut sorted = self.pixels.clone();
+        sorted.sort_unstable();
+        let is_near = |i: usize, k: usize| (i % width).abs_diff(k % width) <= 1;
+        let around = |i: usize| {
+            let rows = [i.checked_sub(width), Some(i), Some(i + width)].into_iter().flatten();
+            let all = rows.flat_map(|k| [k.checked_sub(1), Some(k), Some(k + 1)]).flatten();
+            all.filter(|k| *k != i && is_near(i, *k) && sorted.binary_search(k).is_ok()).count()
+        };
+        self.pixels.iter().copied().filter(|i| around(*i) >= VOUCHING).collect()
+    }
 }
 
 /// What an area has to tell.
@@ -148,7 +169,8 @@ fn own(pixels: &[usize], shared: &Solution, kept: &[Option<Vec<Copy>>], prior: &
     let scale = (found.cost / (all.len() as f64 - 4.0).max(1.0)).max(1.0);
     let floor = (SHAPE * lobe).powi(2);
     let [xx, xy, yy] = found.covariance.map(|c| c * scale);
-    Some(Own { vector: found.vector, covariance: [xx + floor, xy, yy + floor] })
+    let known = xx.max(yy).sqrt() < VAGUE * lobe;
+    known.then(|| Own { vector: found.vector, covariance: [xx + floor, xy, yy + floor] })
 }
 
 impl Own {
@@ -196,5 +218,7 @@ mod tests {
         let found = areas(&map, 3);
         let sizes: Vec<(usize, usize)> = found.iter().map(|f| (f.grating, f.pixels.len())).collect();
         assert_eq!(sizes, [(0, 2), (1, 1), (1, 1), (0, 4)]);
+        let square = Area { grating: 0, pixels: vec![0, 1, 3, 4, 5] };
+        assert_eq!(square.vouched(3), [0, 1, 3, 4]);
     }
 }

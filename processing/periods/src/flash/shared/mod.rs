@@ -39,7 +39,7 @@ const MOST_KEPT: usize = 300_000;
 const BRIGHT: f64 = 0.97;
 
 /// Smallest area that is believed.
-const SMALLEST: usize = 5;
+const SMALLEST: usize = 10;
 
 /// Share of areas that confirm the shared gratings, and share of the lit places that have one, from which these are believed.
 const CONFIRMED: f64 = 0.75;
@@ -206,7 +206,7 @@ impl Sheet {
         Ok(self)
     }
 
-    /// Pixels with a confirmed grating have it; others keep their own where nothing else is near, or where it is one of these.
+    /// Pixels with a confirmed grating have it; others keep their own where nothing else is near.
     fn merged(mut self, mut free: Fitted, job: &Job, settings: &Settings) -> Fitted {
         let confirmed: Vec<usize> = (0..self.areas.len()).filter(|k| self.confirmed(*k)).collect();
         let mut used: Vec<usize> = confirmed.iter().map(|k| self.areas[*k].grating).collect();
@@ -218,14 +218,15 @@ impl Sheet {
         self.report.um = all.iter().map(um).collect();
         let firm = firm(&free.found, job.tiling.width);
         let own = |i: usize| match &free.found[i] {
-            Found::Grating(g) if firm[i] || all.iter().any(|s| super::agree::agree(g, s)) => free.found[i],
+            Found::Grating(_) if firm[i] => free.found[i],
             Found::Masked(why) => Found::Masked(self.of[i].err().unwrap_or(*why)),
             Found::Grating(_) => Found::Masked(Why::Ambiguous),
         };
         let mut found: Vec<Found> = (0..free.found.len()).map(own).collect();
         for k in confirmed {
             let at = used.binary_search(&self.areas[k].grating).unwrap_or(0);
-            self.areas[k].pixels.iter().for_each(|i| found[*i] = Found::Grating(all[at]));
+            let pixels = self.areas[k].vouched(self.columns);
+            pixels.into_iter().for_each(|i| found[i] = Found::Grating(all[at]));
         }
         Fitted { found, directions: self.report, ..free }
     }
