@@ -8,7 +8,9 @@ mod maps;
 mod models;
 mod noise;
 mod precision;
+mod registration;
 mod scene;
+mod smooth;
 mod stress;
 mod subsampling;
 
@@ -27,6 +29,8 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     ];
     all.extend(stress::studies(effort));
     all.extend(demosaic::studies(effort));
+    all.extend(smooth::studies(effort));
+    all.extend(registration::studies(effort));
     all
 }
 

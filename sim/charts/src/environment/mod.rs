@@ -4,7 +4,7 @@ mod method;
 mod scene;
 mod sphere;
 
-pub(super) use scene::Last;
+pub(super) use scene::{EXTENT, Last, Pattern, room};
 
 use nacre_studies::{Axis, Effort, Outcome, Run, Scene, Setting, Study};
 
