@@ -40,13 +40,7 @@ pub(super) fn studies(_effort: Effort) -> Vec<Study> {
     ]
 }
 
-fn study(
-    name: &'static str,
-    title: &str,
-    stress: Axis,
-    scenes: Vec<[f64; 2]>,
-    value: fn([f64; 2]) -> f64,
-) -> Study {
+fn study(name: &'static str, title: &str, stress: Axis, scenes: Vec<[f64; 2]>, value: fn([f64; 2]) -> f64) -> Study {
     let setting = |n: &usize| {
         let setting = Setting::new("photographs", n.to_string(), *n as f64);
         if [3, 5, 13, 40].contains(n) { setting } else { setting.without_sweep() }

@@ -49,8 +49,22 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
     let periods: Vec<[f64; 2]> = PERIODS.map(|p| [p, 0.0]).to_vec();
     let uneven: Vec<[f64; 2]> = UNEVEN.map(|u| [1.3, u]).to_vec();
     vec![
-        study(effort, "period", "Periods from polarization and from brightness", Axis::linear("period", "µm"), periods, 4),
-        study(effort, "period-light", "Periods in uneven light", Axis::linear("unevenness of light or reflectance, ±", ""), uneven, 2),
+        study(
+            effort,
+            "period",
+            "Periods from polarization and from brightness",
+            Axis::linear("period", "µm"),
+            periods,
+            4,
+        ),
+        study(
+            effort,
+            "period-light",
+            "Periods in uneven light",
+            Axis::linear("unevenness of light or reflectance, ±", ""),
+            uneven,
+            2,
+        ),
     ]
 }
 

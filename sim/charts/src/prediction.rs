@@ -1,8 +1,8 @@
 //! The noise that a rendering predicts before its first pass, against what it has in the end.
 
+use nacre_base::Error;
 use nacre_base::Result;
 use nacre_base::progress::Silent;
-use nacre_base::Error;
 use nacre_render::{Settings, render};
 use nacre_sim::random::{key, uniform};
 use nacre_studies::{Axis, Effort, Outcome, Scene, Setting, Study};

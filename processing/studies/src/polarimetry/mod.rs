@@ -5,6 +5,7 @@ mod demosaic;
 mod frames;
 mod illumination;
 mod maps;
+mod metals;
 mod models;
 mod noise;
 mod precision;
@@ -36,5 +37,5 @@ pub fn studies(effort: Effort) -> Vec<Study> {
 
 /// All computed pictures.
 pub fn pictures() -> Vec<Picture> {
-    vec![maps::picture()]
+    vec![maps::picture(), metals::picture()]
 }

@@ -4,6 +4,7 @@ use crate::{Axis, Effort, Outcome, Scene, Setting, Study};
 use nacre_base::Result;
 use nacre_image::registration::{Registrar, Registration};
 use nacre_polarimetry::synthetic::{even_angles, normal, uniform};
+use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::time::Instant;
@@ -26,7 +27,7 @@ pub(super) fn studies(effort: Effort) -> Vec<Study> {
         effort,
         "registration",
         "Registration of photographs, and noise",
-        (Axis::log("electrons at white", "e⁻"), ELECTRONS.map(|e| [e, 180.0]).to_vec(), 5),
+        (Axis::log("electrons at white", "e⁻"), ELECTRONS.map(|e| [e, 180.0]).to_vec(), 1),
         |[electrons, _]| electrons,
     );
     let parallel = study(
@@ -93,25 +94,42 @@ impl Texture {
         }))
     }
 
-    fn at(&self, x: f64, y: f64) -> f64 {
-        self.0.iter().map(|[a, b, phase, amplitude]| amplitude * (a * x + b * y + phase).cos()).sum()
+    /// A row from `x` on: waves are turned from pixel to pixel.
+    fn row(&self, [x, y]: [f64; 2], width: usize) -> Vec<f64> {
+        let mut sum = vec![0.0; width];
+        for [a, b, phase, amplitude] in self.0 {
+            let mut wave = Complex::from_polar(amplitude, a * x + b * y + phase);
+            let turn = Complex::from_polar(1.0, a);
+            for value in &mut sum {
+                *value += wave.re;
+                wave *= turn;
+            }
+        }
+        sum
     }
 }
 
 /// Photographs of light between 0 and 1, and where their contents lie relative to their mean.
-fn photographs(side: usize, angles: &[f64], [electrons, spread]: [f64; 2], seed: u64) -> (Vec<Vec<f32>>, Vec<[f64; 2]>) {
+fn photographs(
+    side: usize,
+    angles: &[f64],
+    [electrons, spread]: [f64; 2],
+    seed: u64,
+) -> (Vec<Vec<f32>>, Vec<[f64; 2]>) {
     let textures: [Texture; 3] = std::array::from_fn(|k| Texture::new(seed ^ (k as u64 + 1) << 32, spread));
     let shifts: Vec<[f64; 2]> = angles.iter().map(|psi| [RADIUS_PX * psi.cos(), RADIUS_PX * psi.sin()]).collect();
     let frame = |(k, psi): (usize, &f64)| -> Vec<f32> {
         let [dx, dy] = shifts[k];
         let (sin, cos) = (2.0 * psi).sin_cos();
-        let pixel = |i: usize| {
-            let (x, y) = ((i % side) as f64 - dx, (i / side) as f64 - dy);
-            let [s0, s1, s2] = [0, 1, 2].map(|t| textures[t].at(x, y));
-            let light = (0.5 + 0.1 * s0 + 0.06 * (s1 * cos + s2 * sin)).clamp(0.0, 1.0);
-            (light + (light / electrons).sqrt() * normal(seed ^ (k as u64 + 9) << 40, i as u64)) as f32
+        let row = |y: usize| -> Vec<f32> {
+            let [s0, s1, s2] = [0, 1, 2].map(|t| textures[t].row([-dx, y as f64 - dy], side));
+            let pixel = |x: usize| {
+                let light = (0.5 + 0.1 * s0[x] + 0.06 * (s1[x] * cos + s2[x] * sin)).clamp(0.0, 1.0);
+                (light + (light / electrons).sqrt() * normal(seed ^ (k as u64 + 9) << 40, (y * side + x) as u64)) as f32
+            };
+            (0..side).map(pixel).collect()
         };
-        (0..side * side).into_par_iter().map(pixel).collect()
+        (0..side).into_par_iter().flat_map_iter(row).collect()
     };
     let frames = angles.iter().enumerate().map(frame).collect();
     let mean = [0, 1].map(|c| shifts.iter().map(|s| s[c]).sum::<f64>() / shifts.len() as f64);
@@ -149,6 +167,6 @@ mod tests {
         let good = run(160, (12, true), [3000.0, 180.0], 3).unwrap();
         assert!(good.error.unwrap() < 0.03 && good.wrong == 0.0, "{good:?}");
         let alike = run(160, (12, true), [3000.0, 0.0], 3).unwrap();
-        assert!(alike.masked == 1.0 || alike.wrong == 0.0, "{alike:?}");
+        assert_eq!(alike.masked, 1.0, "{alike:?}");
     }
 }
