@@ -267,6 +267,9 @@ fn summary(report: &Report) -> String {
     for (name, notes) in &report.materials {
         let _ = write!(text, "\nmaterial  {name}: {}", notes.method);
     }
+    for hint in &report.hints {
+        let _ = write!(text, "\ndefault   {hint}");
+    }
     let p = &report.predicted;
     let _ = write!(text, "\nquality   noise {:.2e} of the mean ({:.2e} expected)", report.noise, p.noise);
     let measured = report.measured_model_error.map_or("not measured".into(), |e| format!("{e:.2e} measured"));

@@ -140,6 +140,7 @@ pub fn render_watched(
         spectral,
         predicted,
         materials,
+        hints: scene.hints.clone(),
         warnings,
         assumptions: ASSUMPTIONS.to_vec(),
         seconds: begun.elapsed().as_secs_f64(),

@@ -43,6 +43,9 @@ pub struct Report {
     pub predicted: Prediction,
     /// How each material is computed.
     pub materials: BTreeMap<String, Notes>,
+    /// Defaults that decide the picture and that the scene does not state.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub hints: Vec<String>,
     /// Warnings.
     pub warnings: Vec<String>,
     /// Assumptions of the model.
