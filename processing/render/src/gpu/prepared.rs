@@ -7,7 +7,7 @@ use crate::light::viewer::RANGE;
 use crate::light::{Kind, Lamp, Sky};
 use crate::material::Material;
 use crate::material::diffraction::grating::{BALANCED, Grating, ROUNDS};
-use crate::material::diffraction::{Diffraction, Layout};
+use crate::material::diffraction::{Diffraction, SlitLayout};
 use crate::material::shading::Accuracy;
 use crate::material::texture::Over;
 use crate::prepared_scene::PreparedScene;
@@ -277,7 +277,7 @@ impl Values {
                 2.0
             }
             Some(Diffraction::Comb(comb)) => {
-                if comb.layout == Layout::Radial {
+                if comb.layout == SlitLayout::Radial {
                     return Err("its slits lie in all directions".into());
                 }
                 let Slits { spacing_um, width_um, count } = comb.slits;
@@ -288,7 +288,7 @@ impl Values {
                 self.set("same", [y.atan2(x), spacing_um, 0.0, 0.0]);
                 self.set(
                     "grooves",
-                    [1.0, 1.0, flag(comb.layout == Layout::Disc), comb.orders.sigma * comb.orders.sigma],
+                    [1.0, 1.0, flag(comb.layout == SlitLayout::Disc), comb.orders.sigma * comb.orders.sigma],
                 );
                 self.set("detail", [width_um, count as f64, comb.share(), 0.0]);
                 self.grating(&comb.orders);

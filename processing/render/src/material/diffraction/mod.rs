@@ -25,7 +25,7 @@ use nacre_base::{Error, Result};
 use nacre_brdf::height::{self, Scale};
 use nacre_brdf::{Reflectance, Section, Slits, Window};
 use relief::Relief;
-pub(crate) use slits::Layout;
+pub(crate) use slits::SlitLayout;
 use slits::{Comb, Lattice, radial};
 use std::f64::consts::FRAC_PI_4;
 use table::Table;
@@ -111,9 +111,9 @@ impl Diffraction {
                 notes.method = "sum over slits (2017 paper, Eq. 16), orders balanced".into();
                 let layout = match (disc, radial) {
                     (true, true) => return Err(Error::input(sub("radial"), "is true, and so is disc", "keep one")),
-                    (true, false) => Layout::Disc,
-                    (false, true) => Layout::Radial,
-                    (false, false) => Layout::Parallel,
+                    (true, false) => SlitLayout::Disc,
+                    (false, true) => SlitLayout::Radial,
+                    (false, false) => SlitLayout::Parallel,
                 };
                 Ok(Self::Comb(Comb::new(slits, degrees("orientation_deg", *orientation_deg)?, layout)?))
             }

@@ -20,7 +20,7 @@ fn sinc_square(x: f64) -> f64 {
 
 /// How slits lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Layout {
+pub(crate) enum SlitLayout {
     /// Across one direction.
     Parallel,
     /// Around the middle of a disc.
@@ -35,7 +35,7 @@ pub(crate) struct Comb {
     /// Their orders, which are balanced as those of any grating.
     pub orders: Grating,
     pub across: [f64; 2],
-    pub layout: Layout,
+    pub layout: SlitLayout,
     /// Standard deviation along the slits, 1/µm.
     sigma: f64,
 }
@@ -45,7 +45,7 @@ impl Comb {
     ///
     /// # Errors
     /// `Input` for what makes no sense.
-    pub(crate) fn new(slits: Slits, orientation: f64, layout: Layout) -> Result<Self> {
+    pub(crate) fn new(slits: Slits, orientation: f64, layout: SlitLayout) -> Result<Self> {
         slits.check()?;
         if slits.spacing_um > 200.0 {
             return Err(Error::input("spacing_um", format!("is {}", slits.spacing_um), "give at most 200"));
@@ -61,18 +61,18 @@ impl Comb {
 
     /// The grating vector at a place.
     fn groove(&self, uv: [f64; 2]) -> Option<Groove> {
-        let across = if self.layout == Layout::Disc { radial(uv)? } else { self.across };
+        let across = if self.layout == SlitLayout::Disc { radial(uv)? } else { self.across };
         Some(Groove { across, period_um: self.slits.spacing_um })
     }
 
     /// The slits that a sample of an environment meets: any of those in all directions.
     pub(crate) fn turned(&self, random: &mut Stream) -> Turned<'_> {
         let across = match self.layout {
-            Layout::Radial => {
+            SlitLayout::Radial => {
                 let (sin, cos) = (PI * random.next()).sin_cos();
                 Some([cos, sin])
             }
-            Layout::Parallel | Layout::Disc => None,
+            SlitLayout::Parallel | SlitLayout::Disc => None,
         };
         Turned { comb: self, across }
     }
@@ -96,7 +96,7 @@ impl Comb {
         let t = [view[0] + light[0], view[1] + light[1]];
         let length = t[0].hypot(t[1]);
         // Of patches in all directions those that lie across the half vector send their orders there.
-        let all_around = self.layout == Layout::Radial;
+        let all_around = self.layout == SlitLayout::Radial;
         if all_around && length > 0.0 {
             groove.across = t.map(|v| v / length);
         }
