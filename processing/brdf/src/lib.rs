@@ -63,6 +63,6 @@ pub use orders::{OrderMethod, Section, most_orders};
 pub use peaks::peaks_picture;
 pub use report::Report;
 pub use settings::{Method, Normalisation, SIZES, Settings};
-pub use slits::{Slits, stripes};
+pub use slits::Slits;
 pub use spectral::RANGE_NM;
 pub use terms::{TERMS_FILE, TermSet, Terms, TermsAbout, TermsRequest};

@@ -155,11 +155,6 @@ fn nodes(fastest: f64, mut each: impl FnMut(f64, f64)) {
     }
 }
 
-/// Which pixels of a photograph under a flash belong to the stripes that diffract: those above a threshold; unknown ones do not.
-pub fn stripes(light: &[f32], threshold: f32) -> Vec<bool> {
-    light.iter().map(|v| *v > threshold).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -236,6 +231,5 @@ mod tests {
             assert!((Slits::DISC.radial([u * cos, u * sin], 550.0) - radial).abs() < 1e-9);
         }
         assert!(Slits { width_um: 3.0, ..Slits::DISC }.check().is_err() && Slits::DISC.check().is_ok());
-        assert_eq!(stripes(&[0.1, f32::NAN, 0.9], 0.5), [false, false, true]);
     }
 }

@@ -13,6 +13,7 @@ mod layout;
 mod pack;
 mod picture;
 pub mod recommend;
+mod segment;
 #[cfg(test)]
 mod tests;
 
@@ -24,3 +25,4 @@ pub use job::{About, Report, edit_folder};
 pub use layout::Layout;
 pub use pack::{Encoding, PACK, export, import};
 pub use picture::{before_and_after, side_by_side};
+pub use segment::{SegmentReport, Segmented, segment};

@@ -10,18 +10,26 @@ use resvg::usvg::{Options, Tree};
 /// # Errors
 /// When the SVG is not well-formed, or has no extent.
 pub fn png_from_svg(svg: &str, zoom: f32) -> Result<Vec<u8>> {
-    let broken = |problem: String| Error::input("SVG", problem, "report this");
-    let mut options = Options { font_family: FAMILY.into(), ..Options::default() };
-    let fonts = options.fontdb_mut();
-    fonts.load_font_data(dejavu::sans_condensed::regular().to_vec());
-    fonts.load_font_data(dejavu::sans_condensed::bold().to_vec());
-    fonts.set_sans_serif_family(FAMILY);
-    let tree = Tree::from_str(svg, &options).map_err(|e| broken(e.to_string()))?;
+    let tree = tree(svg)?;
     let side = |length: f32| (length * zoom).round() as u32;
     let (width, height) = (side(tree.size().width()), side(tree.size().height()));
     let mut pixels = Pixmap::new(width, height).ok_or_else(|| broken(format!("{width} × {height} pixels")))?;
     resvg::render(&tree, Transform::from_scale(zoom, zoom), &mut pixels.as_mut());
     pixels.encode_png().map_err(|e| broken(e.to_string()))
+}
+
+fn broken(problem: String) -> Error {
+    Error::input("SVG", problem, "report this")
+}
+
+/// What an SVG shows, with text in fonts of the program.
+pub(crate) fn tree(svg: &str) -> Result<Tree> {
+    let mut options = Options { font_family: FAMILY.into(), ..Options::default() };
+    let fonts = options.fontdb_mut();
+    fonts.load_font_data(dejavu::sans_condensed::regular().to_vec());
+    fonts.load_font_data(dejavu::sans_condensed::bold().to_vec());
+    fonts.set_sans_serif_family(FAMILY);
+    Tree::from_str(svg, &options).map_err(|e| broken(e.to_string()))
 }
 
 /// Name of the family inside the font files.

@@ -142,10 +142,21 @@ impl Svg {
 
     /// The file; `about` is read out by screen readers.
     pub fn finish(self, about: &str) -> String {
+        let size = [self.width, self.height].map(|v| v.to_string());
+        self.sized(about, size)
+    }
+
+    /// The file, so many mm wide where it is printed.
+    pub fn finish_for_print(self, about: &str, width_mm: f64) -> String {
+        let size = [width_mm, width_mm * self.height / self.width].map(|v| format!("{v:.3}mm"));
+        self.sized(about, size)
+    }
+
+    fn sized(self, about: &str, [wide, high]: [String; 2]) -> String {
         let Self { width, height, body } = self;
         format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
-             height=\"{height}\" role=\"img\" font-family=\"'DejaVu Sans Condensed', 'DejaVu Sans', Arial, Helvetica, \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{wide}\" \
+             height=\"{high}\" role=\"img\" font-family=\"'DejaVu Sans Condensed', 'DejaVu Sans', Arial, Helvetica, \
              sans-serif\" font-stretch=\"condensed\">\n<title>{}</title>\n{body}</svg>\n",
             escape(about)
         )
@@ -192,10 +203,8 @@ pub struct Ruler {
 impl Ruler {
     /// Covers the finite ones of `values` with a little room. Logarithmic ones leave out what is not positive.
     pub fn covering(scale: Scale, values: impl IntoIterator<Item = f64>, from: f64, to: f64) -> Self {
-        let usable = values.into_iter().filter(|v| v.is_finite() && (scale != Scale::Log || *v > 0.0));
-        let (low, high) = usable.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) = extent(scale, values);
         let (low, high) = match scale {
-            _ if low > high => (1.0, 10.0),
             Scale::Log => {
                 let room = (high / low).powf(0.07).max(1.3);
                 (low / room, high * room)
@@ -207,6 +216,14 @@ impl Ruler {
             Scale::Names => (low - 0.5, high + 0.5),
         };
         Self { scale, low, high, from, to }
+    }
+
+    /// Covers logarithms of `values` with less room, so that values which differ by little are apart.
+    pub fn covering_closely(values: impl IntoIterator<Item = f64>, from: f64, to: f64) -> Self {
+        let (low, high) = extent(Scale::Log, values);
+        // All alike, values stand in the middle.
+        let room = if high > 1.02 * low { (high / low).powf(0.12) } else { 1.3 };
+        Self { scale: Scale::Log, low: low / room, high: high * room, from, to }
     }
 
     /// Exactly from `low` to `high`.
@@ -227,7 +244,9 @@ impl Ruler {
     /// Ticks as (value, label, whether it gets a label); `room` is how many labels fit.
     pub fn ticks(&self, room: usize) -> Vec<(f64, bool)> {
         match self.scale {
-            Scale::Log => self.log_ticks(room),
+            Scale::Log => Some(self.log_ticks(room))
+                .filter(|ticks| ticks.iter().filter(|t| t.1).count() > 1)
+                .unwrap_or_else(|| self.linear_ticks(room).into_iter().map(|v| (v, true)).collect()),
             _ => self.linear_ticks(room).into_iter().map(|v| (v, true)).collect(),
         }
     }
@@ -266,6 +285,13 @@ impl Ruler {
         }
         ticks
     }
+}
+
+/// Least and largest of the values that can be drawn.
+fn extent(scale: Scale, values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    let usable = values.into_iter().filter(|v| v.is_finite() && (scale != Scale::Log || *v > 0.0));
+    let (low, high) = usable.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if low > high { (1.0, 10.0) } else { (low, high) }
 }
 
 /// Draws the frame of a panel, with grid, ticks and titles.
@@ -351,6 +377,11 @@ mod tests {
         let labels: Vec<f64> = ruler.ticks(8).into_iter().filter(|t| t.1).map(|t| t.0).collect();
         assert_eq!(labels.iter().map(|v| number(*v)).collect::<Vec<_>>(), ["0.1", "1", "10"]);
         assert!(ruler.at(0.02) > 0.0 && ruler.at(30.0) < 100.0 && ruler.at(-1.0) == 0.0);
+        // A narrow range still has two numbers, and values that differ are apart.
+        let narrow = Ruler::covering_closely([3.1, 3.3], 0.0, 100.0);
+        assert!(narrow.ticks(6).iter().filter(|t| t.1).count() >= 2);
+        assert!(narrow.at(3.3) - narrow.at(3.1) > 60.0);
+        assert_eq!(Ruler::covering_closely([2.0], 0.0, 100.0).at(2.0).round(), 50.0);
         let degrees = Ruler::covering(Scale::Linear, [0.0, 180.0], 0.0, 100.0);
         assert_eq!(degrees.linear_ticks(7), [0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0]);
     }

@@ -57,7 +57,7 @@ pub use orientation::period::{PeriodMaps, PeriodScale, polarization_of, relative
 pub use orientation::period_map::{Metal, PeriodMethod, PeriodReport};
 pub use orientation::polarizers::widen_between_polarizers;
 pub use orientation::smooth::{Smoothing, smooth, smoothed_orientation};
-pub use precision::Precision;
+pub use precision::{HOPELESS, Precision};
 pub use reconstruct::reconstruct;
 pub use report::compare::{Comparison, compare};
 pub use report::errors::{AngleSource, ErrorReport};

@@ -17,6 +17,9 @@ const COMPARED: usize = 2048;
 /// The share of the pixels whose σ counts.
 const QUANTILE: f64 = 0.9;
 
+/// A wanted σ is out of reach where the least that the most angles can reach is larger by this factor.
+pub const HOPELESS: f64 = 1.2;
+
 /// An angle that gains at least this share of what the best one gains is as good.
 const AS_GOOD: f64 = 0.99;
 

@@ -4,11 +4,12 @@ use super::page::{Entry, html};
 use super::plan::Plan;
 use super::runner::measure;
 use super::summary::{Summary, summarize};
-use super::{Study, overview, picture, png_from_svg, tables};
+use super::{Look, Study, Width, overview, picture, png_from_svg, tables};
 use nacre_base::input::{self, Unreadable};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_image::{rewrite, write_whole};
+use nacre_plot::pdf_from_svg;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
@@ -52,6 +53,8 @@ pub struct Request<'a> {
     pub force: bool,
     /// Seed, runs, effort, program version.
     pub plan: Plan,
+    /// How they are drawn.
+    pub look: Look,
     /// Studies to measure.
     pub studies: &'a [Study],
     /// Pictures to draw.
@@ -84,9 +87,6 @@ pub struct Chart {
     pub files: Vec<String>,
 }
 
-/// Pixels per unit of the SVG.
-const ZOOM: f32 = 1.5;
-
 /// Measures and draws what was asked for. An interrupted call can be repeated and goes on where it stopped; files appear
 /// whole or not at all.
 ///
@@ -107,7 +107,7 @@ pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
         }
         let records = measure(study, &request.plan, &raw, progress)?;
         let summary = summarize(study, &request.plan, &records);
-        charted.put(write_study(out, &summary)?);
+        charted.put(write_study(out, &summary, request.look)?);
         summaries.push(summary);
     }
     for group in groups(&summaries) {
@@ -117,10 +117,11 @@ pub fn chart(request: &Request, progress: &dyn Progress) -> Result<Charted> {
         progress.check()?;
         make_dir(&out.join(p.name))?;
         let drawn = (p.draw)()?;
-        let mut files = write_pictures(out, p.name, &drawn.svg)?;
+        let mut files = write_pictures(out, p.name, &drawn.svg, Width::Page)?;
         if let Some(numbers) = &drawn.numbers {
-            files.push(format!("{0}/{0}.json", p.name));
-            write_whole(&out.join(&files[2]), numbers.as_bytes())?;
+            let file = format!("{0}/{0}.json", p.name);
+            write_whole(&out.join(&file), numbers.as_bytes())?;
+            files.push(file);
         }
         let text = p.text.to_owned();
         charted.put(Chart {
@@ -174,12 +175,12 @@ fn make_dir(folder: &Path) -> Result<()> {
     fs::create_dir_all(folder).map_err(|e| Error::output(folder, e))
 }
 
-fn write_study(out: &Path, summary: &Summary) -> Result<Chart> {
+fn write_study(out: &Path, summary: &Summary, look: Look) -> Result<Chart> {
     let name = &summary.name;
     write_whole(&out.join(format!("{name}/{name}.csv")), tables::csv(summary).as_bytes())?;
     let json = serde_json::to_vec_pretty(summary).map_err(std::io::Error::from);
     write_whole(&out.join(format!("{name}/{name}.json")), &json.map_err(|e| Error::output(out, e))?)?;
-    let mut files = write_pictures(out, name, &picture::draw(summary))?;
+    let mut files = write_pictures(out, name, &picture::draw(summary, look), look.width)?;
     files.extend(["csv", "json"].map(|kind| format!("{name}/{name}.{kind}")));
     files.push(format!("{name}/raw.jsonl"));
     Ok(Chart {
@@ -224,18 +225,19 @@ fn write_overview(out: &Path, group: &str, summaries: &[Summary]) -> Result<Char
     let name = format!("{group}-overview");
     make_dir(&out.join(&name))?;
     let title = "Where it breaks: error against everything that makes the task hard";
-    let files = write_pictures(out, &name, &overview::draw(title, &members))?;
+    let files = write_pictures(out, &name, &overview::draw(title, &members), Width::Page)?;
     let text = "One panel per difficulty; the charts below show each at full size.".to_owned();
     let quick = members.iter().any(|s| s.plan.effort == super::Effort::Quick);
     let measured = members.first().map_or(String::new(), |s| measured(s));
     Ok(Chart { name, group: group.into(), title: title.into(), text, quick, measured, files })
 }
 
-fn write_pictures(out: &Path, name: &str, svg: &str) -> Result<Vec<String>> {
-    let (svg_name, png_name) = (format!("{name}/{name}.svg"), format!("{name}/{name}.png"));
-    write_whole(&out.join(&svg_name), svg.as_bytes())?;
-    write_whole(&out.join(&png_name), &png_from_svg(svg, ZOOM)?)?;
-    Ok(vec![svg_name, png_name])
+fn write_pictures(out: &Path, name: &str, svg: &str, width: Width) -> Result<Vec<String>> {
+    let files = ["svg", "png", "pdf"].map(|kind| format!("{name}/{name}.{kind}"));
+    write_whole(&out.join(&files[0]), svg.as_bytes())?;
+    write_whole(&out.join(&files[1]), &png_from_svg(svg, width.zoom())?)?;
+    write_whole(&out.join(&files[2]), &pdf_from_svg(svg)?)?;
+    Ok(files.into())
 }
 
 impl Charted {

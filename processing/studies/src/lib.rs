@@ -43,6 +43,7 @@
 
 mod folder;
 pub mod gpu;
+mod look;
 mod machine;
 mod overview;
 mod page;
@@ -63,6 +64,7 @@ mod trade;
 mod tests;
 
 pub use folder::{Chart, Charted, Drawn, Picture, Request, catalogue, chart};
+pub use look::{Look, Width};
 pub use machine::Machine;
 pub use nacre_plot::{Scale, png_from_svg};
 pub use pareto::pareto_front;

@@ -2,7 +2,7 @@
 
 use nacre_plot::style::{ALARM, SOFT};
 
-use super::style::{WRONG, color, methods, shape};
+use super::style::{WRONG, color, method_color, methods, shape};
 use super::{Point, Summary};
 use nacre_plot::svg::{Anchor, Area, Axes, Ruler, Svg, fill, text_width};
 
@@ -35,7 +35,7 @@ fn legend(svg: &mut Svg, studies: &[&Summary]) {
                 continue;
             }
             seen.push(method);
-            svg.mark([x + 6.0, 56.0], shape(study, first), 5.0, &fill(color(study, first)));
+            svg.mark([x + 6.0, 56.0], shape(study, first), 5.0, &fill(&method_color(study, first)));
             svg.text([x + 16.0, 60.0], method, 12.5, Anchor::Start, &fill(SOFT));
             x += 34.0 + text_width(method, 12.5);
         }
@@ -68,7 +68,7 @@ fn panel(svg: &mut Svg, area: Area, summary: &Summary, first: bool) {
         for p in of {
             let Some(error) = p.error else { continue };
             let at = [x.at(stress(p)), y.at(error.median)];
-            let inside = if p.masked > 0.5 { "#ffffff" } else { ink };
+            let inside = if p.masked > 0.5 { "#ffffff" } else { &ink };
             svg.mark(at, shape(summary, setting), 3.2, &format!("{} stroke=\"{ink}\"", fill(inside)));
             if p.wrong > WRONG {
                 svg.circle(at, 5.4, &format!("fill=\"none\" stroke=\"{ALARM}\" stroke-width=\"1.5\""));

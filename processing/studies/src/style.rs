@@ -22,18 +22,85 @@ pub(super) fn methods(summary: &Summary) -> Vec<&str> {
     names
 }
 
-/// Colour of a setting: its method's, or its place on the ramp where there is but one method.
-pub(super) fn color(summary: &Summary, setting: usize) -> &'static str {
-    let methods = methods(summary);
-    if methods.len() > 1 || summary.settings.len() == 1 {
-        let at = methods.iter().position(|m| *m == summary.settings[setting].method).unwrap_or(0);
-        return METHODS[at % METHODS.len()];
+/// Colour of a setting: its method's, or its place on the ramp where there is but one method. Settings of a method that are drawn together go from
+/// light to dark.
+pub(super) fn color(summary: &Summary, setting: usize) -> String {
+    if methods(summary).len() > 1 || summary.settings.len() == 1 {
+        let (base, together) = (method_color(summary, setting), beside(summary, setting));
+        return match together.iter().position(|s| *s == setting) {
+            Some(k) if together.len() > 1 => shade(&base, k as f64 / (together.len() - 1) as f64),
+            _ => base,
+        };
     }
     let last = (summary.settings.len() - 1).max(1);
-    RAMP[(setting * (RAMP.len() - 1) + last / 2) / last]
+    RAMP[(setting * (RAMP.len() - 1) + last / 2) / last].into()
+}
+
+/// Colour of a setting's method, of several.
+pub(super) fn method_color(summary: &Summary, setting: usize) -> String {
+    let at = methods(summary).iter().position(|m| *m == summary.settings[setting].method).unwrap_or(0);
+    METHODS[at % METHODS.len()].into()
+}
+
+/// Settings of the same method that are drawn in the sweep.
+fn beside(summary: &Summary, setting: usize) -> Vec<usize> {
+    let method = &summary.settings[setting].method;
+    (0..summary.settings.len())
+        .filter(|s| summary.settings[*s].in_sweep && summary.settings[*s].method == *method)
+        .collect()
+}
+
+/// A colour (`#rrggbb`), lightened at 0, darkened at 1.
+fn shade(color: &str, dark: f64) -> String {
+    let (towards, share) =
+        if dark < 0.5 { (255.0, 0.45 * (1.0 - 2.0 * dark)) } else { (0.0, 0.45 * (2.0 * dark - 1.0)) };
+    let part = |k: usize| {
+        let value = u8::from_str_radix(color.get(1 + 2 * k..3 + 2 * k).unwrap_or("00"), 16).unwrap_or(0);
+        (f64::from(value) * (1.0 - share) + towards * share).round() as u8
+    };
+    format!("#{:02x}{:02x}{:02x}", part(0), part(1), part(2))
+}
+
+/// Name of a setting beside its curve: that of a method with one setting; else the setting's own, with the method's where another curve has the same.
+pub(super) fn label(summary: &Summary, setting: usize) -> String {
+    let own = &summary.settings[setting];
+    if methods(summary).len() < 2 {
+        return own.label.clone();
+    }
+    let alone = |method: &str| summary.settings.iter().filter(|s| s.method == method).count() < 2;
+    if alone(&own.method) {
+        return own.method.clone();
+    }
+    let same = |s: &super::Setting| s.in_sweep && s.label == own.label && s.method != own.method && !alone(&s.method);
+    if summary.settings.iter().any(same) { format!("{}, {}", own.method, own.label) } else { own.label.clone() }
 }
 
 /// Shape of a setting's marks, which tells methods apart in black and white.
 pub(super) fn shape(summary: &Summary, setting: usize) -> usize {
     methods(summary).iter().position(|m| *m == summary.settings[setting].method).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shades_go_from_light_to_dark() {
+        assert_eq!([0.0, 0.5, 1.0].map(|d| shade("#0072b2", d)), ["#73b1d5", "#0072b2", "#003f62"]);
+    }
+
+    /// Settings of one method that are drawn together differ in colour and in label.
+    #[test]
+    fn every_curve_can_be_told() {
+        for study in crate::polarimetry::studies(crate::Effort::Quick) {
+            let summary = crate::summarize(&study, &crate::Plan::new(1, "test"), &[]);
+            let shown: Vec<usize> = (0..study.settings.len()).filter(|s| study.settings[*s].in_sweep).collect();
+            for (i, a) in shown.iter().enumerate() {
+                for b in &shown[i + 1..] {
+                    assert_ne!(label(&summary, *a), label(&summary, *b), "{}", study.name);
+                    assert_ne!(color(&summary, *a), color(&summary, *b), "{}", study.name);
+                }
+            }
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Error against what makes the task hard, and below it the shares of pixels masked and confidently wrong.
 
-use super::style::{WRONG, color, methods, shape};
+use super::style::{WRONG, color, label, shape};
 use super::{Point, Scale, Summary};
 use nacre_plot::spread_out;
 use nacre_plot::style::ALARM;
@@ -30,9 +30,9 @@ pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
         shares(svg, x, y, summary, &shown, value);
     };
     let second = main.y + main.h + GAP;
-    share(|p| p.masked, second, "pixels masked", "#1c2430", "", svg);
+    share(|p| p.masked, second, "share masked", "#1c2430", "", svg);
     let title = summary.stress.title();
-    share(|p| p.wrong, second + STRIP + GAP, "pixels confidently wrong (over 5σ)", ALARM, &title, svg);
+    share(|p| p.wrong, second + STRIP + GAP, "share confidently wrong (over 5σ)", ALARM, &title, svg);
 }
 
 fn of(summary: &Summary, setting: usize) -> Vec<&Point> {
@@ -41,17 +41,8 @@ fn of(summary: &Summary, setting: usize) -> Vec<&Point> {
     points
 }
 
-fn label(summary: &Summary, setting: usize) -> &str {
-    let setting = &summary.settings[setting];
-    if methods_differ(summary) { &setting.method } else { &setting.label }
-}
-
-fn methods_differ(summary: &Summary) -> bool {
-    methods(summary).len() > 1
-}
-
 fn longest(summary: &Summary, shown: &[usize]) -> f64 {
-    shown.iter().map(|s| nacre_plot::svg::text_width(label(summary, *s), 12.5)).fold(0.0, f64::max)
+    shown.iter().map(|s| nacre_plot::svg::text_width(&label(summary, *s), 12.5)).fold(0.0, f64::max)
 }
 
 fn error(svg: &mut Svg, area: Area, x: Ruler, names: &[String], summary: &Summary, shown: &[usize]) {
@@ -72,7 +63,7 @@ fn error(svg: &mut Svg, area: Area, x: Ruler, names: &[String], summary: &Summar
             &format!("fill=\"none\" stroke=\"{ink}\" stroke-width=\"1.3\" stroke-dasharray=\"5 4\""),
         );
         for run in points.split(|p| p.error.is_none()) {
-            curve(svg, run, &at, y, ink, summary.stress.scale == Scale::Names);
+            curve(svg, run, &at, y, &ink, summary.stress.scale == Scale::Names);
         }
         for p in &points {
             let Some(e) = p.error else { continue };
@@ -81,7 +72,7 @@ fn error(svg: &mut Svg, area: Area, x: Ruler, names: &[String], summary: &Summar
                 place,
                 shape(summary, setting),
                 4.0,
-                &format!("{} stroke=\"#ffffff\" stroke-width=\"0.7\"", fill(ink)),
+                &format!("{} stroke=\"#ffffff\" stroke-width=\"0.7\"", fill(&ink)),
             );
             if p.wrong > WRONG {
                 svg.circle(place, 6.8, &format!("fill=\"none\" stroke=\"{ALARM}\" stroke-width=\"1.8\""));
@@ -96,7 +87,7 @@ fn error(svg: &mut Svg, area: Area, x: Ruler, names: &[String], summary: &Summar
             let ink = color(summary, *setting);
             let from = area.x + area.w;
             svg.line([end[0] + 6.0, end[1]], [from + 5.0, place], &format!("stroke=\"{ink}\" stroke-width=\"0.8\""));
-            svg.text([from + 8.0, place + 4.4], label(summary, *setting), 12.5, Anchor::Start, &fill(ink));
+            svg.text([from + 8.0, place + 4.4], &label(summary, *setting), 12.5, Anchor::Start, &fill(&ink));
         }
     }
 }
@@ -124,7 +115,7 @@ fn shares(svg: &mut Svg, x: Ruler, y: Ruler, summary: &Summary, shown: &[usize],
             points.iter().map(|p| [x.at(summary.scenes[p.scene].value), y.at(value(p))]).collect();
         svg.polyline(&line, &format!("fill=\"none\" stroke=\"{ink}\" stroke-width=\"1.6\""));
         for place in line {
-            svg.mark(place, shape(summary, setting), 2.6, &fill(ink));
+            svg.mark(place, shape(summary, setting), 2.6, &fill(&ink));
         }
     }
 }

@@ -1,14 +1,42 @@
 //! The numbers behind a picture, as CSV.
 
-use super::Summary;
+use super::{Axis, Summary};
 use std::fmt::Write;
 
-/// One line per setting and scene; empty fields where there is no value.
+/// One line per setting and scene; empty fields where there is no value. Units stand in brackets in the header.
 pub(super) fn csv(summary: &Summary) -> String {
-    let mut text = String::from(
-        "method,setting,knob,default,scene,stress,runs,error_median,error_q1,error_q3,seconds_median,seconds_q1,seconds_q3,\
-         masked,confidently_wrong,predicted,on_front\n",
-    );
+    let with = |name: &str, axis: &Axis| match axis.unit.as_str() {
+        "" => name.to_owned(),
+        unit => format!("{name} [{unit}]"),
+    };
+    let (knob, stress) = (with("knob", &summary.knob), with("stress", &summary.stress));
+    let [error_median, error_q1, error_q3, predicted] =
+        ["error_median", "error_q1", "error_q3", "predicted"].map(|name| with(name, &summary.error));
+    // Photographs where these are counted.
+    let time = if summary.time.unit.is_empty() { summary.time.name.replace(' ', "_") } else { "time".into() };
+    let [time_median, time_q1, time_q3] =
+        ["median", "q1", "q3"].map(|name| with(&format!("{time}_{name}"), &summary.time));
+    let header = [
+        "method",
+        "setting",
+        &knob,
+        "default",
+        "scene",
+        &stress,
+        "runs",
+        &error_median,
+        &error_q1,
+        &error_q3,
+        &time_median,
+        &time_q1,
+        &time_q3,
+        "masked",
+        "confidently_wrong",
+        &predicted,
+        "on_front",
+    ];
+    let mut text = header.map(quoted).join(",");
+    text.push('\n');
     let optional = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
     for p in &summary.points {
         let (setting, scene) = (&summary.settings[p.setting], &summary.scenes[p.scene]);

@@ -46,7 +46,7 @@ pub(super) fn records_without_time(records: &[Record]) -> Vec<(usize, usize, usi
 }
 
 fn request<'a>(out: &'a Path, studies: &'a [Study]) -> Request<'a> {
-    Request { out, force: false, plan: Plan::new(3, "test"), studies, pictures: &[] }
+    Request { out, force: false, look: Look::default(), plan: Plan::new(3, "test"), studies, pictures: &[] }
 }
 
 #[test]
@@ -68,6 +68,31 @@ fn tables_and_pictures_are_well_formed_and_agree() {
     let png = image::open(out.join("series/series.png")).unwrap();
     assert_eq!(png.width(), 1920);
     assert!(read("index.html").contains("series/series.svg") && read("index.html").contains("seed 3"));
+    assert!(std::fs::read(out.join("series/series.pdf")).unwrap().starts_with(b"%PDF-"));
+}
+
+/// Charts for a journal have its columns' width and no titles; measurements are not repeated for them.
+#[test]
+fn charts_fit_the_columns_of_a_journal() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("charts");
+    let studies = [study()];
+    chart(&request(&out, &studies), &Silent).unwrap();
+    let raw = std::fs::read(out.join("series/raw.jsonl")).unwrap();
+    for (width, mm) in [(Width::Single, 85.0), (Width::Double, 178.0)] {
+        let look = Look { titles: false, width };
+        chart(&Request { look, ..request(&out, &studies) }, &Silent).unwrap();
+        let svg = std::fs::read_to_string(out.join("series/series.svg")).unwrap();
+        assert!(svg.contains(&format!("width=\"{mm:.3}mm\"")) && !svg.contains("Error, and where"), "{svg}");
+        // 300 pixels per inch.
+        let png = image::open(out.join("series/series.png")).unwrap();
+        assert!((f64::from(png.width()) - mm / 25.4 * 300.0).abs() < 2.0, "{}", png.width());
+        let pdf = std::fs::read(out.join("series/series.pdf")).unwrap();
+        let text = String::from_utf8_lossy(&pdf);
+        let width = text.split("/MediaBox [0 0 ").nth(1).and_then(|t| t.split(' ').next()).unwrap();
+        assert!((width.parse::<f64>().unwrap() - mm / 25.4 * 72.0).abs() < 0.01, "{width}");
+    }
+    assert_eq!(std::fs::read(out.join("series/raw.jsonl")).unwrap(), raw);
 }
 
 /// Every line has the header's fields, quoted commas counted right, and the numbers of the summary.
@@ -85,7 +110,7 @@ fn assert_csv(csv: &str, summary: &Summary) {
     };
     let mut lines = csv.lines();
     let header = fields(lines.next().unwrap());
-    let column = header.iter().position(|h| h == "error_median").unwrap();
+    let column = header.iter().position(|h| h == "error_median [%]").unwrap();
     for (line, point) in lines.by_ref().zip(&summary.points) {
         let values = fields(line);
         assert_eq!(values.len(), header.len(), "{line}");

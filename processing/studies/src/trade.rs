@@ -1,7 +1,7 @@
 //! Time against error.
 
-use super::style::{WRONG, color, methods, shape};
-use super::{Point, Scale, Summary};
+use super::style::{WRONG, color, method_color, methods, shape};
+use super::{Point, Summary};
 use nacre_plot::Labels;
 use nacre_plot::style::{ALARM, INK, SOFT};
 use nacre_plot::svg::{Anchor, Area, Axes, Ruler, Svg, fill};
@@ -15,7 +15,7 @@ pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
     // One expected error makes no line, and is drawn on the right.
     let lines = points.len() > methods(summary).len();
     let errors = errors.chain(points.iter().filter(|_| lines).filter_map(|p| p.predicted));
-    let x = Ruler::covering(Scale::Log, times, area.x, area.x + area.w);
+    let x = Ruler::covering_closely(times, area.x, area.x + area.w);
     let y = Ruler::covering(summary.error.scale, errors, area.y + area.h, area.y);
     let (x_title, y_title) = (summary.time.title(), summary.error.title());
     Axes { area, x, y, names: &[], x_title: &x_title, y_title: &y_title, percent: false }.draw(svg);
@@ -25,7 +25,7 @@ pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
     for method in methods(summary) {
         let of = |p: &&&Point| summary.settings[p.setting].method == method;
         let line: Vec<[f64; 2]> = points.iter().filter(of).map(|p| at(p)).collect();
-        let ink = points.iter().find(of).map_or(SOFT, |p| tone(summary, p.setting));
+        let ink = points.iter().find(of).map_or(SOFT.into(), |p| tone(summary, p.setting));
         svg.polyline(&line, &format!("fill=\"none\" stroke=\"{ink}\" stroke-width=\"1.2\" stroke-opacity=\"0.55\""));
         let expected: Vec<[f64; 2]> = points
             .iter()
@@ -69,8 +69,8 @@ pub(super) fn draw(svg: &mut Svg, area: Area, summary: &Summary) {
 }
 
 /// A line that joins one method's settings, in grey where each setting has a colour of its own.
-fn tone(summary: &Summary, setting: usize) -> &'static str {
-    if methods(summary).len() > 1 { color(summary, setting) } else { SOFT }
+fn tone(summary: &Summary, setting: usize) -> String {
+    if methods(summary).len() > 1 { method_color(summary, setting) } else { SOFT.into() }
 }
 
 /// What is above and right of the front's steps is beaten. Returns the steps.
@@ -101,7 +101,7 @@ fn marks(svg: &mut Svg, summary: &Summary, p: &Point, xs: [f64; 2], ys: Option<[
     if let Some([low, high]) = ys {
         svg.line([at[0], low], [at[0], high], &thin);
     }
-    svg.mark(at, shape(summary, p.setting), 5.0, &format!("{} stroke=\"#ffffff\" stroke-width=\"0.8\"", fill(ink)));
+    svg.mark(at, shape(summary, p.setting), 5.0, &format!("{} stroke=\"#ffffff\" stroke-width=\"0.8\"", fill(&ink)));
     if p.wrong > WRONG {
         svg.circle(at, 8.0, &format!("fill=\"none\" stroke=\"{ALARM}\" stroke-width=\"2\""));
     }

@@ -1,13 +1,20 @@
 #![doc = include_str!("../README.md")]
 
 mod bokeh;
+mod calibration;
 mod environment;
+mod factor;
 mod flash;
+mod foil;
 mod hdr;
 mod lut;
 mod maxwell;
+mod period;
 mod photographs;
+mod prediction;
 mod render;
+mod series;
+mod slits;
 pub mod spots;
 mod surface;
 mod two_pass;
@@ -20,15 +27,20 @@ use photographs::outcome;
 
 /// All of them, in the order of the page.
 pub fn studies(effort: Effort) -> Vec<Study> {
-    let mut all = vec![registration(effort), oblique(effort), compact_disc(effort), hdr::study(effort)];
+    let mut all = vec![wedge(effort), oblique(effort), compact_disc(effort), series::study(effort), hdr::study(effort)];
+    all.extend(period::studies(effort));
+    all.extend(calibration::studies(effort));
+    all.extend(foil::studies(effort));
     all.extend(lut::studies(effort));
     all.extend(bokeh::studies(effort));
     all.extend(surface::studies(effort));
     all.extend(spots::studies(effort));
     all.extend(flash::studies(effort));
     all.extend(environment::studies(effort));
+    all.push(factor::study(effort));
     all.extend(render::studies(effort));
     all.push(two_pass::study(effort));
+    all.extend([slits::study(effort), prediction::study(effort)]);
     all.extend(maxwell::studies(effort));
     all
 }
@@ -82,7 +94,7 @@ impl Bench {
 }
 
 /// Photographs that a wedged analyser shifts.
-fn registration(effort: Effort) -> Study {
+fn wedge(effort: Effort) -> Study {
     let options = |align| Options { model: Some(Model::Sinusoid), align: Some(align), ..Options::default() };
     Bench {
         name: "stress-wedge",
@@ -159,7 +171,7 @@ mod tests {
     /// those never shifted. Hardly any pixel is off by more than five times what σ says, wherever they lie.
     #[test]
     fn moving_photographs_back_pays() {
-        let study = registration(Effort::Quick);
+        let study = wedge(Effort::Quick);
         let at = study.scenes.iter().position(|s| s.value == 1.0).unwrap_or_default();
         let error = |setting, at| {
             let found = (study.run)(setting, at, 3).unwrap();

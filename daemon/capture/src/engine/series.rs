@@ -4,10 +4,7 @@ use crate::plan::{Added, MORE, UntilDecided, UntilSigma};
 use crate::session::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 use nacre_base::{Error, Result};
 use nacre_periods::spots::Survey;
-use nacre_polarimetry::{Precision, Running};
-
-/// A request is given up when what can be reached at best misses it by this factor.
-const HOPELESS: f64 = 1.2;
+use nacre_polarimetry::{HOPELESS, Precision, Running};
 
 /// What comes next in a series.
 #[derive(Clone, Copy, Debug, PartialEq)]

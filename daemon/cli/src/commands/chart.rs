@@ -3,7 +3,7 @@
 use crate::console::Console;
 use nacre_base::Error;
 use nacre_capture::Failure;
-use nacre_studies::{Charted, Effort, Picture, Plan, Request, Study, chart, gpu, polarimetry};
+use nacre_studies::{Charted, Effort, Look, Picture, Plan, Request, Study, Width, chart, gpu, polarimetry};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
@@ -17,8 +17,9 @@ Examples:
   nacre chart all --out charts                   everything; open charts/index.html
   nacre chart polarimetry stress --out charts    two groups
   nacre chart frames --out charts --quick        a coarse look at one study
+  nacre chart frames --out charts --width single --no-titles    for a column of a journal
 
-Every chart gets a subfolder with raw.jsonl (every measurement), CSV, JSON, SVG and PNG.
+Every chart gets a subfolder with raw.jsonl (every measurement), CSV, JSON, SVG, PDF and PNG.
 Ctrl-C loses nothing: the same command goes on where it stopped.")]
 pub struct Args {
     /// Names of charts or groups of charts, or `all`; see --list.
@@ -36,6 +37,13 @@ pub struct Args {
     /// Small scenes and few runs: shows that it works, not how well.
     #[arg(long)]
     quick: bool,
+    /// Width of charts: page (1280 px), single (one column of a journal, 85 mm, panels below each other) or double (both columns, 178 mm). Drawn anew
+    /// without measuring again.
+    #[arg(long, value_name = "page|single|double", default_value = "page")]
+    width: Width,
+    /// Leave titles out, for pictures with a caption.
+    #[arg(long)]
+    no_titles: bool,
     /// List names and titles.
     #[arg(long)]
     list: bool,
@@ -82,7 +90,8 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
         return Err(Error::input("--out", "is missing", "name a folder").into());
     };
     let plan = Plan { seed: args.seed, runs, effort, version: version() };
-    let request = Request { out, force: args.force, plan, studies: &studies, pictures: &pictures };
+    let look = Look { titles: !args.no_titles, width: args.width };
+    let request = Request { out, force: args.force, plan, look, studies: &studies, pictures: &pictures };
     let charted = chart(&request, console)?;
     let drawn: Vec<&str> = studies.iter().map(|s| s.name).chain(pictures.iter().map(|p| p.name)).collect();
     console.result(&summary(&charted, &drawn, out), &charted);

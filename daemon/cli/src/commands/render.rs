@@ -317,6 +317,9 @@ fn summary(report: &Report) -> String {
             );
         }
     }
+    for hint in &report.hints {
+        let _ = write!(text, "\ndefault   {hint}");
+    }
     let p = &report.predicted;
     let _ = write!(text, "\nquality   noise {:.2e} of the mean ({:.2e} expected)", report.noise, p.noise);
     let measured = report.measured_model_error.map_or("not measured".into(), |e| format!("{e:.2e} measured"));

@@ -6,8 +6,8 @@ use super::{textures, under};
 use crate::light::viewer::RANGE;
 use crate::light::{Kind, Lamp, Sky};
 use crate::material::Material;
-use crate::material::diffraction::Diffraction;
 use crate::material::diffraction::grating::{BALANCED, Grating, ROUNDS};
+use crate::material::diffraction::{Diffraction, SlitLayout};
 use crate::material::shading::Accuracy;
 use crate::material::texture::Over;
 use crate::prepared_scene::PreparedScene;
@@ -277,13 +277,19 @@ impl Values {
                 2.0
             }
             Some(Diffraction::Comb(comb)) => {
+                if comb.layout == SlitLayout::Radial {
+                    return Err("its slits lie in all directions".into());
+                }
                 let Slits { spacing_um, width_um, count } = comb.slits;
                 if count > MOST_SLITS {
                     return Err(format!("light falls on {count} slits together, more than {MOST_SLITS}"));
                 }
                 let [x, y] = comb.across;
                 self.set("same", [y.atan2(x), spacing_um, 0.0, 0.0]);
-                self.set("grooves", [1.0, 1.0, flag(comb.disc), comb.orders.sigma * comb.orders.sigma]);
+                self.set(
+                    "grooves",
+                    [1.0, 1.0, flag(comb.layout == SlitLayout::Disc), comb.orders.sigma * comb.orders.sigma],
+                );
                 self.set("detail", [width_um, count as f64, comb.share(), 0.0]);
                 self.grating(&comb.orders);
                 3.0

@@ -145,6 +145,7 @@ pub fn render_watched(
         predicted,
         materials,
         environments: sums.environments,
+        hints: scene.hints.clone(),
         warnings,
         assumptions: ASSUMPTIONS.to_vec(),
         seconds: begun.elapsed().as_secs_f64(),

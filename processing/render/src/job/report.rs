@@ -47,6 +47,9 @@ pub struct Report {
     /// Shapes whose tables two passes render under environments, or would.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub environments: Vec<EnvironmentReport>,
+    /// Defaults that decide the picture and that the scene does not state.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub hints: Vec<String>,
     /// Warnings.
     pub warnings: Vec<String>,
     /// Assumptions of the model.

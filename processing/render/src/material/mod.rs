@@ -115,7 +115,8 @@ impl Material {
             notes.method = "diffuse and glossy".into();
         }
         let normals = material.normals.as_ref().map(|file| texture::normals(&folder.join(file))).transpose()?;
-        let coverage = texture::value(&key("coverage"), &material.coverage, folder, [0.0, 1.0])?;
+        let (coverage, warnings) = texture::coverage(&key("coverage"), &material.coverage, folder)?;
+        notes.warnings.extend(warnings);
         Ok(Self { base, diffraction, coverage, blend: material.blend, normals, notes })
     }
 

@@ -1,11 +1,11 @@
 //! Pictures over (u, v).
 
-use crate::scene::{Color, Value};
+use crate::scene::{Color, Coverage, Value};
 use crate::vector::number;
 use nacre_base::{Error, Result};
 use nacre_frames::Transfer;
 use nacre_image::{Light, Raster, Samples, read, read_light};
-use nacre_maps::{Kind, Maps};
+use nacre_maps::{Kind, Maps, segment};
 use std::path::Path;
 
 /// A picture with N channels, row 0 on top (v = 1).
@@ -97,6 +97,23 @@ pub(crate) fn value(key: &str, of: &Value, folder: &Path, limits: [f64; 2]) -> R
     match of {
         Value::Number(v) => Ok(Over::Same([number(key, *v, limits)?])),
         Value::File(file) => picture(&folder.join(file), false, limits.map(|v| v as f32)).map(Over::Picture),
+    }
+}
+
+/// A part of the surface, and what to beware of.
+///
+/// # Errors
+/// `Input` for what is neither a number from 0 to 1, nor a picture, nor a photograph with a bright and a dark part.
+pub(crate) fn coverage(key: &str, of: &Coverage, folder: &Path) -> Result<(Over<1>, Vec<String>)> {
+    match of {
+        Coverage::Number(v) => Ok((Over::Same([number(key, *v, [0.0, 1.0])?]), vec![])),
+        Coverage::File(file) => Ok((Over::Picture(picture(&folder.join(file), false, [0.0, 1.0])?), vec![])),
+        Coverage::Bright(bright) => {
+            let found = segment(&folder.join(&bright.photograph), bright.threshold)?;
+            let values = found.inside.iter().map(|inside| [f32::from(u8::from(*inside))]).collect();
+            let warnings = found.report.warnings.iter().map(|w| format!("{key}: {w}")).collect();
+            Ok((Over::Picture(Picture { width: found.width, height: found.height, values }), warnings))
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The files that a scene names.
 
-use crate::scene::{Base, Color, Diffraction, Light, Material, Scene, Shape, Spectrum, Value};
+use crate::scene::{Base, Bright, Color, Coverage, Diffraction, Light, Material, Scene, Shape, Spectrum, Value};
 use nacre_base::{Error, Result};
 use nacre_optics::color::Illuminant;
 use std::path::{Component, Path};
@@ -74,8 +74,10 @@ fn of_material<'a>(key: &str, material: &'a Material, files: &mut Vec<(String, &
             add("base.roughness", file);
         }
     }
-    if let Value::File(file) = coverage {
-        add("coverage", file);
+    match coverage {
+        Coverage::File(file) => add("coverage", file),
+        Coverage::Bright(Bright { photograph, threshold: _ }) => add("coverage.photograph", photograph),
+        Coverage::Number(_) => {}
     }
     if let Some(file) = normals {
         add("normals", file);

@@ -20,6 +20,30 @@ pub enum Value {
     File(PathBuf),
 }
 
+/// Part of a surface: a number, a grey picture over (u, v), or the bright part of a photograph.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Coverage {
+    /// The number, 0 to 1.
+    Number(f64),
+    /// The picture.
+    File(PathBuf),
+    /// What a photograph of the surface under a flash shows bright.
+    Bright(Bright),
+}
+
+/// The bright part of a photograph (2017 TOG paper, Fig. 20).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Bright {
+    /// The photograph, over (u, v).
+    pub photograph: PathBuf,
+    /// Brightness from which the surface diffracts: 0 to 1 of the largest code, or the value of an EXR; where bright and dark pixels differ most if it
+    /// is not given.
+    #[serde(default)]
+    pub threshold: Option<f64>,
+}
+
 /// A linear sRGB colour for all of a surface, or a picture over (u, v): 8 and 16 bits are sRGB, EXR linear.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -42,7 +66,7 @@ pub struct Material {
     pub diffraction: Option<Diffraction>,
     /// Part of the surface that diffracts, 0 to 1; the rest is base.
     #[serde(default = "full")]
-    pub coverage: Value,
+    pub coverage: Coverage,
     /// How base and diffraction are joined.
     #[serde(default)]
     pub blend: Blend,
@@ -51,8 +75,8 @@ pub struct Material {
     pub normals: Option<PathBuf>,
 }
 
-fn full() -> Value {
-    Value::Number(1.0)
+fn full() -> Coverage {
+    Coverage::Number(1.0)
 }
 
 /// How base and diffraction are joined.
@@ -160,7 +184,8 @@ pub enum Diffraction {
         #[serde(default = "perfect")]
         reflectance: Reflectance,
     },
-    /// Slits that alone reflect (2017 paper, Eq. 16), parallel or, as `disc`, around the middle.
+    /// Slits that alone reflect (2017 TOG paper, Eq. 16): parallel, around the middle as `disc`, or in all directions as `radial`. Spacing, width and number
+    /// are by default those of the paper's compact disc.
     Multislit {
         /// Distance of slits in µm.
         #[serde(default = "paper_spacing")]
@@ -177,6 +202,9 @@ pub enum Diffraction {
         /// Around the middle of (u, v).
         #[serde(default)]
         disc: bool,
+        /// In all directions at every place: the slits' pattern turned around its middle (Fig. 20).
+        #[serde(default)]
+        radial: bool,
     },
     /// A lattice of rectangles that alone reflect, such as the subpixels of a screen.
     Lattice {

@@ -1,10 +1,11 @@
 //! Scenes as users write them (TOML).
 
 mod files;
+mod hints;
 mod material;
 
 pub(crate) use files::inside;
-pub use material::{Base, Blend, Color, Diffraction, Material, Relief, Value};
+pub use material::{Base, Blend, Bright, Color, Coverage, Diffraction, Material, Relief, Value};
 
 use nacre_base::text::{from_toml, read_text};
 use nacre_base::{Error, Result};
@@ -45,6 +46,9 @@ pub struct Scene {
     /// Brightness of the PNG: linear light is multiplied with it; chosen from the picture if it is not given.
     #[serde(default)]
     pub exposure: Option<f64>,
+    /// Defaults that decide the picture and that its text does not state, a line for each.
+    #[serde(skip)]
+    pub hints: Vec<String>,
 }
 
 /// Turns about the z axis, anticlockwise seen from +z, in degrees.
@@ -295,7 +299,7 @@ pub enum Light {
         #[serde(default)]
         spectrum: Spectrum,
     },
-    /// Light from everywhere: a lat-long picture (EXR, HDR) or a colour; z is its zenith.
+    /// Light from everywhere: a lat-long picture (EXR, HDR) or a colour; its zenith is `up`, +y unless given.
     Environment {
         /// The picture.
         #[serde(default)]
@@ -309,7 +313,7 @@ pub enum Light {
         /// Multiplies it.
         #[serde(default = "one")]
         luminance: f64,
-        /// Direction of its zenith.
+        /// Direction of its zenith: +y, up in the picture; above a sample that lies in z = 0 it is [0, 0, 1].
         #[serde(default = "y")]
         up: [f64; 3],
         /// Turns it about the zenith, in degrees.
@@ -336,6 +340,7 @@ impl Scene {
     /// # Errors
     /// What is wrong, in words.
     pub fn parse(text: &str) -> std::result::Result<Self, String> {
-        from_toml(text)
+        let scene: Self = from_toml(text)?;
+        Ok(Self { hints: hints::hints(text), ..scene })
     }
 }

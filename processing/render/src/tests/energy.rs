@@ -29,6 +29,7 @@ fn nothing_gains_light_and_what_is_lossless_loses_none() {
         ),
         (top("type = \"cd\"\nrelief = { profile = { rectangular = { duty = 0.4 } }, depth_um = 0.12 }"), 1.0, 64),
         (top("type = \"multislit\""), 0.25, 64),
+        (top("type = \"multislit\"\nradial = true"), 0.25, 64),
         (top("type = \"lattice\"\nperiod_um = [60, 80]\naperture_um = [20, 60]"), 0.25, 64),
     ];
     for (material, wanted, samples) in cases {

@@ -7,6 +7,7 @@ mod flat;
 mod folder;
 mod held;
 mod lamps;
+mod radial;
 mod relief;
 mod spectral;
 mod two_pass;

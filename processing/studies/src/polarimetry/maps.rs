@@ -44,7 +44,7 @@ fn draw() -> Result<Drawn> {
     let columns = 4;
     let mut svg = Svg::new(44.0 + columns as f64 * pitch[0], 104.0 + 4.0 * pitch[1] + 20.0);
     svg.text([28.0, 34.0], picture().title, 20.0, Anchor::Start, "font-weight=\"bold\"");
-    legend(&mut svg);
+    signs(&mut svg);
     for (i, case) in CASES.iter().enumerate() {
         let raw = intensities(case);
         for (row, values) in [normalised(&raw), normalised(&without_mean(&raw))].iter().enumerate() {
@@ -55,7 +55,8 @@ fn draw() -> Result<Drawn> {
     Ok(Drawn::from(svg.finish(picture().title)))
 }
 
-fn legend(svg: &mut Svg) {
+/// What colours, dots and lines mean.
+pub(super) fn signs(svg: &mut Svg) {
     svg.text([28.0, 60.0], "Normalised intensity, dark to bright:", 12.5, Anchor::Start, &fill(SOFT));
     for k in 0..60 {
         let [r, g, b] = viridis(k as f32 / 59.0);
@@ -82,7 +83,7 @@ fn intensities(&(r, zeta, film, source): &(f64, f64, f64, Source)) -> Vec<Vec<f6
 }
 
 /// Each row from -1 to 1.
-fn normalised(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub(super) fn normalised(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let row = |row: &Vec<f64>| {
         let (low, high) = row.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
         let half = (0.5 * (high - low)).max(f64::MIN_POSITIVE);
@@ -97,7 +98,7 @@ fn without_mean(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
     rows.iter().map(|row| row.iter().zip(&mean).map(|(v, m)| v - m).collect()).collect()
 }
 
-fn panel(svg: &mut Svg, area: Area, rows: &[Vec<f64>], title: &[String; 2]) -> Result<()> {
+pub(super) fn panel(svg: &mut Svg, area: Area, rows: &[Vec<f64>], title: &[String; 2]) -> Result<()> {
     let x = Ruler::exact(0.0, 180.0, area.x, area.x + area.w);
     let y = Ruler::exact(0.0, 180.0, area.y + area.h, area.y);
     let axes = Axes { area, x, y, names: &[], x_title: "analyser ψ (°)", y_title: "grating θ (°)", percent: false };

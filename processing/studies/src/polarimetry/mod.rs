@@ -5,10 +5,13 @@ mod demosaic;
 mod frames;
 mod illumination;
 mod maps;
+mod metals;
 mod models;
 mod noise;
 mod precision;
+mod registration;
 mod scene;
+mod smooth;
 mod stress;
 mod subsampling;
 
@@ -27,10 +30,12 @@ pub fn studies(effort: Effort) -> Vec<Study> {
     ];
     all.extend(stress::studies(effort));
     all.extend(demosaic::studies(effort));
+    all.extend(smooth::studies(effort));
+    all.extend(registration::studies(effort));
     all
 }
 
 /// All computed pictures.
 pub fn pictures() -> Vec<Picture> {
-    vec![maps::picture()]
+    vec![maps::picture(), metals::picture()]
 }

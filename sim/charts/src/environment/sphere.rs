@@ -65,7 +65,6 @@ fn rank(effort: Effort) -> Study {
     let settings = right.iter().map(|r| {
         let setting = Setting::new("two passes", label(*r), *r as f64);
         match r {
-            10 => setting.as_default(),
             2 | 5 => setting.without_sweep(),
             _ => setting,
         }
@@ -75,6 +74,8 @@ fn rank(effort: Effort) -> Study {
         if *r == 10 { setting } else { setting.without_sweep() }
     });
     let whole = Setting::new("sum along azimuths", "exact", 100.0);
+    // What `factor` does: as many terms as its default error needs.
+    let chosen = Setting::new("terms by the error", "5 % of the table", 0.0).as_default();
     let last = Last::new();
     Draft {
         name: "environment-rank",
@@ -90,7 +91,7 @@ fn rank(effort: Effort) -> Study {
         stress: Axis::names("pattern"),
         time: "time of the two passes",
         predicted: "the error under one light that is a point",
-        settings: settings.chain(wrong).chain([whole]).collect(),
+        settings: settings.chain(wrong).chain([whole, chosen]).collect(),
         scenes: PATTERNS.iter().enumerate().map(|(k, (name, _))| Scene::named(k, *name)).collect(),
         reference: 0,
         run: Box::new(move |setting, scene, seed| {
@@ -101,6 +102,11 @@ fn rank(effort: Effort) -> Study {
                 let found = facing(&truth.environment, &truth.table, truth.directions[1], &Silent)?;
                 let error = normalized_error(&found, &truth.picture).max(1e-7);
                 return Ok(outcome(error, begun.elapsed().as_secs_f64(), None));
+            }
+            if setting > right.len() + printed.len() {
+                let settings = Settings { directions: Some(truth.directions), ..Settings::default() };
+                let factors = Factors::of(&truth.table, &settings)?;
+                return truth.measured(&factors, Some(factors.picture_error_point()));
             }
             if let Some(rank) = right.get(setting) {
                 let factors = truth.factors(&truth.table, *rank)?;

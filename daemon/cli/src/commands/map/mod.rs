@@ -1,6 +1,7 @@
 //! `nacre map`.
 
 mod compare;
+mod mask;
 
 use crate::commands::Estimating;
 use crate::commands::values::{PictureArgs, numbers};
@@ -24,6 +25,8 @@ pub enum MapCommand {
     Import(Import),
     /// Lay maps of one sample by several methods over each other, and say how they agree.
     Compare(compare::Compare),
+    /// Which part of a sample diffracts: what a photograph under a flash shows bright.
+    Mask(mask::Mask),
 }
 
 /// Arguments of `nacre map edit`.
@@ -136,6 +139,7 @@ pub fn run(command: &MapCommand, console: &Console) -> Result<(), Failure> {
         MapCommand::Export(args) => args.run(console),
         MapCommand::Import(args) => args.run(console),
         MapCommand::Compare(args) => args.run(console),
+        MapCommand::Mask(args) => args.run(console),
     }
 }
 

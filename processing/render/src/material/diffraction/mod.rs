@@ -25,6 +25,7 @@ use nacre_base::{Error, Result};
 use nacre_brdf::height::{self, Scale};
 use nacre_brdf::{Reflectance, Section, Slits, Window};
 use relief::Relief;
+pub(crate) use slits::SlitLayout;
 use slits::{Comb, Lattice, radial};
 use std::f64::consts::FRAC_PI_4;
 use table::Table;
@@ -105,10 +106,16 @@ impl Diffraction {
                 let grating = Self::grating(key, relief, period, sigma(*coherence_um)?, reflectance, accuracy, notes)?;
                 Ok(Self::Grating { grating, same: [None, Some(period)], maps: None, disc: true })
             }
-            scene::Diffraction::Multislit { spacing_um, width_um, count, orientation_deg, disc } => {
+            scene::Diffraction::Multislit { spacing_um, width_um, count, orientation_deg, disc, radial } => {
                 let slits = Slits { spacing_um: *spacing_um, width_um: *width_um, count: *count };
                 notes.method = "sum over slits (2017 paper, Eq. 16), orders balanced".into();
-                Ok(Self::Comb(Comb::new(slits, degrees("orientation_deg", *orientation_deg)?, *disc)?))
+                let layout = match (disc, radial) {
+                    (true, true) => return Err(Error::input(sub("radial"), "is true, and so is disc", "keep one")),
+                    (true, false) => SlitLayout::Disc,
+                    (false, true) => SlitLayout::Radial,
+                    (false, false) => SlitLayout::Parallel,
+                };
+                Ok(Self::Comb(Comb::new(slits, degrees("orientation_deg", *orientation_deg)?, layout)?))
             }
             scene::Diffraction::Lattice { period_um, aperture_um, orientation_deg, coherence_um, reflectance } => {
                 known(reflectance)?;
@@ -249,7 +256,10 @@ impl Diffraction {
                 Some(groove) => under(above, (grating, groove), view, random.numbers(), accuracy, &mut memory.scratch),
                 None => [0.0; 3],
             },
-            Self::Comb(comb) => comb.under(above, (place.uv, view), random.numbers(), accuracy, &mut memory.scratch),
+            Self::Comb(comb) => {
+                let comb = comb.turned(random);
+                comb.under(above, (place.uv, view), random.numbers(), accuracy, &mut memory.scratch)
+            }
             Self::Lattice(lattice) => {
                 // One order for each of some wave numbers.
                 const COUNT: usize = 16;

@@ -1,10 +1,11 @@
-//! Slits (2017 TOG, Eq. 16) and lattices of rectangles that alone reflect.
+//! Slits (2017 TOG, Eq. 16; in all directions, Fig. 20) and lattices of rectangles that alone reflect.
 
 use crate::light::spectrum::Seen;
 use crate::light::viewer::RANGE;
 use crate::material::diffraction::grating::{Grating, Groove, Scratch};
 use crate::material::diffraction::lobes::{Blur, along, half_cos, under};
 use crate::material::shading::{Above, Accuracy};
+use nacre_base::random::Stream;
 use nacre_base::{Error, Result};
 use nacre_brdf::{Reflectance, Slits, Window};
 use std::f64::consts::{PI, TAU};
@@ -17,13 +18,24 @@ fn sinc_square(x: f64) -> f64 {
     if x.abs() < 1e-6 { 1.0 - x * x / 3.0 } else { (x.sin() / x).powi(2) }
 }
 
-/// Slits on a surface: parallel, or around the middle of a disc.
+/// How slits lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SlitLayout {
+    /// Across one direction.
+    Parallel,
+    /// Around the middle of a disc.
+    Disc,
+    /// Small patches of parallel slits in all directions, which no pixel tells apart.
+    Radial,
+}
+
+/// Slits on a surface.
 pub(crate) struct Comb {
     pub slits: Slits,
     /// Their orders, which are balanced as those of any grating.
     pub orders: Grating,
     pub across: [f64; 2],
-    pub disc: bool,
+    pub layout: SlitLayout,
     /// Standard deviation along the slits, 1/µm.
     sigma: f64,
 }
@@ -33,7 +45,7 @@ impl Comb {
     ///
     /// # Errors
     /// `Input` for what makes no sense.
-    pub(crate) fn new(slits: Slits, orientation: f64, disc: bool) -> Result<Self> {
+    pub(crate) fn new(slits: Slits, orientation: f64, layout: SlitLayout) -> Result<Self> {
         slits.check()?;
         if slits.spacing_um > 200.0 {
             return Err(Error::input("spacing_um", format!("is {}", slits.spacing_um), "give at most 200"));
@@ -44,13 +56,25 @@ impl Comb {
         // As wide as all of them together.
         let sigma = Window::new((slits.spacing_um * slits.count as f64).clamp(1.0, 1e4))?.sigma;
         let orders = Grating::of_powers(&powers, sigma, Reflectance::Perfect);
-        Ok(Self { slits, orders, across: [orientation.cos(), orientation.sin()], disc, sigma })
+        Ok(Self { slits, orders, across: [orientation.cos(), orientation.sin()], layout, sigma })
     }
 
     /// The grating vector at a place.
     fn groove(&self, uv: [f64; 2]) -> Option<Groove> {
-        let across = if self.disc { radial(uv)? } else { self.across };
+        let across = if self.layout == SlitLayout::Disc { radial(uv)? } else { self.across };
         Some(Groove { across, period_um: self.slits.spacing_um })
+    }
+
+    /// The slits that a sample of an environment meets: any of those in all directions.
+    pub(crate) fn turned(&self, random: &mut Stream) -> Turned<'_> {
+        let across = match self.layout {
+            SlitLayout::Radial => {
+                let (sin, cos) = (PI * random.next()).sin_cos();
+                Some([cos, sin])
+            }
+            SlitLayout::Parallel | SlitLayout::Disc => None,
+        };
+        Turned { comb: self, across }
     }
 
     /// Part of the surface that reflects.
@@ -68,8 +92,14 @@ impl Comb {
         accuracy: &Accuracy,
         scratch: &mut Scratch,
     ) -> [f64; 3] {
-        let Some(groove) = self.groove(uv) else { return [0.0; 3] };
+        let Some(mut groove) = self.groove(uv) else { return [0.0; 3] };
         let t = [view[0] + light[0], view[1] + light[1]];
+        let length = t[0].hypot(t[1]);
+        // Of patches in all directions those that lie across the half vector send their orders there.
+        let all_around = self.layout == SlitLayout::Radial;
+        if all_around && length > 0.0 {
+            groove.across = t.map(|v| v / length);
+        }
         let [c, s] = groove.across;
         let (across, beside) = (t[0] * c + t[1] * s, t[1] * c - t[0] * s);
         // A light of some width is averaged over the slits' sharp function along its direction across them.
@@ -87,8 +117,13 @@ impl Comb {
         let exact = Accuracy { step: 1.0, ..*accuracy };
         along(seen, seen.range(), 1.0 / fastest, &exact, |number| {
             let sigma = self.sigma.hypot(number * width);
-            let off = beside * number / sigma;
-            let window = (-0.5 * off * off).exp() / (TAU.sqrt() * sigma);
+            let window = if all_around {
+                // The mean of the window below over all directions of the slits.
+                scaled_bessel(0.25 * (length * number / sigma).powi(2)) / (TAU.sqrt() * sigma)
+            } else {
+                let off = beside * number / sigma;
+                (-0.5 * off * off).exp() / (TAU.sqrt() * sigma)
+            };
             if window * sigma < 1e-7 {
                 return 0.0;
             }
@@ -120,7 +155,15 @@ impl Comb {
         }
         if sums[1] > 0.0 { sums[0] / sums[1] } else { 0.0 }
     }
+}
 
+/// Slits of one direction at every place.
+pub(crate) struct Turned<'a> {
+    comb: &'a Comb,
+    across: Option<[f64; 2]>,
+}
+
+impl Turned<'_> {
     /// Light of an environment that is seen: X, Y, Z.
     pub(crate) fn under(
         &self,
@@ -130,8 +173,31 @@ impl Comb {
         accuracy: &Accuracy,
         scratch: &mut Scratch,
     ) -> [f64; 3] {
-        let Some(groove) = self.groove(uv) else { return [0.0; 3] };
-        under(above, (&self.orders, groove), view, u, accuracy, scratch).map(|v| v * self.share())
+        let Some(mut groove) = self.comb.groove(uv) else { return [0.0; 3] };
+        groove.across = self.across.unwrap_or(groove.across);
+        under(above, (&self.comb.orders, groove), view, u, accuracy, scratch).map(|v| v * self.comb.share())
+    }
+}
+
+/// `exp(-x) I0(x)` of x from 0 on, to 2e-7 (Abramowitz and Stegun 9.8.1 and 9.8.2).
+fn scaled_bessel(x: f64) -> f64 {
+    let sum = |of: &[f64], t: f64| of.iter().rev().fold(0.0, |sum, c| sum * t + c);
+    if x < 3.75 {
+        let t = (x / 3.75).powi(2);
+        sum(&[1.0, 3.5156229, 3.0899424, 1.2067492, 0.2659732, 0.0360768, 0.0045813], t) * (-x).exp()
+    } else {
+        const LARGE: [f64; 9] = [
+            0.39894228,
+            0.01328592,
+            0.00225319,
+            -0.00157565,
+            0.00916281,
+            -0.02057706,
+            0.02635537,
+            -0.01647633,
+            0.00392377,
+        ];
+        sum(&LARGE, 3.75 / x) / x.sqrt()
     }
 }
 

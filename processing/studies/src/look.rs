@@ -1,0 +1,59 @@
+//! How charts look: with or without titles, for a screen or for a journal's columns.
+
+use std::str::FromStr;
+
+/// How charts look.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Look {
+    /// Titles of figure and panels; captions have them in print.
+    pub titles: bool,
+    /// How wide they are.
+    pub width: Width,
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self { titles: true, width: Width::Page }
+    }
+}
+
+/// How wide a chart is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Width {
+    /// 1280 px, for a screen.
+    #[default]
+    Page,
+    /// One column of a journal, 85 mm: panels below each other.
+    Single,
+    /// Both columns, 178 mm.
+    Double,
+}
+
+impl Width {
+    /// Width in print, mm; none for a screen.
+    pub fn mm(self) -> Option<f64> {
+        match self {
+            Self::Page => None,
+            Self::Single => Some(85.0),
+            Self::Double => Some(178.0),
+        }
+    }
+
+    /// Pixels of a picture per pixel of its SVG, of which there are 96 in an inch: 144 per inch on a screen, 300 in print.
+    pub(super) fn zoom(self) -> f32 {
+        if self == Self::Page { 1.5 } else { 300.0 / 96.0 }
+    }
+}
+
+impl FromStr for Width {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "page" => Ok(Self::Page),
+            "single" => Ok(Self::Single),
+            "double" => Ok(Self::Double),
+            _ => Err(format!("found {text:?}; give page, single or double")),
+        }
+    }
+}
