@@ -29,23 +29,35 @@ def refused(run):
     return Outcome("refused" + (f": cut-off {right:.2f} µm" if said else ""), f"λ/(2 NA) = {right:.2f} µm", run.codes[-1] == 2 and said, PAPER_OFF)
 
 
+def lucy(photo, iterations=30):
+    """The textbook loop with a Gaussian of 2 px."""
+    estimate = np.full_like(photo, photo.mean())
+    blur = lambda image: ndimage.gaussian_filter(image, 2.0, truncate=4.0, mode="nearest")
+    for _ in range(iterations):
+        estimate = estimate * blur(photo / np.maximum(blur(estimate), 1e-9))
+    return estimate
+
+
 def rmse(run):
-    fit = run.json("known/calibration.json")
-    off = fit["rmse_um"] / 0.4
-    return Outcome(f"{100 * off:.2f} %", "0", off < 0.06, EXACTER if off < 0.0583 else NO_NUMBER)
+    """Eq. 27 on the same photograph by SciPy: over all phases, the best affine map of a slice onto the sawtooth."""
+    ours = run.json("known/calibration.json")["rmse_um"] / 0.4
+    light = lucy(read_png16(run.folder / "../once/bokeh/photograph.png"))
+    line = light[light.shape[0] // 2 - 7:light.shape[0] // 2 + 8].mean(0)
+    design = np.stack([line, np.ones(line.size)], 1)
+    right = 1.0
+    for phase in np.arange(0, 16, 0.1):
+        saw = (np.arange(line.size) + phase) / 16 % 1
+        fit = design @ np.linalg.lstsq(design, saw, rcond=None)[0]
+        right = min(right, np.sqrt(((fit - saw) ** 2).mean()))
+    return Outcome(f"{100 * ours:.1f} %", f"{100 * right:.1f} % (SciPy); grows with blur over period", abs(ours - right) < 0.01)
 
 
 def deconvolved(run):
     ours = run.exr("r/deconvolved.exr", "Y")
-    light = run.exr("../once/bokeh/truth.exr")["Y"] * 0
-    photo = read_png16(run.folder / "../once/bokeh/photograph.png")
-    estimate = np.full_like(photo, photo.mean())
-    blur = lambda image: ndimage.gaussian_filter(image, 2.0, truncate=4.0, mode="nearest")
-    for _ in range(30):
-        estimate = estimate * blur(photo / np.maximum(blur(estimate), 1e-9))
+    estimate = lucy(read_png16(run.folder / "../once/bokeh/photograph.png"))
     inner = (slice(100, -100), slice(100, -100))
     off = np.sqrt(((ours - estimate)[inner] ** 2).mean()) / estimate[inner].std()
-    return Outcome(f"{100 * off:.2f} % of the contrast off", "textbook loop (SciPy), 30 iterations", off < 0.01 and light.shape == ours.shape, AGREES)
+    return Outcome(f"{100 * off:.3f} % of the contrast off", "textbook loop (SciPy), 30 iterations", off < 0.01, AGREES)
 
 
 def read_png16(file):
@@ -131,13 +143,13 @@ ROWS = [
     Row("2017-bokeh-lens", "5; C", f"the same through 250 mm, f/5.6, 0.85 m", "lines of 1.67 µm seen", ("sim photograph bokeh --scene lines.toml --out photo",
         f"reconstruct bokeh photo/photograph.png --psf-sigma 2 --lines-per-mm 600 {LENS} --out r"),
         prepare=scene(profile="blazed", period_um=1 / 0.6, pixel_um=0.083, width=2128, height=64), read=refused),
-    Row("2017-bokeh-heights", "Eq. 27; Fig. 28, 29", "heights of a known blazed grating: RMSE over its depth", "5.83 %",
-        (f"reconstruct bokeh {PHOTO} --psf-sigma 2 --pixel-um 2.5 --known-shape blazed --known-depth-um 0.4 --out known",), (BOKEH,), read=rmse),
+    Row("2017-bokeh-heights", "Eq. 27; Fig. 28, 29", "heights of a known blazed grating: RMSE over its depth, lines of 16 px, blur 2 px", "5.83 % (its lens and lines)",
+        (f"reconstruct bokeh {PHOTO} --psf-sigma 2 --pixel-um 2.5 --iterations 30 --no-accelerate --known-shape blazed --known-depth-um 0.4 --out known",), (BOKEH,), read=rmse),
     Row("2017-bokeh-lucy", "5.2; Fig. 11", "Richardson-Lucy, Gaussian, 30 iterations", "Matlab's",
         (f"reconstruct bokeh {PHOTO} --psf-sigma 2 --pixel-um 2.5 --iterations 30 --no-accelerate --out r",), (BOKEH,), read=deconvolved),
     Row("2017-bokeh-slits", "6.1; Fig. 9b", "slits of a CD that are lit", "N = 21", ("sim photograph bokeh --scene lines.toml --out photo",
         "reconstruct bokeh photo/photograph.png --psf-sigma 2 --pixel-um 0.1 --out r"),
-        prepare=scene(profile="rectangular", duty=0.25, period_um=2.0, pixel_um=0.1, width=560, height=200, highlight_px=416), read=count_slits),
+        prepare=scene(profile="rectangular", duty=0.25, period_um=2.0, pixel_um=0.1, width=560, height=200, highlight_px=208), read=count_slits),
     Row("2017-taylor", "5.2; Fig. 13", "orders 1, 2, 5 of Taylor's series, rectangles 10 µm apart, 0.2 µm deep: first order over the exact one", "first order looks best",
         ("brdf surface rectangular --period-um 10 --depth-um 0.2 --pixels 400 --pixel-um 0.1 --out h.exr",
          *(f"brdf slice h.exr --wavelengths 550 --views 0:5:0.01 --method taylor --order {n} --max-error 0.5 --out s{n}.csv" for n in (1, 2, 5)),

@@ -12,21 +12,19 @@ SIDE, SCALE, SPOT = 1000, 0.002, 0.004
 SPACING = 0.15
 
 
-def spots():
-    """Centres and brightness in table coordinates."""
-    index = np.arange(-6, 7)
-    i, j = (a.ravel() for a in np.meshgrid(index, index))
-    return SPACING * np.stack([i, j], 1), 1 / (1 + 0.3 * (abs(i) + abs(j)) + 0.02 * (i + 2 * j))
+INDEX = np.arange(-6, 7)
+
+
+def brightness():
+    """Of the spot in row j and column i of the lattice; unlike its own mirror images."""
+    i, j = np.meshgrid(INDEX, INDEX)
+    return 1 / (1 + 0.3 * (abs(i) + abs(j)) + 0.02 * (i + 2 * j))
 
 
 def pattern(x, y):
-    """Light over half vectors: separable Gaussians, so that large grids are quick."""
-    places, bright = spots()
-    light = np.zeros(np.broadcast(x, y).shape)
-    for (px, py), b in zip(places, bright):
-        near = (abs(x - px) < 6 * SPOT) & (abs(y - py) < 6 * SPOT)
-        light[near] += b * np.exp(-((x[near] - px) ** 2 + (y[near] - py) ** 2) / (2 * SPOT**2))
-    return light
+    """Light over half vectors of a grid of columns x and rows y."""
+    along = lambda h: np.exp(-((h[:, None] - SPACING * INDEX) ** 2) / (2 * SPOT**2))
+    return along(y) @ brightness() @ along(x).T
 
 
 def grid(size, extent=1.0, warp=1):
@@ -36,9 +34,15 @@ def grid(size, extent=1.0, warp=1):
     return np.meshgrid(h, -h)
 
 
+def lines(size, extent=1.0, warp=1):
+    """Half vectors of the columns and rows of a table, rows from the top."""
+    x, y = grid(size, extent, warp)
+    return x[0], y[:, 0]
+
+
 def photograph(folder):
     """The camera sees to the right what has its half vector to the left, so that the photograph is the table turned by 180°."""
-    x, y = grid(SIDE)
+    x, y = lines(SIDE)
     write_exr(folder / "photo.exr", Y=pattern(x, y)[::-1, ::-1])
 
 
@@ -47,7 +51,8 @@ def entries(x, y, exponent=4, step=0.25, light=lambda nm: 1.0):
     nm = np.arange(380, 780 + step / 2, step)
     seen = truth.observer(nm) * np.array([light(v) for v in nm])
     seen /= seen[1].sum()
-    total = np.zeros((3, *x.shape))
+    x, y = x[0], y[:, 0]
+    total = np.zeros((3, y.size, x.size))
     for k, v in enumerate(nm):
         total += seen[:, k, None, None] * ((MEASURED / v) ** exponent * pattern(x * MEASURED / v, y * MEASURED / v))
     return total
