@@ -5,7 +5,7 @@ import numpy as np
 import truth
 from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row, orientation_errors, write_exr
 
-LOGO = "demo --sample logo --angles-deg 0,13,26,39,52,65,78,91,104,117,130,143 --out logo"
+LOGO = "demo --sample logo --size 256 --angles-deg 0,13,26,39,52,65,78,91,104,117,130,143 --out logo"
 SIDE = 160
 
 
@@ -91,7 +91,7 @@ def step_bias(run):
 
 def demo(name, where, sample, what, angles, paper, correlation=None, spread=None, most=0.5):
     """A sample of the simulated bench, judged by its map."""
-    line = f"demo --sample {sample} --angles-deg {angles} --out {sample}"
+    line = f"demo --sample {sample} --size 256 --angles-deg {angles} --out {sample}"
 
     def read(run):
         found, fit = run.exr(f"../once/{sample}/result/orientation.exr", "orientation", "correlation")
@@ -185,5 +185,5 @@ ROWS = [
         ("reconstruct polarization halves --model sinusoid --relative-period 1,2 --out halves-r",), prepare=equal_light, read=law),
     Row("2018-emblem-period", "5.4; Fig. 19d", "relative periods of the emblem against the drawn ones", "picture",
         ("reconstruct polarization ../once/emblem/session --relative-period 0.7,2 --out relative",),
-        (f"demo --sample emblem --angles-deg {steps_of(13, 17)} --out emblem",), read=relative),
+        (f"demo --sample emblem --size 256 --angles-deg {steps_of(13, 17)} --out emblem",), read=relative),
 ]

@@ -43,6 +43,8 @@ class Row:
     commands: tuple[str, ...] = ()
     once: tuple[str, ...] = ()
     prepare: typing.Callable[[Path], None] | None = None
+    # Writes inputs of `once` into ../once.
+    share: typing.Callable[[Path], None] | None = None
     read: typing.Callable[["Run"], Outcome] | None = None
     # The feature that this build lacks. To switch a row on, remove it and write `read`.
     missing: str = ""
@@ -130,6 +132,8 @@ def run_row(row, work):
     folder, shared = work / row.name, work / "once"
     folder.mkdir()
     shared.mkdir(exist_ok=True)
+    if row.share:
+        row.share(shared)
     for line in row.once:
         mark = shared / re.sub(r"\W+", "-", line)[:150]
         if not mark.exists():

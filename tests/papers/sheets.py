@@ -7,9 +7,14 @@ from scipy import special
 
 import truth
 
+def whole(folder):
+    """The simulator's sheet of 10 × 8 tiles (A4, 500 mm away, 560 nm, 1.66 µm) on fewer pixels."""
+    (folder / "sheet.toml").write_text("width = 600\nheight = 430\n")
+
+
 SMALL = """tiles = [6, 5]
-width = 756
-height = 567
+width = 440
+height = 320
 misaligned_px = {misaligned}
 [pattern]
 {pattern}

@@ -18,6 +18,7 @@ material = "table"
 [[light]]
 type = "environment"
 file = "{sky}.exr"
+up = [0, 0, 1]
 [material.table.diffraction]
 type = "table"
 file = "table.exr"
@@ -39,7 +40,7 @@ def sky(name):
     way = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1)
     lamp = np.array([0.45, 0.2, 0])
     lamp[2] = np.sqrt(1 - (lamp**2).sum())
-    light = np.ones((HEIGHT, WIDTH)) if name == "white" else np.exp((way @ lamp - 1) / (2 * np.sin(np.radians(5)) ** 2) * 2) + 0.05
+    light = np.ones((HEIGHT, WIDTH)) if name == "white" else np.exp((way @ lamp - 1) / np.sin(np.radians(5)) ** 2) + 0.05
     return way, light, np.sin(theta) * (np.pi / HEIGHT) * (2 * np.pi / WIDTH)
 
 
@@ -61,10 +62,7 @@ def scenes(folder):
     write_table(folder / "table.exr", pattern(x, y), EXTENT)
     for name in ("white", "lamp"):
         light = sky(name)[1]
-        write_exr(folder / f"{name}.exr", R=light, G=light, B=light)
-        (folder / f"{name}.toml").write_text(SCENE.format(sky=name))
-        # The picture takes the name of the scene.
-        (folder / f"{name}.exr").rename(folder / f"{name}-sky.exr")
+        write_exr(folder / f"{name}-sky.exr", R=light, G=light, B=light)
         (folder / f"{name}.toml").write_text(SCENE.format(sky=f"{name}-sky"))
 
 
@@ -72,7 +70,7 @@ def ratio(run):
     values, right = [], []
     for name in ("lamp", "white"):
         parts = run.exr(f"{name}.exr")
-        values.append(parts["G" if "G" in parts else "RGB.G"].mean())
+        values.append(parts["G"].mean())
         way, light, area = sky(name)
         up = way[..., 2] > 0
         # G cos θi of the 2017 paper at normal view: (1 + cos θi)².

@@ -197,7 +197,7 @@ def colors(run):
     off, texts = [], []
     for light, xyz in (("D65", (0.95047, 1, 1.08883)), ("E", (1, 1, 1))):
         parts = run.exr(f"{light}.exr")
-        rgb = np.array([parts[c if c in parts else f"RGB.{c}"].mean() for c in "RGB"])
+        rgb = np.array([parts[c].mean() for c in "RGB"])
         right = truth.srgb_linear(np.array(xyz))
         off.append(abs(rgb / rgb[1] / (right / right[1]) - 1).max())
         texts.append(" : ".join(f"{v:.3f}" for v in rgb / rgb[1]))
@@ -237,8 +237,7 @@ def slit_curves(run):
     x = (np.arange(801) - 400) * 0.02
     u, off = x / np.hypot(x, 500), []
     for count in COUNTS:
-        parts = run.exr(f"n{count}.exr")
-        line = parts["G" if "G" in parts else "RGB.G"].mean(0)
+        line = run.exr(f"n{count}.exr", "G").mean(0)
         phase = np.pi * 150 * u / 0.5
         with np.errstate(all="ignore"):
             right = np.sinc(30 * u / 0.5) ** 2 * np.where(abs(np.sin(phase)) < 1e-9, 1, np.sin(count * phase) / (count * np.sin(phase))) ** 2

@@ -10,7 +10,7 @@ from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row, orientatio
 
 TITLE = "Spatially varying holographic surfaces (ACM TOG 2018)"
 
-TILES = "sim photograph tiles --out tiles"
+TILES = "sim photograph tiles --scene sheet.toml --out tiles"
 FLASH = "reconstruct flash tiles --tiles 10x8 --size-mm 297x210 --out maps"
 
 
@@ -87,7 +87,7 @@ def first_order_mm(period, nm, height=200.0):
 def figure_5(run):
     off, found = [], []
     for name, lines, _ in FIGURE_5:
-        line = run.exr(f"{name}.exr")["G" if "G" in run.exr(f"{name}.exr") else "RGB.G"].sum(0)
+        line = run.exr(f"{name}.exr", "G").sum(0)
         x = (np.arange(601) - 300) * PITCH
         right = first_order_mm(1 / lines, 530)
         near = abs(x - right) < 8
@@ -246,8 +246,8 @@ ROWS = [
     Row("2018-fig5", "Fig. 5", "renderings: 600 lines/mm, 1000, and 1000 at 45°; distance of the first order from the highlight", "pictures",
         tuple(f"render {n}.toml --samples 256 --out {n}.exr" for n, _, _ in FIGURE_5), prepare=figure_5_scenes, read=figure_5),
     Row("2018-flash-orientation", "4.3; Fig. 4, 6, 8", "orientations of a sheet of polygon tiles, five flash photographs", "map only",
-        once=(TILES, FLASH), read=flash_orientation),
-    Row("2018-flash-period", "7.1; Fig. 23", "period of that sheet: 1.66 µm at 560 nm under a Gaussian light", "1.939 ± 0.15 µm", once=(TILES, FLASH),
+        once=(TILES, FLASH), share=sheets.whole, read=flash_orientation),
+    Row("2018-flash-period", "7.1; Fig. 23", "period of that sheet: 1.66 µm at 560 nm under a Gaussian light", "1.939 ± 0.15 µm", once=(TILES, FLASH), share=sheets.whole,
         read=flash_period("../once/maps")),
     Row("2018-flash-numpy", "7.1; Fig. 23", "the same from photographs that NumPy made", "1.939 ± 0.15 µm",
         ("reconstruct flash sheet --tiles 10x8 --size-mm 297x210 --camera-mm 500 --light-height-mm 200 --out maps",), prepare=sheets.striped, read=flash_period("maps")),
@@ -275,7 +275,7 @@ ROWS = [
     Row("2018-edit", "6.4; Fig. 22", "periods that follow orientations, from 0.8 to 1.6 µm", "pictures",
         ("map edit . --period quadratic=0.8,1.6 --out square", "map edit . --period sine-squared=0.8,1.6 --out sine"), prepare=ramp, read=edited),
     Row("2018-advice", "8", "which method suits a sample", "flash for repeated tiles, polarization for others",
-        ("recommend ../once/tiles/room.png", "recommend ../once/logo/result --need orientation"), (TILES, polarization2018.LOGO), read=advised),
+        ("recommend ../once/tiles/room.png", "recommend ../once/logo/result --need orientation"), (TILES, polarization2018.LOGO), share=sheets.whole, read=advised),
     Row("2018-specimens", "Fig. 1, 2, 16-21", "renderings of gift bags, banknote, badge", "pictures", why="the specimens; simulated ones stand for them above"),
     Row("2018-fringes", "5.1; Fig. 12b", "radial fringes on the LCD follow bumps, not gratings", "pictures", why="needs the bumps of that paper"),
     Row("2018-bumps", "6.2; Fig. 18k", "bumps from step edges", "picture", why="another paper's method (Wang 2011); `render` takes normals as a picture"),
