@@ -200,7 +200,7 @@ impl Grating {
     /// `goes_on` says whether the patch goes on without steps where it is repeated.
     pub(super) fn find(field: &HeightField, goes_on: bool) -> Option<Self> {
         let places = Places::of(field);
-        if field.width < 2 * LEAST_PIXELS || !(places.variance > 1e-14) {
+        if field.width < 2 * LEAST_PIXELS || places.variance <= 1e-14 {
             return None;
         }
         let step = ((field.width * field.height) as f64 / places.all.len() as f64).sqrt();

@@ -151,7 +151,11 @@ fn slope(all: &[[f64; 2]]) -> f64 {
     let sum = |j: usize, k: usize| all.iter().map(|p| (p[j] - mean[j]) * (p[k] - mean[k])).sum::<f64>();
     let (xx, xy, yy) = (sum(0, 0), sum(0, 1), sum(1, 1));
     let left = yy - xy * xy / xx;
-    if all.len() < FEWEST_AREAS || !(left > 0.0) { 0.0 } else { xy.abs() / (xx * left / (count - 2.0)).sqrt() }
+    if all.len() < FEWEST_AREAS || left.is_nan() || left <= 0.0 {
+        0.0
+    } else {
+        xy.abs() / (xx * left / (count - 2.0)).sqrt()
+    }
 }
 
 /// A grating of some pixels and its covariance.
@@ -170,7 +174,7 @@ fn own(pixels: &[usize], shared: &Solution, kept: &[Option<Vec<Copy>>], prior: &
     let floor = (SHAPE * lobe).powi(2);
     let [xx, xy, yy] = found.covariance.map(|c| c * scale);
     let known = xx.max(yy).sqrt() < VAGUE * lobe;
-    known.then(|| Own { vector: found.vector, covariance: [xx + floor, xy, yy + floor] })
+    known.then_some(Own { vector: found.vector, covariance: [xx + floor, xy, yy + floor] })
 }
 
 impl Own {

@@ -90,7 +90,8 @@ impl Grid {
     fn new([least, most]: [f64; 2], width: f64) -> Option<Self> {
         let rows = ((most - least) / (STEPS[0] * width)).ceil().max(1.0);
         let around = |length: f64| (PI * length / (STEPS[1] * width)).ceil();
-        if !(rows * around(0.5 * (least + most)) <= MOST as f64) {
+        let count = rows * around(0.5 * (least + most));
+        if count.is_nan() || count > MOST as f64 {
             return None;
         }
         let mut grid = Self { rows: vec![], vectors: vec![] };
