@@ -113,8 +113,13 @@ fn filtered_skies_approach_plain_sums_on_every_shape() {
             let text = if behind { front.replace("90, 600]", "90, -600]") } else { front };
             let ready = prepared(&text, dir.path());
             let (rough, few) = off(&ready, coarse);
-            // A sphere has all views up to the horizon, and takes a thousand environments already.
-            let (close, many) = if name == "sphere" { (0.6 * rough, few) } else { off(&ready, fine) };
+            if name == "sphere" {
+                // All views up to the horizon: already the coarse ones are a thousand environments.
+                println!("{name} {turn}: {rough} by {few}");
+                assert!(rough < 0.1, "{name} {turn}: {rough}");
+                continue;
+            }
+            let (close, many) = off(&ready, fine);
             println!("{name} {turn}: {rough} by {few}, {close} by {many}");
             assert!(close < 0.05 && close < 0.8 * rough, "{name} {turn}: {rough} {close}");
         }
