@@ -237,13 +237,15 @@ impl Work<'_> {
 
     fn why(&self, best: &Tried, kept: bool) -> String {
         let Choice { error, left, looked_up, .. } = best.choice;
-        let source =
-            if self.settings.rank.is_some() { "as asked for" } else { "as many as the error of the table needs" };
+        let source = match self.settings.rank {
+            Some(_) => "as many terms as asked for",
+            None => "as many terms as the error of the table needs",
+        };
         let asked = 100.0 * self.settings.max_error;
         match (kept, self.forced()) {
-            (true, true) => format!("asked for; terms {source}"),
+            (true, true) => format!("the method was asked for; {source}"),
             (true, false) => format!(
-                "{:.2} % off where {:.0} % of the shape are looked up, {asked:.2} % allowed for all; {:.0} % of the samples are left; terms {source}",
+                "{:.2} % off where {:.0} % of the shape are looked up, {asked:.2} % allowed for all; {:.0} % of the samples are left; {source}",
                 100.0 * error,
                 100.0 * looked_up,
                 100.0 * left

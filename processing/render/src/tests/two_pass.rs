@@ -107,22 +107,21 @@ fn filtered_skies_approach_plain_sums_on_every_shape() {
     let dir = files();
     let coarse = Fineness { width: 96, poles: 16, tilts: 0.4 };
     let fine = Fineness { width: 128, poles: 32, tilts: 0.2 };
-    for (name, shape, limit) in
-        [("plane", PLANE, 0.02), ("cylinder", CYLINDER, 0.03), ("bowl", BOWL, 0.03), ("sphere", SPHERE, 0.08)]
-    {
+    for (name, shape) in [("plane", PLANE), ("cylinder", CYLINDER), ("bowl", BOWL), ("sphere", SPHERE)] {
         for (turn, behind) in [(0.0, false), (37.0, true)] {
             let front = scene(shape, 32, "") + &format!("[turn]\nsample_deg = {turn}\n");
-            let text = if behind && name != "sphere" { front.replace("90, 600]", "90, -600]") } else { front };
+            let text = if behind { front.replace("90, 600]", "90, -600]") } else { front };
             let ready = prepared(&text, dir.path());
             let (rough, few) = off(&ready, coarse);
             if name == "sphere" {
+                // All views up to the horizon: already the coarse ones are a thousand environments.
                 println!("{name} {turn}: {rough} by {few}");
-                assert!(rough < limit, "{name} {turn}: {rough}");
+                assert!(rough < 0.1, "{name} {turn}: {rough}");
                 continue;
             }
             let (close, many) = off(&ready, fine);
             println!("{name} {turn}: {rough} by {few}, {close} by {many}");
-            assert!(close < limit && close < rough, "{name} {turn}: {rough} {close}");
+            assert!(close < 0.05 && close < 0.8 * rough, "{name} {turn}: {rough} {close}");
         }
     }
 }
@@ -152,7 +151,8 @@ fn two_passes_are_as_far_off_as_they_say() {
         // The measured error contains two standard deviations of the measurement, from 256 places.
         assert!(found < 1.1 * about.measured_error.hypot(noise), "{rank}: {found} {about:?}");
         assert!(found > 0.5 * about.measured_error, "{rank}: {found} {about:?}");
-        assert!(report.predicted_model_error == about.measured_error && about.measured_error <= before);
+        assert!(report.predicted_model_error == about.measured_error && about.measured_error <= 1.3 * before);
+        // Cheaper curves are filtered more finely.
         let missed = report.warnings.iter().any(|w| w.starts_with("two passes are off"));
         assert_eq!(missed, about.measured_error > 0.02, "{report:?}");
         before = about.measured_error;
@@ -176,7 +176,8 @@ fn two_passes_are_chosen_where_they_are_cheaper() {
     assert!(found < 0.03_f64.hypot(other.noise), "{found}");
     // Where samples are as cheap, they are taken.
     let few = Settings { max_error: 1.0, samples: 16, ..Settings::default() };
-    let (_, report) = render(&parsed, dir.path(), &few, &Silent).unwrap();
+    let small = Scene::parse(&scene(CYLINDER, 16, "")).unwrap();
+    let (_, report) = render(&small, dir.path(), &few, &Silent).unwrap();
     assert!(report.environments.iter().all(|e| e.method == "samples"), "{:?}", report.environments);
 }
 
@@ -197,7 +198,9 @@ fn curves_of_a_folder_are_those_of_the_table() {
     let [(own, first), (read, second)] = ["", named].map(|more| picture(more, &asked).unwrap());
     let found = difference(&read, &own);
     println!("{found}: {:?} {:?}", first.environments, second.environments);
-    assert!(found < 0.05, "{found}");
+    // Curves hold half vectors up to a length of 1, the table longer ones, too: both errors are measured.
+    let measured = [&first, &second].map(|report| report.environments[0].measured_error);
+    assert!(found < 1.1 * measured[0].hypot(measured[1]), "{found} {measured:?}");
     assert!((first.environments[0].table_error - second.environments[0].table_error).abs() < 1e-3);
     // Fewer of them are more off.
     let (_, fewer) = picture(named, &Settings { rank: Some(1), ..asked.clone() }).unwrap();
