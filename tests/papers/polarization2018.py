@@ -97,7 +97,7 @@ def demo(name, where, sample, what, angles, paper, correlation=None, spread=None
         found, fit, sigma = run.exr(f"../once/{sample}/result/orientation.exr", "orientation", "correlation", "sigma")
         right, purity = run.exr(f"../once/{sample}/session/truth.exr", "orientation", "purity")
         seen = np.isfinite(found) & np.isfinite(right) & (purity > 0.99)
-        off, said = abs(orientation_errors(found[seen], right[seen])), np.degrees(sigma[seen])
+        off, said = abs(orientation_errors(found[seen], right[seen], sigma[seen] ** -2.0)), np.degrees(sigma[seen])
         text = f"error {off.mean():.2f} ± {off.std():.2f}°, σ {np.median(said):.2f}°" + (f", correlation {fit[seen].mean():.4f}" if correlation else "")
         verdict = EXACTER if correlation and fit[seen].mean() > correlation or spread and off.mean() < spread else NO_NUMBER
         return Outcome(text, "drawn map: 0", off.mean() < most and (off > 5 * said).mean() < 0.01 and seen.mean() > 0.1, verdict)
