@@ -3,7 +3,7 @@
 import numpy as np
 
 import skies
-from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row, write_exr
+from rows import AGREES, NO_NUMBER, PAPER_OFF, Outcome, Row, write_exr
 
 TITLE = "Low-rank factorisation (CVMP 2017)"
 RANKS = (1, 3, 10, 21)

@@ -3,7 +3,7 @@
 import numpy as np
 
 import truth
-from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row, orientation_errors, write_exr
+from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row, orientation_errors
 
 LOGO = "demo --sample logo --size 256 --angles-deg 0,13,26,39,52,65,78,91,104,117,130,143 --out logo"
 SIDE = 160

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 import truth
-from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row
+from rows import AGREES, EXACTER, PAPER_OFF, Outcome, Row
 
 TITLE = "Diffraction from natural gratings (thesis 2014)"
 BLAZED = "brdf surface blazed --period-um 2.5 --depth-um 0.3 --out blazed.exr"
@@ -83,7 +83,6 @@ def powers(run):
     at = np.arcsin(0.55 / 2.5)
     x = 2 * np.pi / 0.55 * (1 + np.cos(at))
     wave = np.exp(-2j * np.pi * np.arange(count) / count)
-    peak = lambda p: abs((p * wave).mean()) ** 2
     peak = lambda p: max(abs((p * wave).mean()) ** 2, abs((p * wave.conj()).mean()) ** 2)
     series = lambda n, heights: sum((1j * x * heights) ** k / math.factorial(k) for k in range(n + 1))
     all_ = run.csv("all.csv")
@@ -134,7 +133,7 @@ def white_spot(run):
 
 
 def same_light(run):
-    """All light of both maps, and that of the brightest first order."""
+    """All light of both maps."""
     y = {name: np.nan_to_num(run.exr(f"{name}.exr", "Y")) for name in ("pq", "flss")}
     total = y["pq"].sum() / y["flss"].sum()
     return Outcome(f"{100 * (total - 1):+.2f} % of light", "energy: 0", abs(total - 1) < 0.03)

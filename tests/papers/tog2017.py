@@ -7,7 +7,7 @@ import bokeh2017
 import skies
 import tables2017 as tables
 import truth
-from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row, write_exr
+from rows import AGREES, EXACTER, PAPER_OFF, Outcome, Row, write_exr
 
 TITLE = "Practical acquisition of diffraction effects (ACM TOG 2017)"
 SIZE = 200

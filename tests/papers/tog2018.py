@@ -6,7 +6,7 @@ from scipy import optimize
 import polarization2018
 import sheets
 import truth
-from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row, orientation_errors, write_exr
+from rows import AGREES, EXACTER, PAPER_OFF, Outcome, Row, write_exr
 
 TITLE = "Spatially varying holographic surfaces (ACM TOG 2018)"
 
