@@ -5,8 +5,7 @@ import math
 import numpy as np
 from scipy import ndimage
 
-import truth
-from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row
+from rows import AGREES, PAPER_OFF, Outcome, Row
 
 LENS = "--lens-focal-mm 250 --f-number 5.6 --distance-m 0.85"
 

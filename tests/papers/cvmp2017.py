@@ -3,7 +3,7 @@
 import numpy as np
 
 import skies
-from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row, write_exr
+from rows import AGREES, NO_NUMBER, PAPER_OFF, Outcome, Row, write_exr
 
 TITLE = "Low-rank factorisation (CVMP 2017)"
 RANKS = (1, 3, 10, 21)
@@ -178,6 +178,7 @@ ROWS = [
     Row("cvmp-poles", "5.2; Fig. 6", "lines bend towards the poles; four passes with rotations", "pictures", ("chart environment-poles --quick --out charts",), read=poles),
     Row("cvmp-light", "Alg. 2", "direction of light for an entry: the sign of step 5", "below the surface", missing=TWO_PASSES),
     Row("cvmp-cathedral", "Fig. 1, 7, 8", "renderings under an environment, turned about the view", "pictures", missing=TWO_PASSES),
+    Row("cvmp-drawings", "Fig. 2", "orders of a grating", "drawing", why="drawing"),
     Row("cvmp-frames", "Table 1", "frames per second", "56, 59, 50, 88, 100", why="GTX 1080; `nacre chart gpu-speed` measures the card at hand"),
     Row("cvmp-rank-frames", "5.3", "frames per second at ranks 1, 3, 10, 21", "60, 30, 10, 5", why="GTX 1080"),
 ]

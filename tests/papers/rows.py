@@ -115,14 +115,10 @@ def write_exr(file, **channels):
     OpenEXR.File(attributes, {name: np.ascontiguousarray(values, "f4") for name, values in channels.items()}).write(str(file))
 
 
-def deg(radians):
-    return np.degrees(radians)
-
-
-def orientation_errors(found, truth):
+def orientation_errors(found, truth, weights=1.0):
     """Differences of orientations in degrees after the best common offset; all in radians, modulo π."""
     difference = np.exp(2j * (found - truth))
-    return np.degrees(np.angle(difference / np.mean(difference))) / 2
+    return np.degrees(np.angle(difference / np.mean(weights * difference))) / 2
 
 
 def run_row(row, work):

@@ -13,8 +13,8 @@ def whole(folder):
 
 
 SMALL = """tiles = [6, 5]
-width = 440
-height = 320
+width = 360
+height = 262
 misaligned_px = {misaligned}
 [pattern]
 {pattern}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rows import AGREES, NO_NUMBER, Outcome, write_exr
+from rows import AGREES, Outcome, write_exr
 
 SCENE = """
 [camera]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 import truth
-from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row
+from rows import AGREES, EXACTER, PAPER_OFF, Outcome, Row
 
 TITLE = "Diffraction from natural gratings (thesis 2014)"
 BLAZED = "brdf surface blazed --period-um 2.5 --depth-um 0.3 --out blazed.exr"
@@ -83,7 +83,6 @@ def powers(run):
     at = np.arcsin(0.55 / 2.5)
     x = 2 * np.pi / 0.55 * (1 + np.cos(at))
     wave = np.exp(-2j * np.pi * np.arange(count) / count)
-    peak = lambda p: abs((p * wave).mean()) ** 2
     peak = lambda p: max(abs((p * wave).mean()) ** 2, abs((p * wave.conj()).mean()) ** 2)
     series = lambda n, heights: sum((1j * x * heights) ** k / math.factorial(k) for k in range(n + 1))
     all_ = run.csv("all.csv")
@@ -131,6 +130,13 @@ def white_spot(run):
     ours = [np.array([run.exr(f"{name}.exr", c)[128, 128] for c in "XYZ"]) for name in ("nmm", "full")]
     off = [abs(o / right - 1).max() for o in ours]
     return Outcome(f"nmm {100 * off[0]:.2f} %, all wavelengths {100 * off[1]:.2f} % off", "∫ J0² (closed form)", max(off) < 0.02, PAPER_OFF)
+
+
+def same_light(run):
+    """All light of both maps."""
+    y = {name: np.nan_to_num(run.exr(f"{name}.exr", "Y")) for name in ("pq", "flss")}
+    total = y["pq"].sum() / y["flss"].sum()
+    return Outcome(f"{100 * (total - 1):+.2f} % of light", "energy: 0", abs(total - 1) < 0.03)
 
 
 def step_chart(run):
@@ -256,6 +262,9 @@ ROWS = [
     Row("thesis-blazed-nmm", "Table 5.1; Fig. 5.9", "the same by NMM", "2499.997, variance 0.377", check("nmm"), read=peaks(2499.997, 0.377)),
     Row("thesis-blazed-pq", "Table 5.1; Fig. 5.10", "the same by PQ", "2491.861, variance 248", check("pq"), read=peaks(2491.861, 248.044)),
     Row("thesis-blazed-linear", "Fig. 6.7c", "the same by PQ, interpolated linearly", "worse than PQ", check("pq-linear"), read=peaks(2491.861, 248.044)),
+    Row("thesis-pq-map", "Fig. 6.4c, 6.7", "map of the blazed grating by PQ: light over that of FLSS", "alike, first order spread",
+        (BLAZED, *(f"brdf map blazed.exr --size 401 --method {m} --max-error 0.5 --out {n}.exr" for m, n in (("pq", "pq"), ("taylor", "flss")))), read=same_light),
+    Row("thesis-patch", "4.5.3", "patches of one period, repeated by PQ", "the method", missing="patches of one period in `brdf`"),
     Row("thesis-elaphe", "Table 5.1; Fig. 5.8c", "Elaphe's first order (scale of the patch: assumed)", "1144.26, variance 0.401",
         (f"brdf check {PATCH.format('Elaph100x100.png')} --light 75 --coherence-um 16",), read=snake, data=True),
     Row("thesis-elaphe-pq", "Table 5.1; Fig. 5.10", "Elaphe by PQ", "1052.3, variance 49.7",
@@ -286,6 +295,8 @@ ROWS = [
     Row("thesis-slits", "Fig. 5.4, 5.5", "2, 5, 10 slits of 30 µm, 150 µm apart, 500 nm: light over angle", "plots",
         tuple(f"render n{n}.toml --samples 64 --out n{n}.exr" for n in COUNTS), prepare=slit_scenes, read=slit_curves),
     Row("thesis-colour", "Eq. 4.11", "matrix from X, Y, Z to the screen", "that of CIE RGB", ("render D65.toml --out D65.exr", "render E.toml --out E.exr"), prepare=color_scenes, read=colors),
+    Row("thesis-blending", "Alg. 4", "diffraction blended with a texture", "weights by hand", why="no number; `blend = \"fresnel\"` in scenes keeps the energy"),
+    Row("thesis-drawings", "Fig. 1.1-3.5, 4.2-4.10, 5.1-5.3", "illustrations", "drawings", why="drawings and pictures of others"),
     Row("thesis-snake", "Fig. 6.14-6.16", "snake with measured skins", "pictures", why="mesh of a laboratory; `render --gallery DIR --scenes snake` has another"),
     Row("thesis-photograph", "Fig. 6.17", "photograph of a real snake beside it", "pictures", why="the specimen"),
     Row("thesis-machine", "Table 6.1", "frames per second", "“barely interactive” (GTX 770)", why="that card"),

@@ -7,7 +7,7 @@ import bokeh2017
 import skies
 import tables2017 as tables
 import truth
-from rows import AGREES, EXACTER, NO_NUMBER, PAPER_OFF, Outcome, Row, write_exr
+from rows import AGREES, EXACTER, PAPER_OFF, Outcome, Row, write_exr
 
 TITLE = "Practical acquisition of diffraction effects (ACM TOG 2017)"
 SIZE = 200
@@ -332,5 +332,6 @@ ROWS = [
         read=skies.filtered),
     Row("2017-frames", "6", "frames per second", "65 (GTX 960M)", why="that card; `nacre chart gpu-speed` measures the one at hand"),
     Row("2017-specimens", "Fig. 1, 7, 8, 11, 14, 18", "phones, laptop, television, papers", "pictures", why="the specimens"),
+    Row("2017-drawings", "Fig. 3, 4, 10, 26; A", "orders, geometry, optical path", "drawings", why="drawings"),
     Row("2017-limits", "7; Fig. 25", "textured and kinematic foils", "cannot be done", why="the paper's own limit; the 2018 paper's methods do it (above)"),
 ]
