@@ -81,12 +81,16 @@ fn lit(lights: usize, scene: TilesPhotograph) -> TilesPhotograph {
     TilesPhotograph { lights_mm: TilesPhotograph::spread(lights), ..scene }
 }
 
+/// Directions that polygons share are looked for.
+fn by_evidence(settings: Settings) -> Settings {
+    Settings { directions: Directions::Auto, ..settings }
+}
+
 #[test]
 fn one_photograph_of_few_shared_directions_is_a_map() {
     for seed in 1..4 {
         let scene = lit(1, TilesPhotograph { seed, misaligned_px: 3.0, ..paper() });
-        let [shared, free] =
-            mapped(&scene, [|s| s, |s| Settings { directions: Directions::Free, ..s }]).map(Result::unwrap);
+        let [shared, free] = mapped(&scene, [by_evidence, |s| s]).map(Result::unwrap);
         let (report, score) = &shared;
         assert!(score.masked < 0.6 && score.wrong <= 0.001 && score.inside_deg < 0.6, "{seed}: {score:?}");
         assert!(score.rms_deg < 1.5 * score.said_deg, "{seed}: {score:?}");
@@ -109,7 +113,7 @@ fn two_and_three_photographs_are_seldom_wrong() {
     for (lights, masked) in [(2, 0.5), (3, 0.4)] {
         for seed in 1..4 {
             let scene = lit(lights, TilesPhotograph { seed, misaligned_px: 3.0, ..paper() });
-            let [found] = mapped(&scene, [|s| s]).map(Result::unwrap);
+            let [found] = mapped(&scene, [by_evidence]).map(Result::unwrap);
             assert!(found.1.wrong <= 0.001 && found.1.masked < masked, "{lights} lights, seed {seed}: {:?}", found.1);
         }
     }
@@ -125,7 +129,7 @@ fn sheets_that_share_no_directions_are_masked_under_one_light() {
         Pattern { periods: Periods::Graded([1.5, 1.8]), ..Pattern::default() },
         Pattern { polygons: 1, directions: 1, swirl_deg: 170.0, ..Pattern::default() },
     ] {
-        let [found] = mapped(&lit(1, TilesPhotograph { pattern, ..paper() }), [|s| s]).map(Result::unwrap);
+        let [found] = mapped(&lit(1, TilesPhotograph { pattern, ..paper() }), [by_evidence]).map(Result::unwrap);
         assert!(found.1.masked == 1.0, "{:?} {:?}", found.0.directions, found.1);
         assert_eq!(found.0.directions.choice, Directions::Free);
         assert!(!found.0.directions.why.is_empty() && found.0.directions.degrees.is_empty());
@@ -138,7 +142,7 @@ fn directions_that_scatter_are_uncertain_and_then_not_shared() {
     let mut masked = vec![];
     for jitter_deg in [0.0, 1.0, 3.0, 6.0, 12.0, 25.0] {
         let pattern = Pattern { jitter_deg, ..Pattern::default() };
-        let [found] = mapped(&lit(1, TilesPhotograph { pattern, ..paper() }), [|s| s]).map(Result::unwrap);
+        let [found] = mapped(&lit(1, TilesPhotograph { pattern, ..paper() }), [by_evidence]).map(Result::unwrap);
         assert!(found.1.wrong <= 0.002, "{jitter_deg}: {:?}", found.1);
         masked.push(found.1.masked);
     }

@@ -73,12 +73,12 @@ pub enum Orientation {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Directions {
-    /// If there is evidence for it.
-    #[default]
+    /// If there is evidence for it. Periods that change gradually over the sheet can look like evidence.
     Auto,
     /// They do; areas with grooves of their own are masked.
     Shared,
     /// Each place by itself.
+    #[default]
     Free,
 }
 

@@ -72,8 +72,8 @@ pub struct Flash {
     #[arg(long, default_value = "auto", value_name = "auto|sample|pixel")]
     period: PeriodChoice,
     /// Whether polygons share few directions and periods: places with the same grooves are then fitted together, and one
-    /// photograph can be enough; auto decides by evidence.
-    #[arg(long, default_value = "auto", value_name = "auto|shared|free")]
+    /// photograph can be enough; auto decides by evidence, which periods that change gradually can look like.
+    #[arg(long, default_value = "free", value_name = "auto|shared|free")]
     directions: Directions,
     /// Standard deviation of the light in its plane (default: that of its highlight).
     #[arg(long, value_name = "MM")]
