@@ -98,7 +98,8 @@ def document(done):
     """The table; rows that were not run keep their line of the document, as long as it says the same of where and what."""
     old = [line.strip("| \n").split(" | ") for line in DOCUMENT.read_text().splitlines() if line.startswith("| ")] if DOCUMENT.exists() else []
     kept = {tuple(cells[:2]): cells for cells in old}
-    version = subprocess.run([rows.NACRE, "--version"], capture_output=True, text=True).stdout.strip()
+    version = subprocess.run([rows.NACRE, "--version"], capture_output=True, text=True).stdout.splitlines()
+    version = " ".join(" ".join(version[:2]).split())
     lines = [HEAD.format(version=version)]
     for paper in PAPERS:
         table = [done.get(row.name) or kept.get((row.where, row.what)) or [row.where, row.what, "", "", "", row.paper, "not run"] for row in paper.ROWS]
