@@ -73,7 +73,8 @@ class Run:
         if run.returncode not in (0, 1, 2) or (run.returncode == 2 and not quiet):
             raise Failed(f"nacre {line}: {run.stderr.strip()[-300:]}")
         try:
-            report = json.loads(run.stdout)
+            # Where an error is not met, some builds print a second object, about that.
+            report, _ = json.JSONDecoder().raw_decode(run.stdout)
         except ValueError:
             report = None
         self.reports.append(report)

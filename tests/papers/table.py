@@ -22,7 +22,7 @@ HEAD = """# Four papers, row by row
 
 Made by `tests/papers/run --update` with {version}: each row runs the commands that it names, on inputs that the script makes with the paper's
 own parameters, and compares the result with a truth that does not come from Nacre: a closed form, the same equation in NumPy or SciPy, or the grating
-equation. `--out`, and scenes that the script writes, are left out of the commands; `tests/papers/*.py` has them in full.
+equation. References marked “(Nacre's)” are Nacre's own full computation. `--out`, and scenes that the script writes, are left out of the commands; `tests/papers/*.py` has them in full.
 
 | verdict | meaning |
 |---|---|
@@ -70,41 +70,44 @@ def main(arguments):
         print("\n".join(names))
         return 0
     update = "--update" in arguments
-    if update and words:
-        sys.exit("--update runs all rows: leave the words out")
     chosen = [(paper, row) for paper, row in every if not words or any(word in row.name for word in words)]
     keep = os.environ.get("PAPERS_KEEP")
     work = Path(tempfile.mkdtemp()) if keep is None else Path(keep).resolve()
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
-    sections, failed, counts = {}, [], {}
-    for paper, row in chosen:
+    done, failed = {}, []
+    for _, row in chosen:
         begun = time.monotonic()
         cells, bad = judged(row, work)
         if bad:
             failed.append(row.name)
         if not keep:
             shutil.rmtree(work / row.name, ignore_errors=True)
-        counts.setdefault(paper, []).append(cells[-1].strip("*"))
-        sections.setdefault(paper, []).append(cells)
+        done[row.name] = [cell.replace("\n", " ") for cell in cells]
         print(f"{time.monotonic() - begun:6.1f} s  {row.name:28} {cells[6]:20} {cells[3]} | {cells[4]} | {cells[5]}", flush=True)
     if not keep:
         shutil.rmtree(work)
     if update:
-        DOCUMENT.write_text(document(sections, counts))
+        DOCUMENT.write_text(document(done))
     for name in failed:
         print(f"failed: {name}")
     return 1 if failed else 0
 
 
-def document(sections, counts):
-    version = subprocess.run([rows.NACRE, "--version"], capture_output=True, text=True).stdout.strip()
+def document(done):
+    """The table; rows that were not run keep their line of the document, as long as it says the same of where and what."""
+    old = [line.strip("| \n").split(" | ") for line in DOCUMENT.read_text().splitlines() if line.startswith("| ")] if DOCUMENT.exists() else []
+    kept = {tuple(cells[:2]): cells for cells in old}
+    version = subprocess.run([rows.NACRE, "--version"], capture_output=True, text=True).stdout.splitlines()
+    version = " ".join(" ".join(version[:2]).split())
     lines = [HEAD.format(version=version)]
-    for paper, table in sections.items():
-        tally = ", ".join(f"{counts[paper].count(v)} {v}" for v in dict.fromkeys(counts[paper]))
+    for paper in PAPERS:
+        table = [done.get(row.name) or kept.get((row.where, row.what)) or [row.where, row.what, "", "", "", row.paper, "not run"] for row in paper.ROWS]
+        verdicts = [cells[-1].strip("*") for cells in table]
+        tally = ", ".join(f"{verdicts.count(v)} {v}" for v in dict.fromkeys(verdicts))
         lines.append(f"## {paper.TITLE}\n\n{len(table)} rows: {tally}.\n")
         lines.append("| where | what | commands of `nacre` | Nacre | truth | paper | verdict |\n|---|---|---|---|---|---|---|")
-        lines += ["| " + " | ".join(cell.replace("\n", " ") for cell in cells) + " |" for cells in table]
+        lines += ["| " + " | ".join(cells) + " |" for cells in table]
         lines.append("")
     return "\n".join(lines)
 
