@@ -19,6 +19,9 @@ const BENCH: &str = "camera = { width = 64, height = 48, readout_ms = 1 }\n\
 /// Commands to devices in a session, about; faults are spread over them.
 const COMMANDS: u64 = 60;
 
+/// Commands with which the service begins: it does not start, and says why, where light cannot be switched off then.
+const FIRST: u64 = 8;
+
 /// Most tries until a session is complete: no fault lasts longer.
 const TRIES: usize = 40;
 
@@ -59,7 +62,7 @@ impl Dice {
         ];
         let fault = |_| {
             let (device, kind) = FAULTS[self.below(FAULTS.len() as u64) as usize];
-            let (after, times) = (self.below(COMMANDS * sessions), 1 + self.below(5));
+            let (after, times) = (FIRST + self.below(COMMANDS * sessions), 1 + self.below(5));
             format!("{{ device = \"{device}\", kind = \"{kind}\", after = {after}, times = {times} }}")
         };
         let faults: Vec<String> = (0..sessions).map(fault).collect();

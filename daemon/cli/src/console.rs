@@ -10,7 +10,7 @@ use nacre_capture::session::SoFar;
 use nacre_service::problem::Problem;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -27,6 +27,8 @@ pub struct Console {
     stage: Mutex<Stage>,
     /// The operation, once it has stated them.
     running: Mutex<Option<Running>>,
+    /// A result was printed: then the exit code says that it misses its bound, and no second document follows.
+    answered: AtomicBool,
 }
 
 struct Stage {
@@ -47,7 +49,8 @@ impl Console {
         let _ = ctrlc::set_handler(move || {
             count.fetch_add(1, Ordering::Relaxed);
         });
-        Self { json, only_estimate, interrupted, stage: Mutex::new(Stage::new("", 0)), running: Mutex::default() }
+        let stage = Mutex::new(Stage::new("", 0));
+        Self { json, only_estimate, interrupted, stage, running: Mutex::default(), answered: AtomicBool::new(false) }
     }
 
     /// Prints the operation's estimate if `--estimate` was given; returns whether it did.
@@ -73,6 +76,7 @@ impl Console {
             running.complete();
         }
         let json = || serde_json::to_string_pretty(value).unwrap_or_default();
+        self.answered.store(true, Ordering::Relaxed);
         let line = if self.json { json() } else { text.trim_end().to_owned() };
         // A reader that went away (`| head`) is no failure of the command.
         let _ = writeln!(std::io::stdout().lock(), "{line}");
@@ -97,7 +101,7 @@ impl Console {
     pub fn error(&self, failure: Failure) {
         self.finish_stage();
         self.note(&format!("nacre: {failure}"));
-        if self.json {
+        if self.json && !self.answered.load(Ordering::Relaxed) {
             let (code, text) = (failure.exit_code(), failure.to_string());
             print_problem(&Problem::from(failure).in_full(&text), code);
         }
