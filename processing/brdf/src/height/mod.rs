@@ -2,7 +2,6 @@
 
 mod formats;
 mod gaps;
-mod grating;
 mod picture;
 mod quality;
 mod read;
@@ -14,7 +13,6 @@ mod tests;
 mod text;
 mod tiff;
 
-pub use grating::Grating;
 pub use quality::{Peak, Quality};
 pub use read::{EXTENSIONS, Scale, read};
 pub use synthetic::{Profile, Shape, Synthetic};

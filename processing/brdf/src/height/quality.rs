@@ -1,7 +1,6 @@
 //! What a height field is fit for.
 
 use super::HeightField;
-use super::grating::{Grating, MANY};
 use crate::transform::Plan;
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -53,9 +52,6 @@ pub struct Quality {
     pub tilt: [f64; 2],
     /// Periods and directions found in the spectrum, the strongest first.
     pub periods: Vec<Peak>,
-    /// The grating that the patch is a part of, if it is of one alone.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub grating: Option<Grating>,
     /// Steps, or changes of slope, from the last to the first column and row over the largest between neighbours inside: above 1.25 the patch
     /// does not go on where it is repeated.
     pub seams: [f64; 2],
@@ -75,8 +71,6 @@ impl Quality {
     pub fn of(field: &HeightField, coherence_um: f64) -> Self {
         let count = field.um.len() as f64;
         let mean = field.um.iter().sum::<f64>() / count;
-        let seams = seams(field);
-        let grating = Grating::find(field, seams.iter().all(|s| *s <= SEAM));
         let rms_um = (field.um.iter().map(|h| (h - mean).powi(2)).sum::<f64>() / count).sqrt();
         let mut this = Self {
             width: field.width,
@@ -87,9 +81,8 @@ impl Quality {
             rms_um,
             rms_slope: rms_slope(field),
             tilt: field.tilt(),
-            periods: with_grating(periods(field), grating, field),
-            grating,
-            seams,
+            periods: periods(field),
+            seams: seams(field),
             shortest_nm: 2e3 * field.pixel_um,
             step_um: field.step_um,
             notes: field.notes.clone(),
@@ -99,14 +92,14 @@ impl Quality {
         this
     }
 
-    /// Whether the patch goes on where it is repeated: of a single grating, whose own steps may hide those at the edges, a whole number of periods;
-    /// of others no steps there.
+    /// Whether the patch goes on where it is repeated: no steps at its edges and, of a single grating, whose own steps may hide them, a whole
+    /// number of periods.
     pub fn is_periodic(&self) -> bool {
-        self.cut().is_none() && (self.grating.is_some() || self.seams.iter().all(|s| *s <= SEAM))
+        self.seams.iter().all(|s| *s <= SEAM) && self.cut().is_none()
     }
 
     /// Periods of a single grating to the right and up, where they are no whole numbers.
-    pub(crate) fn cut(&self) -> Option<[f64; 2]> {
+    fn cut(&self) -> Option<[f64; 2]> {
         let peak = self.single()?;
         let (sin, cos) = peak.direction_deg.to_radians().sin_cos();
         let cycles = [cos * self.size_um[0] / peak.period_um, sin * self.size_um[1] / peak.period_um];
@@ -169,9 +162,6 @@ impl Quality {
     /// The peak of a surface of which nearly everything is one grating and its harmonics.
     fn single(&self) -> Option<&Peak> {
         let first = self.periods.first()?;
-        if self.grating.is_some() {
-            return Some(first);
-        }
         let harmonic = |p: &Peak| {
             let ratio = first.period_um / p.period_um;
             let turned = (p.direction_deg - first.direction_deg).abs();
@@ -244,27 +234,6 @@ fn seam(n: usize, line: &dyn Fn(usize) -> Vec<f64>) -> f64 {
     };
     // Slopes of rounded heights change by chance.
     ratio(steps).max(ratio(bends) / 1.5)
-}
-
-/// Peaks with a grating of few periods, whose own peak is too wide to tell it, in the first place; of the others its harmonics remain.
-fn with_grating(mut peaks: Vec<Peak>, grating: Option<Grating>, field: &HeightField) -> Vec<Peak> {
-    let Some(g) = grating else { return peaks };
-    if g.periods < MANY {
-        let size = field.size_um();
-        let least = if field.height > 1 { size[0].min(size[1]) } else { size[0] };
-        peaks.retain(|p| p.period_um < 0.75 * g.period_um);
-        peaks.insert(
-            0,
-            Peak {
-                period_um: g.period_um,
-                resolution_um: 0.5 * g.period_um * g.period_um / least,
-                direction_deg: g.direction_deg,
-                share: g.share,
-            },
-        );
-        peaks.truncate(PEAKS);
-    }
-    peaks
 }
 
 /// Peaks of the power spectrum under a Hann window, placed between its bins by a parabola through the logarithms.

@@ -23,8 +23,7 @@ const APART: f64 = 0.35;
 pub struct Repeats {
     /// Its two sides in pixels of the photograph, right and down.
     pub sides_px: [[f64; 2]; 2],
-    /// How many of them have room in what is known of the picture, its margins included; where only a part of the picture shows the tile, as
-    /// many as were found from there.
+    /// How many of them have room in what is known of the picture, its margins included.
     pub copies: f64,
     /// How alike neighbours are, 1 for the same.
     pub likeness: f64,

@@ -10,9 +10,8 @@ use super::lobe::Lobe;
 use super::output::Output;
 use super::paper::brightest;
 use super::photographs::{Photograph, groups, merged};
-use super::report::{DirectionsReport, PeriodReport, Report, Seconds};
-use super::settings::{Directions, Orientation, PeriodChoice, Settings};
-use super::shared;
+use super::report::{PeriodReport, Report, Seconds};
+use super::settings::{Orientation, PeriodChoice, Settings};
 use super::solve::{Prior, solve};
 use super::spool::Spool;
 use super::tiling::{Moved, Tiling, tiling};
@@ -40,8 +39,8 @@ const TRIED: usize = 300;
 
 /// Makes maps of `input` (a session, or a `frames.json` of kind flash) in the new folder `out`.
 ///
-/// Memory: one photograph (8 bytes per pixel and what decoding takes), two rows of the tile with all copies, 160 bytes per pixel of the
-/// tile, and up to 80 MiB for shared gratings; copies of the tile under every light are on disk meanwhile.
+/// Memory: one photograph (8 bytes per pixel and what decoding takes), two rows of the tile with all copies, and 50 bytes per pixel of the
+/// tile; copies of the tile under every light are on disk meanwhile.
 ///
 /// # Errors
 /// `Input` for anything about the photographs or the settings, before anything is written; `Output` when writing fails, after
@@ -55,12 +54,12 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     let settings = completed(settings, &frames)?;
     let job = Job::read(&frames, &settings, progress)?;
     let read = begun.elapsed().as_secs_f64();
-    let fit = job.fitted(&settings, progress)?;
+    let (found, period, lobe, prior) = job.fitted(&settings, progress)?;
     let fitted = begun.elapsed().as_secs_f64();
     progress.stage("writing", 1);
-    let mut report = job.report(&fit, &settings);
+    let mut report = job.report(&found, period, &lobe, &prior, &settings);
     report.warnings.splice(0..0, job.of_files.iter().cloned());
-    Output { found: &fit.found, report: &report, scale_bar: !settings.no_scale_bar }.write(&folder)?;
+    Output { found: &found, report: &report, scale_bar: !settings.no_scale_bar }.write(&folder)?;
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { read, fit: fitted - read, write: total - fitted, total };
     folder.write_json("report.json", &report)?;
@@ -68,15 +67,6 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     folder.commit()?;
     progress.step();
     Ok(report)
-}
-
-/// Gratings of all pixels, and how they were found.
-pub(super) struct Fitted {
-    pub found: Vec<Found>,
-    pub period: PeriodReport,
-    pub directions: DirectionsReport,
-    pub lobe: Lobe,
-    pub prior: Prior,
 }
 
 /// Photographs as copies of the tile.
@@ -171,7 +161,7 @@ impl Job {
     }
 
     /// Copies of the places of a row, one after the other.
-    pub fn row<T>(&self, y: usize, of: &mut dyn FnMut(usize, &[Observed]) -> T) -> Result<Vec<T>> {
+    fn row<T>(&self, y: usize, of: &mut dyn FnMut(usize, &[Observed]) -> T) -> Result<Vec<T>> {
         let rows = self.spool.row(y)?;
         let tiles = self.tiling.origins.len();
         let mut observed = Vec::with_capacity(rows.len() * tiles);
@@ -190,24 +180,20 @@ impl Job {
     }
 
     /// Gratings of all pixels.
-    fn fitted(&self, settings: &Settings, progress: &dyn Progress) -> Result<Fitted> {
-        let lobe = Lobe { light_mm: self.light_mm, band: self.band };
-        let prior = self.prior(settings, &lobe);
+    fn fitted(&self, settings: &Settings, progress: &dyn Progress) -> Result<(Vec<Found>, PeriodReport, Lobe, Prior)> {
+        let highlight = Lobe { light_mm: self.light_mm, band: self.band };
+        let prior = self.prior(settings, &highlight);
         if settings.orientation == Orientation::Image {
             progress.stage("looking for the brightest", self.tiling.height as u64);
-            let found = self.rows(progress, &|_, observed| self.by_brightness(observed, &lobe))?;
-            let why = || "as the paper has it".to_owned();
-            let period = PeriodReport { choice: PeriodChoice::Pixel, why: why(), ..PeriodReport::default() };
-            let directions = DirectionsReport { choice: Directions::Free, why: why(), ..DirectionsReport::default() };
-            return Ok(Fitted { found, period, directions, lobe, prior });
+            let found = self.rows(progress, &|_, observed| self.by_brightness(observed, &highlight))?;
+            let report = PeriodReport {
+                choice: PeriodChoice::Pixel,
+                why: "as the paper has it".into(),
+                ..PeriodReport::default()
+            };
+            return Ok((found, report, highlight, prior));
         }
-        let lobe = if settings.light_sigma_mm.is_some() { lobe } else { self.refined(&lobe, &prior)? };
-        let free = self.free(settings, lobe, prior, progress)?;
-        shared::refit(self, free, settings, progress)
-    }
-
-    /// Gratings of all pixels, each by itself.
-    fn free(&self, settings: &Settings, lobe: Lobe, prior: Prior, progress: &dyn Progress) -> Result<Fitted> {
+        let lobe = if settings.light_sigma_mm.is_some() { highlight } else { self.refined(&highlight, &prior)? };
         progress.stage("fitting gratings", self.tiling.height as u64);
         let of = |prior: Prior| {
             move |_: usize, observed: &[Observed]| match copies(observed, &lobe) {
@@ -215,35 +201,25 @@ impl Job {
                 Err(why) => Found::Masked(why),
             }
         };
-        let mut found = self.rows(progress, &of(prior))?;
+        let found = self.rows(progress, &of(prior))?;
         let decision = decide(&found, self.tiling.width, settings.period, self.view.uneven);
-        let mut prior = Prior { shared: decision.shared, ..prior };
-        if decision.shared.is_some() {
-            progress.stage("fitting gratings of one period", self.tiling.height as u64);
-            found = self.rows(progress, &of(prior))?;
+        let prior = Prior { shared: decision.shared, ..prior };
+        if decision.shared.is_none() {
+            return Ok((believed(agreed(&found, self.tiling.width)), decision.report, lobe, prior));
         }
-        let found = believed(agreed(&found, self.tiling.width));
-        let mut period = decision.report;
-        // A few pixels that are not believed have no period to tell.
-        if !found.iter().any(|f| matches!(f, Found::Grating(_))) {
-            prior.shared = None;
-            period = PeriodReport { choice: PeriodChoice::Pixel, why: "no pixel has a period".into(), ..period };
-        }
-        Ok(Fitted { found, period, directions: DirectionsReport::default(), lobe, prior })
+        progress.stage("fitting gratings of one period", self.tiling.height as u64);
+        let found = self.rows(progress, &of(prior))?;
+        Ok((believed(agreed(&found, self.tiling.width)), decision.report, lobe, prior))
     }
 
-    pub fn rows<T: Send + Clone>(
-        &self,
-        progress: &dyn Progress,
-        of: &(dyn Fn(usize, &[Observed]) -> T + Sync),
-    ) -> Result<Vec<T>> {
+    fn rows(&self, progress: &dyn Progress, of: &(dyn Fn(usize, &[Observed]) -> Found + Sync)) -> Result<Vec<Found>> {
         let row = |y: usize| {
             progress.check()?;
             let found = self.row(y, &mut |x, observed| of(x, observed))?;
             progress.step();
             Ok(found)
         };
-        let rows: Result<Vec<Vec<T>>> = (0..self.tiling.height).into_par_iter().map(row).collect();
+        let rows: Result<Vec<Vec<Found>>> = (0..self.tiling.height).into_par_iter().map(row).collect();
         Ok(rows?.concat())
     }
 
