@@ -387,9 +387,12 @@ impl<'a> Hands<'a> {
 
     /// Something changed and is steady since then.
     fn steady(&mut self, whose: Whose, since: Duration, command: &str) -> DeviceResult<()> {
-        // Devices share a clock; another one may have reported a time ahead, at which it will have settled.
+        // A camera that is set up reports a time only once, so that it is compared with the others, which may be ahead by what they settle for.
+        let others = match whose {
+            Whose::Camera => self.memory.reported.iter().max().copied().unwrap_or_default(),
+            _ => Duration::ZERO,
+        };
         let settling = self.limits.flash.as_ref().map_or(0.0, |f| f.settling_s).max(self.limits.stage.settling_s);
-        let others = self.memory.reported.iter().max().copied().unwrap_or_default();
         let others = others.saturating_sub(Duration::from_secs_f64(settling));
         let before = std::mem::replace(&mut self.memory.reported[whose as usize], since).max(others);
         if since + CLOCK_TOLERANCE < before {
