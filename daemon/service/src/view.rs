@@ -11,7 +11,7 @@ use nacre_brdf::height::Profile;
 use nacre_optics::color::{Illuminant, Observer};
 use nacre_render::gpu::Prepared;
 use nacre_render::{
-    Base, Blend, Camera, Color, Diffraction, Light, Material, Relief, Scene, Shape, Spectrum, Turn, Value,
+    Base, Blend, Camera, Color, Coverage, Diffraction, Light, Material, Relief, Scene, Shape, Spectrum, Turn,
 };
 use serde::Deserialize;
 use std::path::Path;
@@ -176,7 +176,7 @@ fn scene(folder: &Path, look: &Look) -> Answer<Scene> {
     let material = Material {
         base: Some(Base { albedo: Color::Rgb([0.02; 3]), ..Base::default() }),
         diffraction: Some(diffraction),
-        coverage: Value::Number(0.97),
+        coverage: Coverage::Number(0.97),
         blend: Blend::Mix,
         normals: None,
     };
@@ -195,6 +195,7 @@ fn scene(folder: &Path, look: &Look) -> Answer<Scene> {
         turn: Turn::default(),
         observer: Observer::default(),
         exposure: None,
+        hints: vec![],
     })
 }
 

@@ -43,6 +43,7 @@ pub use picture::{
     Band, Difference, Picture, Pixel, bytes, difference, exposure, png, read_picture, write_picture, write_png,
 };
 pub use scene::{
-    Base, Blend, Camera, Color, Diffraction, Light, Material, Relief, Scene, Shape, Spectrum, Turn, Value,
+    Base, Blend, Bright, Camera, Color, Coverage, Diffraction, Light, Material, Relief, Scene, Shape, Spectrum, Turn,
+    Value,
 };
 pub use settings::Settings;
