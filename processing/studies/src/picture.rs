@@ -88,9 +88,12 @@ fn titles(svg: &mut Svg, [left, right]: [Area; 2], summary: &Summary, names: boo
     svg.text([right.x, right.y - 14.0], "Error, and where it breaks", 14.5, Anchor::Start, "font-weight=\"bold\"");
 }
 
+/// Draws a sign at a place.
+type Draw = dyn Fn(&mut Svg, [f64; 2]);
+
 /// A sign and what it means.
 struct Sign {
-    draw: Box<dyn Fn(&mut Svg, [f64; 2])>,
+    draw: Box<Draw>,
     text: String,
 }
 

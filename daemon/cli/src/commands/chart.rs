@@ -105,8 +105,8 @@ fn list(studies: &[Study], pictures: &[Picture]) -> Vec<Listed> {
 }
 
 fn text_of(listed: &[Listed]) -> String {
-    listed.iter().fold(format!("{:20} {:12} TITLE\n", "NAME", "GROUP"), |mut text, l| {
-        let _ = writeln!(text, "{:20} {:12} {}", l.name, l.group, l.title);
+    listed.iter().fold(format!("{:24} {:12} TITLE\n", "NAME", "GROUP"), |mut text, l| {
+        let _ = writeln!(text, "{:24} {:12} {}", l.name, l.group, l.title);
         text
     })
 }

@@ -93,7 +93,7 @@ pub(super) fn normalised(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 /// Every column is a photograph of all orientations: less its mean (the paper's pre-normalisation).
-fn without_mean(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub(super) fn without_mean(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mean: Vec<f64> = (0..STEPS).map(|p| rows.iter().map(|r| r[p]).sum::<f64>() / STEPS as f64).collect();
     rows.iter().map(|row| row.iter().zip(&mean).map(|(v, m)| v - m).collect()).collect()
 }
