@@ -1,4 +1,4 @@
-//! What `nacre --version` says of the build: the commit and the target.
+//! Passes commit and target to the program, for `nacre --version`.
 
 use std::process::Command;
 

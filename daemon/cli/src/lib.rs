@@ -145,7 +145,7 @@ fn command(commit: &str, target: &str) -> clap::Command {
     Cli::command().long_version(format!("{version}\ncommit    {commit}\nfeatures  {}\ntarget    {target}", features()))
 }
 
-/// Ends the process with what clap says of a command line; that it is wrong is JSON too for whoever asks for that.
+/// Ends the process with clap's message about the command line (help, version or an error). With `--json` an error is printed as JSON too.
 fn refused(error: &clap::Error) -> ! {
     if error.use_stderr() && std::env::args_os().any(|argument| argument == "--json") {
         console::print_problem(&Problem::bad(error.render().to_string().trim_end()), 2);

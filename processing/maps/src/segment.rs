@@ -12,7 +12,7 @@ const LEVELS: usize = 512;
 /// middle, of one bell two thirds.
 const APART: f64 = 0.8;
 
-/// What is brighter than a threshold.
+/// A photograph divided into the bright part, which diffracts, and the rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segmented {
     /// Pixels per row.
@@ -36,7 +36,7 @@ pub struct SegmentReport {
     pub share: f64,
     /// Part of the variance of brightness that is between both groups, 0 to 1.
     pub separation: f64,
-    /// What to beware of.
+    /// Warnings.
     pub warnings: Vec<String>,
 }
 
@@ -44,7 +44,7 @@ pub struct SegmentReport {
 /// the largest; values of an EXR are divided by their square roots, as codes would be.
 ///
 /// # Errors
-/// `Input` for a file that is no photograph, one of one brightness, and a threshold that leaves no pixel or all.
+/// `Input` for a file that is no photograph, for a photograph with the same brightness everywhere, and for a threshold above or below all pixels.
 pub fn segment(photograph: &Path, threshold: Option<f64>) -> Result<Segmented> {
     let raster = read(photograph)?;
     let float = matches!(raster.samples, Samples::F32(_));

@@ -37,7 +37,7 @@ pub fn pdf_from_svg(svg: &str) -> Result<Vec<u8>> {
     page.written([width, height])
 }
 
-/// What a page shows.
+/// Drawing commands of a page.
 struct Page {
     content: Content,
     /// Opacities of fillings and strokes.

@@ -78,7 +78,7 @@ fn white_is_white() {
 
 #[test]
 fn codes_are_those_of_the_curve() {
-    // Every 97th number from 0 to 1, and what lies outside.
+    // Every 97th number from 0 to 1; then numbers outside of that range.
     for bits in (0..=1.0_f32.to_bits()).step_by(97) {
         let light = f32::from_bits(bits);
         assert_eq!(srgb_code(light), (255.0 * srgb_encode(light)).round() as u8, "{light}");
