@@ -3,10 +3,12 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::limits::peak_memory;
+use nacre_image::{Attribute, write_exr};
 use nacre_tests::http::{Service, begin, finished, plan};
 use nacre_tests::{BENCH, Place, nacre};
 use serde_json::json;
 use std::fs;
+use std::path::Path;
 
 fn bytes_in(folder: &std::path::Path) -> u64 {
     fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().metadata().unwrap().len()).sum()
@@ -73,6 +75,38 @@ fn maps_height_fields_and_calibrations_are_estimated() {
     };
     let one = seconds(1);
     assert!(seconds(2) > one);
+}
+
+#[test]
+fn renderings_factors_and_the_demo_are_estimated() {
+    let place = Place::new("");
+    let [scene, picture, turning, out] = ["cd.toml", "cd.exr", "turning", "out"].map(|name| place.text(name));
+    let text = "camera = { position = [0, 0, 500], target = [0, 0, 0], fov_deg = 16, width = 64, height = 64 }\n\
+                [[shape]]\ntype = \"plane\"\nsize = [100, 100]\nmaterial = \"white\"\n\
+                [[light]]\ntype = \"point\"\nposition = [0, 300, 400]\nsigma_mm = 2\n\
+                [material.white.diffuse]\nalbedo = 0.5\n";
+    fs::write(&scene, text).unwrap();
+    let estimate = |line: &[&str], output: &str| {
+        let estimate = nacre(["--json"].iter().chain(line).chain(&["--estimate"])).expect(0).json();
+        assert!(!place.path(output).exists(), "{output} was written");
+        estimate
+    };
+    let one = estimate(&["render", &scene, "--out", &picture], "cd.exr");
+    let ten = ["render", &scene, "--out", &turning, "--frames", "10", "--turn", "light"];
+    let ten = estimate(&ten, "turning");
+    assert_eq!(10 * one["disk_bytes"].as_u64().unwrap(), ten["disk_bytes"].as_u64().unwrap());
+    nacre(["render", "--gallery", &out, "--estimate"]).expect(2);
+
+    let demo = |size: &str| estimate(&["demo", "--size", size, "--out", &out], "out")["seconds"].as_f64().unwrap();
+    assert!(demo("512") > demo("128"));
+
+    let table = place.text("table.exr");
+    let extent = [("extent", Attribute::Text("0.5".into()))];
+    write_exr(Path::new(&table), 64, 64, &["X", "Y", "Z"], &extent, &|_, _, row| row.fill(1.0)).unwrap();
+    let line = ["factor", &table, "--out", &out];
+    let whole = estimate(&line, "out")["seconds"].as_f64().unwrap();
+    let curve = [line.as_slice(), &["--kind", "line"]].concat();
+    assert!(estimate(&curve, "out")["seconds"].as_f64().unwrap() < whole);
 }
 
 #[test]

@@ -35,7 +35,7 @@ const PROGRAM_BYTES: u64 = 32 << 20;
 const SHORTEST_S: f64 = 0.3;
 
 /// Time, memory and disk of an operation on the reference machine.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Work {
     /// Its name, under which its speed on a machine is learned.
     pub operation: Cow<'static, str>,
@@ -45,6 +45,9 @@ pub struct Work {
     pub memory_bytes: u64,
     /// Disk that its results take, in bytes.
     pub disk_bytes: u64,
+    /// Seconds of this machine that the operation had taken when it stated this, such as those of a trial.
+    #[serde(default)]
+    pub taken_s: f64,
 }
 
 impl Work {
@@ -124,7 +127,7 @@ impl Machine {
         let learned = self.learned.get(&*work.operation).copied().unwrap_or(1.0);
         let Work { disk_bytes, .. } = *work;
         let memory_bytes = work.memory_bytes + PROGRAM_BYTES;
-        Estimate { seconds: work.seconds / self.speed * learned, memory_bytes, disk_bytes }
+        Estimate { seconds: work.taken_s + work.seconds / self.speed * learned, memory_bytes, disk_bytes }
     }
 
     /// Learns from an operation that took so many seconds, and keeps that.
@@ -160,7 +163,7 @@ impl Running {
     /// Begins now.
     pub fn begin(work: Work) -> Self {
         let machine = Machine::here();
-        let expected_s = machine.estimate(&work).seconds;
+        let expected_s = machine.estimate(&work).seconds - work.taken_s;
         Self { machine, work, begun: Instant::now(), expected_s }
     }
 
@@ -223,7 +226,7 @@ mod tests {
     use super::*;
 
     fn work(seconds: f64) -> Work {
-        Work { operation: "hdr".into(), seconds, memory_bytes: 7, disk_bytes: 9 }
+        Work { operation: "hdr".into(), seconds, memory_bytes: 7, disk_bytes: 9, ..Work::default() }
     }
 
     fn machine(speed: f64) -> Machine {

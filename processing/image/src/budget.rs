@@ -111,7 +111,13 @@ impl Operation {
             Self::Rendering(samples) => ("render", 0.1 + 0.8 * mega(samples * pixels), 16 * pixels),
             Self::Maps(count) => ("map", 0.02 + 0.2 * mega(count * pixels), 24 * count * pixels),
         };
-        Work { operation: operation.into(), seconds, memory_bytes: self.bytes(info), disk_bytes: disk as u64 }
+        Work {
+            operation: operation.into(),
+            seconds,
+            memory_bytes: self.bytes(info),
+            disk_bytes: disk as u64,
+            ..Work::default()
+        }
     }
 }
 

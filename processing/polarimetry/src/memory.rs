@@ -52,7 +52,7 @@ pub fn work_of(photographs: usize, size: [usize; 2], gratings: bool) -> Work {
     let memory_bytes = pixels as u64 * (ALIKE + 4 * AT_A_TIME) + of_results(pixels, gratings);
     let disk_bytes = pixels as u64 * if gratings { 48 } else { 40 };
     let operation = if gratings { "polarization of gratings" } else { "polarization" };
-    Work { operation: operation.into(), seconds, memory_bytes, disk_bytes }
+    Work { operation: operation.into(), seconds, memory_bytes, disk_bytes, ..Work::default() }
 }
 
 impl Options {

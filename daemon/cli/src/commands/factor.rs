@@ -1,5 +1,6 @@
 //! `nacre factor`.
 
+use crate::commands::Estimating;
 use crate::commands::said;
 use crate::commands::values::numbers;
 use crate::console::Console;
@@ -54,6 +55,8 @@ pub struct Args {
     /// Replace results that are already in the folder.
     #[arg(long, visible_alias = "overwrite")]
     force: bool,
+    #[command(flatten)]
+    estimating: Estimating,
 }
 
 /// Kinds of factorisation.

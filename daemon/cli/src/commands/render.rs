@@ -2,6 +2,8 @@
 
 use crate::commands::said;
 use crate::console::Console;
+use nacre_base::estimate::{Machine, Work};
+use nacre_base::progress::Progress;
 use nacre_base::{Error, input, vacant, writable};
 use nacre_brdf::height::{self, Scale};
 use nacre_capture::Failure;
@@ -114,6 +116,9 @@ pub struct Args {
     /// Replace files that are there.
     #[arg(long)]
     force: bool,
+    /// Only measure a few passes, and say how long it would take, and how much memory and disk.
+    #[arg(long, conflicts_with = "gallery")]
+    estimate: bool,
 }
 
 /// Methods of rendering tables under environments.
@@ -235,7 +240,7 @@ fn animation(
             Turning::View => scene.turn.view_deg += turn,
             Turning::Sample => scene.turn.sample_deg += turn,
         }
-        let (picture, report) = render(&scene, folder, &args.settings(), console)?;
+        let (picture, report) = render(&scene, folder, &args.settings(), &OneOf { console, frames })?;
         let name = |ending: &str| format!("frame_{k:04}.{ending}");
         write_picture(&target.path(&name("exr")), &picture)?;
         let shown = *scene.exposure.get_or_insert_with(|| exposure(&picture));
@@ -249,6 +254,33 @@ fn animation(
     let text = format!("frames    {frames} in {}\nquality   noise {noise:.2e} of the mean or less", out.display());
     console.result(&text, &reports);
     args.judge(worst)
+}
+
+/// Progress of one of several frames, each of which is expected to take as long as the first.
+struct OneOf<'a> {
+    console: &'a Console,
+    frames: usize,
+}
+
+impl Progress for OneOf<'_> {
+    fn expect(&self, work: &Work) -> Result<(), Error> {
+        let (frames, speed) = (self.frames as f64, Machine::here().speed);
+        let others = (frames - 1.0) * (work.seconds + work.taken_s * speed);
+        let disk_bytes = self.frames as u64 * work.disk_bytes;
+        self.console.expect(&Work { seconds: work.seconds + others, disk_bytes, ..work.clone() })
+    }
+
+    fn stage(&self, name: &str, steps: u64) {
+        self.console.stage(name, steps);
+    }
+
+    fn step(&self) {
+        self.console.step();
+    }
+
+    fn cancelled(&self) -> bool {
+        self.console.cancelled()
+    }
 }
 
 fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), Failure> {

@@ -34,7 +34,7 @@ pub fn work_of(info: Info, photographs: usize) -> Work {
     let seconds = 0.08 + 1e-6 * samples as f64 * (0.1 + 0.05 * photographs as f64);
     let memory_bytes = 16 * samples as u64 + BATCH as u64 * budget::decoded(info) + kept(info, photographs);
     // Light, variance and flags, and a picture.
-    Work { operation: "hdr".into(), seconds, memory_bytes, disk_bytes: 13 * samples as u64 }
+    Work { operation: "hdr".into(), seconds, memory_bytes, disk_bytes: 13 * samples as u64, ..Work::default() }
 }
 
 /// Reads and checks what is to be merged. `white` replaces that of the photographs and their description.

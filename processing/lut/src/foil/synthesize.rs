@@ -52,6 +52,7 @@ impl Dots {
             seconds: 0.03 + 0.1e-6 * pixels as f64,
             memory_bytes: 36_u64.saturating_mul(pixels as u64),
             disk_bytes: 26_u64.saturating_mul(pixels as u64),
+            ..Work::default()
         }
     }
 }

@@ -69,7 +69,13 @@ pub(super) fn work(photographs: usize, [width, height]: [usize; 2]) -> Work {
     const EACH: [f64; 2] = [0.05e-6, 34.0];
     let pixels = (width * height) as f64;
     let seconds = 0.05 + EACH[0] * pixels * photographs as f64;
-    Work { operation: "calibrate".into(), seconds, memory_bytes: (EACH[1] * pixels) as u64, disk_bytes: 1 << 20 }
+    Work {
+        operation: "calibrate".into(),
+        seconds,
+        memory_bytes: (EACH[1] * pixels) as u64,
+        disk_bytes: 1 << 20,
+        ..Work::default()
+    }
 }
 
 /// Finds the camera.

@@ -6,7 +6,7 @@ use crate::picture::{Picture, exposure, png, write_picture, write_png};
 use crate::prepared_scene;
 use crate::scene::Scene;
 use crate::settings::Settings;
-use nacre_base::estimate::Work;
+use nacre_base::estimate::{Machine, Work};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_image::budget::Operation;
@@ -88,6 +88,13 @@ pub fn check_folder(input: &Path, options: &Options) -> Result<Scene> {
 pub fn work(scene: &Scene, options: &Options) -> Work {
     let picture = Info { width: scene.camera.width, height: scene.camera.height, channels: 3, depth: Depth::F32 };
     Operation::Rendering(options.samples).work(picture)
+}
+
+/// What a rendering needs whose time is known from a few passes: `taken_s` seconds of this machine are gone, `left_s` are left.
+pub(super) fn measured_work(scene: &Scene, settings: &Settings, [taken_s, left_s]: [f64; 2]) -> Work {
+    let most = work(scene, &Options { samples: settings.samples, ..Options::default() });
+    // A name of its own: the time of `most` is a bound, from which nothing is learned about this one.
+    Work { operation: "passes".into(), seconds: left_s * Machine::here().speed, taken_s, ..most }
 }
 
 /// The only TOML file of a folder.

@@ -47,6 +47,8 @@ pub fn render(scene: &Scene, folder: &Path, settings: &Settings, progress: &dyn 
 
 /// The same, and shows the picture after each pass; rendering waits meanwhile.
 ///
+/// Time, memory and disk are stated after a few passes, whose time is measured.
+///
 /// # Errors
 /// As [`render`].
 pub fn render_watched(
@@ -94,6 +96,8 @@ pub fn render_watched(
         noise: pilot.noise(passes),
         seconds: pilot.seconds_of_a_pass * passes.saturating_sub(first) as f64,
     };
+    let times = [begun.elapsed().as_secs_f64(), predicted.seconds];
+    progress.expect(&folder::measured_work(scene, settings, times))?;
     progress.stage("passes", passes.saturating_sub(picture.passes) as u64);
     while !picture.is_enough(most, wanted) {
         match &mut card {
