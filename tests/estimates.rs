@@ -3,14 +3,14 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::limits::peak_memory;
-use nacre_image::{Attribute, write_exr};
+use nacre_processing::image::{Attribute, write_exr};
 use nacre_tests::http::{Service, begin, finished, plan};
 use nacre_tests::{BENCH, Place, nacre};
 use serde_json::json;
 use std::fs;
 use std::path::Path;
 
-fn bytes_in(folder: &std::path::Path) -> u64 {
+fn bytes_in(folder: &Path) -> u64 {
     fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().metadata().unwrap().len()).sum()
 }
 

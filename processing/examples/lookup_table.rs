@@ -4,6 +4,7 @@
 mod cpu;
 
 use cpu::used;
+use nacre_processing::operation::{Entry, Registered};
 use nacre_processing::pattern::{MethodChoice, Photograph, Settings, Wavelength, lookup};
 use std::time::Instant;
 
@@ -22,7 +23,10 @@ fn light(u: f64, v: f64) -> f64 {
 
 #[allow(clippy::print_stdout)]
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let method: MethodChoice = std::env::args().nth(1).as_deref().unwrap_or("auto").parse()?;
+    let word = std::env::args().nth(1).unwrap_or("auto".into());
+    let fields = Entry::<Settings>::NEW.fields();
+    let method = fields.list.iter().find(|f| f.name() == "method").ok_or("no such option")?.value(&word)?;
+    let method: MethodChoice = serde_json::from_value(method)?;
     let at = |i: usize| light(((i % SIZE) as f64 - CENTER) * SCALE, ((i / SIZE) as f64 - CENTER) * SCALE) as f32;
     let photograph = Photograph { light: (0..SIZE * SIZE).map(at).collect(), width: SIZE, height: SIZE };
     let settings = Settings {

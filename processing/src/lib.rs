@@ -10,7 +10,9 @@
 //!
 //! Programs call [`numeric::flush_subnormals`] once at their start, so that dark photographs take no longer than bright ones.
 
-pub use nacre_base::{Error, Result, error, numeric, progress, statistics, text};
+pub mod operations;
+
+pub use nacre_base::{Error, Result, error, numeric, operation, progress, statistics, text};
 pub use nacre_brdf as surface;
 pub use nacre_frames as frames;
 pub use nacre_frames::hdr;
@@ -25,4 +27,3 @@ pub use nacre_plot as plot;
 pub use nacre_polarimetry as polarimetry;
 pub use nacre_render as render;
 pub use nacre_render::environment;
-pub use nacre_studies as chart;

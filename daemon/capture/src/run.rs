@@ -5,14 +5,11 @@ use crate::failure::Failure;
 use crate::plan::{Method, Plan, ReconstructPlan};
 use crate::rig::{Rig, Stop};
 use crate::session::{self, Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
-use nacre_base::Error;
+use nacre_base::operation::Done;
 use nacre_base::progress::Progress;
-use nacre_frames::hdr;
-use nacre_image::OutputFolder;
-use nacre_lut::bokeh;
-use nacre_periods::flash;
-use nacre_periods::spots;
-use nacre_polarimetry::{Align, Options, Report, Running};
+use nacre_base::{Error, OutputFolder};
+use nacre_polarimetry::Running;
+use nacre_processing::operations::operation;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -39,42 +36,10 @@ pub struct Taken {
     /// From the last frame to the finished results.
     pub results_after_s: Option<f64>,
     /// Report of the results, unless another process made them.
-    pub report: Option<Findings>,
+    pub report: Option<Done>,
     /// How a series that ends by its σ has ended.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ended: Option<SeriesEnd>,
-}
-
-/// What a reconstruction reports.
-#[derive(Serialize)]
-#[serde(untagged)]
-pub enum Findings {
-    /// Of polarization.
-    Polarization(Box<Report>),
-    /// Of merged exposures.
-    Hdr(Box<hdr::Report>),
-    /// Of a table.
-    Lut(Box<nacre_lut::Report>),
-    /// Of an out-of-focus highlight.
-    Bokeh(Box<bokeh::Report>),
-    /// Of fringes.
-    Spots(Box<spots::Report>),
-    /// Of gratings under a flash.
-    Flash(Box<flash::Report>),
-}
-
-impl Findings {
-    /// What the reader must know before trusting the results.
-    pub fn warnings(&self) -> &[String] {
-        match self {
-            Self::Polarization(report) => &report.warnings,
-            Self::Hdr(report) => &report.warnings,
-            Self::Lut(report) => &report.warnings,
-            Self::Bokeh(report) => &report.warnings,
-            Self::Spots(report) => &report.warnings,
-            Self::Flash(report) => &report.warnings,
-        }
-    }
 }
 
 /// A bench with somebody who steers.
@@ -262,56 +227,21 @@ fn results(
     running: Option<Running>,
     folder: &Path,
     progress: &dyn Progress,
-) -> Result<(PathBuf, Findings), Error> {
+) -> Result<(PathBuf, Done), Error> {
     let results = folder.join(RESULTS);
-    let findings = match planned.method {
-        Method::Polarization => {
-            let options = Options {
-                model: planned.model,
-                oblique: planned.oblique,
-                palette: planned.palette,
-                overwrite: true,
-                ..Options::default()
-            };
-            let report = match running {
-                Some(running) => running.finish(OutputFolder::begin(&results, true)?, &options, progress)?,
-                None => nacre_polarimetry::reconstruct(folder, &results, &options, progress)?,
-            };
-            Findings::Polarization(Box::new(report))
-        }
-        Method::Hdr => {
-            // The bench stands still.
-            let options = hdr::Options { align: Align::Off, overwrite: true, ..hdr::Options::default() };
-            Findings::Hdr(Box::new(hdr::reconstruct(folder, &results, &options, progress)?))
-        }
-        Method::Lut => {
-            let asked = planned.lut.as_deref().cloned().unwrap_or_default();
-            let settings = nacre_lut::Settings { overwrite: true, ..asked };
-            Findings::Lut(Box::new(nacre_lut::reconstruct(folder, &results, &settings, progress)?))
-        }
-        Method::Bokeh => {
-            let remedy = "say the blur in the plan: reconstruct.bokeh.psf.sigma";
-            let asked =
-                planned.bokeh.as_deref().ok_or_else(|| Error::input("plan", "has no options of bokeh", remedy))?;
-            let options = bokeh::Options { overwrite: true, ..asked.clone() };
-            Findings::Bokeh(Box::new(bokeh::reconstruct(folder, &results, &options, progress)?))
-        }
-        Method::Spots => {
-            let asked = planned.spots.as_deref().cloned().unwrap_or_default();
-            let settings = spots::Settings { overwrite: true, ..asked };
-            Findings::Spots(Box::new(spots::reconstruct(folder, &results, &settings, progress)?))
-        }
-        Method::Flash => {
-            let asked = planned.flash.as_deref().cloned().unwrap_or_default();
-            let settings = flash::Settings { overwrite: true, ..asked };
-            Findings::Flash(Box::new(flash::reconstruct(folder, &results, &settings, progress)?))
-        }
-        Method::Foil | Method::Calibrate | Method::Map | Method::Brdf | Method::Render => {
-            let problem = "makes of photographs what is made of other things";
-            return Err(Error::input("plan", problem, "leave reconstruct out, and upload what it is made of"));
-        }
-    };
-    Ok((results, findings))
+    let (name, options) = planned.operation()?;
+    if let (Some(running), Method::Polarization) = (running, planned.method) {
+        let options = planned.polarization();
+        let out = OutputFolder::begin(&results, true)?;
+        let report = running.finish(&out, &options, progress)?;
+        out.write_json("report.json", &report)?;
+        progress.check()?;
+        out.commit()?;
+        return Ok((results, Done::new(&options, report)));
+    }
+    let operation = operation(name).ok_or_else(|| Error::input("plan", format!("asks for {name}"), "report this"))?;
+    let done = operation.with(&options)?.perform(folder, &results, true, progress)?;
+    Ok((results, done))
 }
 
 /// Lets signals steer a run: SIGINT and SIGTERM, which `interrupted` counts, stop it after the frames in progress and abort it

@@ -19,6 +19,7 @@ mod maps;
 mod measure;
 mod methods;
 mod metrics;
+mod operations;
 mod paths;
 mod plans;
 pub mod problem;

@@ -1,204 +1,102 @@
-//! What each method of `/api/v1/reconstructions` refuses and does.
+//! What the operations of the registry refuse and do, with input and files that were sent to this service.
 
 use super::problem::{Answer, Problem};
 use super::work::result_folder;
 use nacre_base::Error;
 use nacre_base::estimate::Work;
+use nacre_base::fields::Fields;
+use nacre_base::operation::Ready;
 use nacre_base::progress::Progress;
 use nacre_capture::plan::Method;
-use nacre_frames::hdr;
-use nacre_frames::{FILE_NAME, load};
-use nacre_lut::bokeh;
-use nacre_lut::foil;
-use nacre_maps::Maps;
-use nacre_optics::color;
-use nacre_periods::calibration;
-use nacre_periods::flash;
-use nacre_periods::spots;
-use nacre_render::Glimpse;
+use nacre_frames::FILE_NAME;
+use nacre_processing::operations::operation;
 use nacre_store::jobs::Spec;
-use std::path::{Path, PathBuf};
+use serde_json::Value;
+use std::path::{Component, Path, PathBuf};
 
-/// Checks a job's input and options, and estimates it. `uploads` is the service's folder of uploads.
-pub fn check(spec: &Spec, input: &Path, uploads: &Path) -> Answer<Work> {
-    let whole = || {
-        if input.join(FILE_NAME).exists() {
-            return Ok(());
+/// Methods that work on uploads only.
+const OF_UPLOADS: [Method; 3] = [Method::Brdf, Method::Calibrate, Method::Render];
+
+/// Checks a job's input and options, and estimates it. `data` is the service's folder.
+pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
+    let input = input_of(spec, data);
+    if spec.session.is_some() {
+        if OF_UPLOADS.contains(&spec.method) {
+            let name = spec.method.name();
+            return Err(Problem::bad(format!("method {name} takes an upload, not a session")));
         }
-        Err(Problem::not_found("complete set of photographs there").remedy("finish the session first"))
-    };
+        if spec.method != Method::Map && !input.join(FILE_NAME).exists() {
+            let problem = Problem::not_found("complete set of photographs there");
+            return Err(problem.remedy("finish the session first"));
+        }
+    }
     if let Some(light) = &spec.light {
         if spec.method != Method::Lut {
             return Err(Problem::bad("light, the photograph of one, belongs to the method lut"));
         }
-        if !uploads.join(&light.upload).is_dir() {
+        if !data.join("uploads").join(&light.upload).is_dir() {
             return Err(Problem::not_found(format!("upload {} with a light", light.upload)));
         }
     }
-    match spec.method {
-        Method::Polarization => {
-            whole()?;
-            if spec.options.is_some() {
-                return Err(Problem::bad("options do not belong to the method polarization, which has its own"));
-            }
-            let frames = load(input)?;
-            let options = spec.polarization()?;
-            options.check(&frames)?;
-            Ok(options.work(&frames)?)
-        }
-        Method::Hdr => {
-            if spec.session.is_some() {
-                whole()?;
-            }
-            spec.options_of::<hdr::Options>()?;
-            Ok(hdr::check_input(input)?)
-        }
-        Method::Lut => {
-            if spec.session.is_some() {
-                whole()?;
-            }
-            let settings = spec.table(uploads)?;
-            // A file of the service's machine is nobody's business.
-            if !color::NAMES.contains(&settings.illuminant.as_str()) {
-                return Err(Problem::bad(format!("illuminant is none of {}", color::NAMES.join(", "))));
-            }
-            Ok(nacre_lut::check_input(input, &settings)?)
-        }
-        Method::Foil => {
-            if spec.session.is_some() {
-                whole()?;
-            }
-            Ok(foil::check_input(input, &spec.options_of()?)?)
-        }
-        Method::Calibrate => {
-            if spec.session.is_some() {
-                return Err(Problem::bad(
-                    "method calibrate takes photographs of a board; give an upload, not a session",
-                ));
-            }
-            let options: calibration::Options = spec.options_of()?;
-            options.check()?;
-            if spec.upload.is_none() && !options.needs_no_photographs() {
-                return Err(Problem::bad("there are no photographs").remedy("give an upload that holds them"));
-            }
-            Ok(calibration::work(input, spec.upload.is_some()))
-        }
-        Method::Map => {
-            let maps = Maps::read(&maps_of(spec, input))?;
-            let edits: nacre_maps::Edits = spec.options_of()?;
-            edits.check(&maps)?;
-            Ok(edits.work(&maps))
-        }
-        Method::Flash => {
-            whole()?;
-            Ok(flash::check_input(input, &spec.options_of()?)?)
-        }
-        Method::Brdf => {
-            let options: nacre_brdf::MapOptions = spec.options_of()?;
-            // A file of the service's machine is nobody's business.
-            if !color::NAMES.contains(&options.settings.illuminant.as_str()) {
-                return Err(Problem::bad(format!("illuminant is none of {}", color::NAMES.join(", "))));
-            }
-            if spec.session.is_some() {
-                return Err(Problem::bad("method brdf takes a height field; give an upload, not a session"));
-            }
-            Ok(options.check(input)?)
-        }
-        Method::Spots => {
-            whole()?;
-            let settings: spots::Settings = spec.options_of()?;
-            Ok(spots::check_input(input, &settings)?)
-        }
-        Method::Bokeh => {
-            if spec.session.is_some() {
-                whole()?;
-            }
-            let options: bokeh::Options = spec.options_of()?;
-            // A file of the service's machine is nobody's business.
-            if matches!(options.psf, bokeh::PsfChoice::Image(_)) {
-                return Err(Problem::bad("psf: an image of a point is for the command line; give {\"sigma\": PX}"));
-            }
-            Ok(bokeh::check_input(input, &options)?)
-        }
-        Method::Render => {
-            if spec.session.is_some() {
-                return Err(Problem::bad("method render takes a scene; give an upload, not a session"));
-            }
-            let options = spec.options_of()?;
-            Ok(nacre_render::work(&nacre_render::check_folder(input, &options)?, &options))
-        }
+    Ok(ready(spec, data)?.check(&input).map_err(|error| as_sent(error, &input))?)
+}
+
+/// Folder of what a job works on. Calibrations may go on from an earlier one without photographs: then it is empty.
+fn input_of(spec: &Spec, data: &Path) -> PathBuf {
+    match (&spec.session, &spec.upload) {
+        (Some(id), _) if spec.method == Method::Map => data.join("sessions").join(id).join("results"),
+        (Some(id), _) => data.join("sessions").join(id),
+        (None, Some(id)) => data.join("uploads").join(id),
+        (None, None) => PathBuf::new(),
     }
 }
 
-/// Where the maps are: uploaded, or what a session found.
-fn maps_of(spec: &Spec, input: &Path) -> PathBuf {
-    if spec.session.is_some() { input.join("results") } else { input.to_path_buf() }
+/// The operation with its options, whose files are those that were sent with the input.
+fn ready(spec: &Spec, data: &Path) -> Result<Box<dyn Ready>, Error> {
+    let name = spec.method.name();
+    let operation = operation(name).ok_or_else(|| Error::input("method", format!("{name} is none"), "ask again"))?;
+    let mut options = spec.values()?;
+    found(&operation.fields(), &mut options, &input_of(spec, data))?;
+    if let Some(light) = &spec.light {
+        options["light"] = light.photograph(&data.join("uploads"));
+    }
+    operation.with(&options)
+}
+
+/// Puts the paths of files that were sent in place of their names. Other files of this machine are nobody's business.
+fn found(fields: &Fields, options: &mut Value, input: &Path) -> Result<(), Error> {
+    for field in &fields.list {
+        let Some(Value::String(name)) = field.file(options) else { continue };
+        let path = Path::new(name.as_str());
+        let plain = matches!(path.components().collect::<Vec<_>>().as_slice(), [Component::Normal(_)]);
+        let sent = input.join(path);
+        if plain && sent.is_file() {
+            *name = sent.display().to_string();
+        } else if !plain || path.exists() {
+            let remedy = "give the name of a file that is in the upload";
+            return Err(Error::input(field.path.join("."), format!("{name:?} was not sent"), remedy));
+        }
+    }
+    Ok(())
 }
 
 /// Names a file as whoever sent it does: without the folder that it is in here.
 fn as_sent(error: Error, folder: &Path) -> Error {
     match error {
-        Error::Input { subject, problem, remedy } => {
+        Error::Input { subject, problem, remedy } if !folder.as_os_str().is_empty() => {
             let name = Path::new(&subject).strip_prefix(folder).map(|file| file.display().to_string());
-            Error::Input { subject: name.unwrap_or(subject), problem, remedy }
+            Error::Input { subject: name.ok().filter(|n| !n.is_empty()).unwrap_or(subject), problem, remedy }
         }
         other => other,
     }
 }
 
-/// Does a job of the service whose data folder this is. What there is to see of a rendering goes to `seen`.
+/// Does a job of the service whose data folder this is.
 ///
 /// # Errors
-/// As the method answers.
-pub fn perform(data: &Path, spec: &Spec, progress: &dyn Progress, seen: &mut dyn FnMut(Glimpse)) -> Result<(), Error> {
-    let input = match (&spec.session, &spec.upload) {
-        (Some(id), _) => data.join("sessions").join(id),
-        (None, Some(id)) => data.join("uploads").join(id),
-        // It may go on from an earlier one, without photographs.
-        _ if spec.method == Method::Calibrate => PathBuf::new(),
-        _ => return Err(Error::input("reconstruction", "names no photographs", "ask again")),
-    };
-    let out = result_folder(data, &spec.id);
-    match spec.method {
-        Method::Polarization => {
-            nacre_polarimetry::reconstruct(&input, &out, &spec.polarization()?, progress)?;
-        }
-        Method::Hdr => {
-            let options = hdr::Options { overwrite: true, ..spec.options_of()? };
-            hdr::reconstruct(&input, &out, &options, progress)?;
-        }
-        Method::Lut => {
-            nacre_lut::reconstruct(&input, &out, &spec.table(&data.join("uploads"))?, progress)?;
-        }
-        Method::Foil => {
-            let settings = foil::Settings { overwrite: true, ..spec.options_of()? };
-            foil::reconstruct(&input, &out, &settings, progress)?;
-        }
-        Method::Calibrate => {
-            let done = calibration::calibrate_folder(&input, &out, &spec.options_of()?, true, progress);
-            done.map_err(|error| as_sent(error, &input))?;
-        }
-        Method::Map => {
-            nacre_maps::edit_folder(&maps_of(spec, &input), &out, &spec.options_of()?, true, progress)?;
-        }
-        Method::Flash => {
-            let settings = flash::Settings { overwrite: true, ..spec.options_of()? };
-            flash::reconstruct(&input, &out, &settings, progress)?;
-        }
-        Method::Brdf => nacre_brdf::render(&input, &out, &spec.options_of()?, true, progress)?,
-        Method::Spots => {
-            let settings = spots::Settings { overwrite: true, ..spec.options_of()? };
-            spots::reconstruct(&input, &out, &settings, progress)?;
-        }
-        Method::Bokeh => {
-            let options = bokeh::Options { overwrite: true, ..spec.options_of()? };
-            bokeh::reconstruct(&input, &out, &options, progress)?;
-        }
-        Method::Render => {
-            let options = spec.options_of()?;
-            let done = nacre_render::render_folder(&input, &out, &options, true, progress, seen);
-            done.map_err(|error| as_sent(error, &input))?;
-        }
-    }
-    Ok(())
+/// As the operation answers.
+pub fn perform(data: &Path, spec: &Spec, progress: &dyn Progress) -> Result<(), Error> {
+    let input = input_of(spec, data);
+    let done = ready(spec, data)?.perform(&input, &result_folder(data, &spec.id), true, progress);
+    done.map(drop).map_err(|error| as_sent(error, &input))
 }

@@ -20,32 +20,7 @@ pub struct Request {
     pub light: Option<LightUpload>,
     /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots`, `brdf`, `flash`, `foil`, `calibrate`, `map` or `render`.
     pub method: Option<Method>,
-    /// Options of methods other than polarization, which has its own below. Of `hdr`: `{"response": "stated" | "linear" |
-    /// "recover", "align": "auto" | "off"}`. Of `lut`, of which wavelength and scale or geometry are needed unless the photographs say
-    /// them: `{"wavelength_nm": 680 | [610, 540, 460], "scale": 0.002, "geometry": {"camera_mm", "flash_mm", "baseline_mm",
-    /// "pixel_um"}, "center": [x, y], "size": 1024, "extent": 1, "warp": 1, "illuminant": "D65", "observer": "1931" | "1964",
-    /// "exponent": 4, "max_error": 0.01, "method": "auto" | {"rays": 1} | {"single": 0.5} | {"fixed": 5}}`. Of `bokeh`,
-    /// of which `psf` is needed: `{"psf": {"sigma": 2.5}, "light": "blue", "crop": [x, y, w, h], "rotate_deg": 90, "iterations": {"auto":
-    /// 500} | {"count": 30}, "scale": {"pixel": 2.5} | {"lines": {"per_mm": 50}}, "lens": {"focal_mm", "f_number", "distance_m"},
-    /// "wavelength_nm": 450, "known": {"shape": "blazed", "depth_um": 0.4}, "calibration": {"gain_um", "offset"}, "slice": [x0, y0, x1,
-    /// y1], "slice_width": 15}`. Of `spots`: `{"geometry": {…as in geometry.json}, "wavelength_nm":
-    /// 560, "wavelength_sigma_nm": 1, "panel_mm": [520, 320], "aperture_mm": 10, "periods_um": [0.7, 4], "mirror_deg": 0.2, "palette": "cyclic" |
-    /// "hsv", "no_scale_bar": false}`. Of `brdf`, for uploaded height fields: `{"pixel_um": 0.08, "range_um": 0.4, "level": false, "size": 512,
-    /// "settings": {"light_deg": [30, 0], "method": "auto", "coherence_um": 65, "max_error": 0.01, "normalisation": "brdf" | "relative",
-    /// "reflectance": "perfect" | "schlick=0.04" | "gold", "shadowing": false, "illuminant": "D65", "observer": "1931"}}`. Of
-    /// `flash`, of which `tiles` and `size_mm`, or `reference_px`, are needed: `{"tiles": [10, 8], "size_mm": [297, 210], "reference_px": [x,
-    /// y, w, h], "geometry": {…}, "corners_px": [[x, y], …], "camera_mm": 500, "light_height_mm": 200, "wavelength_nm": 560, "period_um":
-    /// [1.2, 2.4], "orientation": "half" | "image", "period": "auto" | "sample" | "pixel", "palette": "cyclic" |
-    /// "hsv"}`. Of `foil`: `{"geometry": {…},
-    /// "period_um": [0.8, 1.5], "bins": [180, 64], "depth_um": 0.08, "light_height_mm": 300}`. Of `calibrate`, for uploaded photographs of a
-    /// board: `{"board": [9, 6], "square_mm": 25, "sample_corners_px": [[x, y], …], "sample_mm": [120, 80], "wavelength_nm": 532}`; or, for
-    /// photographs of the light in a mirror (or for none at all), to go on from an earlier calibration: `{"geometry": {…as in geometry.json},
-    /// "highlights": [{"file": "mirror.png" | "pixel": [x, y], "height_mm": 50, "tilt_deg": [0, 0]}, …], "light_height_mm": [300, 5],
-    /// "wavelength_nm": 532, "wavelength_sigma_nm": 0.5, "lamp": "A", "filter": [[nm, share], …], "response": [[nm, share], …]}`. Of `map`, for
-    /// a session's maps or uploaded ones: `{"rotate_deg": 30, "resample": 2, "tile": [4, 3], "size": [w, h], "layout": "repeat" | "mirror" |
-    /// "brick", "orientation_offset_deg": 5, "period": {"quadratic": [0.8, 1.6]} | {"sine_squared": [0.8, 1.6]} | {"table": [[deg, um],
-    /// …]}, "scale": 1.05, "offset_um": -0.02, "clamp_um": [0.7, 2], "palette": "cyclic" | "hsv"}`. Of `render`, for an uploaded scene: `{"samples": 256, "max_error":
-    /// 0.01, "wavelengths": null, "check": false, "spectral_nm": 10}`.
+    /// Options of methods other than polarization, which has its own below. `/api/v1/operations` has their schemas.
     #[schema(value_type = Option<Object>)]
     options: Option<serde_json::Value>,
     /// `plain` (Stokes, angle and degree of linear polarization), or a model of gratings: `auto`, `sinusoid`, `prenormalized`, `circle` or
@@ -90,16 +65,14 @@ impl Request {
     /// # Errors
     /// `bad-request` where it names no input, two of them, or something that is no id.
     pub fn spec(self) -> Answer<Spec> {
-        let nothing = self.session.is_none() && self.upload.is_none() && self.method == Some(Method::Calibrate);
-        if self.session.is_some() == self.upload.is_some() && !nothing {
-            return Err(Problem::bad("give either a session or an upload"));
-        }
-        for id in self.session.iter().chain(&self.upload).chain(self.light.as_ref().map(|light| &light.upload)) {
-            super::check_id(id)?;
+        let method = self.method.unwrap_or_default();
+        check_input(method, [self.session.as_ref(), self.upload.as_ref()], self.light.as_ref())?;
+        if method == Method::Polarization && self.options.is_some() {
+            return Err(Problem::bad("options do not belong to the method polarization here, which has its own"));
         }
         Ok(Spec {
             id: String::new(),
-            method: self.method.unwrap_or_default(),
+            method,
             session: self.session,
             upload: self.upload,
             light: self.light,
@@ -117,4 +90,17 @@ impl Request {
             no_scale_bar: self.no_scale_bar.unwrap_or(false),
         })
     }
+}
+
+/// Refuses an order without input, or with two, and what is no id.
+///
+/// # Errors
+/// `bad-request`.
+pub fn check_input(method: Method, [session, upload]: [Option<&String>; 2], light: Option<&LightUpload>) -> Answer<()> {
+    let nothing = session.is_none() && upload.is_none() && method == Method::Calibrate;
+    if session.is_some() == upload.is_some() && !nothing {
+        return Err(Problem::bad("give either a session or an upload"));
+    }
+    let light = light.map(|light| &light.upload);
+    session.into_iter().chain(upload).chain(light).try_for_each(|id| super::check_id(id).map(drop))
 }

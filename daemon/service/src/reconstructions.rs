@@ -1,6 +1,6 @@
 //! `/api/v1/reconstructions`: jobs, and what they found.
 
-use super::keys::Keyed;
+use super::keys::{Key, Keyed};
 use super::paths::without_folders;
 use super::problem::{Answer, Kind, Problem};
 use super::reconstruction_request::Request;
@@ -160,9 +160,9 @@ impl App {
 
     /// Checks a job, and estimates it.
     async fn work_of(&self, spec: &Spec) -> Answer<Work> {
-        let input = self.input_of(spec)?;
-        let (asked, uploads) = (spec.clone(), self.config.data.join("uploads"));
-        self.heavy.work(move || methods::check(&asked, &input, &uploads)).await
+        self.input_of(spec)?;
+        let (asked, data) = (spec.clone(), self.config.data.clone());
+        self.heavy.work(move || methods::check(&asked, &data)).await
     }
 
     /// A session's own results as a reconstruction.
@@ -201,7 +201,14 @@ fn told(report: &[u8]) -> Option<serde_json::Value> {
     responses((status = 202, body = Reconstruction, headers(("Location" = String, description = "The reconstruction"))),
         (status = 400, body = Problem), (status = 404, body = Problem), (status = 422, body = Problem)))]
 pub async fn begin(State(app): State<Arc<App>>, Keyed { body, key }: Keyed<Request>) -> Answer<Response> {
-    let mut spec = body.spec()?;
+    submit(&app, body.spec()?, key).await
+}
+
+/// Puts a job into the queue, once for each key.
+///
+/// # Errors
+/// As its operation refuses it.
+pub async fn submit(app: &Arc<App>, mut spec: Spec, key: Option<Key>) -> Answer<Response> {
     let mut turn = app.keys.turn(key).await;
     if let Some(id) = turn.made()
         && let Some(job) = app.jobs()?.get(&id).await?

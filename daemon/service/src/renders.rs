@@ -5,7 +5,7 @@ use super::{App, At, Params, files, png};
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use nacre_render::Glimpse;
+use nacre_render::SoFar;
 use serde::Deserialize;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -16,6 +16,14 @@ const MOST_PIXELS: usize = 4 << 20;
 
 /// Longest side of such a picture.
 const SIDE: usize = 1024;
+
+/// A picture while it is rendered.
+pub struct Glimpse {
+    /// The picture, as a PNG.
+    pub png: Vec<u8>,
+    /// How far it is.
+    pub so_far: SoFar,
+}
 
 /// What there is to see of the rendering under way. Jobs are done one at a time, so that one picture is kept.
 #[derive(Default)]

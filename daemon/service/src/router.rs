@@ -3,8 +3,8 @@
 use super::connections::Activity;
 use super::problem::{Answer, Kind, Problem};
 use super::{
-    App, access, charts, connections, deletion, devices, display, measure, plans, reconstructions, renders, results,
-    session_data, sessions, stored_uploads, uploads, view,
+    App, access, charts, connections, deletion, devices, display, measure, operations, plans, reconstructions, renders,
+    results, session_data, sessions, stored_uploads, uploads, view,
 };
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest, Path, Request, State};
@@ -86,6 +86,8 @@ fn api() -> OpenApiRouter<Arc<App>> {
         .routes(routes!(session_data::live))
         .routes(routes!(deletion::of_session))
         .routes(routes!(session_data::files))
+        .routes(routes!(operations::list))
+        .routes(routes!(operations::run))
         .routes(routes!(reconstructions::begin, reconstructions::list))
         .routes(routes!(reconstructions::estimate))
         .routes(routes!(reconstructions::get, deletion::reconstruction))
@@ -122,7 +124,8 @@ fn slow() -> OpenApiRouter<Arc<App>> {
 
 /// The OpenAPI document of the service.
 pub fn openapi() -> Value {
-    let mut document = serde_json::to_value(operations()).unwrap_or_default();
+    let mut document = serde_json::to_value(documented()).unwrap_or_default();
+    operations::describe(&mut document);
     let operations = document["paths"].as_object_mut().into_iter().flat_map(|paths| paths.values_mut());
     for operation in operations.filter_map(Value::as_object_mut).flat_map(|item| item.values_mut()) {
         if let Some(responses) = operation.get_mut("responses").and_then(Value::as_object_mut) {
@@ -160,7 +163,7 @@ const REFUSALS: &[(&str, &str)] = &[
     ("507", "The disk is full"),
 ];
 
-fn operations() -> utoipa::openapi::OpenApi {
+fn documented() -> utoipa::openapi::OpenApi {
     let mut document = api().merge(slow()).to_openapi();
     // A path in axum's words for the rest of the path is one parameter in OpenAPI's.
     let path = "/api/v1/sessions/{id}/files/{path}";

@@ -2,8 +2,9 @@
 
 use super::problem::{Answer, Problem};
 use super::{App, blocking, files};
-use nacre_image::OutputFolder;
-use nacre_render::{Options, check_folder, gallery_scene, scene_of_maps};
+use nacre_base::OutputFolder;
+use nacre_base::operation::Operation;
+use nacre_render::{Options, gallery_scene, scene_of_maps};
 use std::path::Path;
 
 /// Endings of files that a scene may name, and its own.
@@ -63,7 +64,7 @@ pub fn complete(folder: &Path) -> Answer<(usize, u64)> {
         std::fs::write(folder.join("scene.toml"), text)
             .map_err(|e| Problem::refused("the scene cannot be stored", &e))?;
     }
-    check_folder(folder, &Options::default())?;
+    Options::default().check(folder)?;
     let all = files::list(folder);
     Ok((all.len(), all.iter().map(|file| file.1).sum()))
 }

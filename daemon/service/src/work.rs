@@ -2,14 +2,14 @@
 //! ([`nacre_base::contained`]), so that neither the bench nor anybody's request depends on how it ends.
 
 use super::methods;
-use super::renders::Renders;
+use super::renders::{Glimpse, Renders};
 use nacre_base::Error;
 use nacre_base::contained::{self, Death, Ended, Limits, Link, Part};
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::run::{RESULTS, reconstruct_session};
 use nacre_image::{budget, sweep_unfinished};
-use nacre_render::{Glimpse, SoFar};
+use nacre_render::SoFar;
 use nacre_store::jobs::{Spec, Work};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -41,10 +41,7 @@ impl Task {
     /// As the computation answers.
     pub fn perform(&self, link: &Link) -> Result<Part, Error> {
         match self {
-            Self::Job { data, spec } => {
-                let mut seen = |glimpse: Glimpse| link.show(Part { value: json!(glimpse.so_far), bytes: glimpse.png });
-                methods::perform(data, spec, link, &mut seen)?;
-            }
+            Self::Job { data, spec } => methods::perform(data, spec, link)?,
             Self::Session(folder) => drop(reconstruct_session(folder, link)?),
         }
         Ok(Part::default())

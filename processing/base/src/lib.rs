@@ -3,11 +3,14 @@
 pub mod contained;
 pub mod error;
 pub mod estimate;
+pub mod fields;
+mod folder;
 pub mod guard;
 pub mod input;
 pub mod least_squares;
 pub mod memory;
 pub mod numeric;
+pub mod operation;
 pub mod parallel;
 pub mod progress;
 pub mod random;
@@ -19,4 +22,5 @@ pub mod vectors;
 mod whole;
 
 pub use error::{Error, Result};
+pub use folder::{OutputFolder, sweep_unfinished};
 pub use whole::{json, rewrite, vacant, writable, write_whole, write_whole_with};

@@ -2,6 +2,7 @@
 
 use crate::estimate::Work;
 use crate::{Error, Result};
+use serde_json::Value;
 
 /// Receives progress. Called from the computing threads, so it must be cheap.
 pub trait Progress: Sync {
@@ -16,6 +17,12 @@ pub trait Progress: Sync {
     fn stage(&self, name: &str, steps: u64);
     /// One step of the current stage is done.
     fn step(&self);
+    /// Whether somebody looks at intermediate pictures.
+    fn is_watched(&self) -> bool {
+        false
+    }
+    /// Shows an intermediate picture (PNG), and how far it is.
+    fn show(&self, _so_far: Value, _png: Vec<u8>) {}
     /// True once the computation is to stop; it then returns [`Error::Cancelled`] and leaves nothing behind.
     fn cancelled(&self) -> bool;
 

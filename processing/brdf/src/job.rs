@@ -7,10 +7,10 @@ use super::output::{albedo, needed_size, write_map, write_picture};
 use super::report::Report;
 use super::settings::Settings;
 use nacre_base::estimate::Work;
+use nacre_base::operation::{Operation, Summary};
 use nacre_base::progress::Progress;
-use nacre_base::{Error, Result};
-use nacre_image::OutputFolder;
-use nacre_image::budget::Operation;
+use nacre_base::{Error, OutputFolder, Result};
+use nacre_image::budget;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -19,6 +19,7 @@ use std::time::Instant;
 /// What a map is made of, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(rename = "BrdfOptions")]
 pub struct MapOptions {
     /// Distance of two pixels of the height field in µm, unless its file says so.
     pub pixel_um: Option<f64>,
@@ -70,18 +71,6 @@ pub struct MapReport {
 }
 
 impl MapOptions {
-    /// Refuses what makes no sense, and input that is not there.
-    ///
-    /// # Errors
-    /// `Input`.
-    pub fn check(&self, input: &Path) -> Result<Work> {
-        self.settings.check()?;
-        self.views().check()?;
-        self.scale().check()?;
-        // Files that are no images hold 16 Mpixel at most.
-        Operation::Heights.check_file(&file(input)?)
-    }
-
     fn views(&self) -> Views {
         Views { size: self.size, center: self.center, half: 1.0 / self.zoom }
     }
@@ -96,43 +85,58 @@ impl MapOptions {
     }
 }
 
-/// Makes a map of the height field that `input` is, or is the only one in, in the new folder `out`: `brdf.exr`, `brdf.png` and
-/// `report.json`.
-///
-/// # Errors
-/// `Input` for anything about the height field and the options, before anything is written; `Output` when writing fails, after which
-/// nothing is left behind; `Cancelled`.
-pub fn render(input: &Path, out: &Path, options: &MapOptions, overwrite: bool, progress: &dyn Progress) -> Result<()> {
-    let begun = Instant::now();
-    progress.expect(&options.check(input)?)?;
-    let path = file(input)?;
-    let folder = OutputFolder::begin(out, overwrite)?;
-    progress.stage("reading", 1);
-    let field = read(&path, &options.scale())?;
-    let field: HeightField = if options.level { field.levelled() } else { field };
-    let settings = &options.settings;
-    let (_, window) = settings.check()?;
-    let quality = Quality::of(&field, settings.coherence_um);
-    progress.check()?;
-    let map = map(&field, &quality, settings, options.views(), progress)?;
-    write_map(&folder.path("brdf.exr"), &map, settings)?;
-    write_picture(&folder.path("brdf.png"), &map)?;
-    let (more, warnings) = about_map(&map, &quality, window);
-    let report = Report {
-        product: "map",
-        warnings,
-        input: path.file_name().map(PathBuf::from).unwrap_or_default(),
-        quality: &quality,
-        settings,
-        choice: &map.choice,
-        error_estimate: map.error_estimate,
-        more,
-        seconds: begun.elapsed().as_secs_f64(),
-        files: ["brdf.exr", "brdf.png"].map(PathBuf::from).into(),
-    };
-    folder.write_json("report.json", &report)?;
-    folder.commit()?;
-    Ok(())
+impl Operation for MapOptions {
+    const NAME: &'static str = "brdf";
+    const TITLE: &'static str = "Picture of the light that a height field diffracts into all directions";
+    type Report = Report<MapReport>;
+
+    fn check(&self, input: &Path) -> Result<Work> {
+        self.settings.check()?;
+        self.views().check()?;
+        self.scale().check()?;
+        // Files that are no images hold 16 Mpixel at most.
+        budget::Operation::Heights.check_file(&file(input)?)
+    }
+
+    /// Makes a map of the height field that `input` is, or is the only one in: `brdf.exr` and `brdf.png`.
+    fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Report<MapReport>> {
+        let begun = Instant::now();
+        let path = file(input)?;
+        progress.stage("reading", 1);
+        let field = read(&path, &self.scale())?;
+        let field: HeightField = if self.level { field.levelled() } else { field };
+        let settings = &self.settings;
+        let (_, window) = settings.check()?;
+        let quality = Quality::of(&field, settings.coherence_um);
+        progress.check()?;
+        let map = map(&field, &quality, settings, self.views(), progress)?;
+        write_map(&out.path("brdf.exr"), &map, settings)?;
+        write_picture(&out.path("brdf.png"), &map)?;
+        let (more, warnings) = about_map(&map, &quality, window);
+        Ok(Report {
+            product: "map",
+            warnings,
+            input: path.file_name().map(PathBuf::from).unwrap_or_default(),
+            quality,
+            settings: settings.clone(),
+            choice: map.choice.clone(),
+            error_estimate: map.error_estimate,
+            more,
+            seconds: begun.elapsed().as_secs_f64(),
+            files: ["brdf.exr", "brdf.png"].map(PathBuf::from).into(),
+        })
+    }
+}
+
+impl Summary for Report<MapReport> {
+    fn summary(&self) -> String {
+        let [x, y, z] = self.more.albedo;
+        self.lines(&format!("light     X {x:.3} Y {y:.3} Z {z:.3} of what falls in"))
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
 }
 
 /// The height field: the input, `height.exr` in it, or the only file in it that can hold one.

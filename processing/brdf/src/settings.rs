@@ -20,6 +20,7 @@ const MOST_ORDER: usize = 100;
 /// How the power density of a surface is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(rename = "BrdfMethod")]
 pub enum Method {
     /// The cheapest that meets the wanted error.
     #[default]
@@ -84,6 +85,7 @@ impl FromStr for Normalisation {
 /// What every product takes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(rename = "BrdfSettings")]
 pub struct Settings {
     /// Angle of the light from the normal and its azimuth, in degrees.
     pub light_deg: [f64; 2],
@@ -103,7 +105,8 @@ pub struct Settings {
     pub reflectance: Reflectance,
     /// Shadowing and masking of V grooves.
     pub shadowing: bool,
-    /// Light of a map: a name or a CSV file.
+    /// Spectrum of the light of a map: a name or a CSV file.
+    #[schemars(extend("x-file" = true))]
     pub illuminant: String,
     /// Observer of a map.
     pub observer: Observer,

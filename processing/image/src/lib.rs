@@ -1,5 +1,4 @@
-//! Images in and out: photographs of any usual format, EXR maps, pictures for people, and the output folder that
-//! appears whole or not at all.
+//! Images in and out: photographs of any usual format, EXR maps and pictures for people.
 
 mod averaging;
 mod bmp;
@@ -11,7 +10,6 @@ mod details;
 mod exif;
 mod fault;
 mod fits;
-mod folder;
 mod font;
 mod foreign;
 mod gray;
@@ -48,13 +46,12 @@ pub use convolution::Convolution;
 pub use correlation::{Correlation, Field};
 pub use details::{Curve, Details, Encoding, details};
 pub use exif::{Exposure, exposure};
-pub use folder::{OutputFolder, sweep_unfinished};
 pub use gray::Gray;
 pub use homography::{homography, mapped};
 pub use interpolation::catmull_rom;
 pub use light::{Light, read_light};
 pub use listing::{list, photograph_in, photographs};
-pub use nacre_base::{json, rewrite, write_whole, write_whole_with};
+pub use nacre_base::{OutputFolder, json, rewrite, sweep_unfinished, write_whole, write_whole_with};
 pub use openexr::{ExrMap, read_exr, read_exr_channel};
 pub use palette::{ColorTable, MASKED, Palette};
 pub use picture::{orientation_picture, orientation_rows, scalar_picture, scalar_rows, viridis};

@@ -39,7 +39,7 @@ struct Channels {
 ///
 /// # Errors
 /// As [`reconstruct`](super::reconstruct) for settings and files that make no sense.
-pub fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
+pub(super) fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     settings.check()?;
     let operation = Operation::Table(settings.size * settings.size);
     let mut work = Source::check(input, operation)?;

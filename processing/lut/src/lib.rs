@@ -22,7 +22,6 @@ mod tests;
 
 pub use choose::Choice;
 pub use geometry::{Arrangement, Placement};
-pub use input::check_input;
 pub use light::{Light, LightReport};
 pub use lookup::{Table, lookup};
 pub use photograph::Photograph;

@@ -1,11 +1,12 @@
 //! The whole job: a photograph to a table, pictures and a report in a new folder.
 
-use super::input::{Input, check_input, light, named, photograph};
+use super::input::{Input, light, named, photograph};
 use super::lookup::{Table, lookup};
 use super::output::Output;
 use super::report::{Report, Seconds};
 use super::settings::{Settings, Wavelength};
 use nacre_base::Result;
+use nacre_base::operation::perform;
 use nacre_base::progress::Progress;
 use nacre_image::OutputFolder;
 use std::path::Path;
@@ -17,15 +18,24 @@ const UNCOVERED: f64 = 0.05;
 /// Makes a table of `input` (a photograph, results of merged exposures, or exposures, which are merged first) in the new folder
 /// `out`.
 ///
-/// Memory: 16 bytes per entry, at most 2 GB for an octave of radii, and three copies of the photograph; with a photograph of the light, 20 bytes per entry more.
-///
 /// # Errors
 /// `Input` for anything about the photograph or the settings, before anything is written; `Output` when writing fails, after
 /// which nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
+    perform(settings, input, out, false, progress)
+}
+
+/// Makes a table in a folder.
+///
+/// Memory: 16 bytes per entry, at most 2 GB for an octave of radii, and three copies of the photograph; with a photograph of the light, 20 bytes
+/// per entry more.
+pub(super) fn table_into(
+    folder: &OutputFolder,
+    input: &Path,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Report> {
     let begun = Instant::now();
-    progress.expect(&check_input(input, settings)?)?;
-    let folder = OutputFolder::begin(out, settings.overwrite)?;
     progress.stage("reading", 1);
     let Input { channels, settings, band_nm, merged, warnings: mut of_files } = photograph(input, settings, progress)?;
     let read = begun.elapsed().as_secs_f64();
@@ -42,7 +52,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     progress.check()?;
     progress.stage("writing", 1);
     let output = Output { table: &table, settings: &settings };
-    output.write(&folder)?;
+    output.write(folder)?;
     let wavelength_nm = settings.bands()?;
     let mut report = Report {
         method: "lut",
@@ -75,8 +85,6 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     report.assumptions = assumptions(&report, &settings);
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { read, table: added - read, write: total - added, total };
-    folder.write_json("report.json", &report)?;
-    folder.commit()?;
     progress.step();
     Ok(report)
 }

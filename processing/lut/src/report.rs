@@ -3,9 +3,11 @@
 use super::choose::Choice;
 use super::light::LightReport;
 use super::settings::Wavelength;
+use nacre_base::operation::{Summary, lines};
 use nacre_frames::hdr;
 use nacre_optics::color::Observer;
 use serde::Serialize;
+use std::fmt::Write;
 
 /// Result of making a table, in words and numbers.
 #[derive(Clone, Debug, Serialize)]
@@ -84,4 +86,63 @@ pub struct Seconds {
     pub write: f64,
     /// Everything.
     pub total: f64,
+}
+
+impl Summary for Report {
+    fn summary(&self) -> String {
+        let size = self.width;
+        let mut text = format!("table     {size} × {size} half vectors from -{0} to {0}", self.extent);
+        let _ = writeln!(text, "{}", if self.warp > 1 { format!(", warped by {}", self.warp) } else { String::new() });
+        let nm = match self.wavelength_nm {
+            Wavelength::Band(nm) => format!("{nm} nm"),
+            Wavelength::Channels([r, g, b]) => format!("{r}, {g} and {b} nm"),
+        };
+        let observer = match self.observer {
+            Observer::Cie1931 => "1931",
+            Observer::Cie1964 => "1964",
+        };
+        let _ = writeln!(text, "light     {nm} photographed, {} seen by CIE {observer}", self.illuminant);
+        let [x, y] = self.center;
+        let sigma = self.center_sigma_px.map_or("unknown".into(), |s| format!("{s:.2}"));
+        let _ = writeln!(text, "centre    {x:.2}, {y:.2} (± {sigma} pixels), {:.6} half vectors per pixel", self.scale);
+        if let Some(l) = &self.light {
+            let _ = writeln!(
+                text,
+                "shape     {} pixels of light, {:.4} half vectors from their middle (RMS)",
+                l.pixels, l.spread
+            );
+        }
+        let c = &self.choice;
+        let step =
+            c.spacing_px.map(|s| format!("{s} pixels")).or(c.step_nm.map(|s| format!("{s} nm"))).unwrap_or_default();
+        let _ = writeln!(text, "method    {} in steps of {step}: {}", c.method, c.why);
+        let percent = |v: Option<f64>| v.map_or("unknown".into(), |v| format!("{:.2} %", 100.0 * v));
+        let _ = writeln!(
+            text,
+            "quality   error at the rim {} (adding up, measured: {}; expected: zero order's place {}, between pixels {})",
+            percent(self.error_estimate),
+            percent(self.sum_error),
+            percent(self.center_error),
+            percent(self.sampling_error)
+        );
+        let coverage = &self.coverage;
+        let _ = writeln!(
+            text,
+            "coverage  {:.1} % of the entries whole, {:.1} % not at all",
+            100.0 * coverage.full,
+            100.0 * coverage.none
+        );
+        text += &lines(&self.assumptions, &self.warnings);
+        let s = &self.seconds;
+        let _ = write!(
+            text,
+            "time      {:.2} s: reading {:.2}, table {:.2}, writing {:.2}",
+            s.total, s.read, s.table, s.write
+        );
+        text
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
 }

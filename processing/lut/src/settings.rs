@@ -1,67 +1,117 @@
 //! What the user may choose.
 
 use super::geometry::Placement;
-use nacre_base::{Error, Result};
+use super::input::check_input;
+use super::reconstruct::table_into;
+use super::report::Report;
+use nacre_base::estimate::Work;
+use nacre_base::operation::{Operation, exceeds};
+use nacre_base::progress::Progress;
+use nacre_base::{Error, OutputFolder, Result};
 use nacre_frames::{Channel, Transfer};
 use nacre_optics::color::Observer;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Limits of a table's side.
 pub const SIZES: std::ops::RangeInclusive<usize> = 16..=8192;
 
-/// How a table is made of a photograph.
+/// Make a lookup table of a diffraction pattern from one photograph.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend(
+    "x-input" = "Photograph (EXR, PNG, TIFF), results of `reconstruct hdr`, or a session of exposures, which are merged first",
+    "x-examples" = EXAMPLES
+))]
+#[schemars(rename = "LutOptions")]
 pub struct Settings {
-    /// Wavelength of the photograph in nm, or three for the red, green and blue channel of a photograph in white light (default: that
-    /// of `frames.json`).
+    /// Wavelength of the photograph in nm, or three for its red, green and blue channel (default: that of frames.json).
+    #[schemars(extend("x-placeholder" = "NM[,NM,NM]", "x-aliases" = ["wavelength"]))]
     pub wavelength_nm: Option<Wavelength>,
-    /// Half vector per pixel of the photograph, for a camera and a flash that are far away (default: the geometry of `frames.json`).
+    /// Half vector per pixel, for a distant camera and flash: twice the pixel size on the surface over their distance.
+    #[schemars(extend("x-placeholder" = "H_PER_PIXEL"))]
     pub scale: Option<f64>,
-    /// Where camera and flash stood, in place of `scale`: undoes cosine, inverse square, near field and G.
+    /// Positions of camera and flash (TOML or geometry.json), in place of scale; default: those of frames.json.
+    ///
+    /// Corrects for cosine, inverse square, near field and G.
+    #[schemars(extend("x-file" = true))]
     pub geometry: Option<Placement>,
-    /// Place of the zero order in pixels from the left and the top (default: found).
+    /// Pixel of the zero order from the left and the top, or auto: the brightest lobe.
+    #[schemars(extend("x-placeholder" = "auto|X,Y", "x-unset" = "auto"))]
     pub center: Option<[f64; 2]>,
-    /// Entries of a row and a column.
+    /// Entries of a row and a column, 16 to 8192.
+    #[schemars(range(min = 16, max = 8192))]
     pub size: usize,
     /// Largest component of the half vector, up to 2 (default: as far as nearly all wavelengths were measured).
     pub extent: Option<f64>,
-    /// Odd power of the warp: entries lie at `extent · aⁿ`, `a` even between −1 and 1.
+    /// Odd power n of the warp, which gathers entries in the middle: they lie at extent·aⁿ.
+    #[schemars(range(min = 1, max = 9))]
     pub warp: i32,
-    /// Light: a name or a CSV file.
+    /// Spectrum of the light that the table is for: a name or a CSV file.
+    #[schemars(extend("x-placeholder" = "NAME|FILE.csv", "x-file" = true))]
     pub illuminant: String,
-    /// Observer.
+    /// Observer: 1931 (2°) or 1964 (10°).
     pub observer: Observer,
-    /// Power of λm/λ: 4 is exact for shallow gratings to first order, 2 is what the paper prints; deep gratings have none.
+    /// Power of λm/λ: 4 is exact for shallow gratings to first order, 2 is that of the paper; deep gratings follow none.
+    #[schemars(range(min = -10, max = 10))]
     pub exponent: f64,
-    /// Error that is asked for: root mean square at the rim, of the table's own there.
+    /// Largest acceptable error at the rim: root mean square over that of the table there; the exit code is 1 when it is larger.
+    #[schemars(extend("x-placeholder" = "REL"), range(min = 1e-4, max = 1.0))]
     pub max_error: f64,
-    /// How entries are added up.
+    /// Summation: auto is the cheapest of rays and single that meets the error; fixed steps of wavelength are the paper's.
+    #[schemars(extend("x-placeholder" = "auto|rays[=PX]|single[=PX]|fixed[=NM]"))]
     pub method: MethodChoice,
     /// Channel of a colour photograph (default: that of the wavelength).
     pub channel: Option<Channel>,
-    /// How the photograph's values grow with light (default: linear; must be said for 8 bits).
+    /// Transfer function of the photograph (required for 8-bit files; default: linear).
+    #[schemars(extend("x-placeholder" = "linear|srgb|gamma=NUMBER"))]
     pub transfer: Option<Transfer>,
-    /// A photograph of the light's mirror image, for light that is no point. Over REST an upload stands for its files.
-    #[serde(skip)]
+    /// Photograph of the light's mirror image, for an extended light; the table is convolved with it.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub light: Option<LightPhotograph>,
-    /// Replace results that are already there.
-    #[serde(skip)]
-    pub overwrite: bool,
 }
 
+/// Command lines of the help.
+const EXAMPLES: &str = "\
+Examples:
+  nacre reconstruct lut hdr/ --wavelength-nm 680 --scale 0.002 --out table
+  nacre reconstruct lut hdr.exr --wavelength-nm 680 --geometry bench.toml --illuminant D65 --out table
+  nacre reconstruct lut hdr.exr --wavelength-nm 680 --geometry geometry.json --out table    as nacre calibrate geometry made it
+  nacre reconstruct lut session --out table --illuminant FL2 --observer 1964 --max-error 0.002
+  nacre reconstruct lut photo.exr --wavelength-nm 610,540,460 --scale 0.002 --out table     white light, by channel
+  nacre reconstruct lut hdr.exr --wavelength-nm 680 --scale 0.002 --light mirror.exr --out table    an extended light
+
+with bench.toml:
+  camera_mm = 1000          # above the surface; it looks straight down
+  flash_mm = 1000           # above the surface
+  baseline_mm = [60, 0]     # from the camera to the flash, right and up in the photograph
+  pixel_um = 1000           # size of a pixel on the surface
+
+Lights: E, A, A-inverse, D65, FL1 to FL12, LED-B1, LED-B3, or a CSV file with rows \"wavelength_nm,power\".
+
+Writes lut.exr (X Y Z coverage over half vectors ωi + ωo from -E to E, x to the right and y up; Y is 1 for a
+photograph that is 1 everywhere and the exponent 0; coverage is the part of each entry that was measured),
+lut.png, coverage.png, profile.csv (means over rings) and report.json.";
+
 /// A photograph of a light's mirror image.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct LightPhotograph {
-    /// Its file, or a folder of merged exposures or of exposures, which are merged first.
+    /// Photograph of the mirror image of an extended light, or a folder of exposures of it.
+    #[schemars(extend("x-placeholder" = "PHOTO", "x-file" = true))]
     pub path: PathBuf,
-    /// Half vector per pixel of it (default: that of the pattern's photograph).
+    /// Half vector per pixel of that photograph (default: that of the pattern's).
+    #[serde(default)]
+    #[schemars(extend("x-placeholder" = "H_PER_PIXEL"))]
     pub scale: Option<f64>,
-    /// Its pixel that is put where the zero order is (default: the middle of its light).
+    /// Its pixel that is put where the zero order is, or auto: the middle of its light.
+    #[serde(default)]
+    #[schemars(extend("x-placeholder" = "auto|X,Y", "x-unset" = "auto"))]
     pub center: Option<[f64; 2]>,
-    /// How its values grow with light (default: as those of the pattern's photograph).
+    /// Its transfer function (default: that of the pattern's photograph).
+    #[serde(default)]
+    #[schemars(extend("x-placeholder" = "linear|srgb|gamma=NUMBER"))]
     pub transfer: Option<Transfer>,
 }
 
@@ -83,30 +133,14 @@ pub enum MethodChoice {
     #[default]
     Auto,
     /// Rays with this spacing in pixels.
+    #[schemars(extend("x-bare" = 1.0))]
     Rays(f64),
     /// Each entry by itself, with samples this many pixels apart.
+    #[schemars(extend("x-bare" = 0.5))]
     Single(f64),
     /// Wavelengths this many nm apart, as the paper has it.
+    #[schemars(extend("x-bare" = 5.0))]
     Fixed(f64),
-}
-
-impl std::str::FromStr for MethodChoice {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let (name, number) = text.split_once('=').unwrap_or((text, ""));
-        let number = |otherwise: f64| {
-            let given = if number.is_empty() { Ok(otherwise) } else { number.parse() };
-            given.map_err(|_| format!("{number:?} is no number"))
-        };
-        match name {
-            "auto" => Ok(Self::Auto),
-            "rays" => Ok(Self::Rays(number(1.0)?)),
-            "single" => Ok(Self::Single(number(0.5)?)),
-            "fixed" => Ok(Self::Fixed(number(5.0)?)),
-            _ => Err(format!("{text:?} is none of auto, rays[=PX], single[=PX], fixed[=NM]")),
-        }
-    }
 }
 
 impl Default for Settings {
@@ -127,8 +161,27 @@ impl Default for Settings {
             channel: None,
             transfer: None,
             light: None,
-            overwrite: false,
         }
+    }
+}
+
+impl Operation for Settings {
+    const NAME: &'static str = "lut";
+    const TITLE: &'static str =
+        "Lookup table of a diffraction pattern under any light, from one photograph in narrow-band light";
+    type Report = Report;
+
+    fn check(&self, input: &Path) -> Result<Work> {
+        check_input(input, self)
+    }
+
+    fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Report> {
+        table_into(out, input, self, progress)
+    }
+
+    fn missed(&self, report: &Report) -> Option<String> {
+        let said = ["the error at the rim, over the table's own,", "", "report.json lists its parts"];
+        exceeds(Some(self.max_error), report.error_estimate, said)
     }
 }
 
@@ -195,7 +248,7 @@ impl Settings {
     /// # Errors
     /// `Input` when nobody has said them.
     pub(super) fn bands(&self) -> Result<Wavelength> {
-        let remedy = "give --wavelength NM of the filter, or those of red, green and blue";
+        let remedy = "give --wavelength-nm NM of the filter, or those of red, green and blue";
         self.wavelength_nm.ok_or_else(|| Error::input("wavelength", "is not known", remedy))
     }
 }

@@ -2,6 +2,7 @@
 
 use nacre_base::text::read_text;
 use nacre_base::{Error, Result};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::path::Path;
@@ -11,8 +12,9 @@ const MAX_BYTES: u64 = 1 << 20;
 const MAX_ROWS: usize = 20_000;
 
 /// A curve.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(rename = "PeriodCurve")]
 pub enum Curve {
     /// `min + (max - min) (θ/π)²` (2018 paper, section 6.4, Fig. 22a): both in µm.
     Quadratic([f64; 2]),

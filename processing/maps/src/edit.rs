@@ -7,33 +7,39 @@ use nacre_base::estimate::Work;
 use nacre_base::{Error, Result};
 use nacre_image::budget::Operation;
 use nacre_image::{Depth, Info, Palette};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Edits, done in the order in which they stand here.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// Edit maps of orientation and period, in the order of these options.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("x-input" = "A folder of maps (orientation.exr, period.exr), or one map"))]
+#[schemars(rename = "MapOptions")]
 pub struct Edits {
-    /// Turn image and orientations anticlockwise, in degrees.
+    /// Rotation of image and orientations in degrees, anticlockwise.
     pub rotate_deg: Option<f64>,
-    /// So many times as many pixels along each side.
+    /// Factor of the number of pixels along each side.
     pub resample: Option<f64>,
     /// Copies along a row and a column.
+    #[schemars(extend("x-placeholder" = "NxM"))]
     pub tile: Option<[usize; 2]>,
     /// Width and height in pixels, cropped or filled by more copies.
+    #[schemars(extend("x-placeholder" = "WxH"))]
     pub size: Option<[usize; 2]>,
-    /// How copies lie.
+    /// Arrangement of copies.
     pub layout: Layout,
-    /// Turn orientations alone, anticlockwise, in degrees.
+    /// Rotation of orientations alone in degrees, anticlockwise.
     pub orientation_offset_deg: Option<f64>,
-    /// Periods that follow from orientations; they replace those that are there.
+    /// Periods as a function of orientation; they replace those that are there.
     pub period: Option<Curve>,
     /// Factor of periods.
     pub scale: Option<f64>,
-    /// Added to periods, in µm.
+    /// Offset of periods in µm.
     pub offset_um: Option<f64>,
-    /// Least and most period, in µm.
+    /// Least and largest period in µm.
+    #[schemars(extend("x-placeholder" = "MIN:MAX"))]
     pub clamp_um: Option<[f64; 2]>,
-    /// Colours of angles in the picture.
+    /// Colour map of angles in the picture: cyclic (even steps, also for colour-blind readers) or hsv.
     #[serde(skip_serializing)]
     pub palette: Palette,
     /// Leave the scale bar out of the picture. It has one where the maps have `pixel_um`.

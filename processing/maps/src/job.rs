@@ -3,9 +3,11 @@
 use super::asset::Maps;
 use super::edit::{Edits, edit};
 use super::picture::before_and_after;
-use nacre_base::Result;
+use nacre_base::estimate::Work;
+use nacre_base::operation::{Operation, Summary, lines};
 use nacre_base::progress::Progress;
-use nacre_image::{OutputFolder, Palette};
+use nacre_base::{OutputFolder, Result};
+use nacre_image::Palette;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -59,32 +61,48 @@ impl About {
     }
 }
 
-/// Reads the maps that `input` is or holds, edits them, and writes them into the new folder `out` with `before-after.png` and `report.json`.
-///
-/// # Errors
-/// `Input` for what is no map and for edits that make no sense, before anything is written; `Output`; `Cancelled`.
-pub fn edit_folder(
-    input: &Path,
-    out: &Path,
-    edits: &Edits,
-    overwrite: bool,
-    progress: &dyn Progress,
-) -> Result<(Maps, Report)> {
-    progress.stage("editing", 1);
-    let before = Maps::read(input)?;
-    progress.check()?;
-    edits.check(&before)?;
-    progress.expect(&edits.work(&before))?;
-    let after = edit(&before, edits)?;
-    progress.check()?;
-    let folder = OutputFolder::begin(out, overwrite)?;
-    after.write(&folder)?;
-    before_and_after(&before, &after, edits.palette, !edits.no_scale_bar).save_png(&folder.path("before-after.png"))?;
-    let (edits, palette, warnings) = (edits.clone(), edits.palette, vec![]);
-    let (of_before, of_after) = (About::of(&before), About::of(&after));
-    let report = Report { method: "map", edits, palette, before: of_before, after: of_after, warnings };
-    folder.write_json("report.json", &report)?;
-    folder.commit()?;
-    progress.step();
-    Ok((after, report))
+impl Operation for Edits {
+    const NAME: &'static str = "map";
+    const TITLE: &'static str = "Edited maps of orientation and period";
+    type Report = Report;
+
+    fn check(&self, input: &Path) -> Result<Work> {
+        let before = Maps::read(input)?;
+        self.check(&before)?;
+        Ok(self.work(&before))
+    }
+
+    /// Writes the maps and `before-after.png`.
+    fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Report> {
+        progress.stage("editing", 1);
+        let before = Maps::read(input)?;
+        progress.check()?;
+        let after = edit(&before, self)?;
+        progress.check()?;
+        after.write(out)?;
+        let picture = before_and_after(&before, &after, self.palette, !self.no_scale_bar);
+        picture.save_png(&out.path("before-after.png"))?;
+        let (edits, palette, warnings) = (self.clone(), self.palette, vec![]);
+        let (of_before, of_after) = (About::of(&before), About::of(&after));
+        progress.step();
+        Ok(Report { method: "map", edits, palette, before: of_before, after: of_after, warnings })
+    }
+}
+
+impl Summary for Report {
+    fn summary(&self) -> String {
+        let about = |of: &About| {
+            let maps = of.maps.iter().map(|(name, held)| {
+                let range = held.range.map_or(String::new(), |[low, high]| format!(" {low:.3} to {high:.3}"));
+                format!("{name}{range}")
+            });
+            format!("{} × {} pixels, {}", of.width, of.height, maps.collect::<Vec<_>>().join(", "))
+        };
+        let text = format!("before    {}\nafter     {}\n", about(&self.before), about(&self.after));
+        (text + &lines(&[], &self.warnings)).trim_end().to_owned()
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
 }

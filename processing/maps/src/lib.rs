@@ -21,7 +21,7 @@ pub use asset::{Kind, Map, Maps};
 pub use compare::{Agreement, Compared, Comparison, compare};
 pub use curve::Curve;
 pub use edit::{Edits, edit};
-pub use job::{About, Report, edit_folder};
+pub use job::{About, Report};
 pub use layout::Layout;
 pub use pack::{Encoding, PACK, export, import};
 pub use picture::{before_and_after, side_by_side};

@@ -1,38 +1,86 @@
 //! Options of a reconstruction.
 
 use crate::fit::views::brackets;
-use crate::{Align, Demosaic, Model, Oblique, PeriodMethod, Smoothing};
-use nacre_base::{Error, Result};
-use nacre_frames::{Illumination, LoadedFrames};
+use crate::{Align, Demosaic, Model, Oblique, PeriodMethod, Report, Running, Smoothing};
+use nacre_base::estimate::Work;
+use nacre_base::operation::{Operation, exceeds};
+use nacre_base::progress::Progress;
+use nacre_base::{Error, OutputFolder, Result};
+use nacre_frames::{Illumination, LoadedFrames, load};
 use nacre_image::Palette;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
 
-/// What the user may choose.
-#[derive(Clone, Debug, Default)]
+/// Reconstruct orientation, angle and degree of polarization from photographs behind a rotating analyser or a polarization sensor.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(extend("x-input" = "Session folder, frames.json, or a folder holding one (`nacre import` makes one for your photographs)"))]
+#[schemars(rename = "PolarizationOptions")]
 pub struct Options {
-    /// The model; [`Options::model_for`] says which one is the default.
+    /// Model: plain, or how the fitted phase becomes the orientation of a grating (default: auto for capture sessions, plain for other
+    /// photographs).
+    ///
+    /// plain: Stokes parameters, angle and degree of linear polarization. auto: the simplest grating model that explains the data. sinusoid:
+    /// the phase is the orientation. prenormalized: the phase about the mean of all pixels. circle: the phase about the centre of the circle
+    /// on which they lie. curve: the closest point on the curve of the fitted film.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<Model>,
-    /// Whether photographs are moved back onto each other; [`Options::align_for`] says which is the default.
+    /// auto corrects shifts between photographs where that reduces the error; off leaves them (default: auto for models of gratings, off for
+    /// plain).
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub align: Option<Align>,
-    /// Whether oblique incidence is taken out.
+    /// auto corrects for oblique incidence where the camera geometry is known and the photographs fit better with it; off leaves it, and σ
+    /// includes it.
     pub oblique: Oblique,
-    /// How images behind each polarizer of a sensor are made.
+    /// Full-size maps of a monochrome polarization sensor: interpolation of the image behind each polarizer (model plain).
+    ///
+    /// none: one map pixel per 2×2 super-pixel, the fastest and least noisy. bilinear: means of the nearest pixels. edge-aware: Newton
+    /// polynomials of the difference between polarizers, along edges (Li et al. 2019).
     pub demosaic: Demosaic,
-    /// Added to every orientation, to fix the gauge (degrees).
+    /// Offset added to every orientation, in degrees.
     pub offset_deg: f64,
-    /// How orientations are smoothed in pictures.
+    /// Smoothing of orientations in pictures: none, light (10 rounds of a bilateral filter), strong (50) or a number of rounds.
     pub smooth: Smoothing,
-    /// Smooth the map itself as well.
+    /// Also smooth orientation.exr and its σ.
     pub smooth_maps: bool,
-    /// Also write `smoothed.exr`, the smoothed orientations at full size.
+    /// Also write smoothed.exr: the smoothed orientations at full size.
     pub smoothed_exr: bool,
-    /// Makes a map of periods, too.
+    /// Also make a map of periods, from the brightness (heuristic) or from the degree of polarization for an assumed surface.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub period: Option<PeriodMethod>,
-    /// Colours of angles in pictures.
+    /// Largest acceptable error of a typical orientation in degrees, all known terms included. The results are written in any case, but the
+    /// exit code is 1 when the estimate is larger or cannot be made.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_error: Option<f64>,
+    /// Colour map of angles in pictures: cyclic (even steps, also for colour-blind readers) or hsv.
     pub palette: Palette,
-    /// Leave the scale bar out of pictures. They have one where `pixel_um` of the geometry is known.
+    /// Leave the scale bar out of pictures. They have one where the pixel size on the sample is known.
     pub no_scale_bar: bool,
-    /// Replace results that are already there.
-    pub overwrite: bool,
+}
+
+impl Operation for Options {
+    const NAME: &'static str = "polarization";
+    const TITLE: &'static str =
+        "Orientation of gratings from photographs behind a turning analyser, or from a polarization sensor";
+    type Report = Report;
+
+    fn check(&self, input: &Path) -> Result<Work> {
+        let frames = load(input)?;
+        self.check(&frames)?;
+        self.work(&frames)
+    }
+
+    fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Report> {
+        let mut running = Running::new(load(input)?, self.demosaic)?;
+        running.add_all(progress)?;
+        running.finish(out, self, progress)
+    }
+
+    fn missed(&self, report: &Report) -> Option<String> {
+        let remedy = "add analyser angles, expose longer, or heed the warnings";
+        exceeds(self.max_error, report.error_estimate_deg, ["the estimated error", "°", remedy])
+    }
 }
 
 impl Options {

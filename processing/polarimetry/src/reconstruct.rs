@@ -1,10 +1,9 @@
 //! The whole job: a set of photographs to maps, pictures and a report in a new folder.
 
-use crate::{Options, Report, Running};
+use crate::{Options, Report};
 use nacre_base::Result;
+use nacre_base::operation::perform;
 use nacre_base::progress::Progress;
-use nacre_frames::load;
-use nacre_image::OutputFolder;
 use std::path::Path;
 
 /// Reconstructs the orientation map of `input` (a session folder or `frames.json` of kind polarization or
@@ -17,11 +16,5 @@ use std::path::Path;
 /// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which
 /// nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
-    let frames = load(input)?;
-    options.check(&frames)?;
-    progress.expect(&options.work(&frames)?)?;
-    let mut running = Running::new(frames, options.demosaic)?;
-    let folder = OutputFolder::begin(out, options.overwrite)?;
-    running.add_all(progress)?;
-    running.finish(folder, options, progress)
+    perform(options, input, out, false, progress)
 }

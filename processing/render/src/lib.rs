@@ -3,7 +3,7 @@
 //! - [`Scene`]: a camera, shapes, lights and materials (TOML).
 //! - [`render`]: passes over a picture until its error is met.
 //! - [`write_picture`], [`write_png`]: linear EXR with its error, and a picture for a screen.
-//! - [`render_folder`]: the whole as a job, for the service: from a folder with a scene to one with pictures and a report.
+//! - [`Options`]: the whole as an operation, for the service: from a folder with a scene to one with pictures and a report.
 //!
 //! A material's light is computed exactly where it can be: under small lights, a grating's orders are Gaussians as wide as coherence and light
 //! make them, summed up over as many wavelengths as their displacement needs; under environments, they are sums over orders and wavelengths.
@@ -33,10 +33,7 @@ mod gallery;
 mod tests;
 
 pub use gallery::{GALLERY, gallery, gallery_scene, gallery_skin, scene_of_maps};
-pub use job::{
-    EnvironmentReport, Glimpse, Options, Prediction, Report, SoFar, SpectralReport, check_folder, render,
-    render_folder, render_watched, work,
-};
+pub use job::{EnvironmentReport, Options, Prediction, Report, SoFar, SpectralReport, Written, render, render_watched};
 pub use material::diffraction::grating::{BalancedOrder, BalancedOrders};
 pub use material::{Notes, SAMPLES};
 pub use picture::{

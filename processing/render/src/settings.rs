@@ -2,6 +2,7 @@
 
 use crate::environment::factor::MOST_RANK;
 use nacre_base::{Error, Result};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -9,8 +10,9 @@ use std::path::PathBuf;
 pub(crate) const MOST_SAMPLES: usize = 1 << 20;
 
 /// How tables over half vectors are rendered under environments.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
+#[schemars(rename = "RenderMethod")]
 pub enum Method {
     /// The cheapest method that meets the error: one correlation for a flat sample, two passes, or samples.
     #[default]

@@ -3,9 +3,10 @@
 
 #![allow(clippy::print_stdout)]
 
+use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_image::OutputFolder;
-use nacre_periods::flash::{Settings, reconstruct};
+use nacre_periods::flash::Settings;
 use nacre_sim::photographs::TilesPhotograph;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -28,8 +29,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let grid = settings.reference_px.is_none() && settings.tiles.is_none();
     let tiles = if grid { Some(scene.tiles) } else { settings.tiles };
     let size_mm = settings.size_mm.or(Some(scene.sheet_mm()));
-    let settings = Settings { tiles, size_mm, overwrite: true, ..settings };
-    let report = reconstruct(&home.path().join("in"), &out, &settings, &Silent)?;
+    let settings = Settings { tiles, size_mm, ..settings };
+    let report = perform(&settings, &home.path().join("in"), &out, true, &Silent)?;
     println!("{}\n{:#?}", nacre_image::json(&report), scene.score(&out, &report)?);
     Ok(())
 }

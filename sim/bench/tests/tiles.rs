@@ -2,9 +2,10 @@
 
 #![allow(clippy::unwrap_used)]
 
+use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_image::OutputFolder;
-use nacre_periods::flash::{Orientation, PeriodChoice, Report, Settings, reconstruct};
+use nacre_periods::flash::{Orientation, PeriodChoice, Report, Settings};
 use nacre_sim::photographs::{Pattern, Periods, Score, TilesPhotograph};
 
 /// The paper's 10 × 8 tiles, 1.66 µm, 560 nm and a Gaussian light, on a small picture.
@@ -23,13 +24,8 @@ fn mapped<const N: usize>(
     folder.commit().unwrap();
     let out = home.path().join("out");
     settings.map(|of| {
-        let plain = Settings {
-            tiles: Some(scene.tiles),
-            size_mm: Some(scene.sheet_mm()),
-            overwrite: true,
-            ..Settings::default()
-        };
-        let report = reconstruct(&home.path().join("in"), &out, &of(plain), &Silent).map_err(|e| e.to_string())?;
+        let plain = Settings { tiles: Some(scene.tiles), size_mm: Some(scene.sheet_mm()), ..Settings::default() };
+        let report = perform(&of(plain), &home.path().join("in"), &out, true, &Silent).map_err(|e| e.to_string())?;
         let score = scene.score(&out, &report).unwrap();
         Ok((report, score))
     })

@@ -14,6 +14,7 @@ pub(crate) use fringes::MORE;
 pub use fringes::{Added, FringesPlan, Reach, UntilDecided};
 pub use steps::{Role, State, Step, groups};
 
+use nacre_base::Error;
 use nacre_drivers::Pattern;
 use nacre_frames::Illumination;
 use nacre_image::Palette;
@@ -23,6 +24,7 @@ use nacre_periods::spots;
 use nacre_polarimetry::{Model, Oblique};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 /// Longest name, sample and operator, in characters.
 const LONGEST_TEXT: usize = 200;
@@ -151,6 +153,42 @@ pub struct ReconstructPlan {
     pub flash: Option<Box<flash::Settings>>,
 }
 
+impl ReconstructPlan {
+    /// Options of the method polarization.
+    pub fn polarization(&self) -> nacre_polarimetry::Options {
+        let (model, oblique, palette) = (self.model, self.oblique, self.palette);
+        nacre_polarimetry::Options { model, oblique, palette, ..Default::default() }
+    }
+
+    /// The operation's name and its options.
+    ///
+    /// # Errors
+    /// `Input` for a method that does not begin from a session, and where needed options are missing.
+    pub fn operation(&self) -> Result<(&'static str, Value), Error> {
+        // Plain data always serialises.
+        fn value(options: &impl Serialize) -> Value {
+            serde_json::to_value(options).unwrap_or_default()
+        }
+        let options = match self.method {
+            Method::Polarization => value(&self.polarization()),
+            // The bench stands still.
+            Method::Hdr => json!({ "align": "off" }),
+            Method::Lut => self.lut.as_ref().map_or(Value::Null, value),
+            Method::Bokeh => self.bokeh.as_ref().map(value).ok_or_else(|| {
+                let remedy = "say the blur in the plan: reconstruct.bokeh.psf.sigma";
+                Error::input("plan", "has no options of bokeh", remedy)
+            })?,
+            Method::Spots => self.spots.as_ref().map_or(Value::Null, value),
+            Method::Flash => self.flash.as_ref().map_or(Value::Null, value),
+            Method::Foil | Method::Calibrate | Method::Map | Method::Brdf | Method::Render => {
+                let problem = "makes of photographs what is made of other things";
+                return Err(Error::input("plan", problem, "leave reconstruct out, and upload what it is made of"));
+            }
+        };
+        Ok((self.method.name(), options))
+    }
+}
+
 /// Which reconstruction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -178,6 +216,25 @@ pub enum Method {
     Map,
     /// A picture of an uploaded scene; not for plans.
     Render,
+}
+
+impl Method {
+    /// Name of the operation.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Polarization => "polarization",
+            Self::Hdr => "hdr",
+            Self::Lut => "lut",
+            Self::Bokeh => "bokeh",
+            Self::Spots => "spots",
+            Self::Brdf => "brdf",
+            Self::Flash => "flash",
+            Self::Foil => "foil",
+            Self::Calibrate => "calibrate",
+            Self::Map => "map",
+            Self::Render => "render",
+        }
+    }
 }
 
 /// What a plan varies.

@@ -200,7 +200,7 @@ fn report(taken: &Taken, console: &Console) {
             console.note(&format!("warning: {}", ended.text()));
         }
     }
-    for warning in taken.report.iter().flat_map(|r| r.warnings()) {
+    for warning in taken.report.iter().flat_map(|done| &done.warnings) {
         console.note(&format!("warning: {warning}"));
     }
     console.result(&text, taken);

@@ -1,11 +1,11 @@
 //! `nacre demo`: the main job in simulation, judged against the truth.
 
-use super::reconstruct::summary;
 use super::sim::{BenchOptions, simulate};
 use crate::commands::Estimating;
 use crate::console::Console;
 use nacre_base::Error;
 use nacre_base::estimate::Work;
+use nacre_base::operation::Summary;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_image::{Canvas, OutputFolder, Palette, orientation_picture, read, read_exr, scalar_picture};
@@ -242,7 +242,7 @@ fn text(outcome: &Outcome) -> String {
         "{}\n{}{}         against the sample's truth, with one offset removed; {} pixels without grating were given an \
          orientation\ntotal     {:.1} s: simulating and capturing {:.1}, reconstructing {:.1}, judging {:.1}\nbound     mean \
          error under {}°: {}\nfiles     {}: session/, result/ (look at result/overview.png and result/orientation.png)",
-        summary(&outcome.report),
+        outcome.report.summary(),
         line("error    ", &outcome.error),
         line("one dot  ", &outcome.error_pure),
         outcome.invented,

@@ -1,9 +1,9 @@
 //! `nacre factor`.
 
 use crate::commands::Estimating;
-use crate::commands::said;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use nacre_base::operation::lines;
 use nacre_capture::Failure;
 use nacre_render::environment::factor::{Job, Kind, Settings, factor};
 use std::fmt::Write;
@@ -111,7 +111,7 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
     let _ = write!(
         text,
         "\n{}time      {:.2} s\nresults   {}",
-        said::lines(&[], &report.warnings),
+        lines(&[], &report.warnings),
         report.seconds,
         args.out.display()
     );

@@ -9,6 +9,7 @@ pub mod catalogue;
 pub mod chart;
 pub mod check;
 pub mod demo;
+pub mod derived;
 pub mod devices;
 pub mod doctor;
 pub mod factor;
@@ -22,7 +23,6 @@ pub mod plan;
 pub mod recommend;
 pub mod reconstruct;
 pub mod render;
-mod said;
 pub mod salvage;
 pub mod schema;
 pub mod serve;
@@ -31,8 +31,11 @@ pub mod sim;
 pub mod synthesize;
 mod values;
 
+use crate::console::Console;
 use nacre_base::Error;
+use nacre_base::operation::{Operation, Summary, perform};
 use nacre_base::text::{from_toml, read_text};
+use nacre_capture::Failure;
 use std::path::Path;
 
 /// Option of commands whose operation states its time, memory and disk ([`nacre_base::progress::Progress::expect`]).
@@ -41,6 +44,19 @@ pub struct Estimating {
     /// Only say how long it would take, and how much memory and disk.
     #[arg(long)]
     estimate: bool,
+}
+
+/// Runs an operation, prints its report, and fails where it misses the error asked for.
+fn carry_out<O: Operation>(
+    operation: &O,
+    input: &Path,
+    out: &Path,
+    overwrite: bool,
+    console: &Console,
+) -> Result<(), Failure> {
+    let report = perform(operation, input, out, overwrite, console)?;
+    console.result(&format!("{}\nresults   {}", report.summary(), out.display()), &report);
+    operation.missed(&report).map_or(Ok(()), |why| Err(Failure::Bound(why)))
 }
 
 /// Largest description that is read.

@@ -1,7 +1,7 @@
 //! `nacre recommend`.
 
-use crate::commands::said::lines;
 use crate::console::Console;
+use nacre_base::operation::lines;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_image::{OutputFolder, Palette};

@@ -1,8 +1,8 @@
 //! `nacre render`.
 
-use crate::commands::said;
 use crate::console::Console;
 use nacre_base::estimate::{Machine, Work};
+use nacre_base::operation::Summary;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, input, vacant, writable};
 use nacre_brdf::height::{self, Scale};
@@ -211,7 +211,7 @@ fn single(args: &Args, scene: &Scene, folder: &Path, out: &Path, console: &Conso
     write_picture(out, &picture)?;
     write_png(&png, &picture, scene.exposure.unwrap_or_else(|| exposure(&picture)))?;
     report.files = vec![out.to_path_buf(), png];
-    console.result(&summary(&report), &report);
+    console.result(&report.summary(), &report);
     args.judge((report.noise, two_passes(&report)))
 }
 
@@ -323,55 +323,4 @@ fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), F
 fn two_passes(report: &Report) -> f64 {
     let used = report.environments.iter().filter(|e| e.method == "two-pass");
     used.map(|e| e.measured_error).fold(0.0, f64::hypot)
-}
-
-/// The report in a few lines.
-fn summary(report: &Report) -> String {
-    let [width, height] = report.size;
-    let mut text =
-        format!("picture   {width} × {height} pixels, {} samples each, on {}", report.samples, report.device);
-    for (name, notes) in &report.materials {
-        let _ = write!(text, "\nmaterial  {name}: {}", notes.method);
-    }
-    for e in &report.environments {
-        let _ = write!(text, "\nmethod    {}: {} ({})", e.shape, e.method, e.why);
-        if e.method == "two-pass" {
-            let rank: Vec<String> = e.rank.iter().map(ToString::to_string).collect();
-            let [width, height] = e.environment;
-            let _ = write!(
-                text,
-                "\n          rank {} ({:.2} % left out of the table), {} environments of {width} × {height}, views up to {:.0}°; error {:.2e} of the mean (measured)",
-                rank.join(" + "),
-                100.0 * e.table_error,
-                e.poles,
-                e.up_to_deg,
-                e.measured_error
-            );
-        }
-    }
-    for hint in &report.hints {
-        let _ = write!(text, "\ndefault   {hint}");
-    }
-    let p = &report.predicted;
-    let _ = write!(text, "\nquality   noise {:.2e} of the mean ({:.2e} expected)", report.noise, p.noise);
-    let measured = report.measured_model_error.map_or("not measured".into(), |e| format!("{e:.2e} measured"));
-    let _ = write!(text, "; sums off by {:.2e} predicted ({measured})", report.predicted_model_error);
-    if let Some(s) = &report.spectral {
-        let [from, to] = s.range_nm;
-        let (bands, seconds) = (s.bands, s.seconds);
-        let noise = s.noise.map_or("unknown noise".into(), |noise| format!("noise {noise:.2e} at most"));
-        let _ = write!(text, "\nspectra   {bands} bands from {from} to {to} nm, {noise}, {seconds:.2} s");
-    }
-    let _ = write!(
-        text,
-        "\n{}time      {:.2} s ({:.2} expected of the passes, {:.2} taken)",
-        said::lines(&[], &report.warnings),
-        report.seconds,
-        p.seconds,
-        report.seconds_of_passes
-    );
-    for file in &report.files {
-        let _ = write!(text, "\nwrote     {}", file.display());
-    }
-    text
 }

@@ -1,9 +1,9 @@
 //! `nacre synthesize`.
 
 use crate::commands::Estimating;
-use crate::commands::said::lines;
 use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
+use nacre_base::operation::lines;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_image::{OutputFolder, Palette, orientation_picture};

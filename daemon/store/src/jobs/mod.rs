@@ -25,10 +25,10 @@ use nacre_capture::Failure;
 use nacre_capture::plan::Method;
 use nacre_frames::Transfer;
 use nacre_image::Palette;
-use nacre_lut::{LightPhotograph, Settings};
 use nacre_polarimetry::{Align, Demosaic, Oblique, Options, PeriodMethod, Smoothing};
 use record::Record;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
 use std::collections::HashMap;
 use std::fmt;
 use std::path::Path;
@@ -48,7 +48,7 @@ pub const MAX_LOG: usize = 64 * 1024;
 const CHANGES: usize = 256;
 
 /// What a job is to do.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Spec {
     /// A ULID: the job's name, and when it was made.
     pub id: String,
@@ -57,7 +57,7 @@ pub struct Spec {
     pub method: Method,
     /// Options of methods other than polarization, as their library takes them.
     #[serde(default)]
-    pub options: Option<serde_json::Value>,
+    pub options: Option<Value>,
     /// The session to work on.
     pub session: Option<String>,
     /// The upload to work on.
@@ -116,36 +116,33 @@ pub struct LightUpload {
     pub transfer: Option<Transfer>,
 }
 
-impl Spec {
-    /// Settings of the method lut, with its light in `uploads`.
-    ///
-    /// # Errors
-    /// As [`Self::options_of`].
-    pub fn table(&self, uploads: &Path) -> Result<Settings, Error> {
-        let light = self.light.as_ref().map(|light| LightPhotograph {
-            path: uploads.join(&light.upload),
-            scale: light.scale,
-            center: light.center,
-            transfer: light.transfer,
-        });
-        Ok(Settings { light, overwrite: true, ..self.options_of()? })
+impl LightUpload {
+    /// The option `light` of the operation lut.
+    pub fn photograph(&self, uploads: &Path) -> Value {
+        let path = uploads.join(&self.upload);
+        json!({ "path": path, "scale": self.scale, "center": self.center, "transfer": self.transfer })
     }
+}
 
-    /// Options of a method other than polarization.
+impl Spec {
+    /// Options as the operation takes them.
     ///
     /// # Errors
-    /// `Input`, naming the key, for options that the method does not know.
-    pub fn options_of<O: serde::de::DeserializeOwned>(&self) -> Result<O, Error> {
-        let none = serde_json::Value::Object(serde_json::Map::new());
-        serde_path_to_error::deserialize(self.options.as_ref().unwrap_or(&none))
-            .map_err(|e| Error::input("options", e, "see the service's OpenAPI document"))
+    /// `Input` for options of the method polarization that there are not.
+    pub fn values(&self) -> Result<Value, Error> {
+        match (&self.options, self.method) {
+            (Some(options), _) => Ok(options.clone()),
+            // Plain data always serialises.
+            (None, Method::Polarization) => Ok(serde_json::to_value(self.polarization()?).unwrap_or_default()),
+            (None, _) => Ok(Value::Object(Map::new())),
+        }
     }
 
     /// Options of the method polarization.
     ///
     /// # Errors
     /// `Input` for a model that there is not.
-    pub fn polarization(&self) -> Result<Options, Error> {
+    fn polarization(&self) -> Result<Options, Error> {
         let parsed = |word: &str| word.parse().map_err(|problem: String| Error::input("model", problem, "ask again"));
         let model = Some(self.model.as_str()).filter(|word| !word.is_empty()).map(parsed).transpose()?;
         Ok(Options {
@@ -160,7 +157,7 @@ impl Spec {
             period: self.period.clone(),
             palette: self.palette,
             no_scale_bar: self.no_scale_bar,
-            overwrite: true,
+            max_error: None,
         })
     }
 }

@@ -28,11 +28,6 @@ impl Link {
         self.limits
     }
 
-    /// Sends an intermediate result.
-    pub fn show(&self, part: Part) {
-        self.send(&Message::Shown { value: part.value, bytes: part.bytes.len() }, &part.bytes);
-    }
-
     fn send(&self, message: &Message, bytes: &[u8]) {
         let Ok(line) = serde_json::to_string(message) else { return };
         let mut out = self.out.lock().unwrap_or_else(PoisonError::into_inner);
@@ -61,6 +56,14 @@ impl Progress for Link {
         if percent(done) != percent(done - 1) {
             self.send(&Message::Steps(done), &[]);
         }
+    }
+
+    fn is_watched(&self) -> bool {
+        true
+    }
+
+    fn show(&self, so_far: Value, png: Vec<u8>) {
+        self.send(&Message::Shown { value: so_far, bytes: png.len() }, &png);
     }
 
     fn cancelled(&self) -> bool {

@@ -17,8 +17,8 @@ pub(super) const KEPT: usize = 256 << 20;
 ///
 /// # Errors
 /// As [`reconstruct`](super::reconstruct) for what is no bracket.
-pub fn check_input(input: &Path) -> Result<Work> {
-    bracket(input, None).map(|frames| work(&frames))
+pub(super) fn check_input(input: &Path, white: Option<f64>) -> Result<Work> {
+    bracket(input, white).map(|frames| work(&frames))
 }
 
 /// What merging needs.

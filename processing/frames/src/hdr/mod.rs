@@ -13,6 +13,7 @@ mod coding;
 mod input;
 mod memory;
 mod merge;
+mod options;
 mod outcome;
 mod output;
 mod reconstruct;
@@ -24,9 +25,10 @@ mod source;
 #[cfg(test)]
 mod tests;
 
-pub use input::{check_input, work_of};
+pub use input::work_of;
 pub use memory::{Merged, merge};
-pub use reconstruct::{Options, ResponseChoice, reconstruct};
+pub use options::{Options, ResponseChoice};
+pub use reconstruct::reconstruct;
 pub use report::{FrameReport, Report};
 pub use response::Response;
 pub use source::{Source, is_bracket};

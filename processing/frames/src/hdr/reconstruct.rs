@@ -2,8 +2,9 @@
 
 use super::align::{Aligner, add_moved};
 use super::coding::{Coding, Curve};
-use super::input::{BATCH, KEPT, bracket, work};
+use super::input::{BATCH, KEPT, bracket};
 use super::merge::{Exposed, Sums};
+use super::options::{Options, ResponseChoice};
 use super::outcome::Outcome;
 use super::output::Merged;
 use super::recover::{recover, response};
@@ -11,74 +12,37 @@ use super::report::{Report, Seconds};
 use super::response::Response;
 use super::sample::{Agreement, Sample};
 use crate::{Clipping, Frame, LoadedFrames, Transfer};
+use nacre_base::operation::perform;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_image::registration::{Align, Alignment};
 use nacre_image::{Depth, OutputFolder, Raster, read};
 use rayon::prelude::*;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What the user may choose.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Options {
-    /// How the photographs' values grow with light.
-    pub response: ResponseChoice,
-    /// Whether exposures that lie shifted against each other are moved back.
-    pub align: Align,
-    /// File value of a saturated pixel, above black; by default as the photographs and their description say.
-    pub white: Option<f64>,
-    /// Replace results that are already there.
-    #[serde(skip)]
-    pub overwrite: bool,
-}
-
-/// How values grow with light.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ResponseChoice {
-    /// As the photographs' `transfer` says; photographs without a `frames.json` are recovered from where they have 8 bits, and
-    /// taken for linear otherwise.
-    #[default]
-    Stated,
-    /// In proportion.
-    Linear,
-    /// By a curve that is recovered from the bracket.
-    Recover,
-    /// By the curve of an earlier recovery.
-    #[serde(skip)]
-    File(PathBuf),
-}
-
-impl std::str::FromStr for ResponseChoice {
-    type Err = std::convert::Infallible;
-
-    fn from_str(text: &str) -> std::result::Result<Self, Self::Err> {
-        Ok(match text {
-            "linear" => Self::Linear,
-            "recover" => Self::Recover,
-            file => Self::File(file.into()),
-        })
-    }
-}
-
 /// Merges `input` (a session folder, a `frames.json` with one view in several exposures, or a folder of photographs that say
 /// their times) into the new folder `out`.
-///
-/// Memory: two floats per sample (pixel and channel), four decoded photographs, and at most 256 MB of photographs that are
-/// needed again, whatever their number.
 ///
 /// # Errors
 /// `Input` for anything about the photographs, before anything is written; `Output` when writing fails, after which nothing
 /// is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
+    perform(options, input, out, false, progress)
+}
+
+/// Merges into a folder.
+///
+/// Memory: two floats per sample (pixel and channel), four decoded photographs, and at most 256 MB of photographs that are
+/// needed again, whatever their number.
+pub(super) fn merge_into(
+    folder: &OutputFolder,
+    input: &Path,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Report> {
     let begun = Instant::now();
     let bracket = Bracket::new(bracket(input, options.white)?);
-    progress.expect(&work(&bracket.frames))?;
-    let folder = OutputFolder::begin(out, options.overwrite)?;
     let looked = look(&bracket, options, progress)?;
     let look_s = begun.elapsed().as_secs_f64();
     let merged = merge(&bracket, looked, progress)?;
@@ -87,7 +51,7 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     let info = bracket.frames.info;
     let maps = Merged { sums: &merged.sums, width: info.width, height: info.height };
     let mut report = merged.report(&bracket.frames, maps.names(), maps.numbers());
-    maps.write(&folder)?;
+    maps.write(folder)?;
     progress.check()?;
     if let Curve::Measured(response) = &merged.coding.curve {
         // Plain data always serialises.
@@ -95,8 +59,6 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     }
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { look: look_s, merge: merge_s, write: total - look_s - merge_s, total };
-    folder.write_json("report.json", &report)?;
-    folder.commit()?;
     progress.step();
     Ok(report)
 }

@@ -1,7 +1,9 @@
 //! `report.json` of a merge.
 
+use nacre_base::operation::{Summary, lines};
 use nacre_image::registration::Alignment;
 use serde::Serialize;
+use std::fmt::Write;
 
 /// Result of merging a bracket, in words and numbers.
 #[derive(Clone, Debug, Serialize)]
@@ -75,4 +77,47 @@ pub struct Seconds {
     pub write: f64,
     /// Everything.
     pub total: f64,
+}
+
+impl Summary for Report {
+    fn summary(&self) -> String {
+        let mut text = format!(
+            "frames    {} exposure{}, {} × {} pixels, {}\n",
+            self.frames.len(),
+            if self.frames.len() == 1 { "" } else { "s" },
+            self.width,
+            self.height,
+            self.channels.join(" "),
+        );
+        let known = self.response_sigma.map_or(String::new(), |s| format!(", known to {:.2} %", 100.0 * s));
+        let _ = writeln!(text, "response  {}{known}", self.response);
+        let percent = |n: usize| 100.0 * n as f64 / self.samples.all.max(1) as f64;
+        let _ = writeln!(
+            text,
+            "samples   {:.2} % saturated in every exposure, {:.2} % dark in every exposure",
+            percent(self.samples.saturated),
+            percent(self.samples.dark)
+        );
+        if let Some(range) = self.dynamic_range {
+            let _ = writeln!(text, "range     {range:.0} : 1 ({:.1} EV) measured", range.log2());
+        }
+        if let Some(sigma) = self.error_estimate {
+            let _ = writeln!(text, "quality   σ of a typical value {:.3} % (noise {})", 100.0 * sigma, self.noise);
+        }
+        if self.registration.as_ref().is_some_and(|r| r.corrected) {
+            let _ = writeln!(text, "aligned   exposures that lay shifted were moved back (see report.json)");
+        }
+        text += &lines(&[], &self.warnings);
+        let s = &self.seconds;
+        let _ = write!(
+            text,
+            "time      {:.2} s: looking {:.2}, reading and merging {:.2}, writing {:.2}",
+            s.total, s.look, s.merge, s.write
+        );
+        text
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
 }

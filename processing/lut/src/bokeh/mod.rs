@@ -23,7 +23,7 @@ pub use lens::{Cutoff, Lens};
 pub use options::{KnownScale, Options, PsfChoice, SLICE_WIDTH};
 pub use period::Lines;
 pub use photograph::{Crop, Light};
-pub use reconstruct::{check_input, reconstruct};
+pub use reconstruct::reconstruct;
 pub use report::{Deconvolution, Heights, LinesReport, NoiseReport, Report, Scale, Seconds, SliceReport, SlitsReport};
 pub use slice::Line;
 pub use slits::Slits;

@@ -5,8 +5,13 @@ use super::grain;
 use super::height::{Calibration, KnownGrating};
 use super::lens::{Cutoff, Lens};
 use super::photograph::{Crop, Light, Photograph};
+use super::reconstruct::{check_input, sharpen_into};
+use super::report::Report;
 use super::slice::Line;
-use nacre_base::{Error, Result};
+use nacre_base::estimate::Work;
+use nacre_base::operation::Operation;
+use nacre_base::progress::Progress;
+use nacre_base::{Error, OutputFolder, Result};
 use nacre_frames::NoiseModel;
 use nacre_frames::Transfer;
 use nacre_image::read;
@@ -27,6 +32,7 @@ pub enum PsfChoice {
     /// A Gaussian of this standard deviation in pixels.
     Sigma(f64),
     /// An image of a point.
+    #[schemars(extend("x-file" = true))]
     Image(PathBuf),
 }
 
@@ -52,6 +58,7 @@ pub enum KnownScale {
 /// What the user may choose. Only the point spread function must be said.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(rename = "BokehOptions")]
 pub struct Options {
     /// What the lens makes of a point.
     pub psf: PsfChoice,
@@ -100,9 +107,6 @@ pub struct Options {
     /// Leave the scale bar out of pictures. They have one where the size of a pixel is known.
     #[serde(default)]
     pub no_scale_bar: bool,
-    /// Replace results that are already there.
-    #[serde(skip)]
-    pub overwrite: bool,
 }
 
 fn yes() -> bool {
@@ -115,6 +119,20 @@ fn blue_nm() -> f64 {
 
 fn slice_width() -> usize {
     SLICE_WIDTH
+}
+
+impl Operation for Options {
+    const NAME: &'static str = "bokeh";
+    const TITLE: &'static str = "Height and lines of a grating, from a photograph of an out-of-focus highlight on it";
+    type Report = Report;
+
+    fn check(&self, input: &Path) -> Result<Work> {
+        check_input(input, self)
+    }
+
+    fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Report> {
+        sharpen_into(out, input, self, progress)
+    }
 }
 
 impl Options {
@@ -137,7 +155,6 @@ impl Options {
             slice: None,
             slice_width: SLICE_WIDTH,
             no_scale_bar: false,
-            overwrite: false,
         }
     }
 

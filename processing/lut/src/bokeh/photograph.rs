@@ -10,6 +10,7 @@ use std::path::Path;
 /// Which light of a colour photograph is taken; a grey one has only one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(rename = "BokehLight")]
 pub enum Light {
     /// The red channel.
     Red,

@@ -13,11 +13,12 @@ use super::slice::{Line, slice};
 use super::slits::slits;
 use super::turn::Map;
 use nacre_base::estimate::Work;
+use nacre_base::operation::perform;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_frames::hdr::Source;
 use nacre_image::OutputFolder;
-use nacre_image::budget::Operation;
+use nacre_image::budget;
 use std::path::Path;
 use std::time::Instant;
 
@@ -25,10 +26,10 @@ use std::time::Instant;
 ///
 /// # Errors
 /// As [`reconstruct`].
-pub fn check_input(input: &Path, options: &Options) -> Result<Work> {
+pub(super) fn check_input(input: &Path, options: &Options) -> Result<Work> {
     options.check()?;
     let part = options.crop.map(|crop| crop.0[2].saturating_mul(crop.0[3]));
-    Source::check(input, Operation::Bokeh { part, iterations: options.iterations.usual() })
+    Source::check(input, budget::Operation::Bokeh { part, iterations: options.iterations.usual() })
 }
 
 /// Deconvolves the photograph `input` is or holds (exposures are merged first) and writes what it shows into the new folder `out`.
@@ -40,11 +41,19 @@ pub fn check_input(input: &Path, options: &Options) -> Result<Work> {
 /// `Input` for anything about the photograph and the options, before anything is written, and where the lens cannot have shown the
 /// period that is found; `Output` when writing fails, after which nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn Progress) -> Result<Report> {
+    perform(options, input, out, false, progress)
+}
+
+/// Deconvolves, and writes what is found into a folder.
+pub(super) fn sharpen_into(
+    folder: &OutputFolder,
+    input: &Path,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Report> {
     let begun = Instant::now();
     let cutoff = options.check()?;
-    progress.expect(&check_input(input, options)?)?;
     let (psf, psf_name) = options.psf()?;
-    let folder = OutputFolder::begin(out, options.overwrite)?;
     progress.stage("reading", 1);
     let source = Source::find(input, progress)?;
     if source.merged.is_some() && options.noise.is_some() {
@@ -69,11 +78,9 @@ pub fn reconstruct(input: &Path, out: &Path, options: &Options, progress: &dyn P
     let mut report = outcome.report(input, options, psf_name, noise);
     report.warnings.splice(0..0, source.warnings(transfer));
     report.merged = source.merged;
-    output::write(&folder, &outcome, !options.no_scale_bar)?;
+    output::write(folder, &outcome, !options.no_scale_bar)?;
     progress.check()?;
     report.seconds = Seconds { read: read_s, deconvolve: deconvolve_s, total: begun.elapsed().as_secs_f64() };
-    folder.write_json("report.json", &report)?;
-    folder.commit()?;
     progress.step();
     Ok(report)
 }

@@ -7,8 +7,10 @@ use super::period::Lines;
 use super::photograph::{Crop, Light};
 use super::slice::Line;
 use super::slits::Slits;
+use nacre_base::operation::{Summary, lines};
 use nacre_frames::hdr;
 use serde::Serialize;
+use std::fmt::Write;
 
 /// Result, in words and numbers.
 #[derive(Clone, Debug, Serialize)]
@@ -154,4 +156,56 @@ pub struct Seconds {
     pub deconvolve: f64,
     /// Everything.
     pub total: f64,
+}
+
+impl Summary for Report {
+    fn summary(&self) -> String {
+        let found = &self.deconvolution;
+        let mut text = format!("result    {} × {} pixels, {}\n", self.width, self.height, self.psf);
+        let why = match (found.auto, found.converged) {
+            (true, true) => "stopped before the noise",
+            (true, false) => "the most allowed",
+            (false, _) => "as asked for",
+        };
+        let _ = writeln!(text, "sharpened {} iterations, {why}", found.iterations);
+        if let Some(noise) = found.noise {
+            let _ =
+                writeln!(text, "noise     variance {:.2e} · light + {:.2e}, {}", noise.shot, noise.floor, noise.source);
+        }
+        if let Some(um) = self.scale.pixel_um {
+            let sigma = self.scale.sigma_um.map_or(String::new(), |s| format!(" ± {s:.5}"));
+            let _ = writeln!(text, "scale     {um:.5}{sigma} µm per pixel, {}", self.scale.source);
+        }
+        match self.cutoff {
+            Some(c) => {
+                let _ = writeln!(text, "cut-off   {:.2} µm (λ / (2 NA), NA {:.4})", c.period_um, c.numerical_aperture);
+            }
+            None => text.push_str("cut-off   unknown\n"),
+        }
+        if let Some(l) = self.lines {
+            let um = l.period_um.map_or(String::new(), |um| format!(", {um:.3} µm across them"));
+            let [px, sigma] = l.lines.period_px;
+            let _ = writeln!(text, "lines     {:.1} along the slice, {px:.3} ± {sigma:.3} px apart{um}", l.lines.count);
+        }
+        if let Some(s) = self.slits {
+            let ([spacing, s_sigma], [width, w_sigma]) = (s.slits.spacing_px, s.slits.width_px);
+            let _ = writeln!(
+                text,
+                "slits     {} lit, {width:.3} ± {w_sigma:.3} px wide, {spacing:.3} ± {s_sigma:.3} px apart",
+                s.slits.count
+            );
+        }
+        if let Some(c) = &self.heights.calibration {
+            let rmse = c.rmse_um.map_or(String::new(), |r| format!(", known profile off by {r:.4} µm RMS"));
+            let _ = writeln!(text, "height    {:.4} µm · (light / mean - {:.4}){rmse}", c.gain_um, c.offset);
+        }
+        text += &lines(&[], &self.warnings);
+        let s = &self.seconds;
+        let _ = write!(text, "time      {:.2} s: reading {:.2}, deconvolving {:.2}", s.total, s.read, s.deconvolve);
+        text
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
 }

@@ -34,24 +34,37 @@ pub struct Light {
     pub values: Vec<f32>,
 }
 
-/// How it is measured.
+/// Measure how orientations and periods of a foil's random dots are distributed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend(
+    "x-input" = "The photograph (EXR, or 16-bit PNG or TIFF in linear light), results of `reconstruct hdr`, or a session of exposures, which are merged first",
+    "x-examples" = "\
+Examples:
+  nacre reconstruct foil hdr.exr --geometry geometry.json --depth-um 0.08 --out spiral
+  nacre reconstruct foil session --geometry geometry.json --period-um 0.8:1.5 --out spiral
+  nacre synthesize spiral --size 1024,1024 --pixel-um 25 --square-px 3 --out new
+
+Takes one photograph of the foil under a flash behind a narrow-band filter, linear and of high dynamic range, and where camera, foil and
+light were (nacre calibrate geometry). Writes histogram.exr (share, sigma, coverage), histogram.png and report.json."
+))]
+#[schemars(rename = "FoilOptions")]
 pub struct Settings {
-    /// Where camera, foil and light were; default: geometry.json beside the photograph.
+    /// Positions of camera, foil and light (geometry.json; default: the one beside the photograph).
+    #[schemars(extend("x-file" = true))]
     pub geometry: Option<Geometry>,
     /// Shortest and longest period in µm (default: from the picture's corners to the zero order's glare).
+    #[schemars(extend("x-placeholder" = "MIN:MAX"))]
     pub period_um: Option<[f64; 2]>,
-    /// Bins of orientation, and of lines (default: as fine as pixels allow).
+    /// Bins of orientation and of period (default: as fine as pixels allow).
+    #[schemars(extend("x-placeholder" = "NxM"))]
     pub bins: Option<[usize; 2]>,
-    /// Depth of the gratings, sinusoidal, peak to peak, in µm: their orders' shares of the light are then taken out, and second and third
-    /// orders with them. Without it gratings are taken for shallow, and all light for first orders.
+    /// Peak-to-peak depth of the sinusoidal gratings in µm: corrects for efficiencies and for second and third orders.
+    ///
+    /// Without it, gratings count as shallow, and all light as first orders.
     pub depth_um: Option<f64>,
-    /// Height of the light above the sample in mm, where the geometry has no light: its place then follows from the zero order.
+    /// Height of the light above the foil in mm, for a geometry without a light: its position follows from the zero order.
     pub light_height_mm: Option<f64>,
-    /// Replace results that are there.
-    #[serde(skip)]
-    pub overwrite: bool,
 }
 
 impl Settings {

@@ -23,22 +23,29 @@ pub use report::Report;
 pub use synthesize::{Dots, Made, Shape, Synthesis, synthesize};
 
 use nacre_base::estimate::Work;
+use nacre_base::operation::{Operation, perform};
 use nacre_base::progress::Progress;
-use nacre_base::{Error, Result};
+use nacre_base::{Error, OutputFolder, Result};
 use nacre_frames::hdr::Source;
-use nacre_image::OutputFolder;
-use nacre_image::budget::Operation;
+use nacre_image::budget;
 use nacre_optics::geometry::{self, Geometry};
 use std::path::Path;
 
-/// Refuses what [`reconstruct`] would refuse, without reading a pixel.
-///
-/// # Errors
-/// As [`reconstruct`].
-pub fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
-    settings.check()?;
-    geometry_of(input, settings)?;
-    Source::check(input, Operation::Foil)
+impl Operation for Settings {
+    const NAME: &'static str = "foil";
+    const TITLE: &'static str =
+        "Distribution of orientations and periods of a foil's random dots, from one photograph under a flash";
+    type Report = Report;
+
+    fn check(&self, input: &Path) -> Result<Work> {
+        Self::check(self)?;
+        geometry_of(input, self)?;
+        Source::check(input, budget::Operation::Foil)
+    }
+
+    fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Report> {
+        measure_into(out, input, self, progress)
+    }
 }
 
 /// The geometry that was given, or lies beside the photograph.
@@ -58,10 +65,12 @@ fn geometry_of(input: &Path, settings: &Settings) -> Result<Geometry> {
 /// # Errors
 /// `Input` for anything about photograph, geometry or settings, before anything is written; `Output`; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
+    perform(settings, input, out, false, progress)
+}
+
+fn measure_into(folder: &OutputFolder, input: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
     let begun = std::time::Instant::now();
-    progress.expect(&check_input(input, settings)?)?;
     let geometry = &geometry_of(input, settings)?;
-    let folder = OutputFolder::begin(out, settings.overwrite)?;
     let (light, of_files) = input::read(input, geometry, progress)?;
     progress.check()?;
     progress.stage("sorting light by orientation and period", 0);
@@ -72,7 +81,5 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     let picture = picture(&distribution, geometry.relative);
     picture.save_png(&folder.path("histogram.png"))?;
     report.seconds = begun.elapsed().as_secs_f64();
-    folder.write_json("report.json", &report)?;
-    folder.commit()?;
     Ok(report)
 }

@@ -1,5 +1,6 @@
 //! What a measurement says of itself.
 
+use nacre_base::operation::{Summary, lines};
 use serde::Serialize;
 
 /// How the distribution was found, and what to beware of.
@@ -25,4 +26,24 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// How long it took.
     pub seconds: f64,
+}
+
+impl Summary for Report {
+    fn summary(&self) -> String {
+        let [mean, spread] = self.period_um;
+        let relative = if self.relative { " (relative)" } else { "" };
+        format!(
+            "dots      periods of {mean:.3} µm{relative} on average, {spread:.3} µm standard deviation\n\
+             bins      {} of orientation, {} of period; {:.0} % of them are in the photograph\n{}time      {:.2} s",
+            self.bins[0],
+            self.bins[1],
+            100.0 * self.covered,
+            lines(&[], &self.warnings),
+            self.seconds
+        )
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
 }

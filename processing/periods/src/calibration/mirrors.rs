@@ -6,6 +6,7 @@ use super::light::{Highlight, Known};
 use nacre_base::{Error, Result};
 use nacre_image::info;
 use nacre_optics::color::{Illuminant, NAMES, Spectrum};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -19,7 +20,7 @@ const DATA_SHEET_NM: f64 = 0.5;
 const MOST: usize = 100;
 
 /// The light's mirror image: the photograph in which it is found, or its place there.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mirror {
     /// A photograph in which it is the only bright thing.
@@ -37,22 +38,22 @@ pub struct Mirror {
 }
 
 /// What is known of the light.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct LightOptions {
-    /// Its mirror images.
+    /// Mirror images of the light.
     pub highlights: Vec<Mirror>,
-    /// Its height above the sample and how far that may be off, in mm, where a ruler says it.
+    /// Height of the light above the sample and its standard deviation, in mm, if measured otherwise.
     pub light_height_mm: Option<[f64; 2]>,
-    /// Its wavelength in nm, if that is known, and how far it may be off (0.5 nm).
+    /// Wavelength in nm, if known.
     pub wavelength_nm: Option<f64>,
-    /// See above.
+    /// Standard deviation of the wavelength in nm (default: 0.5).
     pub wavelength_sigma_nm: Option<f64>,
-    /// Or the lamp's spectrum, a built-in one (see [`NAMES`]),
+    /// Spectrum of the lamp by name, with filter and response in place of the wavelength: E, A, D65, FL1 to FL12, LED-B1, LED-B3.
     pub lamp: Option<String>,
-    /// transmission of the filter over nm,
+    /// Transmission of the filter: pairs of nm and share.
     pub filter: Option<Vec<[f64; 2]>>,
-    /// and response of the camera's channel over nm.
+    /// Response of the camera's channel: pairs of nm and share.
     pub response: Option<Vec<[f64; 2]>>,
 }
 

@@ -20,6 +20,7 @@ mod sample;
 mod service;
 mod start;
 mod subpixel;
+mod summary;
 #[cfg(test)]
 mod tests;
 
@@ -38,4 +39,5 @@ pub use picture::board_picture;
 pub use relative::{Ruler, relative};
 pub use report::{PhotographReport, Report};
 pub use sample::{CameraCovariance, Placed, camera_covariance, from_board, from_corners};
-pub use service::{Calibration, Options, calibrate_folder, work, write_overlays};
+pub use service::{Calibration, Options, work, write_overlays};
+pub use summary::summary;

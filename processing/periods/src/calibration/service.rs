@@ -9,20 +9,24 @@ use super::light::Known;
 use super::mirrors::{LightOptions, Seen};
 use super::overlay::overlay;
 use super::report::Report;
+use super::summary::summary;
 use nacre_base::estimate::Work;
+use nacre_base::operation::{Operation, Summary};
 use nacre_base::progress::Progress;
-use nacre_base::{Error, Result};
-use nacre_image::OutputFolder;
+use nacre_base::{Error, OutputFolder, Result};
 use nacre_optics::geometry::{Geometry, text};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// How far corners are off that are picked on a page that shows where the pointer is, in px.
 const CORNER_SIGMA_PX: f64 = 0.5;
 
-/// What is known of the photographs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Calibrate a camera, the pose of the sample and the position of the light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("x-input" = "A folder of photographs of a board, or of the light in a mirror; none where an earlier geometry suffices"))]
+#[schemars(rename = "CalibrateOptions")]
 pub struct Options {
     /// Inner corners of the board along a row and a column.
     pub board: [usize; 2],
@@ -33,6 +37,7 @@ pub struct Options {
     /// Width and height of the sample in mm, which go with its corners.
     pub sample_mm: Option<[f64; 2]>,
     /// An earlier geometry.json, of which all is kept that is not measured again; then there are no photographs of a board.
+    #[schemars(extend("x-file" = true))]
     pub geometry: Option<Box<Geometry>>,
     /// What is known of the light.
     #[serde(flatten)]
@@ -68,6 +73,16 @@ pub struct Calibration {
     /// The band of light, where spectra told it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub band: Option<Band>,
+}
+
+impl Summary for Calibration {
+    fn summary(&self) -> String {
+        summary(&self.geometry, &self.report, self.band)
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.report.warnings
+    }
 }
 
 /// What a calibration by the photographs of a folder needs.
@@ -131,48 +146,48 @@ impl Options {
     }
 
     /// Whether there is nothing to be looked at in photographs.
-    pub fn needs_no_photographs(&self) -> bool {
+    fn needs_no_photographs(&self) -> bool {
         self.geometry.is_some() && self.light.highlights.iter().all(|m| m.file.is_none())
     }
 }
 
-/// Calibrates a camera with the photographs in `input`, or goes on from a calibrated one, and writes `geometry.json`, `report.json` and each photograph with what was found in it
-/// into the new folder `out`.
-///
-/// # Errors
-/// `Input` for photographs that show no board and options that make no sense; `Output`; `Cancelled`.
-pub fn calibrate_folder(
-    input: &Path,
-    out: &Path,
-    options: &Options,
-    overwrite: bool,
-    progress: &dyn Progress,
-) -> Result<Calibration> {
-    options.check()?;
-    let mut request = options.request(input)?;
-    let folder = OutputFolder::begin(out, overwrite)?;
-    let mut seen = vec![];
-    if !options.light.highlights.is_empty() {
-        progress.stage("looking for the light", 0);
-        let camera_px = options.geometry.as_ref().and_then(|g| g.image_px);
-        (seen, request.highlights, request.known) = options.light.look(input, camera_px)?;
+impl Operation for Options {
+    const NAME: &'static str = "calibrate";
+    const TITLE: &'static str = "Camera, sample and light, from photographs of a board and of the light in a mirror";
+    type Report = Calibration;
+
+    /// The input is a folder of photographs, or empty where an earlier geometry is continued without any.
+    fn check(&self, input: &Path) -> Result<Work> {
+        self.check()?;
+        let photographs = !input.as_os_str().is_empty();
+        if !photographs && !self.needs_no_photographs() {
+            return Err(Error::input("photographs", "are missing", "give a folder or an upload that holds them"));
+        }
+        Ok(work(input, photographs))
     }
-    let mut found = calibrate_geometry(&request, progress)?;
-    let band = options.light.band()?;
-    if let Some(band) = band {
-        found.geometry.wavelength_nm = Some(band.mean_nm);
-        found.geometry.sigma.wavelength_nm = Some(band.sigma_nm);
+
+    /// Writes `geometry.json` and each photograph with its detected board.
+    fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Calibration> {
+        let mut request = self.request(input)?;
+        let mut seen = vec![];
+        if !self.light.highlights.is_empty() {
+            progress.stage("looking for the light", 0);
+            let camera_px = self.geometry.as_ref().and_then(|g| g.image_px);
+            (seen, request.highlights, request.known) = self.light.look(input, camera_px)?;
+        }
+        let mut found = calibrate_geometry(&request, progress)?;
+        let band = self.light.band()?;
+        if let Some(band) = band {
+            found.geometry.wavelength_nm = Some(band.mean_nm);
+            found.geometry.sigma.wavelength_nm = Some(band.sigma_nm);
+        }
+        out.write("geometry.json", text(&found.geometry).as_bytes())?;
+        if let Some((boards, board)) = &found.boards {
+            write_overlays(out, boards, board)?;
+        }
+        let report = found.report;
+        Ok(Calibration { method: "calibrate", geometry: found.geometry, report, highlights: seen, band })
     }
-    folder.write("geometry.json", text(&found.geometry).as_bytes())?;
-    if let Some((boards, board)) = &found.boards {
-        write_overlays(&folder, boards, board)?;
-    }
-    let calibration =
-        Calibration { method: "calibrate", geometry: found.geometry, report: found.report, highlights: seen, band };
-    folder.write_json("report.json", &calibration)?;
-    progress.check()?;
-    folder.commit()?;
-    Ok(calibration)
 }
 
 /// Draws each photograph of the board with what was found in it, and answers with the files' names.

@@ -13,7 +13,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// As [`reconstruct`](super::reconstruct) for settings and sets that make no sense.
-pub fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
+pub(super) fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     settings.check()?;
     let frames = load(input)?;
     let work = work(&frames)?;

@@ -16,6 +16,7 @@ mod fit;
 mod highlight;
 mod input;
 mod lobe;
+mod operation;
 mod output;
 mod paper;
 mod photographs;
@@ -28,7 +29,6 @@ mod spool;
 mod tiling;
 mod view;
 
-pub use input::check_input;
 pub use reconstruct::reconstruct;
 pub use report::{Masked, PeriodReport, Registration, Report};
 pub use settings::{Orientation, PeriodChoice, Settings};

@@ -5,7 +5,7 @@ use super::corners;
 use super::decide::decide;
 use super::fit::{Found, Observed, SPECULAR, Why, copies, fit};
 use super::highlight::{self, Highlight};
-use super::input::{completed, known_lights, wavelength, work};
+use super::input::{completed, known_lights, wavelength};
 use super::lobe::Lobe;
 use super::output::Output;
 use super::paper::brightest;
@@ -16,6 +16,7 @@ use super::solve::{Prior, solve};
 use super::spool::Spool;
 use super::tiling::{Moved, Tiling, tiling};
 use super::view::{View, view};
+use nacre_base::operation::perform;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_frames::{Linearizer, LoadedFrames, load};
@@ -39,18 +40,25 @@ const TRIED: usize = 300;
 
 /// Makes maps of `input` (a session, or a `frames.json` of kind flash) in the new folder `out`.
 ///
-/// Memory: one photograph (8 bytes per pixel and what decoding takes), two rows of the tile with all copies, and 50 bytes per pixel of the
-/// tile; copies of the tile under every light are on disk meanwhile.
-///
 /// # Errors
 /// `Input` for anything about the photographs or the settings, before anything is written; `Output` when writing fails, after
 /// which nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
+    perform(settings, input, out, false, progress)
+}
+
+/// Makes the maps in a folder.
+///
+/// Memory: one photograph (8 bytes per pixel and what decoding takes), two rows of the tile with all copies, and 50 bytes per pixel of the
+/// tile; copies of the tile under every light are on disk meanwhile.
+pub(super) fn fit_into(
+    folder: &OutputFolder,
+    input: &Path,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Report> {
     let begun = Instant::now();
-    settings.check()?;
     let frames = load(input)?;
-    progress.expect(&work(&frames)?)?;
-    let folder = OutputFolder::begin(out, settings.overwrite)?;
     let settings = completed(settings, &frames)?;
     let job = Job::read(&frames, &settings, progress)?;
     let read = begun.elapsed().as_secs_f64();
@@ -59,12 +67,9 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     progress.stage("writing", 1);
     let mut report = job.report(&found, period, &lobe, &prior, &settings);
     report.warnings.splice(0..0, job.of_files.iter().cloned());
-    Output { found: &found, report: &report, scale_bar: !settings.no_scale_bar }.write(&folder)?;
+    Output { found: &found, report: &report, scale_bar: !settings.no_scale_bar }.write(folder)?;
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { read, fit: fitted - read, write: total - fitted, total };
-    folder.write_json("report.json", &report)?;
-    progress.check()?;
-    folder.commit()?;
     progress.step();
     Ok(report)
 }

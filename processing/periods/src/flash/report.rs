@@ -1,8 +1,10 @@
 //! What is said of the maps.
 
 use super::settings::{Orientation, PeriodChoice};
+use nacre_base::operation::{Summary, lines};
 use nacre_image::Palette;
 use serde::Serialize;
+use std::fmt::Write;
 
 /// Report of a reconstruction.
 #[derive(Clone, Debug, Serialize)]
@@ -127,4 +129,62 @@ pub struct Seconds {
     pub write: f64,
     /// All.
     pub total: f64,
+}
+
+impl Summary for Report {
+    fn summary(&self) -> String {
+        let mut text = format!("map       {} × {} pixels of {:.0} µm\n", self.width, self.height, self.pixel_um);
+        let registered = self.registration.map_or("on a grid".into(), |r| {
+            format!("moved by up to {:.2} pixels, known to {:.3}, {} left out", r.most_px, r.sigma_px, r.left_out)
+        });
+        let _ = writeln!(text, "tiles     {}, {registered}", self.tiles);
+        let _ = writeln!(
+            text,
+            "lights    {}, σ {:.2} mm: lobes of σ {:.3} on half vectors {:.3} apart",
+            self.lights_mm.len(),
+            self.light_sigma_mm,
+            self.lobe,
+            self.spacing
+        );
+        let relative = if self.relative { " (relative)" } else { "" };
+        let period = &self.period;
+        let um = match (period.um, period.sigma_um, period.range_um) {
+            (Some(um), Some(sigma), _) => format!("{um:.4} ± {sigma:.4} µm{relative}"),
+            (_, _, Some([low, high])) => format!("{low:.3} to {high:.3} µm{relative}"),
+            _ => "unknown".into(),
+        };
+        let _ = writeln!(text, "period    {um}: {}", period.why);
+        let percent = |v: Option<f64>| v.map_or("unknown".into(), |v| format!("{:.2} %", 100.0 * v));
+        let degrees = self.sigma_deg.map_or("unknown".into(), |v| format!("{v:.3}°"));
+        let _ = writeln!(
+            text,
+            "quality   σ of a typical orientation {degrees}, of a period {}",
+            percent(self.period_sigma)
+        );
+        let m = &self.masked;
+        let share = |v: f64| 100.0 * v;
+        let _ = writeln!(
+            text,
+            "masked    {:.1} %: dark {:.1}, several gratings {:.1}, ambiguous {:.1}, uncertain {:.1}, unexplained {:.1}, unseen {:.1}",
+            share(m.all),
+            share(m.dark),
+            share(m.several),
+            share(m.ambiguous),
+            share(m.uncertain),
+            share(m.unexplained),
+            share(m.unseen)
+        );
+        text += &lines(&self.assumptions, &self.warnings);
+        let s = &self.seconds;
+        let _ = write!(
+            text,
+            "time      {:.2} s: reading {:.2}, fitting {:.2}, writing {:.2}",
+            s.total, s.read, s.fit, s.write
+        );
+        text
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
 }

@@ -15,6 +15,7 @@ const MOST_TILES: usize = 10_000;
 /// How maps are made of flash photographs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(rename = "FlashOptions")]
 pub struct Settings {
     /// Where camera and sample are (default: `geometry.json` beside `frames.json`).
     pub geometry: Option<Geometry>,
@@ -51,9 +52,9 @@ pub struct Settings {
     pub palette: Palette,
     /// Leave the scale bar out of pictures.
     pub no_scale_bar: bool,
-    /// Replace results that are already there.
-    #[serde(skip)]
-    pub overwrite: bool,
+    /// Largest acceptable σ of a typical orientation in degrees. The results are written in any case, but the exit code is 1 when it is larger.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_error: Option<f64>,
 }
 
 /// How orientations are told.

@@ -31,7 +31,7 @@ pub use choose::{LEAST_FRINGES, Prediction, Request, Setting, cheapest, predict}
 pub use discs::Told;
 pub use optics::{Landing, Optics, Place, carrier};
 pub use polarization::{Helped, Orientations};
-pub use reconstruct::{check_input, reachable, reconstruct};
+pub use reconstruct::{reachable, reconstruct};
 pub use report::{Counts, Report, Seconds};
 pub use response::Response;
 pub use scan::{Found, Points, aperture, scan};

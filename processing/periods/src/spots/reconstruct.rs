@@ -14,11 +14,12 @@ use super::signals::{Carrier, Signals, carriers};
 use super::solve::MAX_CARRIERS;
 use nacre_base::Result;
 use nacre_base::estimate::Work;
+use nacre_base::operation::perform;
 use nacre_base::progress::Progress;
 use nacre_base::statistics::median;
 use nacre_frames::{LoadedFrames, load};
 use nacre_image::OutputFolder;
-use nacre_image::budget::Operation;
+use nacre_image::budget;
 use std::path::Path;
 use std::time::Instant;
 
@@ -26,7 +27,7 @@ use std::time::Instant;
 ///
 /// # Errors
 /// As [`reconstruct`].
-pub fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
+pub(super) fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
     settings.check()?;
     let frames = load(input)?;
     let shown = carriers(&frames, MAX_CARRIERS)?;
@@ -36,27 +37,34 @@ pub fn check_input(input: &Path, settings: &Settings) -> Result<Work> {
 
 fn work(frames: &LoadedFrames, fringes: usize) -> Result<Work> {
     let first = &frames.set.frames[0];
-    Operation::Fringes(fringes).check(&frames.file(&first.file), frames.info)
+    budget::Operation::Fringes(fringes).check(&frames.file(&first.file), frames.info)
 }
 
 /// Makes maps of orientation and period of `input` (a session of fringes) in the new folder `out`.
-///
-/// Memory: 8 bytes per pixel and fringe, however many frames there are, and about 200 per pixel.
 ///
 /// # Errors
 /// `Input` for anything about the photographs, the geometry or the settings, before anything is written; `Output` when writing fails,
 /// after which nothing is left behind; `Cancelled`.
 pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn Progress) -> Result<Report> {
+    perform(settings, input, out, false, progress)
+}
+
+/// Makes the maps in a folder.
+///
+/// Memory: 8 bytes per pixel and fringe, however many frames there are, and about 200 per pixel.
+pub(super) fn solve_into(
+    folder: &OutputFolder,
+    input: &Path,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Report> {
     let begun = Instant::now();
-    settings.check()?;
     let frames = load(input)?;
     let shown = carriers(&frames, MAX_CARRIERS)?;
     let bench = Bench::new(&frames, settings)?;
-    progress.expect(&work(&frames, shown.len())?)?;
     let known = settings.polarization.as_deref();
     let (width, height) = (frames.info.width, frames.info.height);
     let orientations = known.map(|folder| Orientations::read(folder, width, height)).transpose()?;
-    let folder = OutputFolder::begin(out, settings.overwrite)?;
     let signals = Signals::read(&frames, &shown, progress)?;
     let read = begun.elapsed().as_secs_f64();
     progress.check()?;
@@ -82,7 +90,7 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     let (palette, scale_bar) = (settings.palette, !settings.no_scale_bar);
     let output =
         Output { found: &found, width, height, wavelength_nm, pixel_um, palette, scale_bar, scale_sigma, turn_sigma };
-    output.write(&folder)?;
+    output.write(folder)?;
     let resolved =
         || (0..width * height).filter(|i| found.verdicts[*i] == Verdict::Resolved).filter_map(|i| found.gratings[i]);
     let offset = [0, 1].map(|axis| median(resolved().map(|g| g.mirror_offset[axis].to_degrees()).collect::<Vec<_>>()));
@@ -123,8 +131,6 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
     let total = begun.elapsed().as_secs_f64();
     report.seconds =
         Seconds { read, calibrate: calibrated - read, solve: solved - calibrated, write: total - solved, total };
-    folder.write_json("report.json", &report)?;
-    folder.commit()?;
     progress.step();
     Ok(report)
 }

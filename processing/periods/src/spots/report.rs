@@ -1,8 +1,10 @@
 //! `report.json` of a spot scan.
 
 use super::response::Response;
+use nacre_base::operation::{Summary, lines};
 use nacre_image::Palette;
 use serde::Serialize;
+use std::fmt::Write;
 
 /// Result of a spot scan, in words and numbers.
 #[derive(Clone, Debug, Serialize)]
@@ -89,4 +91,72 @@ pub struct Seconds {
     pub write: f64,
     /// Everything.
     pub total: f64,
+}
+
+impl Summary for Report {
+    fn summary(&self) -> String {
+        let all = (self.width * self.height).max(1) as f64;
+        let p = &self.pixels;
+        let part = |n: usize| format!("{:.1} %", 100.0 * n as f64 / all);
+        let mut text = format!(
+            "pixels    {} × {}: {} resolved, {} without orders in reach, {} of no single grating, {} ambiguous, {} dark, {} unusable\n",
+            self.width,
+            self.height,
+            part(p.resolved),
+            part(p.no_order),
+            part(p.unexplained),
+            part(p.ambiguous),
+            part(p.dark),
+            part(p.unusable)
+        );
+        let _ = writeln!(
+            text,
+            "light     {} patterns, {} different fringes, {} nm",
+            self.patterns, self.fringes, self.wavelength_nm
+        );
+        let said = |value: Option<f64>, factor: f64| value.map_or("unknown".into(), |v| format!("{:.3}", factor * v));
+        let _ = writeln!(
+            text,
+            "quality   median σ {}° of orientation, {} % of period, and {:.2} % that all periods share; residual {}",
+            said(self.orientation_sigma_deg, 1.0),
+            said(self.period_sigma, 100.0),
+            100.0 * self.period_scale_sigma,
+            said(self.residual, 1.0)
+        );
+        if let Some([x, y]) = self.mirror_offset_deg {
+            let _ = writeln!(
+                text,
+                "mirror    {x:.3}°, {y:.3}° from where the geometry puts it; aperture {:.1} mm",
+                self.aperture_mm
+            );
+        }
+        let _ = writeln!(text, "panel     exponent {:.3} of the assumed one", self.response.power);
+        if let Some(d) = &self.discs {
+            let said = d.residual.map_or("unknown".into(), |r| format!("{r:.2}"));
+            let _ = writeln!(
+                text,
+                "discs     {} photographs, {} pixels decided, {} contradicted; residual {said}",
+                d.discs, d.decided, d.contradicted
+            );
+        }
+        if let Some(h) = &self.polarization {
+            let _ = writeln!(
+                text,
+                "polarized offset {:.2}° (spread {:.2}° over {} pixels), {} decided, {} contradicted",
+                h.offset_deg, h.spread_deg, h.shared, h.decided, h.contradicted
+            );
+        }
+        text += &lines(&self.assumptions, &self.warnings);
+        let s = &self.seconds;
+        let _ = write!(
+            text,
+            "time      {:.2} s: reading {:.2}, aperture {:.2}, orders {:.2}, writing {:.2}",
+            s.total, s.read, s.calibrate, s.solve, s.write
+        );
+        text
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
 }

@@ -1,48 +1,74 @@
 //! What a user may say.
 
 use super::answer::Demands;
-use nacre_base::{Error, Result};
+use super::reconstruct::{check_input, solve_into};
+use super::report::Report;
+use nacre_base::estimate::Work;
+use nacre_base::operation::Operation;
+use nacre_base::progress::Progress;
+use nacre_base::{Error, OutputFolder, Result};
 use nacre_image::Palette;
 use nacre_optics::geometry::Geometry;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Options of `reconstruct spots`.
+/// Measure orientation and absolute period of gratings from fringes on the display.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend(
+    "x-input" = "A session of kind spots with fringes, a frames.json or a folder holding one",
+    "x-examples" = "\
+Examples:
+  nacre reconstruct spots session --out periods
+  nacre reconstruct spots session --geometry geometry.json --wavelength-nm 560 --wavelength-sigma-nm 1 --out periods
+  nacre reconstruct spots session --polarization maps --periods-um 1.2:3 --out periods
+
+with a session that was taken by a plan such as:
+  kind = \"spots\"
+  spots = { fringes = { count = 12, phases = 4, finest_mm = 28 } }
+  extras = [\"display_black\"]
+
+Writes orientation.exr (orientation, sigma in rad, mask), period.exr (period, sigma in µm, mask), orientation.png, period.png
+and report.json. Pixels whose light no single grating explains, whose orders miss the panel, or which two gratings
+explain, are masked."
+))]
+#[schemars(rename = "FringesOptions")]
 pub struct Settings {
-    /// Where everything stands, as geometry.json says it; the distances of frames.json when it is not given.
+    /// Positions of camera, sample and display (geometry.json; default: the distances of frames.json).
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-file" = true))]
     pub geometry: Option<Box<Geometry>>,
-    /// Effective wavelength in nm, of light, filter and camera together; that of the geometry or of frames.json when it is not given.
+    /// Effective wavelength of light, filter and camera together, in nm (default: that of the geometry or of frames.json).
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-aliases" = ["wavelength"]))]
     pub wavelength_nm: Option<f64>,
-    /// Standard deviation of that in nm.
+    /// Standard deviation of the effective wavelength in nm; it contributes to the σ of all periods.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-aliases" = ["wavelength-sigma"]))]
     pub wavelength_sigma_nm: Option<f64>,
-    /// Width and height of the panel in mm; those of the geometry or of frames.json when they are not given.
+    /// Width and height of the display in mm (default: those of the geometry or of frames.json).
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-placeholder" = "WxH", "x-aliases" = ["panel"]))]
     pub panel_mm: Option<[f64; 2]>,
-    /// Diameter of the camera's aperture in mm; found from the photographs when it is not given.
+    /// Diameter of the camera's aperture in mm (default: estimated from the photographs).
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-aliases" = ["aperture"]))]
     pub aperture_mm: Option<f64>,
-    /// Shortest and longest period that is looked for, in µm.
+    /// Shortest and longest period considered, in µm.
+    #[schemars(extend("x-placeholder" = "MIN:MAX", "x-aliases" = ["periods"]))]
     pub periods_um: [f64; 2],
-    /// How far the mirror direction may be from where the geometry puts it, one standard deviation in degrees: an uneven surface.
+    /// Standard deviation of the mirror direction about that of a plane surface, in degrees: an uneven sample.
+    #[schemars(extend("x-aliases" = ["mirror"]))]
     pub mirror_deg: f64,
-    /// Colours of angles in pictures.
+    /// Colour map of angles in pictures: cyclic (even steps, also for colour-blind readers) or hsv.
     pub palette: Palette,
-    /// Leave the scale bar out of pictures. They have one where `pixel_um` is known.
+    /// Leave the scale bar out of pictures. They have one where the pixel size on the sample is known.
     pub no_scale_bar: bool,
-    /// A folder of `reconstruct polarization` whose orientations help where fringes alone do not tell.
-    #[serde(skip)]
-    #[schemars(skip)]
+    /// Results of `reconstruct polarization` of the same sample and camera, which decide between gratings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-placeholder" = "DIR", "x-file" = true))]
     pub polarization: Option<PathBuf>,
-    /// Replace results that are already there.
-    #[serde(skip)]
-    #[schemars(skip)]
-    pub overwrite: bool,
 }
 
 impl Default for Settings {
@@ -58,8 +84,21 @@ impl Default for Settings {
             palette: Palette::default(),
             no_scale_bar: false,
             polarization: None,
-            overwrite: false,
         }
+    }
+}
+
+impl Operation for Settings {
+    const NAME: &'static str = "spots";
+    const TITLE: &'static str = "Orientation and absolute period of gratings from fringes on the panel";
+    type Report = Report;
+
+    fn check(&self, input: &Path) -> Result<Work> {
+        check_input(input, self)
+    }
+
+    fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Report> {
+        solve_into(out, input, self, progress)
     }
 }
 
@@ -75,22 +114,22 @@ impl Settings {
             }
             _ => Ok(()),
         };
-        within("--wavelength", self.wavelength_nm, 200.0, 2000.0)?;
-        within("--wavelength-sigma", self.wavelength_sigma_nm, 0.0, 100.0)?;
-        within("--aperture", self.aperture_mm, 0.01, 200.0)?;
-        within("--mirror", Some(self.mirror_deg), 0.001, 5.0)?;
+        within("--wavelength-nm", self.wavelength_nm, 200.0, 2000.0)?;
+        within("--wavelength-sigma-nm", self.wavelength_sigma_nm, 0.0, 100.0)?;
+        within("--aperture-mm", self.aperture_mm, 0.01, 200.0)?;
+        within("--mirror-deg", Some(self.mirror_deg), 0.001, 5.0)?;
         for side in self.panel_mm.into_iter().flatten() {
-            within("--panel", Some(side), 1.0, 1e5)?;
+            within("--panel-mm", Some(side), 1.0, 1e5)?;
         }
         if let Some(geometry) = &self.geometry {
             geometry.check()?;
         }
         let [short, long] = self.periods_um;
-        within("--periods", Some(short), 0.2, 1000.0)?;
-        within("--periods", Some(long), 0.2, 1000.0)?;
+        within("--periods-um", Some(short), 0.2, 1000.0)?;
+        within("--periods-um", Some(long), 0.2, 1000.0)?;
         if short >= long {
             return Err(Error::input(
-                "--periods",
+                "--periods-um",
                 format!("runs from {short} to {long}"),
                 "give the shorter one first",
             ));

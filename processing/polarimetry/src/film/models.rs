@@ -37,6 +37,7 @@ pub(crate) const SPREAD: usize = 500;
 /// How the fitted phase becomes an orientation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(rename = "PolarizationModel")]
 pub enum Model {
     /// The simplest model of a grating that explains the data; its name and the reason are in the report.
     #[default]

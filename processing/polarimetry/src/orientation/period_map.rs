@@ -5,6 +5,7 @@ use nacre_base::statistics::quantile;
 use nacre_base::{Error, Result};
 use nacre_optics::rcwa::{ALUMINIUM, Grating, ratio};
 use num_complex::Complex;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -19,7 +20,7 @@ const TABLE_ERROR: f64 = 1e-3;
 const DEPTH_OFF: f64 = 0.1;
 
 /// From what periods are told. See `period.rs` for what both ways assume and miss.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "from", rename_all = "snake_case", deny_unknown_fields)]
 pub enum PeriodMethod {
     /// **Heuristic**: from the mean intensity, as the 2018 paper does (section 5.4).
@@ -50,8 +51,9 @@ fn air() -> f64 {
 }
 
 /// A metal by name, or by its complex refractive index as `N,K`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]
+#[schemars(with = "String")]
 pub struct Metal(Complex<f64>);
 
 /// Refractive indices near 560 nm.

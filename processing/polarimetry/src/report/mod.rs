@@ -10,3 +10,4 @@ pub(crate) mod json;
 pub(crate) mod model_report;
 pub(crate) mod output;
 pub(crate) mod reduced;
+mod summary;

@@ -28,17 +28,17 @@ use nacre_image::OutputFolder;
 use std::time::Instant;
 
 impl Running {
-    /// Solves and writes maps, pictures and report into `folder`.
+    /// Solves and writes maps and pictures into `folder`; the report is the caller's to write.
     ///
     /// # Errors
-    /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`. Nothing is left behind.
-    pub fn finish(mut self, folder: OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
+    /// `Input` when photographs are missing or useless; `Output` when writing fails; `Cancelled`.
+    pub fn finish(mut self, folder: &OutputFolder, options: &Options, progress: &dyn Progress) -> Result<Report> {
         let period = options.check(&self.frames)?;
         let model = options.model_for(&self.frames);
         let corrections = self.correct(options.align_for(&self.frames), progress)?;
         let start = Instant::now();
         let (fitted, mut maps) = self.solve_intensities(corrections)?;
-        let writer = Writer { folder: &folder, frames: &fitted.frames, options, model, progress };
+        let writer = Writer { folder, frames: &fitted.frames, options, model, progress };
         let disk = Disk::new();
         progress.stage("solving and writing maps", 5);
         let mut solved = fitted.solve_orientations(&mut maps, &writer, &disk)?;
@@ -59,9 +59,6 @@ impl Running {
         solved.tell_systematic(&maps, model, &fitted.seen());
         writer.maps(maps, &solved.map, (&fitted.design, &fitted.noise.0), &disk)?;
         report.took(fitted.read_and_fit_s, solve_s, start.elapsed().as_secs_f64());
-        folder.write_json("report.json", &report)?;
-        progress.check()?;
-        folder.commit()?;
         Ok(report)
     }
 

@@ -35,7 +35,9 @@ fn a_series_that_grows_gives_the_same_maps_as_the_whole() {
         let precision = running.precision().unwrap();
         let (said, is) = (precision.sigma().unwrap().to_degrees(), report.pixels.sigma_p90_deg.unwrap());
         assert!((said / is - 1.0).abs() < 1e-6 && precision.is_certain(), "{said} {is}");
-        running.finish(OutputFolder::begin(&grown, false).unwrap(), &options, &Silent).unwrap();
+        let grown_folder = OutputFolder::begin(&grown, false).unwrap();
+        running.finish(&grown_folder, &options, &Silent).unwrap();
+        grown_folder.commit().unwrap();
         for file in ["orientation.exr", "stokes.exr"] {
             let [a, b] = [&whole, &grown].map(|f| std::fs::read(f.join(file)).unwrap());
             assert!(a == b, "{file}");

@@ -3,6 +3,7 @@
 use crate::synthetic::normal;
 use crate::tests::bracket::write_set;
 use crate::{Demosaic, Model, Options, PutRight, Report, angle_difference, probe, reconstruct};
+use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_frames::{Channel, Frame, FrameSet, Kind, Layout, NoiseModel, Sensor, load};
 use nacre_image::{encode_png16_gray, read_exr};
@@ -42,8 +43,8 @@ fn photograph(folder: &Path, layout: Sensor, count: u64, noise: Option<NoiseMode
 
 fn maps(folder: &Path, demosaic: Demosaic) -> (Report, BTreeMap<String, Vec<f32>>) {
     let out = folder.join("out");
-    let options = Options { demosaic, overwrite: true, ..Options::default() };
-    let report = reconstruct(folder, &out, &options, &Silent).unwrap();
+    let options = Options { demosaic, ..Options::default() };
+    let report = perform(&options, folder, &out, true, &Silent).unwrap();
     let mut planes = read_exr(&out.join("aolp.exr")).unwrap().channels;
     planes.append(&mut read_exr(&out.join("stokes.exr")).unwrap().channels);
     (report, planes.into_iter().collect())

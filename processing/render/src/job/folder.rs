@@ -5,12 +5,14 @@ use super::{render_watched, spectral};
 use crate::picture::{Picture, exposure, png, write_picture, write_png};
 use crate::prepared_scene;
 use crate::scene::Scene;
-use crate::settings::Settings;
+use crate::settings::{Method, Settings};
 use nacre_base::estimate::{Machine, Work};
+use nacre_base::operation::{Operation, Summary};
 use nacre_base::progress::Progress;
-use nacre_base::{Error, Result};
-use nacre_image::budget::Operation;
-use nacre_image::{Depth, Info, OutputFolder};
+use nacre_base::{Error, OutputFolder, Result};
+use nacre_image::budget;
+use nacre_image::{Depth, Info};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -22,72 +24,68 @@ const SHARE: u32 = 20;
 /// Longest side of a glimpse, in pixels.
 const SIDE: usize = 1024;
 
-/// What the user may choose.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Render a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(extend("x-input" = "A folder with one scene (TOML) and the files that it names"))]
+#[schemars(rename = "RenderOptions")]
 pub struct Options {
-    /// Most samples of a pixel, on average over those with light.
+    /// Largest number of samples per pixel, on average over pixels with light: half of them go where noise is.
+    #[schemars(range(min = 1, max = 1_048_576))]
     pub samples: usize,
-    /// Error at which passes end: root mean square of the pixels' standard errors over the mean luminance.
+    /// Error at which rendering ends: root mean square of the pixels' standard errors over the mean luminance.
+    #[schemars(range(min = 1e-5, max = 1.0))]
     pub max_error: f64,
-    /// This many wavelengths instead of as many as each place needs.
+    /// Fixed number of wavelengths, evenly spaced in 1/λ; by default as many as each place needs.
     pub wavelengths: Option<usize>,
-    /// Measure what the sums over orders and wavelengths are off by, against finer ones.
+    /// Also measure the truncation error of the sums over orders and wavelengths.
     pub check: bool,
-    /// Spectra too, in bands so many nm apart.
+    /// Distance of spectral bands in nm (1 to 100) for a spectrum per pixel.
     pub spectral_nm: Option<f64>,
+    /// Method for tables under environments: auto is the cheapest that meets the error.
+    pub method: Method,
+    /// Largest number of terms per channel and part of a table in two passes (1 to 96); by default as many as the error needs.
+    pub rank: Option<usize>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        let Settings { samples, max_error, wavelengths, check, spectral_nm, .. } = Settings::default();
-        Self { samples, max_error, wavelengths, check, spectral_nm }
+        let Settings { samples, max_error, wavelengths, check, spectral_nm, method, rank, .. } = Settings::default();
+        Self { samples, max_error, wavelengths, check, spectral_nm, method, rank }
     }
 }
 
 impl Options {
     fn settings(&self) -> Settings {
-        let Self { samples, max_error, wavelengths, check, spectral_nm } = *self;
-        Settings { samples, max_error, wavelengths, check, spectral_nm, ..Settings::default() }
+        let Self { samples, max_error, wavelengths, check, spectral_nm, method, rank } = *self;
+        Settings { samples, max_error, wavelengths, check, spectral_nm, method, rank, ..Settings::default() }
     }
 }
 
-/// A picture while it is rendered.
-#[derive(Clone, Debug)]
-pub struct Glimpse {
-    /// What is there, as a PNG with at most 1024 pixels along a side.
-    pub png: Vec<u8>,
-    /// How far it is.
-    pub so_far: SoFar,
-}
-
 /// A report with what was asked for.
-#[derive(Serialize)]
-struct Written<'a> {
+#[derive(Debug, Serialize)]
+pub struct Written {
     #[serde(flatten)]
     report: Report,
-    settings: &'a Options,
+    settings: Options,
     /// What linear light was multiplied with for the PNG.
     exposure: f64,
 }
 
-/// Refuses what cannot be rendered, without a look into the files that the scene names; they have to lie in the folder.
-///
-/// # Errors
-/// `Input`, which names the key, the file or the option.
-pub fn check_folder(input: &Path, options: &Options) -> Result<Scene> {
-    options.settings().check()?;
-    let scene = Scene::read(&scene_in(input)?)?;
-    prepared_scene::check(&scene)?;
-    scene.check_files(input)?;
-    options.spectral_nm.map_or(Ok(()), |step| spectral::check(&scene, step))?;
-    Ok(scene)
+impl Summary for Written {
+    fn summary(&self) -> String {
+        self.report.summary()
+    }
+
+    fn warnings(&self) -> &[String] {
+        self.report.warnings()
+    }
 }
 
 /// What a rendering needs at most; many end earlier, once their error is met.
-pub fn work(scene: &Scene, options: &Options) -> Work {
+fn work(scene: &Scene, options: &Options) -> Work {
     let picture = Info { width: scene.camera.width, height: scene.camera.height, channels: 3, depth: Depth::F32 };
-    Operation::Rendering(options.samples).work(picture)
+    budget::Operation::Rendering(options.samples).work(picture)
 }
 
 /// What a rendering needs whose time is known from a few passes: `taken_s` seconds of this machine are gone, `left_s` are left.
@@ -111,50 +109,51 @@ fn scene_in(folder: &Path) -> Result<PathBuf> {
     }
 }
 
-/// Renders the scene in `input` and writes `render.exr`, `render.png` and `report.json` into the new folder `out`. At most once a second, and
-/// for at most a twentieth of the time, it makes a glimpse of what is there.
-///
-/// # Errors
-/// `Input` for what cannot be rendered; `Output`; `Cancelled`. Nothing is left behind then.
-pub fn render_folder(
-    input: &Path,
-    out: &Path,
-    options: &Options,
-    overwrite: bool,
-    progress: &dyn Progress,
-    seen: &mut dyn FnMut(Glimpse),
-) -> Result<()> {
-    let scene = check_folder(input, options)?;
-    let folder = OutputFolder::begin(out, overwrite)?;
-    let mut due = Instant::now();
-    let mut watch = |picture: &Picture, so_far: &SoFar| {
-        let begun = Instant::now();
-        if begun < due {
-            return;
-        }
-        let small = picture.shrunk(SIDE);
-        // A picture to look at is not worth a failed job.
-        if let Ok(png) = png(&small, scene.exposure.unwrap_or_else(|| exposure(&small))) {
-            seen(Glimpse { png, so_far: *so_far });
-        }
-        due = Instant::now() + PAUSE.max(begun.elapsed() * SHARE);
-    };
-    let (picture, mut report) = render_watched(&scene, input, &options.settings(), progress, &mut watch)?;
-    progress.stage("writing", 1);
-    let exposure = scene.exposure.unwrap_or_else(|| exposure(&picture));
-    write_picture(&folder.path("render.exr"), &picture)?;
-    write_png(&folder.path("render.png"), &picture, exposure)?;
-    if report.noise > options.max_error {
-        let Report { noise, .. } = report;
-        let wanted = options.max_error;
-        report.warnings.push(format!(
-            "the noise is {noise:.2e} of the mean, more than the {wanted} asked for: allow more samples"
-        ));
+impl Operation for Options {
+    const NAME: &'static str = "render";
+    const TITLE: &'static str = "Picture of a scene: measured and invented surfaces under any light";
+    type Report = Written;
+
+    /// Does not look into the files that the scene names; they have to lie in the folder. Many renderings end earlier than said, once their
+    /// error is met.
+    fn check(&self, input: &Path) -> Result<Work> {
+        self.settings().check()?;
+        let scene = Scene::read(&scene_in(input)?)?;
+        prepared_scene::check(&scene)?;
+        scene.check_files(input)?;
+        self.spectral_nm.map_or(Ok(()), |step| spectral::check(&scene, step))?;
+        Ok(work(&scene, self))
     }
-    report.files = ["render.exr", "render.png"].map(PathBuf::from).into();
-    folder.write_json("report.json", &Written { report, settings: options, exposure })?;
-    progress.check()?;
-    folder.commit()?;
-    progress.step();
-    Ok(())
+
+    /// Writes `render.exr` and `render.png`. At most once a second, and for at most a twentieth of the time, it shows what is there.
+    fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Written> {
+        let scene = Scene::read(&scene_in(input)?)?;
+        let mut due = Instant::now();
+        let mut watch = |picture: &Picture, so_far: &SoFar| {
+            let begun = Instant::now();
+            if begun < due || !progress.is_watched() {
+                return;
+            }
+            let small = picture.shrunk(SIDE);
+            // A picture to look at is not worth a failed job.
+            if let Ok(png) = png(&small, scene.exposure.unwrap_or_else(|| exposure(&small))) {
+                progress.show(serde_json::to_value(so_far).unwrap_or_default(), png);
+            }
+            due = Instant::now() + PAUSE.max(begun.elapsed() * SHARE);
+        };
+        let (picture, mut report) = render_watched(&scene, input, &self.settings(), progress, &mut watch)?;
+        progress.stage("writing", 1);
+        let exposure = scene.exposure.unwrap_or_else(|| exposure(&picture));
+        write_picture(&out.path("render.exr"), &picture)?;
+        write_png(&out.path("render.png"), &picture, exposure)?;
+        if report.noise > self.max_error {
+            let (noise, wanted) = (report.noise, self.max_error);
+            report.warnings.push(format!(
+                "the noise is {noise:.2e} of the mean, more than the {wanted} asked for: allow more samples"
+            ));
+        }
+        report.files = ["render.exr", "render.png"].map(PathBuf::from).into();
+        progress.step();
+        Ok(Written { report, settings: self.clone(), exposure })
+    }
 }

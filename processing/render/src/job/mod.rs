@@ -7,7 +7,7 @@ mod spectral;
 mod sums;
 mod two_pass;
 
-pub use folder::{Glimpse, Options, check_folder, render_folder, work};
+pub use folder::{Options, Written};
 pub use report::{Prediction, Report, SoFar};
 pub use spectral::SpectralReport;
 pub use two_pass::EnvironmentReport;

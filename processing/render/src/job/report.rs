@@ -3,8 +3,10 @@
 use super::spectral::SpectralReport;
 use super::two_pass::EnvironmentReport;
 use crate::material::Notes;
+use nacre_base::operation::{Summary, lines};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
+use std::fmt::Write;
 use std::path::PathBuf;
 
 /// Predicted passes, noise and time.
@@ -78,4 +80,60 @@ pub struct SoFar {
 
 fn null_is_nan<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Option::deserialize(from).map(|number| number.unwrap_or(f64::NAN))
+}
+
+impl Summary for Report {
+    fn summary(&self) -> String {
+        let [width, height] = self.size;
+        let mut text =
+            format!("picture   {width} × {height} pixels, {} samples each, on {}", self.samples, self.device);
+        for (name, notes) in &self.materials {
+            let _ = write!(text, "\nmaterial  {name}: {}", notes.method);
+        }
+        for e in &self.environments {
+            let _ = write!(text, "\nmethod    {}: {} ({})", e.shape, e.method, e.why);
+            if e.method == "two-pass" {
+                let rank: Vec<String> = e.rank.iter().map(ToString::to_string).collect();
+                let [width, height] = e.environment;
+                let _ = write!(
+                    text,
+                    "\n          rank {} ({:.2} % left out of the table), {} environments of {width} × {height}, views up to {:.0}°; error {:.2e} of the mean (measured)",
+                    rank.join(" + "),
+                    100.0 * e.table_error,
+                    e.poles,
+                    e.up_to_deg,
+                    e.measured_error
+                );
+            }
+        }
+        for hint in &self.hints {
+            let _ = write!(text, "\ndefault   {hint}");
+        }
+        let p = &self.predicted;
+        let _ = write!(text, "\nquality   noise {:.2e} of the mean ({:.2e} expected)", self.noise, p.noise);
+        let measured = self.measured_model_error.map_or("not measured".into(), |e| format!("{e:.2e} measured"));
+        let _ = write!(text, "; sums off by {:.2e} predicted ({measured})", self.predicted_model_error);
+        if let Some(s) = &self.spectral {
+            let [from, to] = s.range_nm;
+            let (bands, seconds) = (s.bands, s.seconds);
+            let noise = s.noise.map_or("unknown noise".into(), |noise| format!("noise {noise:.2e} at most"));
+            let _ = write!(text, "\nspectra   {bands} bands from {from} to {to} nm, {noise}, {seconds:.2} s");
+        }
+        let _ = write!(
+            text,
+            "\n{}time      {:.2} s ({:.2} expected of the passes, {:.2} taken)",
+            lines(&[], &self.warnings),
+            self.seconds,
+            p.seconds,
+            self.seconds_of_passes
+        );
+        for file in &self.files {
+            let _ = write!(text, "\nwrote     {}", file.display());
+        }
+        text
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
 }

@@ -1,9 +1,11 @@
 //! Rendering as a job: files that a scene names, glimpses, scenes of maps.
 
-use crate::{GALLERY, Options, Picture, Pixel, Scene, check_folder, gallery_scene, render_folder, scene_of_maps};
-use nacre_base::progress::Silent;
+use crate::{GALLERY, Options, Picture, Pixel, Scene, SoFar, gallery_scene, scene_of_maps};
+use nacre_base::operation::{Operation, perform};
+use nacre_base::progress::{Progress, Silent};
 use nacre_image::{OutputFolder, write_exr};
 use std::path::Path;
+use std::sync::Mutex;
 
 const SCENE: &str = "
 [camera]
@@ -23,6 +25,28 @@ position = [0, 100, 280]
 albedo = [0.5, 0.5, 0.5]
 ";
 
+/// Keeps intermediate pictures.
+#[derive(Default)]
+struct Watched(Mutex<Vec<(SoFar, Vec<u8>)>>);
+
+impl Progress for Watched {
+    fn stage(&self, _: &str, _: u64) {}
+
+    fn step(&self) {}
+
+    fn is_watched(&self) -> bool {
+        true
+    }
+
+    fn show(&self, so_far: serde_json::Value, png: Vec<u8>) {
+        self.0.lock().unwrap().push((serde_json::from_value(so_far).unwrap(), png));
+    }
+
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
+
 fn written(text: &str) -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("scene.toml"), text).unwrap();
@@ -34,7 +58,7 @@ fn files_stay_beside_their_scene() {
     let albedo = |file: &str| SCENE.replace("[0.5, 0.5, 0.5]", &format!("{file:?}"));
     let refusal = |text: &str| {
         let dir = written(text);
-        check_folder(dir.path(), &Options::default()).unwrap_err().to_string()
+        Options::default().check(dir.path()).unwrap_err().to_string()
     };
     for file in ["/etc/passwd", "../a.png", "a/../../b.png", ".."] {
         let said = refusal(&albedo(file));
@@ -43,9 +67,9 @@ fn files_stay_beside_their_scene() {
     assert!(refusal(&albedo("./a.png")).contains("not there"));
     assert!(refusal(&SCENE.replace("width = 12", "width = 70000")).contains("70000"));
     let dir = written(SCENE);
-    check_folder(dir.path(), &Options::default()).unwrap();
+    Options::default().check(dir.path()).unwrap();
     std::fs::copy(dir.path().join("scene.toml"), dir.path().join("other.TOML")).unwrap();
-    assert!(check_folder(dir.path(), &Options::default()).unwrap_err().to_string().contains("more than once"));
+    assert!(Options::default().check(dir.path()).unwrap_err().to_string().contains("more than once"));
 }
 
 #[test]
@@ -53,11 +77,12 @@ fn a_job_shows_its_passes_and_leaves_nothing_when_it_fails() {
     let dir = written(SCENE);
     let out = dir.path().join("out");
     let options = Options { samples: 64, max_error: 1e-5, ..Options::default() };
-    let mut seen = vec![];
-    render_folder(dir.path(), &out, &options, false, &Silent, &mut |glimpse| seen.push(glimpse)).unwrap();
+    let watched = Watched::default();
+    perform(&options, dir.path(), &out, false, &watched).unwrap();
+    let seen = watched.0.into_inner().unwrap();
     // They come a second apart, so that a short job shows its first pass alone.
-    assert!(seen[0].so_far.passes == 1 && seen[0].so_far.noise.is_nan() && seen.len() < 16, "{}", seen.len());
-    assert!(seen.iter().all(|g| g.so_far.of >= g.so_far.passes && g.png.starts_with(b"\x89PNG")));
+    assert!(seen[0].0.passes == 1 && seen[0].0.noise.is_nan() && seen.len() < 16, "{}", seen.len());
+    assert!(seen.iter().all(|(so_far, png)| so_far.of >= so_far.passes && png.starts_with(b"\x89PNG")));
     let report: serde_json::Value = serde_json::from_slice(&std::fs::read(out.join("report.json")).unwrap()).unwrap();
     assert!(
         report["warnings"].to_string().contains("allow more samples") && report["exposure"].is_number(),
@@ -65,7 +90,7 @@ fn a_job_shows_its_passes_and_leaves_nothing_when_it_fails() {
     );
     let failed = dir.path().join("failed");
     let none = Options { samples: 0, ..Options::default() };
-    render_folder(dir.path(), &failed, &none, false, &Silent, &mut |_| {}).unwrap_err();
+    perform(&none, dir.path(), &failed, false, &Silent).unwrap_err();
     assert!(!failed.exists());
 }
 
@@ -95,7 +120,7 @@ fn scenes_to_start_from_name_files_that_are_there() {
         let folder = OutputFolder::begin(dir.path(), true).unwrap();
         gallery_scene(&folder, &name).unwrap();
         folder.commit().unwrap();
-        check_folder(dir.path(), &Options::default()).unwrap();
+        Options::default().check(dir.path()).unwrap();
     }
     let dir = tempfile::tempdir().unwrap();
     let folder = OutputFolder::begin(dir.path(), true).unwrap();

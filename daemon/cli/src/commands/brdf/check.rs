@@ -1,6 +1,6 @@
 //! `nacre brdf check`.
 
-use super::common::{List, Optics, Surface, summary};
+use super::common::{List, Optics, Surface};
 use crate::console::Console;
 use nacre_base::vacant;
 use nacre_brdf::output::{write_check, write_check_picture};
@@ -66,9 +66,9 @@ impl Check {
             product: "check",
             warnings: quality.warnings.clone(),
             input: self.surface.path().into(),
-            quality: &quality,
-            settings: &settings,
-            choice,
+            quality: quality.clone(),
+            settings: settings.clone(),
+            choice: choice.clone(),
             error_estimate: choice.predicted_error.max(choice.measured_error.unwrap_or(0.0)),
             more: &found,
             seconds: begun.elapsed().as_secs_f64(),
@@ -92,7 +92,7 @@ impl Check {
                 let _ = write!(text, "\nridge     {nm:.1} nm at {:.0} % of the wavelengths", 100.0 * share);
             }
         }
-        console.result(&summary(&report, &text), &report);
+        console.result(&report.lines(&text), &report);
         self.optics.judge(report.error_estimate)
     }
 }

@@ -1,15 +1,12 @@
 //! What the products of a height field share.
 
-use crate::commands::said;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_base::progress::Progress;
 use nacre_brdf::height::{self, Quality, Scale};
-use nacre_brdf::{HeightField, Method, Normalisation, Reflectance, Report, Settings, name};
+use nacre_brdf::{HeightField, Method, Normalisation, Reflectance, Settings};
 use nacre_capture::Failure;
 use nacre_optics::color::Observer;
-use serde::Serialize;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// The surface.
@@ -174,42 +171,6 @@ impl std::str::FromStr for List {
         }
         numbers(',').map(Self).ok_or_else(|| "give from:to:step, or numbers with commas between".into())
     }
-}
-
-/// A few lines for a person.
-pub fn summary<T: Serialize>(report: &Report<T>, middle: &str) -> String {
-    let q = report.quality;
-    let mut text =
-        format!("surface   {} × {} pixels of {} µm, {:.4} µm deep", q.width, q.height, q.pixel_um, q.range_um);
-    for note in &q.notes {
-        let _ = write!(text, "\nread      {note}");
-    }
-    for p in q.periods.iter().take(3) {
-        let share = 100.0 * p.share;
-        let _ = write!(
-            text,
-            "\nperiod    {:.3} µm (± {:.3}) towards {:.1}°, {share:.0} % of the variance",
-            p.period_um, p.resolution_um, p.direction_deg
-        );
-    }
-    let c = report.choice;
-    let terms = c.terms.map_or(String::new(), |n| format!(", {n} terms"));
-    let _ = write!(text, "\nmethod    {}{terms}, {} bits: {}", name(c.method), c.bits, c.why);
-    let measured = match c.measured_error {
-        None => "not measured".into(),
-        Some(e) if e < 1e-6 => "under 0.0001 % measured".into(),
-        Some(e) => format!("{:.4} % measured", 100.0 * e),
-    };
-    let _ = write!(text, "\nquality   error at most {:.3} % ({measured})", 100.0 * report.error_estimate);
-    if !middle.is_empty() {
-        let _ = write!(text, "\n{middle}");
-    }
-    let said = said::lines(&[], &report.warnings);
-    let _ = write!(text, "\n{said}time      {:.2} s ({:.2} CPU-seconds expected)", report.seconds, c.predicted_s);
-    for file in &report.files {
-        let _ = write!(text, "\nwrote     {}", file.display());
-    }
-    text
 }
 
 #[cfg(test)]

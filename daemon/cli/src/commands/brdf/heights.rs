@@ -1,9 +1,9 @@
 //! `nacre brdf heights`.
 
 use super::common::Surface;
-use crate::commands::said;
 use crate::commands::values::BarArgs;
 use crate::console::Console;
+use nacre_base::operation::lines;
 use nacre_base::vacant;
 use nacre_brdf::height::Quality;
 use nacre_brdf::output::write_height;
@@ -55,7 +55,7 @@ impl Heights {
         for note in &q.notes {
             let _ = write!(text, "\nread      {note}");
         }
-        let _ = write!(text, "\n{}", said::lines(&[], &q.warnings));
+        let _ = write!(text, "\n{}", lines(&[], &q.warnings));
         let _ = write!(text, "wrote     {}\nwrote     {}", self.out.display(), picture.display());
         console.result(&text, &Report { input: self.surface.path().into(), quality: q, files });
         Ok(())

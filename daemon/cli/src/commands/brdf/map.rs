@@ -1,9 +1,10 @@
 //! `nacre brdf map`.
 
-use super::common::{Material, Optics, Seen, Surface, direction, summary};
+use super::common::{Material, Optics, Seen, Surface, direction};
 use crate::commands::Estimating;
 use crate::commands::values::numbers;
 use crate::console::Console;
+use nacre_base::operation::Summary;
 use nacre_base::progress::Progress;
 use nacre_base::vacant;
 use nacre_brdf::output::{write_map, write_picture};
@@ -84,17 +85,16 @@ impl Map {
             product: "map",
             warnings,
             input: self.surface.path().into(),
-            quality: &quality,
-            settings: &settings,
-            choice: &map.choice,
+            quality: quality.clone(),
+            settings: settings.clone(),
+            choice: map.choice.clone(),
             error_estimate: map.error_estimate,
             seconds: begun.elapsed().as_secs_f64(),
             files: vec![self.out.clone(), picture, json.clone()],
             more,
         };
         report.write(&json)?;
-        let [x, y, z] = report.more.albedo;
-        console.result(&summary(&report, &format!("light     X {x:.3} Y {y:.3} Z {z:.3} of what falls in")), &report);
+        console.result(&report.summary(), &report);
         self.optics.judge(map.error_estimate)
     }
 }

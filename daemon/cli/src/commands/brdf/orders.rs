@@ -1,8 +1,8 @@
 //! `nacre brdf orders`.
 
 use super::common::List;
-use crate::commands::said;
 use crate::console::Console;
+use nacre_base::operation::lines;
 use nacre_base::{Error, vacant};
 use nacre_brdf::height::Profile;
 use nacre_brdf::output::check_rows;
@@ -155,7 +155,7 @@ impl Orders {
             orders.len(),
             sums[0],
             sums[1],
-            said::lines(&[], &warnings),
+            lines(&[], &warnings),
             self.out.display()
         );
         let report = Report { method: self.method, period_um: self.period_um, depth_um, sums, warnings, orders };

@@ -1,6 +1,6 @@
 //! `nacre brdf slice`.
 
-use super::common::{List, Material, Optics, Surface, direction, summary};
+use super::common::{List, Material, Optics, Surface, direction};
 use crate::console::Console;
 use nacre_base::vacant;
 use nacre_brdf::output::{check_rows, write_slice};
@@ -70,9 +70,9 @@ impl Slice {
             product: "slice",
             warnings: quality.warnings.clone(),
             input: self.surface.path().into(),
-            quality: &quality,
-            settings: &settings,
-            choice: &slice.choice,
+            quality: quality.clone(),
+            settings: settings.clone(),
+            choice: slice.choice.clone(),
             error_estimate: slice.error_estimate,
             more: More { wavelengths: wavelengths.len(), views: views.len() },
             seconds: begun.elapsed().as_secs_f64(),
@@ -80,7 +80,7 @@ impl Slice {
         };
         report.write(&json)?;
         let text = format!("slice     {} wavelengths × {} angles", wavelengths.len(), views.len());
-        console.result(&summary(&report, &text), &report);
+        console.result(&report.lines(&text), &report);
         self.optics.judge(slice.error_estimate)
     }
 }

@@ -1,9 +1,9 @@
 //! `nacre brdf surface`.
 
-use crate::commands::said;
 use crate::commands::values::BarArgs;
 use crate::console::Console;
 use clap::ValueEnum;
+use nacre_base::operation::lines;
 use nacre_base::{Error, vacant};
 use nacre_brdf::height::{Profile, Quality, Shape, Synthetic};
 use nacre_brdf::output::write_height;
@@ -125,7 +125,7 @@ impl Surface {
             "surface   {0} × {0} pixels of {1:.5} µm\n{2}wrote     {3}\nwrote     {4}",
             surface.pixels,
             surface.pixel_um,
-            said::lines(&[], &quality.warnings),
+            lines(&[], &quality.warnings),
             self.out.display(),
             picture.display()
         );

@@ -2,7 +2,6 @@
 
 use super::{highlight, shape};
 use crate::commands::Estimating;
-use crate::commands::said::lines;
 use crate::commands::values::numbers;
 use crate::console::Console;
 use nacre_base::{Error, vacant};
@@ -304,55 +303,12 @@ impl Light {
 
 /// A few lines for a person.
 fn summary(printed: &Printed<'_>) -> String {
-    let (g, report) = (printed.geometry, printed.report);
-    let mut text = String::new();
-    let sigma = |s: Option<f64>| s.map_or(" (σ unknown)".into(), |s| format!(" ± {s:.3}"));
-    if let Some(rms) = report.rms_px {
-        let used = report.photographs.iter().filter(|p| p.rms_px.is_some()).count();
-        let _ = writeln!(text, "boards    {used} of {} photographs, {rms:.3} px RMS", report.photographs.len());
-    }
-    for p in &report.photographs {
-        if let Some(why) = &p.unused_because {
-            let _ = writeln!(text, "not used  {} {why}", p.file);
-        }
-    }
-    let (f, fs, c, cs) = (g.camera.focal_px, g.sigma.focal_px, g.camera.center_px, g.sigma.center_px);
-    let _ = writeln!(
-        text,
-        "camera    focal length {:.2}{}, {:.2}{} px; axis at {:.2}{}, {:.2}{} px",
-        f[0],
-        sigma(fs.map(|s| s[0])),
-        f[1],
-        sigma(fs.map(|s| s[1])),
-        c[0],
-        sigma(cs.map(|s| s[0])),
-        c[1],
-        sigma(cs.map(|s| s[1])),
-    );
-    let [x, y, z] = g.viewer();
-    let _ = writeln!(text, "viewer    {x:.2}, {y:.2}, {z:.2} mm from the middle of the sample");
-    let triple = |v: [f64; 3], s: Option<[f64; 3]>| {
-        let one = |k: usize| format!("{:.2}{}", v[k], sigma(s.map(|s| s[k])));
-        format!("{}, {}, {} mm", one(0), one(1), one(2))
-    };
-    if let Some(panel) = &g.panel {
-        let _ = writeln!(text, "panel     middle at {}", triple(panel.pose.translation_mm, g.sigma.panel_mm));
-    }
-    if let Some(light) = g.light_mm {
-        let _ = writeln!(text, "light     {}", triple(light, g.sigma.light_mm));
-    }
-    if let Some(nm) = g.wavelength_nm {
-        let _ = writeln!(text, "light     {nm:.2}{} nm", sigma(g.sigma.wavelength_nm));
-    }
-    if let Some(band) = printed.band {
-        let _ = writeln!(text, "band      {:.2} nm wide at half maximum, {:.2} nm RMS", band.fwhm_nm, band.spread_nm);
-    }
-    text += &lines(&[], &report.warnings);
+    let mut text = nacre_periods::calibration::summary(printed.geometry, printed.report, printed.band);
     for file in printed.files.iter().take(3) {
-        let _ = writeln!(text, "wrote     {}", file.display());
+        let _ = write!(text, "\nwrote     {}", file.display());
     }
     if printed.files.len() > 3 {
-        let _ = writeln!(text, "wrote     {} more", printed.files.len() - 3);
+        let _ = write!(text, "\nwrote     {} more", printed.files.len() - 3);
     }
-    text.trim_end().to_owned()
+    text
 }

@@ -1,8 +1,8 @@
 //! `nacre map compare`.
 
-use crate::commands::said::lines;
 use crate::commands::values::PictureArgs;
 use crate::console::Console;
+use nacre_base::operation::lines;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_image::{OutputFolder, Palette};

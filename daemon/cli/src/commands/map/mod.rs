@@ -3,14 +3,14 @@
 mod compare;
 mod mask;
 
-use crate::commands::Estimating;
 use crate::commands::values::{PictureArgs, numbers};
+use crate::commands::{Estimating, carry_out};
 use crate::console::Console;
 use clap::{Subcommand, ValueEnum};
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_image::OutputFolder;
-use nacre_maps::{About, Curve, Edits, Encoding, Layout, Maps, edit_folder, export, import};
+use nacre_maps::{About, Curve, Edits, Encoding, Layout, Maps, export, import};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -171,9 +171,7 @@ impl Edit {
             palette: self.pictures.palette,
             no_scale_bar: self.pictures.bar.no_scale_bar,
         };
-        let (after, report) = edit_folder(&self.input, &self.out, &edits, self.force, console)?;
-        finish(console, &self.out, &after, &report);
-        Ok(())
+        carry_out(&edits, &self.input, &self.out, self.force, console)
     }
 }
 

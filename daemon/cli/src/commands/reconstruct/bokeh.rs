@@ -1,7 +1,7 @@
 //! `nacre reconstruct bokeh`.
 
 use crate::commands::Estimating;
-use crate::commands::said::lines;
+use crate::commands::carry_out;
 use crate::commands::values::{BarArgs, numbers, transfer};
 use crate::console::Console;
 use clap::ValueEnum;
@@ -9,10 +9,9 @@ use nacre_capture::Failure;
 use nacre_frames::Transfer;
 use nacre_lut::bokeh::deconvolution::Iterations;
 use nacre_lut::bokeh::{
-    self, Calibration, Crop, KnownGrating, KnownScale, Lens, Light, Line, Options, PsfChoice, Report, Shape,
+    self, Calibration, Crop, KnownGrating, KnownScale, Lens, Light, Line, Options, PsfChoice, Shape,
 };
 use nacre_polarimetry::NoiseModel;
-use std::fmt::Write;
 use std::path::PathBuf;
 
 /// Arguments of `nacre reconstruct bokeh`.
@@ -153,11 +152,7 @@ fn noise(text: &str) -> Result<Noise, String> {
 impl Bokeh {
     /// Runs the reconstruction.
     pub fn run(&self, console: &Console) -> Result<(), Failure> {
-        let report = bokeh::reconstruct(&self.image, &self.out, &self.options()?, console)?;
-        let mut text = summary(&report);
-        let _ = write!(text, "\nresults   {}", self.out.display());
-        console.result(&text, &report);
-        Ok(())
+        carry_out(&self.options()?, &self.image, &self.out, self.force, console)
     }
 
     fn options(&self) -> Result<Options, Failure> {
@@ -202,54 +197,7 @@ impl Bokeh {
             slice: self.slice,
             slice_width: self.slice_width,
             no_scale_bar: self.bar.no_scale_bar,
-            overwrite: self.force,
             ..Options::new(psf)
         })
     }
-}
-
-/// The report in a few lines.
-fn summary(report: &Report) -> String {
-    let found = &report.deconvolution;
-    let mut text = format!("result    {} × {} pixels, {}\n", report.width, report.height, report.psf);
-    let why = match (found.auto, found.converged) {
-        (true, true) => "stopped before the noise",
-        (true, false) => "the most allowed",
-        (false, _) => "as asked for",
-    };
-    let _ = writeln!(text, "sharpened {} iterations, {why}", found.iterations);
-    if let Some(noise) = found.noise {
-        let _ = writeln!(text, "noise     variance {:.2e} · light + {:.2e}, {}", noise.shot, noise.floor, noise.source);
-    }
-    if let Some(um) = report.scale.pixel_um {
-        let sigma = report.scale.sigma_um.map_or(String::new(), |s| format!(" ± {s:.5}"));
-        let _ = writeln!(text, "scale     {um:.5}{sigma} µm per pixel, {}", report.scale.source);
-    }
-    match report.cutoff {
-        Some(c) => {
-            let _ = writeln!(text, "cut-off   {:.2} µm (λ / (2 NA), NA {:.4})", c.period_um, c.numerical_aperture);
-        }
-        None => text.push_str("cut-off   unknown\n"),
-    }
-    if let Some(l) = report.lines {
-        let um = l.period_um.map_or(String::new(), |um| format!(", {um:.3} µm across them"));
-        let [px, sigma] = l.lines.period_px;
-        let _ = writeln!(text, "lines     {:.1} along the slice, {px:.3} ± {sigma:.3} px apart{um}", l.lines.count);
-    }
-    if let Some(s) = report.slits {
-        let ([spacing, s_sigma], [width, w_sigma]) = (s.slits.spacing_px, s.slits.width_px);
-        let _ = writeln!(
-            text,
-            "slits     {} lit, {width:.3} ± {w_sigma:.3} px wide, {spacing:.3} ± {s_sigma:.3} px apart",
-            s.slits.count
-        );
-    }
-    if let Some(c) = &report.heights.calibration {
-        let rmse = c.rmse_um.map_or(String::new(), |r| format!(", known profile off by {r:.4} µm RMS"));
-        let _ = writeln!(text, "height    {:.4} µm · (light / mean - {:.4}){rmse}", c.gain_um, c.offset);
-    }
-    text += &lines(&[], &report.warnings);
-    let s = &report.seconds;
-    let _ = write!(text, "time      {:.2} s: reading {:.2}, deconvolving {:.2}", s.total, s.read, s.deconvolve);
-    text
 }

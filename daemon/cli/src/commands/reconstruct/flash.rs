@@ -1,13 +1,12 @@
 //! `nacre reconstruct flash`.
 
 use crate::commands::Estimating;
-use crate::commands::said::{lines, meets};
+use crate::commands::carry_out;
 use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
 use nacre_capture::Failure;
 use nacre_optics::geometry;
-use nacre_periods::flash::{self, Orientation, PeriodChoice, Report, Settings};
-use std::fmt::Write;
+use nacre_periods::flash::{Orientation, PeriodChoice, Settings};
 use std::path::PathBuf;
 
 /// Arguments of `nacre reconstruct flash`.
@@ -137,59 +136,8 @@ impl Flash {
             pixel_mm: self.pixel_mm,
             palette: self.pictures.palette,
             no_scale_bar: self.pictures.bar.no_scale_bar,
-            overwrite: self.force,
+            max_error: self.max_error,
         };
-        let report = flash::reconstruct(&self.input, &self.out, &settings, console)?;
-        let mut text = summary(&report);
-        let _ = write!(text, "\nresults   {}", self.out.display());
-        console.result(&text, &report);
-        meets(self.max_error, report.sigma_deg, ["σ of a typical orientation", "°", "more lights help"])
+        carry_out(&settings, &self.input, &self.out, self.force, console)
     }
-}
-
-/// The report in a few lines.
-fn summary(report: &Report) -> String {
-    let mut text = format!("map       {} × {} pixels of {:.0} µm\n", report.width, report.height, report.pixel_um);
-    let registered = report.registration.map_or("on a grid".into(), |r| {
-        format!("moved by up to {:.2} pixels, known to {:.3}, {} left out", r.most_px, r.sigma_px, r.left_out)
-    });
-    let _ = writeln!(text, "tiles     {}, {registered}", report.tiles);
-    let _ = writeln!(
-        text,
-        "lights    {}, σ {:.2} mm: lobes of σ {:.3} on half vectors {:.3} apart",
-        report.lights_mm.len(),
-        report.light_sigma_mm,
-        report.lobe,
-        report.spacing
-    );
-    let relative = if report.relative { " (relative)" } else { "" };
-    let period = &report.period;
-    let um = match (period.um, period.sigma_um, period.range_um) {
-        (Some(um), Some(sigma), _) => format!("{um:.4} ± {sigma:.4} µm{relative}"),
-        (_, _, Some([low, high])) => format!("{low:.3} to {high:.3} µm{relative}"),
-        _ => "unknown".into(),
-    };
-    let _ = writeln!(text, "period    {um}: {}", period.why);
-    let percent = |v: Option<f64>| v.map_or("unknown".into(), |v| format!("{:.2} %", 100.0 * v));
-    let degrees = report.sigma_deg.map_or("unknown".into(), |v| format!("{v:.3}°"));
-    let _ =
-        writeln!(text, "quality   σ of a typical orientation {degrees}, of a period {}", percent(report.period_sigma));
-    let m = &report.masked;
-    let share = |v: f64| 100.0 * v;
-    let _ = writeln!(
-        text,
-        "masked    {:.1} %: dark {:.1}, several gratings {:.1}, ambiguous {:.1}, uncertain {:.1}, unexplained {:.1}, unseen {:.1}",
-        share(m.all),
-        share(m.dark),
-        share(m.several),
-        share(m.ambiguous),
-        share(m.uncertain),
-        share(m.unexplained),
-        share(m.unseen)
-    );
-    text += &lines(&report.assumptions, &report.warnings);
-    let s = &report.seconds;
-    let _ =
-        write!(text, "time      {:.2} s: reading {:.2}, fitting {:.2}, writing {:.2}", s.total, s.read, s.fit, s.write);
-    text
 }

@@ -34,6 +34,7 @@ use nacre_base::Result;
 use nacre_base::progress::Progress;
 use nacre_base::statistics::median;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
@@ -50,8 +51,9 @@ const MOST: u32 = 1000;
 const MOST_RELIABLE: f32 = 4.0;
 
 /// How often the filter is applied; 0 for not at all.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]
+#[schemars(with = "String")]
 pub struct Smoothing(u32);
 
 impl Smoothing {

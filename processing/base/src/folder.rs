@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use nacre_base::temporary::{TemporaryFolder, sweep};
-use nacre_base::{Error, Result, writable};
+use crate::temporary::{TemporaryFolder, sweep};
+use crate::{Error, Result, writable};
 
 /// Results are collected in a hidden folder beside (or, on another file system, inside) the final one and put in
 /// place by [`OutputFolder::commit`]. Dropped without commit, nothing stays behind; what a killed process left is removed by the
@@ -104,7 +104,7 @@ impl OutputFolder {
     /// # Errors
     /// `Error::Output` when the system refuses.
     pub fn write_json(&self, name: &str, data: &impl Serialize) -> Result<()> {
-        self.write(name, super::json(data).as_bytes())
+        self.write(name, crate::json(data).as_bytes())
     }
 
     /// Waits until the file `name`, which is complete, is on the disk. [`OutputFolder::commit`] does so for all files; this spares

@@ -1,0 +1,124 @@
+//! `/api/v1/operations`: what the registry offers, and one path for each operation, whose body is described by the operation's own schema.
+
+use super::keys::Keyed;
+use super::problem::{Answer, Problem};
+use super::reconstructions::{Reconstruction, submit};
+use super::{App, At};
+use axum::Json;
+use axum::extract::State;
+use axum::response::Response;
+use nacre_capture::plan::Method;
+use nacre_processing::operations::OPERATIONS;
+use nacre_store::jobs::{LightUpload, Spec};
+use schemars::generate::SchemaSettings;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+use std::sync::Arc;
+use utoipa::ToSchema;
+
+/// Path of an operation.
+const PATH: &str = "/api/v1/operations/{name}";
+
+/// What an operation works on, and its options.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Order {
+    /// A session.
+    session: Option<String>,
+    /// Or an upload.
+    upload: Option<String>,
+    /// Of `lut`: an upload with photographs of the mirror image of an extended light.
+    light: Option<LightUpload>,
+    /// Options; those that are left out have their defaults. Options that name files take names of files in the upload.
+    #[schema(value_type = Object)]
+    #[serde(default)]
+    options: Map<String, Value>,
+}
+
+/// An operation of the registry.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Offered {
+    /// Its name, in paths, plans and jobs.
+    name: &'static str,
+    /// What comes out, in one line.
+    title: &'static str,
+    /// JSON Schema of its options.
+    #[schema(value_type = Object)]
+    options: Value,
+}
+
+/// All operations, with the JSON Schema of their options.
+#[utoipa::path(get, path = "/api/v1/operations", tag = "operations", operation_id = "operations",
+    responses((status = 200, body = Vec<Offered>)))]
+pub async fn list() -> Json<Vec<Offered>> {
+    let all = OPERATIONS.iter();
+    Json(all.map(|o| Offered { name: o.name(), title: o.title(), options: o.fields().schema().clone() }).collect())
+}
+
+/// Runs an operation. The answer names a reconstruction, which is asked for its state and its results.
+#[utoipa::path(post, path = "/api/v1/operations/{name}", tag = "operations", operation_id = "run",
+    request_body = Order, params(("name" = String, Path),
+        ("Idempotency-Key" = Option<String>, Header, description = "Ask once only", min_length = 1, max_length = 200)),
+    responses((status = 202, body = Reconstruction, headers(("Location" = String, description = "The reconstruction"))),
+        (status = 400, body = Problem), (status = 404, body = Problem), (status = 422, body = Problem)))]
+pub async fn run(
+    State(app): State<Arc<App>>,
+    At(name): At<String>,
+    Keyed { body, key }: Keyed<Order>,
+) -> Answer<Response> {
+    let method: Method = serde_json::from_value(json!(name)).map_err(|_| {
+        let names: Vec<&str> = OPERATIONS.iter().map(|o| o.name()).collect();
+        Problem::not_found(format!("operation {name}")).remedy(format!("choose one of {}", names.join(", ")))
+    })?;
+    let Order { session, upload, light, options } = body;
+    super::reconstruction_request::check_input(method, [session.as_ref(), upload.as_ref()], light.as_ref())?;
+    let options = Some(Value::Object(options));
+    let spec = Spec { method, session, upload, light, options, ..Spec::default() };
+    submit(&app, spec, key).await
+}
+
+/// In an OpenAPI document, replaces the path of all operations by one for each, and adds the schemas of their options.
+pub fn describe(document: &mut Value) {
+    let settings = SchemaSettings::draft2020_12().with(|s| s.definitions_path = "/components/schemas".into());
+    let mut generator = settings.into_generator();
+    let general = document["paths"].as_object_mut().and_then(|paths| paths.shift_remove(PATH)).unwrap_or_default();
+    for operation in OPERATIONS {
+        let options = operation.schema(&mut generator);
+        let mut own = general.clone();
+        let post = &mut own["post"];
+        post["operationId"] = json!(format!("run_{}", operation.name()));
+        post["summary"] = json!(operation.title());
+        if let Some(parameters) = post["parameters"].as_array_mut() {
+            parameters.retain(|parameter| parameter["in"] != "path");
+        }
+        post["requestBody"]["content"]["application/json"]["schema"] = json!({
+            "allOf": [{ "$ref": "#/components/schemas/Order" }],
+            "properties": { "options": options },
+        });
+        document["paths"][PATH.replace("{name}", operation.name())] = own;
+    }
+    for (name, schema) in generator.take_definitions(true) {
+        let schemas = &mut document["components"]["schemas"];
+        debug_assert!(schemas[&name].is_null(), "two schemas are called {name}");
+        schemas[name] = schema;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::router::openapi;
+
+    #[test]
+    fn every_operation_has_its_path_and_its_schema() {
+        let document = openapi();
+        for operation in super::OPERATIONS {
+            let post = &document["paths"][format!("/api/v1/operations/{}", operation.name())]["post"];
+            let options = &post["requestBody"]["content"]["application/json"]["schema"]["properties"]["options"];
+            let reference = options["$ref"].as_str().unwrap();
+            let schema = document.pointer(reference.trim_start_matches('#')).unwrap();
+            for field in &operation.fields().list {
+                assert!(schema["properties"].get(&field.path[0]).is_some(), "{reference} lacks {:?}", field.path);
+            }
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! The contract of every operation: one structure of options, from which command line, service and page derive theirs.
+//!
+//! An operation is a type whose fields are its options. Their documentation is the help, their `Default` the defaults, their JSON Schema the
+//! types. Keys of the schema that begin with `x-` add what JSON Schema has no words for ([`crate::fields`]).
+
+use crate::estimate::Work;
+use crate::fields::Fields;
+use crate::progress::Progress;
+use crate::{Error, OutputFolder, Result};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::de::DeserializeOwned;
+use serde::{Serialize, Serializer};
+use serde_json::{Map, Value};
+use std::marker::PhantomData;
+use std::path::Path;
+
+/// An operation: options and an input give results in a new folder.
+pub trait Operation: Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static {
+    /// Name in commands, paths of the service, plans and jobs.
+    const NAME: &'static str;
+
+    /// What comes out, in one line.
+    const TITLE: &'static str;
+
+    /// What is said of the results, which is also `report.json`.
+    type Report: Serialize + Summary + Send + 'static;
+
+    /// Refuses options and input that cannot be used; says time, memory and disk otherwise.
+    ///
+    /// # Errors
+    /// `Input`, which names the option or the file.
+    fn check(&self, input: &Path) -> Result<Work>;
+
+    /// Writes all results into a folder, without its report.
+    ///
+    /// # Errors
+    /// `Input`, `Output` or `Cancelled`; the caller drops the folder then.
+    fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Self::Report>;
+
+    /// Why the result misses the error that the options ask for, with a remedy; none where it meets it.
+    fn missed(&self, _: &Self::Report) -> Option<String> {
+        None
+    }
+}
+
+/// A report in a few lines for people, each with a label of at most nine characters: `warning   …`.
+pub trait Summary {
+    /// The lines, without a line break at the end.
+    fn summary(&self) -> String;
+
+    /// What the reader must know before trusting the results.
+    fn warnings(&self) -> &[String];
+}
+
+/// Runs an operation from `input` into the new folder `out`, which appears whole or not at all. With `overwrite`, files of the same names are
+/// replaced in a folder that is there.
+///
+/// # Errors
+/// As [`Operation::check`] and [`Operation::run`].
+pub fn perform<O: Operation>(
+    operation: &O,
+    input: &Path,
+    out: &Path,
+    overwrite: bool,
+    progress: &dyn Progress,
+) -> Result<O::Report> {
+    progress.expect(&operation.check(input)?)?;
+    let folder = OutputFolder::begin(out, overwrite)?;
+    let report = operation.run(input, &folder, progress)?;
+    folder.write_json("report.json", &report)?;
+    progress.check()?;
+    folder.commit()?;
+    Ok(report)
+}
+
+/// An operation of the registry: options come as JSON.
+pub trait Registered: Sync {
+    /// [`Operation::NAME`].
+    fn name(&self) -> &'static str;
+
+    /// [`Operation::TITLE`].
+    fn title(&self) -> &'static str;
+
+    /// JSON Schema of the options. Definitions of other types stay with the generator.
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema;
+
+    /// All options, with those of nested structures.
+    fn fields(&self) -> Fields;
+
+    /// Reads options; those that are left out have their defaults.
+    ///
+    /// # Errors
+    /// `Input`, which names the key.
+    fn with(&self, options: &Value) -> Result<Box<dyn Ready>>;
+}
+
+/// An operation with its options.
+pub trait Ready: Send {
+    /// [`Operation::check`].
+    ///
+    /// # Errors
+    /// As there.
+    fn check(&self, input: &Path) -> Result<Work>;
+
+    /// [`perform`].
+    ///
+    /// # Errors
+    /// As there.
+    fn perform(&self, input: &Path, out: &Path, overwrite: bool, progress: &dyn Progress) -> Result<Done>;
+}
+
+/// A result; serialised, it is its report.
+pub struct Done {
+    report: Box<dyn erased_serde::Serialize + Send>,
+    /// The report in a few lines.
+    pub summary: String,
+    /// What the reader must know before trusting the results.
+    pub warnings: Vec<String>,
+    /// [`Operation::missed`].
+    pub missed: Option<String>,
+}
+
+impl Done {
+    /// Of an operation that has been run.
+    pub fn new<O: Operation>(operation: &O, report: O::Report) -> Self {
+        let (summary, warnings, missed) = (report.summary(), report.warnings().to_vec(), operation.missed(&report));
+        Self { report: Box::new(report), summary, warnings, missed }
+    }
+}
+
+impl Serialize for Done {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        erased_serde::serialize(&*self.report, serializer)
+    }
+}
+
+/// The entry of an operation in the registry.
+pub struct Entry<O>(PhantomData<fn() -> O>);
+
+impl<O> Entry<O> {
+    /// The entry.
+    pub const NEW: Self = Self(PhantomData);
+}
+
+impl<O: Operation> Registered for Entry<O> {
+    fn name(&self) -> &'static str {
+        O::NAME
+    }
+
+    fn title(&self) -> &'static str {
+        O::TITLE
+    }
+
+    fn schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        generator.subschema_for::<O>()
+    }
+
+    fn fields(&self) -> Fields {
+        Fields::of(SchemaGenerator::default().into_root_schema_for::<O>().to_value())
+    }
+
+    fn with(&self, options: &Value) -> Result<Box<dyn Ready>> {
+        let none = Value::Object(Map::new());
+        let options = if options.is_null() { &none } else { options };
+        let read: O = serde_path_to_error::deserialize(options).map_err(|error| {
+            let key = error.path().to_string();
+            let key = if key == "." { "options".to_owned() } else { key };
+            Error::input(key, error.into_inner(), "correct it; the schema of the operation lists keys and units")
+        })?;
+        Ok(Box::new(read))
+    }
+}
+
+impl<O: Operation> Ready for O {
+    fn check(&self, input: &Path) -> Result<Work> {
+        Operation::check(self, input)
+    }
+
+    fn perform(&self, input: &Path, out: &Path, overwrite: bool, progress: &dyn Progress) -> Result<Done> {
+        perform(self, input, out, overwrite, progress).map(|report| Done::new(self, report))
+    }
+}
+
+/// Lines of assumptions and warnings, as all summaries end with them.
+pub fn lines(assumptions: &[String], warnings: &[String]) -> String {
+    let assumed = assumptions.iter().map(|a| format!("assumed   {a}\n"));
+    assumed.chain(warnings.iter().map(|w| format!("warning   {w}\n"))).collect()
+}
+
+/// Why an error is larger than was asked for, in this unit, or is unknown. `error` names it, `remedy` makes it smaller.
+pub fn exceeds(wanted: Option<f64>, found: Option<f64>, [error, unit, remedy]: [&str; 3]) -> Option<String> {
+    match (wanted?, found) {
+        (wanted, Some(found)) if found <= wanted => None,
+        (wanted, Some(found)) => {
+            Some(format!("{error} is {found:.4}{unit}, more than the {wanted}{unit} asked for; {remedy}"))
+        }
+        (wanted, None) => Some(format!("no error can be told, so it may exceed the {wanted}{unit} asked for")),
+    }
+}

@@ -1,0 +1,27 @@
+//! The registry: every operation that command line, service, plans and jobs know.
+//!
+//! A new operation implements [`Operation`](nacre_base::operation::Operation) for its options, and gets a line here.
+
+use nacre_base::operation::{Entry, Registered};
+use nacre_lut::{bokeh, foil};
+use nacre_periods::{calibration, flash, spots};
+
+/// All operations.
+pub const OPERATIONS: &[&dyn Registered] = &[
+    &Entry::<nacre_polarimetry::Options>::NEW,
+    &Entry::<nacre_frames::hdr::Options>::NEW,
+    &Entry::<nacre_lut::Settings>::NEW,
+    &Entry::<bokeh::Options>::NEW,
+    &Entry::<foil::Settings>::NEW,
+    &Entry::<spots::Settings>::NEW,
+    &Entry::<flash::Settings>::NEW,
+    &Entry::<nacre_brdf::MapOptions>::NEW,
+    &Entry::<nacre_maps::Edits>::NEW,
+    &Entry::<calibration::Options>::NEW,
+    &Entry::<nacre_render::Options>::NEW,
+];
+
+/// The operation of a name.
+pub fn operation(name: &str) -> Option<&'static dyn Registered> {
+    OPERATIONS.iter().copied().find(|o| o.name() == name)
+}
