@@ -10,6 +10,7 @@ use nacre_periods::{calibration, flash, spots};
 pub const OPERATIONS: &[&dyn Registered] = &[
     &Entry::<nacre_polarimetry::Options>::NEW,
     &Entry::<nacre_frames::hdr::Options>::NEW,
+    &Entry::<nacre_frames::stack::Options>::NEW,
     &Entry::<nacre_lut::Settings>::NEW,
     &Entry::<bokeh::Options>::NEW,
     &Entry::<foil::Settings>::NEW,

@@ -2,14 +2,13 @@
 
 use crate::engine::{Control, Engine, Input, Observer, State};
 use crate::failure::Failure;
-use crate::plan::{Method, Plan, ReconstructPlan};
+use crate::plan::{Plan, ReconstructPlan};
 use crate::rig::{Rig, Stop};
 use crate::session::{self, Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
 use nacre_base::operation::Done;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder};
 use nacre_polarimetry::Running;
-use nacre_processing::operations::operation;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -229,8 +228,8 @@ fn results(
     progress: &dyn Progress,
 ) -> Result<(PathBuf, Done), Error> {
     let results = folder.join(RESULTS);
-    let (name, options) = planned.operation()?;
-    if let (Some(running), Method::Polarization) = (running, planned.method) {
+    let options = planned.options()?;
+    if let Some(running) = running.filter(|_| planned.method == *"polarization") {
         let options = planned.polarization();
         let out = OutputFolder::begin(&results, true)?;
         let report = running.finish(&out, &options, progress)?;
@@ -239,8 +238,7 @@ fn results(
         out.commit()?;
         return Ok((results, Done::new(&options, report)));
     }
-    let operation = operation(name).ok_or_else(|| Error::input("plan", format!("asks for {name}"), "report this"))?;
-    let done = operation.with(&options)?.perform(folder, &results, true, progress)?;
+    let done = planned.method.operation().with(&options)?.perform(folder, &results, true, progress)?;
     Ok((results, done))
 }
 

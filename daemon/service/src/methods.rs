@@ -5,33 +5,31 @@ use super::work::result_folder;
 use nacre_base::Error;
 use nacre_base::estimate::Work;
 use nacre_base::fields::Fields;
-use nacre_base::operation::Ready;
+use nacre_base::operation::{Input, Ready};
 use nacre_base::progress::Progress;
-use nacre_capture::plan::Method;
 use nacre_frames::FILE_NAME;
-use nacre_processing::operations::operation;
 use nacre_store::jobs::Spec;
 use serde_json::Value;
 use std::path::{Component, Path, PathBuf};
-
-/// Methods that work on uploads only.
-const OF_UPLOADS: [Method; 3] = [Method::Brdf, Method::Calibrate, Method::Render];
 
 /// Checks a job's input and options, and estimates it. `data` is the service's folder.
 pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
     let input = input_of(spec, data);
     if spec.session.is_some() {
-        if OF_UPLOADS.contains(&spec.method) {
-            let name = spec.method.name();
-            return Err(Problem::bad(format!("method {name} takes an upload, not a session")));
-        }
-        if spec.method != Method::Map && !input.join(FILE_NAME).exists() {
-            let problem = Problem::not_found("complete set of photographs there");
-            return Err(problem.remedy("finish the session first"));
+        match spec.method.operation().input() {
+            Input::Files | Input::FilesOrNothing => {
+                let name = spec.method.name();
+                return Err(Problem::bad(format!("method {name} takes an upload, not a session")));
+            }
+            Input::Photographs if !input.join(FILE_NAME).exists() => {
+                let problem = Problem::not_found("complete set of photographs there");
+                return Err(problem.remedy("finish the session first"));
+            }
+            Input::Photographs | Input::Maps => {}
         }
     }
     if let Some(light) = &spec.light {
-        if spec.method != Method::Lut {
+        if spec.method != *"lut" {
             return Err(Problem::bad("light, the photograph of one, belongs to the method lut"));
         }
         if !data.join("uploads").join(&light.upload).is_dir() {
@@ -44,7 +42,9 @@ pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
 /// Folder of what a job works on. Calibrations may go on from an earlier one without photographs: then it is empty.
 fn input_of(spec: &Spec, data: &Path) -> PathBuf {
     match (&spec.session, &spec.upload) {
-        (Some(id), _) if spec.method == Method::Map => data.join("sessions").join(id).join("results"),
+        (Some(id), _) if spec.method.operation().input() == Input::Maps => {
+            data.join("sessions").join(id).join("results")
+        }
         (Some(id), _) => data.join("sessions").join(id),
         (None, Some(id)) => data.join("uploads").join(id),
         (None, None) => PathBuf::new(),
@@ -53,8 +53,7 @@ fn input_of(spec: &Spec, data: &Path) -> PathBuf {
 
 /// The operation with its options, whose files are those that were sent with the input.
 fn ready(spec: &Spec, data: &Path) -> Result<Box<dyn Ready>, Error> {
-    let name = spec.method.name();
-    let operation = operation(name).ok_or_else(|| Error::input("method", format!("{name} is none"), "ask again"))?;
+    let operation = spec.method.operation();
     let mut options = spec.values()?;
     found(&operation.fields(), &mut options, &input_of(spec, data))?;
     if let Some(light) = &spec.light {

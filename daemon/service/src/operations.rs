@@ -7,7 +7,7 @@ use super::{App, At};
 use axum::Json;
 use axum::extract::State;
 use axum::response::Response;
-use nacre_capture::plan::Method;
+use nacre_capture::plan::{Method, names};
 use nacre_processing::operations::OPERATIONS;
 use nacre_store::jobs::{LightUpload, Spec};
 use schemars::generate::SchemaSettings;
@@ -66,10 +66,8 @@ pub async fn run(
     At(name): At<String>,
     Keyed { body, key }: Keyed<Order>,
 ) -> Answer<Response> {
-    let method: Method = serde_json::from_value(json!(name)).map_err(|_| {
-        let names: Vec<&str> = OPERATIONS.iter().map(|o| o.name()).collect();
-        Problem::not_found(format!("operation {name}")).remedy(format!("choose one of {}", names.join(", ")))
-    })?;
+    let unknown = || Problem::not_found(format!("operation {name}")).remedy(format!("choose one of {}", names()));
+    let method = Method::of(&name).ok_or_else(unknown)?;
     let Order { session, upload, light, options } = body;
     super::reconstruction_request::check_input(method, [session.as_ref(), upload.as_ref()], light.as_ref())?;
     let options = Some(Value::Object(options));

@@ -1,6 +1,7 @@
 //! The body of `POST /api/v1/reconstructions`.
 
 use super::problem::{Answer, Problem};
+use nacre_base::operation::Input;
 use nacre_capture::plan::Method;
 use nacre_image::Palette;
 use nacre_polarimetry::{Align, Demosaic, Oblique, PeriodMethod, Smoothing};
@@ -18,7 +19,8 @@ pub struct Request {
     pub upload: Option<String>,
     /// Of `lut`: photographs of the mirror image of a light that is no point, uploaded by themselves; the table is spread with it.
     pub light: Option<LightUpload>,
-    /// `polarization` (the default), `hdr`, `lut`, `bokeh`, `spots`, `brdf`, `flash`, `foil`, `calibrate`, `map` or `render`.
+    /// Name of an operation (default: polarization); `/api/v1/operations` lists them.
+    #[schema(value_type = Option<String>, example = "polarization")]
     pub method: Option<Method>,
     /// Options of methods other than polarization, which has its own below. `/api/v1/operations` has their schemas.
     #[schema(value_type = Option<Object>)]
@@ -67,7 +69,7 @@ impl Request {
     pub fn spec(self) -> Answer<Spec> {
         let method = self.method.unwrap_or_default();
         check_input(method, [self.session.as_ref(), self.upload.as_ref()], self.light.as_ref())?;
-        if method == Method::Polarization && self.options.is_some() {
+        if method == *"polarization" && self.options.is_some() {
             return Err(Problem::bad("options do not belong to the method polarization here, which has its own"));
         }
         Ok(Spec {
@@ -97,7 +99,7 @@ impl Request {
 /// # Errors
 /// `bad-request`.
 pub fn check_input(method: Method, [session, upload]: [Option<&String>; 2], light: Option<&LightUpload>) -> Answer<()> {
-    let nothing = session.is_none() && upload.is_none() && method == Method::Calibrate;
+    let nothing = session.is_none() && upload.is_none() && method.operation().input() == Input::FilesOrNothing;
     if session.is_some() == upload.is_some() && !nothing {
         return Err(Problem::bad("give either a session or an upload"));
     }

@@ -11,6 +11,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_base::estimate::{Estimate, Machine, Work};
+use nacre_base::operation::Input;
 use nacre_capture::fields::fields;
 use nacre_capture::plan::Method;
 use nacre_capture::session::SESSION_FILE;
@@ -40,6 +41,7 @@ pub struct Reconstruction {
     upload: Option<String>,
     /// The photographs of its light, where there are any.
     light: Option<LightUpload>,
+    #[schema(value_type = String)]
     method: Method,
     /// Its options, for methods other than polarization.
     #[schema(value_type = Option<Object>)]
@@ -130,7 +132,7 @@ impl App {
             (Some(id), _) => self.session_folder(id),
             (None, Some(id)) => Ok(self.upload_folder(id)?),
             // What is calibrated without photographs has its results alone.
-            _ if spec.method == Method::Calibrate => Ok(self.result_folder(&spec.id)),
+            _ if spec.method.operation().input() == Input::FilesOrNothing => Ok(self.result_folder(&spec.id)),
             _ => Err(Problem::not_found("input")),
         }
     }

@@ -14,6 +14,19 @@ use serde_json::{Map, Value};
 use std::marker::PhantomData;
 use std::path::Path;
 
+/// What an operation takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// Photographs: a session, a set that `frames.json` describes, or a folder of them.
+    Photographs,
+    /// Maps, such as the results of a session.
+    Maps,
+    /// Other files.
+    Files,
+    /// Other files, or nothing.
+    FilesOrNothing,
+}
+
 /// An operation: options and an input give results in a new folder.
 pub trait Operation: Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static {
     /// Name in commands, paths of the service, plans and jobs.
@@ -21,6 +34,9 @@ pub trait Operation: Serialize + DeserializeOwned + JsonSchema + Send + Sync + '
 
     /// What comes out, in one line.
     const TITLE: &'static str;
+
+    /// What it takes.
+    const INPUT: Input = Input::Photographs;
 
     /// What is said of the results, which is also `report.json`.
     type Report: Serialize + Summary + Send + 'static;
@@ -80,6 +96,9 @@ pub trait Registered: Sync {
 
     /// [`Operation::TITLE`].
     fn title(&self) -> &'static str;
+
+    /// [`Operation::INPUT`].
+    fn input(&self) -> Input;
 
     /// JSON Schema of the options. Definitions of other types stay with the generator.
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema;
@@ -149,6 +168,10 @@ impl<O: Operation> Registered for Entry<O> {
 
     fn title(&self) -> &'static str {
         O::TITLE
+    }
+
+    fn input(&self) -> Input {
+        O::INPUT
     }
 
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema {

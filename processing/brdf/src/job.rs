@@ -7,7 +7,7 @@ use super::output::{albedo, needed_size, write_map, write_picture};
 use super::report::Report;
 use super::settings::Settings;
 use nacre_base::estimate::Work;
-use nacre_base::operation::{Operation, Summary};
+use nacre_base::operation::{Input, Operation, Summary};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder, Result};
 use nacre_image::budget;
@@ -88,6 +88,7 @@ impl MapOptions {
 impl Operation for MapOptions {
     const NAME: &'static str = "brdf";
     const TITLE: &'static str = "Picture of the light that a height field diffracts into all directions";
+    const INPUT: Input = Input::Files;
     type Report = Report<MapReport>;
 
     fn check(&self, input: &Path) -> Result<Work> {

@@ -9,6 +9,7 @@ mod linear;
 mod load;
 mod noise;
 mod sensor;
+pub mod stack;
 mod stated;
 mod tags;
 

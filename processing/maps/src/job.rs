@@ -4,7 +4,7 @@ use super::asset::Maps;
 use super::edit::{Edits, edit};
 use super::picture::before_and_after;
 use nacre_base::estimate::Work;
-use nacre_base::operation::{Operation, Summary, lines};
+use nacre_base::operation::{Input, Operation, Summary, lines};
 use nacre_base::progress::Progress;
 use nacre_base::{OutputFolder, Result};
 use nacre_image::Palette;
@@ -64,6 +64,7 @@ impl About {
 impl Operation for Edits {
     const NAME: &'static str = "map";
     const TITLE: &'static str = "Edited maps of orientation and period";
+    const INPUT: Input = Input::Maps;
     type Report = Report;
 
     fn check(&self, input: &Path) -> Result<Work> {

@@ -3,7 +3,7 @@
 use super::Observer;
 use super::series::{Decision, decide, decide_fringes};
 use super::store::{Arrival, frame_set};
-use crate::plan::{Method, Plan, PlanKind};
+use crate::plan::{Plan, PlanKind};
 use crate::session::SessionFile;
 use nacre_base::Result;
 use nacre_drivers::CameraInfo;
@@ -49,7 +49,7 @@ impl Live<'_> {
             self.follow_fringes(arrivals);
             return None;
         }
-        let wanted = plan.reconstruct.as_ref().is_some_and(|r| r.method == Method::Polarization);
+        let wanted = plan.reconstruct.as_ref().is_some_and(|r| r.method == *"polarization");
         let looked_at = plan.kind == PlanKind::Polarization && self.observer.wants_map();
         if !wanted && !looked_at && self.deciding.is_none() {
             arrivals.iter().for_each(drop);

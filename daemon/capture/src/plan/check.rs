@@ -2,7 +2,7 @@
 
 use super::estimate::{Limits, light_on_s};
 use super::steps::groups;
-use super::{AnalyserPlan, DisplayPlan, Method, Plan, PlanKind, Step};
+use super::{AnalyserPlan, DisplayPlan, Plan, PlanKind, Step};
 use crate::fields::fields;
 use nacre_base::Error;
 use nacre_base::text::{from_json, from_toml, read_text};
@@ -144,25 +144,25 @@ impl Plan {
     fn check_reconstruct(&self) -> Result<(), String> {
         let Some(planned) = &self.reconstruct else { return Ok(()) };
         let (method, kind) = (super::word(planned.method), super::word(self.kind));
-        let fits = match planned.method {
-            Method::Polarization => self.kind == PlanKind::Polarization,
-            // Nothing that is captured, or needs more than a plan says.
-            Method::Brdf | Method::Foil | Method::Calibrate | Method::Map | Method::Render => false,
-            Method::Spots => self.spots.as_ref().is_some_and(|s| s.fringes.is_some()),
-            Method::Flash => self.kind == PlanKind::Flash,
-            Method::Hdr | Method::Lut | Method::Bokeh => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
+        let fits = match planned.method.name() {
+            "polarization" => self.kind == PlanKind::Polarization,
+            "spots" => self.spots.as_ref().is_some_and(|s| s.fringes.is_some()),
+            "flash" => self.kind == PlanKind::Flash,
+            "hdr" | "lut" | "bokeh" => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
+            // The others take what is not captured, or need more than a plan says.
+            _ => false,
         };
         if !fits {
             return Err(format!("reconstruct.method is {method}, but the plan's kind is {kind}; remove it"));
         }
-        let merges = planned.method != Method::Polarization;
+        let merges = planned.method != *"polarization";
         let of_one = [
-            ("spots", planned.spots.is_some(), Method::Spots),
-            ("lut", planned.lut.is_some(), Method::Lut),
-            ("flash", planned.flash.is_some(), Method::Flash),
-            ("bokeh", planned.bokeh.is_some(), Method::Bokeh),
+            ("spots", planned.spots.is_some()),
+            ("lut", planned.lut.is_some()),
+            ("flash", planned.flash.is_some()),
+            ("bokeh", planned.bokeh.is_some()),
         ];
-        if let Some((name, ..)) = of_one.iter().find(|(_, given, owner)| *given && planned.method != *owner) {
+        if let Some((name, _)) = of_one.iter().find(|(owner, given)| *given && planned.method != **owner) {
             return Err(format!("reconstruct.{name} belongs to the method {name}, not to {method}; remove it"));
         }
         if let Some(settings) = &planned.spots {
@@ -176,14 +176,14 @@ impl Plan {
         if let Some(settings) = &planned.flash {
             settings.check().map_err(|e| format!("reconstruct.flash: {}", fields(&e.to_string())))?;
         }
-        match (&planned.bokeh, planned.method) {
+        match (&planned.bokeh, planned.method.name()) {
             (Some(options), _) => {
                 if matches!(options.psf, PsfChoice::Image(_)) {
                     return Err("reconstruct.bokeh.psf.image is for the command line; give psf.sigma in pixels".into());
                 }
                 options.check().map_err(|e| format!("reconstruct.bokeh: {}", fields(&e.to_string())))?;
             }
-            (None, Method::Bokeh) => {
+            (None, "bokeh") => {
                 return Err("the method bokeh must know the blur; give reconstruct.bokeh.psf.sigma in pixels".into());
             }
             (None, _) => {}

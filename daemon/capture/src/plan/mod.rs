@@ -4,6 +4,7 @@ mod analyser;
 mod check;
 mod estimate;
 mod fringes;
+mod method;
 mod results;
 mod steps;
 
@@ -12,6 +13,7 @@ pub use estimate::{Estimate, Least, Limits};
 pub(crate) use estimate::{approach, light_on_s};
 pub(crate) use fringes::MORE;
 pub use fringes::{Added, FringesPlan, Reach, UntilDecided};
+pub use method::{Method, names};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_base::Error;
@@ -160,80 +162,32 @@ impl ReconstructPlan {
         nacre_polarimetry::Options { model, oblique, palette, ..Default::default() }
     }
 
-    /// The operation's name and its options.
+    /// Options of the operation.
     ///
     /// # Errors
     /// `Input` for a method that does not begin from a session, and where needed options are missing.
-    pub fn operation(&self) -> Result<(&'static str, Value), Error> {
+    pub fn options(&self) -> Result<Value, Error> {
         // Plain data always serialises.
         fn value(options: &impl Serialize) -> Value {
             serde_json::to_value(options).unwrap_or_default()
         }
-        let options = match self.method {
-            Method::Polarization => value(&self.polarization()),
+        let options = match self.method.name() {
+            "polarization" => value(&self.polarization()),
             // The bench stands still.
-            Method::Hdr => json!({ "align": "off" }),
-            Method::Lut => self.lut.as_ref().map_or(Value::Null, value),
-            Method::Bokeh => self.bokeh.as_ref().map(value).ok_or_else(|| {
+            "hdr" => json!({ "align": "off" }),
+            "lut" => self.lut.as_ref().map_or(Value::Null, value),
+            "bokeh" => self.bokeh.as_ref().map(value).ok_or_else(|| {
                 let remedy = "say the blur in the plan: reconstruct.bokeh.psf.sigma";
                 Error::input("plan", "has no options of bokeh", remedy)
             })?,
-            Method::Spots => self.spots.as_ref().map_or(Value::Null, value),
-            Method::Flash => self.flash.as_ref().map_or(Value::Null, value),
-            Method::Foil | Method::Calibrate | Method::Map | Method::Brdf | Method::Render => {
+            "spots" => self.spots.as_ref().map_or(Value::Null, value),
+            "flash" => self.flash.as_ref().map_or(Value::Null, value),
+            _ => {
                 let problem = "makes of photographs what is made of other things";
                 return Err(Error::input("plan", problem, "leave reconstruct out, and upload what it is made of"));
             }
         };
-        Ok((self.method.name(), options))
-    }
-}
-
-/// Which reconstruction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, utoipa::ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    /// Orientations from photographs behind an analyser.
-    #[default]
-    Polarization,
-    /// One photograph of high dynamic range from several exposures, for kinds exposures and flash.
-    Hdr,
-    /// A table of a diffraction pattern under any light, for kinds exposures and flash.
-    Lut,
-    /// Lines and heights of a grating in an out-of-focus highlight, for kinds exposures and flash.
-    Bokeh,
-    /// Orientation and period from fringes on the panel, for kind spots.
-    Spots,
-    /// The light that an uploaded height field diffracts; not for plans.
-    Brdf,
-    /// Orientations and periods of gratings under a flash, for the kind flash.
-    Flash,
-    /// How orientations and periods of a foil's random dots are distributed; not for plans.
-    Foil,
-    /// A camera, from uploaded photographs of a board; not for plans.
-    Calibrate,
-    /// Maps that were uploaded, or a session's, edited; not for plans.
-    Map,
-    /// A picture of an uploaded scene; not for plans.
-    Render,
-}
-
-impl Method {
-    /// Name of the operation.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Polarization => "polarization",
-            Self::Hdr => "hdr",
-            Self::Lut => "lut",
-            Self::Bokeh => "bokeh",
-            Self::Spots => "spots",
-            Self::Brdf => "brdf",
-            Self::Flash => "flash",
-            Self::Foil => "foil",
-            Self::Calibrate => "calibrate",
-            Self::Map => "map",
-            Self::Render => "render",
-        }
+        Ok(options)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Estimate of a session's results, before the session.
 
-use super::{Limits, Method, Plan, Role};
+use super::{Limits, Plan, Role};
 use nacre_base::estimate::Work;
 use nacre_frames::hdr;
 use nacre_image::budget::Operation;
@@ -15,28 +15,28 @@ impl Plan {
         let info = Info { width, height, channels: 1, depth: Depth::U16 };
         let photographs = self.most_steps().iter().filter(|step| step.role == Role::Series).count();
         let merging = hdr::work_of(info, photographs);
-        Some(match planned.method {
-            Method::Polarization => {
+        Some(match planned.method.name() {
+            "polarization" => {
                 nacre_polarimetry::work_of(photographs, [width, height], planned.model != Some(Model::Plain))
             }
-            Method::Hdr => merging,
-            Method::Lut => {
+            "hdr" => merging,
+            "lut" => {
                 let size = planned.lut.as_ref().map_or(nacre_lut::Settings::default().size, |settings| settings.size);
                 Operation::Table(size * size).work(info).preceded_by(&merging)
             }
-            Method::Bokeh => {
+            "bokeh" => {
                 let options = planned.bokeh.as_ref()?;
                 let operation = Operation::Bokeh { part: None, iterations: options.iterations.usual() };
                 operation.work(info).preceded_by(&merging)
             }
-            Method::Spots => {
+            "spots" => {
                 let fringes = self.spots.as_ref().and_then(|spots| spots.fringes.as_ref());
                 let phases = fringes.map_or(4, |fringes| fringes.phases);
                 Operation::Fringes(photographs / (phases as usize).max(1)).work(info)
             }
-            Method::Flash => Operation::Flash(photographs).work(info),
+            "flash" => Operation::Flash(photographs).work(info),
             // The others do not begin from a session.
-            Method::Foil | Method::Brdf | Method::Calibrate | Method::Map | Method::Render => return None,
+            _ => return None,
         })
     }
 

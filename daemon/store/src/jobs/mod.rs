@@ -130,11 +130,13 @@ impl Spec {
     /// # Errors
     /// `Input` for options of the method polarization that there are not.
     pub fn values(&self) -> Result<Value, Error> {
-        match (&self.options, self.method) {
-            (Some(options), _) => Ok(options.clone()),
+        match &self.options {
+            Some(options) => Ok(options.clone()),
             // Plain data always serialises.
-            (None, Method::Polarization) => Ok(serde_json::to_value(self.polarization()?).unwrap_or_default()),
-            (None, _) => Ok(Value::Object(Map::new())),
+            None if self.method == *"polarization" => {
+                Ok(serde_json::to_value(self.polarization()?).unwrap_or_default())
+            }
+            None => Ok(Value::Object(Map::new())),
         }
     }
 

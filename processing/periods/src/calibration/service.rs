@@ -11,7 +11,7 @@ use super::overlay::overlay;
 use super::report::Report;
 use super::summary::summary;
 use nacre_base::estimate::Work;
-use nacre_base::operation::{Operation, Summary};
+use nacre_base::operation::{Input, Operation, Summary};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder, Result};
 use nacre_optics::geometry::{Geometry, text};
@@ -154,6 +154,7 @@ impl Options {
 impl Operation for Options {
     const NAME: &'static str = "calibrate";
     const TITLE: &'static str = "Camera, sample and light, from photographs of a board and of the light in a mirror";
+    const INPUT: Input = Input::FilesOrNothing;
     type Report = Calibration;
 
     /// The input is a folder of photographs, or empty where an earlier geometry is continued without any.

@@ -7,7 +7,7 @@ use crate::prepared_scene;
 use crate::scene::Scene;
 use crate::settings::{Method, Settings};
 use nacre_base::estimate::{Machine, Work};
-use nacre_base::operation::{Operation, Summary};
+use nacre_base::operation::{Input, Operation, Summary};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder, Result};
 use nacre_image::budget;
@@ -112,6 +112,7 @@ fn scene_in(folder: &Path) -> Result<PathBuf> {
 impl Operation for Options {
     const NAME: &'static str = "render";
     const TITLE: &'static str = "Picture of a scene: measured and invented surfaces under any light";
+    const INPUT: Input = Input::Files;
     type Report = Written;
 
     /// Does not look into the files that the scene names; they have to lie in the folder. Many renderings end earlier than said, once their

@@ -35,7 +35,7 @@ fn spec(model: &str) -> Spec {
         session: Some("s1".into()),
         upload: None,
         light: None,
-        method: Method::Polarization,
+        method: Method::default(),
         options: None,
         model: model.into(),
         oblique: Oblique::Auto,

@@ -1,0 +1,9 @@
+//! Mean, median and standard deviation of a series of photographs of one view, without outliers.
+
+mod combine;
+mod operation;
+mod spool;
+#[cfg(test)]
+mod tests;
+
+pub use operation::{Options, Report};
