@@ -46,6 +46,12 @@ pub struct GratingCheck {
     pub ridges: Vec<[f64; 2]>,
     /// Azimuth of the light in degrees.
     pub azimuth_deg: f64,
+    /// Periods that the patch holds along its grating, where it cuts it: one period, averaged over the patch, was repeated in its place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cut_periods: Option<f64>,
+    /// What the reader must know of the patch whose light was computed; reports have it by themselves.
+    #[serde(skip)]
+    pub warnings: Vec<String>,
     /// How densities were computed; reports have it by themselves.
     #[serde(skip)]
     pub choice: Choice,
@@ -67,6 +73,15 @@ pub fn check(
     settings.check()?;
     ends("wavelengths", wavelengths_nm, [200.0, 2000.0])?;
     let [period_um, azimuth_deg] = given;
+    // A patch that cuts its grating is repeated with the cut: one period of the grating stands in for it, along its own direction.
+    if let Some(grating) = quality.grating.filter(|_| quality.cut().is_some()) {
+        let whole = grating.whole(field);
+        let of_whole = Quality::of_whole(&whole, grating, settings.coherence_um);
+        let azimuth = azimuth_deg.unwrap_or(grating.direction_deg);
+        let given = [Some(period_um.unwrap_or(grating.period_um)), Some(azimuth - grating.direction_deg)];
+        let found = check(&whole, &of_whole, settings, wavelengths_nm, given, progress)?;
+        return Ok(GratingCheck { azimuth_deg: azimuth, cut_periods: Some(grating.periods), ..found });
+    }
     let strongest = quality.periods.first();
     let refuse =
         || Error::input(&field.name, "has no period that stands out", "give --period-um and the light's azimuth");
@@ -151,7 +166,17 @@ pub fn check(
     let mean_nm = peaks.iter().map(|p| p.period_nm).sum::<f64>() / count;
     let variance_nm2 = peaks.iter().map(|p| (p.period_nm - mean_nm).powi(2)).sum::<f64>() / count;
     let ridges = ridges(&peaks);
-    Ok(GratingCheck { peaks, expected_nm: 1e3 * period, mean_nm, variance_nm2, ridges, azimuth_deg: azimuth, choice })
+    Ok(GratingCheck {
+        peaks,
+        expected_nm: 1e3 * period,
+        mean_nm,
+        variance_nm2,
+        ridges,
+        azimuth_deg: azimuth,
+        cut_periods: None,
+        warnings: quality.warnings.clone(),
+        choice,
+    })
 }
 
 /// Groups of periods that lie nearer than 1 % to the next.
@@ -161,3 +186,7 @@ fn ridges(peaks: &[Peak]) -> Vec<[f64; 2]> {
     let groups = all.chunk_by(|a, b| b - a < 0.01 * a);
     groups.map(|g| [g.iter().sum::<f64>() / g.len() as f64, g.len() as f64 / all.len() as f64]).collect()
 }
+
+#[cfg(test)]
+#[path = "check_tests.rs"]
+mod tests;

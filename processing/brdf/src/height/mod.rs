@@ -2,6 +2,7 @@
 
 mod formats;
 mod gaps;
+mod grating;
 mod picture;
 mod quality;
 mod read;
@@ -13,6 +14,7 @@ mod tests;
 mod text;
 mod tiff;
 
+pub use grating::Grating;
 pub use quality::{Peak, Quality};
 pub use read::{EXTENSIONS, Scale, read};
 pub use synthetic::{Profile, Shape, Synthetic};

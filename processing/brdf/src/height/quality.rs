@@ -1,6 +1,7 @@
 //! What a height field is fit for.
 
 use super::HeightField;
+use super::grating::{Grating, MANY};
 use crate::transform::Plan;
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -11,6 +12,9 @@ const WEAKEST: f64 = 0.02;
 
 /// Seams are steps this many times larger than the largest step inside.
 const SEAM: f64 = 1.25;
+
+/// Differences of heights below this part of their range are rounding errors.
+const ROUNDED: f64 = 1e-9;
 
 /// Periods of a single grating that a patch may hold above or below a whole number: what interpolation between frequencies is good for.
 const CYCLES: f64 = 0.08;
@@ -52,6 +56,9 @@ pub struct Quality {
     pub tilt: [f64; 2],
     /// Periods and directions found in the spectrum, the strongest first.
     pub periods: Vec<Peak>,
+    /// The grating that the patch is a part of, if it is of one alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grating: Option<Grating>,
     /// Steps, or changes of slope, from the last to the first column and row over the largest between neighbours inside: above 1.25 the patch
     /// does not go on where it is repeated.
     pub seams: [f64; 2],
@@ -71,6 +78,8 @@ impl Quality {
     pub fn of(field: &HeightField, coherence_um: f64) -> Self {
         let count = field.um.len() as f64;
         let mean = field.um.iter().sum::<f64>() / count;
+        let seams = seams(field);
+        let grating = Grating::find(field, seams.iter().all(|s| *s <= SEAM));
         let rms_um = (field.um.iter().map(|h| (h - mean).powi(2)).sum::<f64>() / count).sqrt();
         let mut this = Self {
             width: field.width,
@@ -81,8 +90,9 @@ impl Quality {
             rms_um,
             rms_slope: rms_slope(field),
             tilt: field.tilt(),
-            periods: periods(field),
-            seams: seams(field),
+            periods: with_grating(periods(field), grating, field),
+            grating,
+            seams,
             shortest_nm: 2e3 * field.pixel_um,
             step_um: field.step_um,
             notes: field.notes.clone(),
@@ -92,14 +102,24 @@ impl Quality {
         this
     }
 
-    /// Whether the patch goes on where it is repeated: no steps at its edges and, of a single grating, whose own steps may hide them, a whole
-    /// number of periods.
+    /// Of a patch that [`Grating::whole`] made: one period of a grating, whose slope and steps are the profile's own.
+    pub(crate) fn of_whole(field: &HeightField, grating: Grating, coherence_um: f64) -> Self {
+        let grating = Grating { direction_deg: 0.0, periods: 1.0, ..grating };
+        let mut this =
+            Self { tilt: [0.0; 2], seams: [0.0; 2], grating: Some(grating), ..Self::of(field, coherence_um) };
+        this.periods = with_grating(this.periods, this.grating, field);
+        this.warnings = this.warn(coherence_um);
+        this
+    }
+
+    /// Whether the patch goes on where it is repeated: of a single grating, whose own steps may hide those at the edges, a whole number of periods;
+    /// of others no steps there.
     pub fn is_periodic(&self) -> bool {
-        self.seams.iter().all(|s| *s <= SEAM) && self.cut().is_none()
+        self.cut().is_none() && (self.grating.is_some() || self.seams.iter().all(|s| *s <= SEAM))
     }
 
     /// Periods of a single grating to the right and up, where they are no whole numbers.
-    fn cut(&self) -> Option<[f64; 2]> {
+    pub(crate) fn cut(&self) -> Option<[f64; 2]> {
         let peak = self.single()?;
         let (sin, cos) = peak.direction_deg.to_radians().sin_cos();
         let cycles = [cos * self.size_um[0] / peak.period_um, sin * self.size_um[1] / peak.period_um];
@@ -162,6 +182,9 @@ impl Quality {
     /// The peak of a surface of which nearly everything is one grating and its harmonics.
     fn single(&self) -> Option<&Peak> {
         let first = self.periods.first()?;
+        if self.grating.is_some() {
+            return Some(first);
+        }
         let harmonic = |p: &Peak| {
             let ratio = first.period_um / p.period_um;
             let turned = (p.direction_deg - first.direction_deg).abs();
@@ -198,11 +221,16 @@ fn seams(field: &HeightField) -> [f64; 2] {
     let column = |x: usize| (0..h).map(move |y| y * w + x);
     let row = |y: usize| (0..w).map(move |x| y * w + x);
     let um = &field.um;
-    [seam(w, &|k| column(k % w).map(|i| um[i]).collect()), seam(h, &|k| row(k % h).map(|i| um[i]).collect())]
+    let [low, high] = um.iter().fold([f64::MAX, f64::MIN], |[a, b], v| [a.min(*v), b.max(*v)]);
+    let least = (ROUNDED * (high - low)).powi(2);
+    [
+        seam(w, least * h as f64, &|k| column(k % w).map(|i| um[i]).collect()),
+        seam(h, least * w as f64, &|k| row(k % h).map(|i| um[i]).collect()),
+    ]
 }
 
-/// Of lines `0..n`, each a list of heights, which start again at `n`.
-fn seam(n: usize, line: &dyn Fn(usize) -> Vec<f64>) -> f64 {
+/// Of lines `0..n`, each a list of heights, which start again at `n`. Sums of squares below `least` are rounding errors.
+fn seam(n: usize, least: f64, line: &dyn Fn(usize) -> Vec<f64>) -> f64 {
     if n < 4 {
         return 0.0;
     }
@@ -224,9 +252,9 @@ fn seam(n: usize, line: &dyn Fn(usize) -> Vec<f64>) -> f64 {
         last = here;
     }
     let ratio = |[inside, seam]: [f64; 2]| {
-        if seam == 0.0 {
+        if seam <= least {
             0.0
-        } else if inside > 0.0 {
+        } else if inside > least {
             (seam / inside).sqrt()
         } else {
             1e9
@@ -234,6 +262,27 @@ fn seam(n: usize, line: &dyn Fn(usize) -> Vec<f64>) -> f64 {
     };
     // Slopes of rounded heights change by chance.
     ratio(steps).max(ratio(bends) / 1.5)
+}
+
+/// Peaks with a grating of few periods, whose own peak is too wide to tell it, in the first place; of the others its harmonics remain.
+fn with_grating(mut peaks: Vec<Peak>, grating: Option<Grating>, field: &HeightField) -> Vec<Peak> {
+    let Some(g) = grating else { return peaks };
+    if g.periods < MANY {
+        let size = field.size_um();
+        let least = if field.height > 1 { size[0].min(size[1]) } else { size[0] };
+        peaks.retain(|p| p.period_um < 0.75 * g.period_um);
+        peaks.insert(
+            0,
+            Peak {
+                period_um: g.period_um,
+                resolution_um: 0.5 * g.period_um * g.period_um / least,
+                direction_deg: g.direction_deg,
+                share: g.share,
+            },
+        );
+        peaks.truncate(PEAKS);
+    }
+    peaks
 }
 
 /// Peaks of the power spectrum under a Hann window, placed between its bins by a parabola through the logarithms.

@@ -5,6 +5,7 @@
 //! (absolute periods, pixel by pixel) or polarization (orientations, any light).
 
 mod repeats;
+mod windows;
 
 pub use repeats::Repeats;
 
@@ -13,7 +14,7 @@ use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_image::{Canvas, Field, Gray, MASKED, Palette};
 use num_complex::Complex32;
-use repeats::{repeats, unevenness};
+use repeats::unevenness;
 use serde::Serialize;
 use std::path::Path;
 
@@ -99,9 +100,9 @@ pub struct Report {
 pub fn recommend(input: &Path, need: Need, palette: Palette) -> Result<(Report, Canvas)> {
     let is_map = input.is_dir()
         || input.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr")) && { Maps::read(input).is_ok() };
-    let (field, shown, scale, warning) = if is_map { of_map(input, palette)? } else { of_photograph(input)? };
-    let repeats = repeats(&field, scale);
-    let unevenness = unevenness(&field);
+    let Seen { source, shown, scale, warning } = if is_map { of_map(input, palette)? } else { of_photograph(input)? };
+    let (repeats, part) = windows::tile(source.size(), scale, &|part| source.part(part));
+    let unevenness = unevenness(&source.part(part));
     let discrete = unevenness > DISCRETE;
     let (advice, why, otherwise) = judged(repeats.as_ref(), discrete, need);
     let mut warnings: Vec<String> = warning.into_iter().collect();
@@ -115,8 +116,8 @@ pub fn recommend(input: &Path, need: Need, palette: Palette) -> Result<(Report, 
             "a tile that is seen fewer than four times is not taken for one: photograph all of the sample".into(),
         );
     }
-    let size = [field.width, field.height].map(|n| (n as f64 * scale).round() as usize);
-    let picture = picture(&field, &shown, repeats.as_ref(), scale);
+    let size = source.size().map(|n| (n as f64 * scale).round() as usize);
+    let picture = picture(source.size(), &shown, repeats.as_ref(), part, scale);
     let [width, height] = size;
     Ok((Report { width, height, palette, repeats, unevenness, discrete, advice, why, otherwise, warnings }, picture))
 }
@@ -160,7 +161,42 @@ fn unsuited(repeats: Option<&Repeats>, discrete: bool) -> String {
     }
 }
 
-type Seen = (Field, Vec<[u8; 3]>, f64, Option<String>);
+/// What was read, in pixels that are `scale` of the file's wide.
+struct Seen {
+    source: Source,
+    shown: Vec<[u8; 3]>,
+    scale: f64,
+    warning: Option<String>,
+}
+
+enum Source {
+    Photograph(Gray),
+    Map(Field),
+}
+
+impl Source {
+    fn size(&self) -> [usize; 2] {
+        match self {
+            Self::Photograph(g) => [g.width, g.height],
+            Self::Map(f) => [f.width, f.height],
+        }
+    }
+
+    /// A rectangle of it, without lighting and mean.
+    fn part(&self, [left, top, width, height]: windows::Part) -> Field {
+        let from = |i: usize| (top + i / width) * self.size()[0] + left + i % width;
+        let all = 0..width * height;
+        match self {
+            Self::Photograph(g) => {
+                without_lighting(&Gray { width, height, values: all.map(|i| g.values[from(i)]).collect() })
+            }
+            Self::Map(f) => {
+                let values = all.clone().map(|i| f.values[from(i)]).collect();
+                Field { width, height, values, mask: all.map(|i| f.mask[from(i)]).collect() }.centered()
+            }
+        }
+    }
+}
 
 fn of_photograph(path: &Path) -> Result<Seen> {
     let mut gray = Gray::read(path)?;
@@ -179,7 +215,7 @@ fn of_photograph(path: &Path) -> Result<Seen> {
     let warning = (clipped > 0.02).then(|| {
         format!("{:.0} % of the photograph are as bright as can be: highlights hide what lies in them", 100.0 * clipped)
     });
-    Ok((without_lighting(&gray), shown, scale, warning))
+    Ok(Seen { source: Source::Photograph(gray), shown, scale, warning })
 }
 
 /// Brightness over that of its surroundings, less one; what is far beyond the usual, such as the table beside the sample, counts no more than
@@ -231,26 +267,32 @@ fn of_map(input: &Path, palette: Palette) -> Result<Seen> {
     let color = |(v, m): (&f32, &f32)| if *m > 0.0 { colors.color(*v) } else { MASKED };
     let shown = map.value.iter().zip(&map.mask).map(color).collect();
     let field = Field { width: maps.width, height: maps.height, values, mask: map.mask.clone() };
-    Ok((field.centered(), shown, full as f64 / maps.width as f64, None))
+    let scale = full as f64 / field.width as f64;
+    Ok(Seen { source: Source::Map(field), shown, scale, warning: None })
 }
 
-/// What was looked at, with the outlines of a tile and its neighbours in the middle.
-fn picture(field: &Field, shown: &[[u8; 3]], repeats: Option<&Repeats>, scale: f64) -> Canvas {
-    let mut canvas = Canvas::new(field.width, field.height, [0; 3]);
+/// What was looked at, with the outlines of a tile and its neighbours in the middle of the part that shows it.
+fn picture(
+    [width, height]: [usize; 2],
+    shown: &[[u8; 3]],
+    repeats: Option<&Repeats>,
+    part: windows::Part,
+    scale: f64,
+) -> Canvas {
+    let mut canvas = Canvas::new(width, height, [0; 3]);
     for (i, color) in shown.iter().enumerate() {
-        canvas.set(i % field.width, i / field.width, *color);
+        canvas.set(i % width, i / width, *color);
     }
     let Some(r) = repeats else { return canvas };
     let [a, b] = r.sides_px.map(|v| v.map(|d| d / scale));
-    let start = [0.5 * field.width as f64 - 0.5 * (a[0] + b[0]), 0.5 * field.height as f64 - 0.5 * (a[1] + b[1])];
+    let start = [0, 1].map(|k| part[k] as f64 + 0.5 * part[k + 2] as f64 - 0.5 * (a[k] + b[k]));
     let mut line = |from: [f64; 2], along: [f64; 2], color: [u8; 3]| {
         let steps = (2.0 * along[0].hypot(along[1])).ceil();
         for k in 0..=steps as usize {
             let at = [0, 1].map(|c| from[c] + along[c] * k as f64 / steps);
             for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)] {
                 let place = [at[0] + dx, at[1] + dy];
-                if place[0] >= 0.0 && place[1] >= 0.0 && place[0] < field.width as f64 && place[1] < field.height as f64
-                {
+                if place[0] >= 0.0 && place[1] >= 0.0 && place[0] < width as f64 && place[1] < height as f64 {
                     canvas.set(place[0] as usize, place[1] as usize, color);
                 }
             }

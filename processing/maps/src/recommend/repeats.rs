@@ -23,7 +23,8 @@ const APART: f64 = 0.35;
 pub struct Repeats {
     /// Its two sides in pixels of the photograph, right and down.
     pub sides_px: [[f64; 2]; 2],
-    /// How many of them have room in what is known of the picture, its margins included.
+    /// How many of them are seen, those at the picture's edge in part; where too few can be followed from one to the next, how many have room
+    /// in what is known of the picture.
     pub copies: f64,
     /// How alike neighbours are, 1 for the same.
     pub likeness: f64,

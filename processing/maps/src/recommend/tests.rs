@@ -4,14 +4,14 @@ use nacre_image::{OutputFolder, Palette, write_png16_gray};
 use std::f64::consts::PI;
 
 /// A number from 0 to 1 for a cell, without a pattern.
-fn chance(a: usize, b: usize, seed: u64) -> f64 {
+pub(super) fn chance(a: usize, b: usize, seed: u64) -> f64 {
     let mixed = (a as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (b as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f) ^ seed;
     let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     ((mixed ^ (mixed >> 32)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
 /// Nearest of 14 random points in a tile that goes on at its edges.
-fn polygon([x, y]: [f64; 2], [w, h]: [f64; 2], seed: u64) -> usize {
+pub(super) fn polygon([x, y]: [f64; 2], [w, h]: [f64; 2], seed: u64) -> usize {
     let far = |k: usize| {
         let at = [chance(k, 0, seed) * w, chance(k, 1, seed) * h];
         let d = |a: f64, b: f64, n: f64| {
@@ -24,7 +24,7 @@ fn polygon([x, y]: [f64; 2], [w, h]: [f64; 2], seed: u64) -> usize {
 }
 
 /// A photograph with noise, unevenly lit.
-fn photograph(size: [usize; 2], grey: &dyn Fn(f64, f64) -> f64) -> tempfile::TempDir {
+pub(super) fn photograph(size: [usize; 2], grey: &dyn Fn(f64, f64) -> f64) -> tempfile::TempDir {
     let home = tempfile::tempdir().unwrap();
     let codes: Vec<u16> = (0..size[0] * size[1])
         .map(|i| {

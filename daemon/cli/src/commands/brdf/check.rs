@@ -18,7 +18,7 @@ Examples:
   nacre brdf check snake.png --pixel-um 0.08 --range-um 0.43 --light 75 --out peaks.csv
 
 For each wavelength, the angle of the first order's peak gives a period, λ/(sin θi + sin θr); their mean and variance
-are compared with the period that the heights' spectrum shows. The gain is divided out and the peak interpolated.
+are compared with the period that the heights show. Of a patch that cuts a single grating, one period stands in for it. The gain is divided out and the peak interpolated.
 --out writes FILE.csv (wavelength_nm, theta_r_deg, period_nm, relative), FILE.svg (a plot of them beside the
 equation) and FILE.json.")]
 pub struct Check {
@@ -64,7 +64,7 @@ impl Check {
         let choice = &found.choice;
         let report = Report {
             product: "check",
-            warnings: quality.warnings.clone(),
+            warnings: found.warnings.clone(),
             input: self.surface.path().into(),
             quality: quality.clone(),
             settings: settings.clone(),
@@ -87,6 +87,12 @@ impl Check {
             found.peaks.len(),
             found.azimuth_deg
         );
+        if let Some(periods) = found.cut_periods {
+            let _ = write!(
+                text,
+                "\nwhole     the patch holds {periods:.2} periods: one, averaged over all, is repeated in its place"
+            );
+        }
         if found.ridges.len() > 1 {
             for [nm, share] in &found.ridges {
                 let _ = write!(text, "\nridge     {nm:.1} nm at {:.0} % of the wavelengths", 100.0 * share);
