@@ -8,6 +8,7 @@ import { benchPage } from "./bench.js";
 import { calibratePage } from "./calibrate.js";
 import { chartsPage } from "./charts.js";
 import { newPage } from "./new.js";
+import { loadOperations } from "./operationform.js";
 import { renderPage } from "./render.js";
 import { resultPage } from "./result.js";
 import { resultsPage } from "./results.js";
@@ -29,6 +30,8 @@ const ROUTES = {
   // The viewer with its shaders is as much as all else, and is fetched when it is wanted.
   view: ["View", async (/** @type {[HTMLElement, Visit]} */ ...visit) => (await import("./view.js")).viewPage(...visit)],
 };
+/** Pages with forms of operations. */
+const FORMS = ["new", "result", "upload", "render"];
 const byId = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 const main = byId("main");
 let leaving = new AbortController();
@@ -52,6 +55,7 @@ async function route() {
   main.replaceChildren();
   failed = false;
   try {
+    if (FORMS.includes(name)) await loadOperations();
     await page(main, { id: decodeURIComponent(id ?? ""), signal });
   } catch (problem) {
     if (signal.aborted) return;

@@ -2,8 +2,10 @@
 
 import { field, h, number, say, select } from "./dom.js";
 import { fixed, plain } from "./format.js";
-import { LIGHTS } from "./tableform.js";
 import { guided, photographs, startOf, stepOf } from "./wizard.js";
+
+const NAMES = { E: "E (equal energy)", A: "A (tungsten)", "A-inverse": "Inverse of A", D65: "D65 (daylight)" };
+const LIGHTS = ["E", "A", "A-inverse", "D65", ...Array.from({ length: 12 }, (_, i) => `FL${i + 1}`), "LED-B1", "LED-B3"].map((name) => [name, NAMES[name] ?? name]);
 
 /** All steps. */
 export function lightWizard() {

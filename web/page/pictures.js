@@ -4,14 +4,11 @@ import { get, makeDownload, picture, post, send, show } from "./api.js";
 import { facts, field, figures, h, panel, say, segments, select, svg } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes, count, duration, fixed, percent, plain, significant, words } from "./format.js";
-import { boardFields, foilFields, mapFields } from "./assetforms.js";
 import { reportOfCalibration, reportOfFoil, reportOfMap, warned } from "./assetreports.js";
-import { bokehFields } from "./bokehform.js";
-import { brdfFields } from "./brdfform.js";
-import { flashFields } from "./flashform.js";
-import { exposure, renderFields, reportOfRender } from "./rendering.js";
-import { spotsFields } from "./spotsform.js";
-import { tableFields } from "./tableform.js";
+import { flashForm } from "./flashform.js";
+import { lutForm } from "./lutform.js";
+import { operationForm } from "./operationform.js";
+import { exposure, reportOfRender } from "./rendering.js";
 
 const TITLES = { hdr: "Merged exposures", lut: "Diffraction table", bokeh: "Bokeh photograph", brdf: "Diffracted light", spots: "Periods by fringes", flash: "Tiles under a flash", foil: "Dots of a foil", calibrate: "Calibration", map: "Edited maps", render: "Rendered scene" };
 const REPORTS = { hdr: reportOf, lut: reportOfTable, bokeh: reportOfBokeh, brdf: reportOfBrdf, spots: reportOfSpots, flash: reportOfFlash, foil: reportOfFoil, calibrate: reportOfCalibration, map: reportOfMap, render: reportOfRender };
@@ -83,15 +80,13 @@ export async function showPictures(main, job, signal) {
 
 /** Another reconstruction of the same photographs, by the service. */
 function nextPanel(job) {
-  if (job.method === "brdf") return anew(job, "In other light", brdfFields({ ...job.options }));
-  if (job.method === "flash") return anew(job, "Again", flashFields({ ...job.options }));
-  if (job.method === "foil") return anew(job, "Again", foilFields({ ...job.options }));
-  if (job.method === "calibrate") return anew(job, "Again", boardFields({ ...job.options }));
-  if (job.method === "map") return anew(job, "Other edits", mapFields({ ...job.options }));
-  if (job.method === "render") return anew(job, "Again", renderFields({ ...job.options }), "Render");
-  if (job.method === "spots") return anew(job, "Again", spotsFields({ ...job.options }));
   const kept = (method) => (job.method === method ? { ...job.options } : {});
-  const forms = { lut: tableFields(kept("lut"), { light: job.light }), bokeh: bokehFields(kept("bokeh")) };
+  if (job.method === "flash") return anew(job, "Again", flashForm(kept("flash")));
+  const verbs = { brdf: "In other light", map: "Other edits" };
+  if (!["hdr", "lut", "bokeh"].includes(job.method)) {
+    return anew(job, verbs[job.method] ?? "Again", operationForm(job.method, kept(job.method)), job.method === "render" ? "Render" : undefined);
+  }
+  const forms = { lut: lutForm(kept("lut"), job.light), bokeh: operationForm("bokeh", kept("bokeh")) };
   const method = select([["lut", "A diffraction table"], ["bokeh", "Lines in an out-of-focus highlight"]], job.method === "bokeh" ? "bokeh" : "lut", { id: "next-method", onchange: paint });
   function paint() {
     for (const [name, form] of Object.entries(forms)) form.element.hidden = name !== method.value;
@@ -114,7 +109,7 @@ function asking(job, title, wanted, content, verb = "Reconstruct") {
     try {
       const [method, form] = wanted();
       const others = (await form.inputs?.()) ?? {};
-      const next = await post("/reconstructions", { session: job.session ?? null, upload: job.upload ?? null, method, options: form.options(), ...others });
+      const next = await post(`/operations/${method}`, { session: job.session ?? null, upload: job.upload ?? null, options: form.options(), ...others });
       location.hash = `#/result/${next.id}`;
     } catch (problem) {
       problems.replaceChildren(problemMessage(problem));

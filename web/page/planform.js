@@ -1,15 +1,12 @@
 // The form of a plan: fields that belong to the chosen kind, and what is wrong with each.
 
 import { check, field, h, part, select } from "./dom.js";
-import { bokehFields } from "./bokehform.js";
-import { flashFields } from "./flashform.js";
+import { operationForm } from "./operationform.js";
 import { EXPOSING, exposingOf, KINDS, methodOf, methodsOf, MODELS } from "./plan.js";
-import { spotsFields } from "./spotsform.js";
 import { stepsEditor } from "./steps.js";
-import { tableFields } from "./tableform.js";
 
-/** Options of the methods that have any. */
-const OPTIONS = { lut: (given) => tableFields(given, { planned: true }), bokeh: bokehFields, spots: spotsFields, flash: (given) => flashFields(given, { planned: true }) };
+/** Methods with options of their own in a plan, and the options that need photographs. */
+const WITHOUT = { lut: ["light"], bokeh: [], spots: ["polarization"], flash: ["corners_px", "reference_px"] };
 
 /** The form over `values`, which it changes; `changed()` is called after each change. */
 export function planForm(values, changed) {
@@ -92,10 +89,10 @@ export function planForm(values, changed) {
     reconstruct.hidden = values.kind !== "polarization" && !chosen;
     method.hidden = !values.reconstruct || choices.length < 2;
     what.replaceChildren(...choices.map(([name, label]) => h("option", { value: name, selected: name === chosen }, label)));
-    options.hidden = !values.reconstruct || !(chosen in OPTIONS);
+    options.hidden = !values.reconstruct || !(chosen in WITHOUT);
     if (options.hidden || options.dataset.of === chosen) return;
     options.dataset.of = chosen;
-    const shown = OPTIONS[chosen](values.options[chosen]);
+    const shown = operationForm(chosen, values.options[chosen], { without: WITHOUT[chosen] });
     const keep = () => {
       values.options[chosen] = shown.options();
       changed();

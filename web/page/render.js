@@ -4,7 +4,7 @@ import { post, send } from "./api.js";
 import { check, field, h, panel, say, segments } from "./dom.js";
 import { problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
-import { renderFields } from "./rendering.js";
+import { operationForm } from "./operationform.js";
 
 const GALLERY = [
   ["cd", "Compact disc", "Tracks around a hole"], ["phone", "Telephone", "The subpixels of a screen"], ["tv", "Television", "Coarser subpixels, one way"],
@@ -38,7 +38,7 @@ export async function renderPage(main, { id, signal }) {
   const listing = h("table", {}, h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "File"), h("th", { scope: "col", class: "number" }, "Size"), h("th", { scope: "col" }))), body);
   const own = h("div", { class: "stack" }, h("div", { class: "drop", ondragover: (e) => e.preventDefault(), ondrop: (e) => { e.preventDefault(); add(e.dataTransfer.files); } },
     field("The scene and its files", input, { hint: "Or drop them here. On the command line, nacre schema scene says what a scene may hold." })), h("div", { class: "scroll tall" }, listing));
-  const options = renderFields();
+  const options = operationForm("render");
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const progress = h("p", { role: "status", "aria-live": "polite", class: "soft" });
   const choices = [...(id ? [["result", "Maps of the result"]] : []), ["gallery", "To start from"], ["files", "Your own"]];
@@ -83,7 +83,7 @@ export async function renderPage(main, { id, signal }) {
     say(progress, from === "gallery" ? "Making the scene…" : `Uploading ${bytes(files.reduce((sum, file) => sum + file.size, 0))}…`);
     try {
       const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
-      const job = await post("/reconstructions", { session: null, upload: upload.id, method: "render", options: options.options() });
+      const job = await post("/operations/render", { session: null, upload: upload.id, options: options.options() });
       location.hash = `#/result/${job.id}`;
     } catch (problem) {
       if (problem.name === "AbortError") return;

@@ -1,34 +1,13 @@
-// Renderings: their options, the picture while it is made, its exposure, the report.
+// Renderings: the picture while it is made, its exposure, the report.
 
 import { picture, show } from "./api.js";
 import { warned } from "./assetreports.js";
-import { check, facts, field, figures, h, number, panel, say, settle } from "./dom.js";
+import { facts, figures, h, panel, say, settle } from "./dom.js";
 import { complain } from "./feedback.js";
 import { duration, fixed, percent, plain } from "./format.js";
 
 /** What the service exposes anew, in pixels. */
 const MOST_EXPOSED = 4 * 1024 * 1024;
-
-/** The fields, as an earlier rendering left them if there is one; `options()` is what the service takes. */
-export function renderFields(given = {}) {
-  const error = number({ id: "render-error", value: 100 * (given.max_error ?? 0.01), min: 0.001, max: 100 });
-  const samples = number({ id: "render-samples", value: given.samples ?? 256, min: 1, max: 1048576, step: 1 });
-  const wavelengths = number({ id: "render-wavelengths", value: given.wavelengths ?? "", min: 3, max: 10000, step: 1 });
-  const spectral = number({ id: "render-spectral", value: given.spectral_nm ?? "", min: 1, max: 100 });
-  const measured = check("Measure what sums over orders and wavelengths are off by", { id: "render-check", checked: given.check ?? false });
-  const one = (input) => (Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null);
-  const element = h("div", { class: "stack" },
-    h("div", { class: "fields" },
-      field("Noise asked for (%)", error, { hint: "Half of it takes four times as long" }),
-      field("Most samples per pixel", samples, { hint: "Ends there whatever the noise" }),
-      field("Wavelengths", wavelengths, { hint: "Empty: as many as needed" }),
-      field("Spectral bands (nm)", spectral, { hint: "How far apart; empty: colours only" })),
-    measured);
-  return {
-    element,
-    options: () => ({ samples: one(samples) ?? 256, max_error: Number(((one(error) ?? 1) / 100).toPrecision(12)), wavelengths: one(wavelengths), check: measured.box.checked, spectral_nm: one(spectral) }),
-  };
-}
 
 /** The panel of the picture so far; `update(job)` with each state of the job. */
 export function soFar(job, signal) {

@@ -6,7 +6,7 @@ import { complain, problemMessage, tell } from "./feedback.js";
 import { degrees, duration, fixed, percent, significant } from "./format.js";
 import { bar, maskedKey, wheel } from "./legend.js";
 import { MapView } from "./mapview.js";
-import { optionFields } from "./options.js";
+import { operationForm } from "./operationform.js";
 import { showPictures } from "./pictures.js";
 import { pixelChart } from "./pixelchart.js";
 import { soFar } from "./rendering.js";
@@ -165,11 +165,11 @@ function showMaps(main, job, signal) {
   }
 
   addEventListener("themechange", () => rose.refresh(), { signal });
-  const options = optionFields(report);
+  const options = operationForm("polarization", { ...job.options });
   const again = h("button", { type: "button", id: "again", onclick: async () => {
     try {
       /** @type {Job} */
-      const next = await post("/reconstructions", { session: job.session, upload: job.upload, ...options.request() });
+      const next = await post("/operations/polarization", { session: job.session, upload: job.upload, options: options.options() });
       tell("Reconstructing anew.");
       location.hash = `#/result/${next.id}`;
     } catch (problem) {

@@ -1,15 +1,12 @@
 // #/upload: photographs taken elsewhere → a map of their angles, one merged photograph, a table, a grating's lines, the light of a height field, a calibration, other maps.
 
 import { post, send } from "./api.js";
-import { boardFields, foilFields, mapFields } from "./assetforms.js";
 import { field, h, number, panel, say, select } from "./dom.js";
 import { complain, problemMessage } from "./feedback.js";
 import { bytes } from "./format.js";
-import { optionFields } from "./options.js";
-import { bokehFields } from "./bokehform.js";
-import { brdfFields } from "./brdfform.js";
-import { flashFields } from "./flashform.js";
-import { tableFields } from "./tableform.js";
+import { flashForm } from "./flashform.js";
+import { lutForm } from "./lutform.js";
+import { operationForm, titleOf } from "./operationform.js";
 
 /** Endings of photographs and height fields; others are left out of a folder that is dropped. */
 const ENDINGS = "png tif tiff jpg jpeg exr webp fits fit fts npy dng cr2 cr3 nef nrw arw raf orf rw2 pef bmp hdr txt asc csv dat tsv xyz gwy ibw x3p spm sdf nid ezd grd bcr bcrf 000 001 002 003 004 005 006 007 008 009".split(" ").map((ending) => `.${ending}`);
@@ -27,6 +24,9 @@ const FILTERS = [["", "None: a monochrome sensor"], ...["rggb", "bggr", "grbg", 
 function likely(name) {
   return ENDINGS.some((ending) => name.toLowerCase().endsWith(ending));
 }
+
+/** Operations of uploaded photographs, height fields and maps. */
+const OFFERED = ["polarization", "hdr", "stack", "lut", "bokeh", "flash", "foil", "brdf", "calibrate", "map"];
 
 /**
  * Shows the form until the signal fires.
@@ -52,11 +52,11 @@ export async function uploadPage(main, { signal }) {
   const filtersField = field("Colour filters", filters, { hint: "Each covers 2 × 2 polarizers" });
   const sensor = h("div", { class: "fields" }, field("Sensor", known), layoutField, filtersField);
   let refusal = "";
-  const method = select([["polarization", "Orientations, from photographs behind an analyser"], ["hdr", "One photograph from several exposures"], ["lut", "A diffraction table, from one photograph in narrow-band light or its exposures"], ["bokeh", "Lines and heights of a grating, from an out-of-focus highlight"], ["flash", "Orientations and periods of tiles, under a flash"], ["foil", "Orientations and periods of a foil's random dots, from one photograph under a flash"], ["brdf", "The light that a surface diffracts, from an image of its heights"], ["calibrate", "A camera, from photographs of a board"], ["map", "Other maps, from orientation.exr and period.exr"]], "polarization", { id: "method", onchange: paint });
-  const options = optionFields();
-  const forms = { lut: tableFields({ wavelength_nm: 680, scale: 0.002 }), bokeh: bokehFields(), flash: flashFields(), foil: foilFields(), brdf: brdfFields(), calibrate: boardFields(), map: mapFields() };
+  const method = select(OFFERED.map((name) => [name, titleOf(name)]), "polarization", { id: "method", onchange: paint });
+  const flash = flashForm();
+  const forms = Object.fromEntries(OFFERED.map((name) => [name, name === "flash" ? flash : name === "lut" ? lutForm() : operationForm(name)]));
   const values = field("Values", transfer);
-  const angled = h("div", { class: "stack" }, field("Polarization by", source), sensor, field("Illumination", light, { hint: "Under a display behind a quarter-wave retarder, gratings get orientations; else plain polarimetry" }), field("Channel", channel), options.element);
+  const angled = h("div", { class: "stack" }, field("Polarization by", source), sensor, field("Illumination", light, { hint: "Under a display behind a quarter-wave retarder, gratings get orientations; else plain polarimetry" }), field("Channel", channel));
   const about = h("p", { class: "soft" }, "Exposure times are read from the photographs (Exif); the camera's response is recovered from them where they have 8 bits.");
   const problems = h("div", { role: "status", "aria-live": "polite" });
   const start = h("button", { type: "button", class: "primary", id: "upload-start", disabled: true, onclick: begin }, "Upload and reconstruct");
@@ -139,7 +139,7 @@ export async function uploadPage(main, { signal }) {
     const file = (photographs.find((p) => /room/i.test(p.file.name)) ?? photographs[0])?.file ?? null;
     if (file === picked) return;
     picked = file;
-    forms.flash.show(file);
+    flash.show(file);
   }
 
   /** Whether the values of one photograph are taken as they are, without others to merge it with. */
@@ -198,15 +198,15 @@ export async function uploadPage(main, { signal }) {
     const polarized = method.value === "polarization";
     form.append("kind", { polarization: "polarization", brdf: "surface", map: "maps" }[method.value] ?? "photographs");
     if (polarized) form.append("frames", new Blob([JSON.stringify(description)], { type: "application/json" }), "frames.json");
-    const described = method.value === "flash" && forms.flash.frames();
+    const described = method.value === "flash" && flash.frames();
     if (described) form.append("frames", described, "frames.json");
     for (const { file } of photographs) form.append("file", file, file.name);
     try {
       const upload = await (await send("/uploads", { method: "POST", body: form, signal })).json();
-      const asked = polarized ? options.request() : { method: method.value };
-      if (method.value in forms) asked.options = { ...forms[method.value].options(), ...(alone() ? { transfer: transfer.value || (/\.jpe?g$/i.test(photographs[0].file.name) ? "srgb" : "linear") } : {}) };
-      const others = (await forms[method.value]?.inputs?.(signal)) ?? {};
-      const job = await post("/reconstructions", { session: null, upload: upload.id, ...asked, ...others });
+      const options = forms[method.value].options();
+      if (alone()) options.transfer ??= transfer.value || (/\.jpe?g$/i.test(photographs[0].file.name) ? "srgb" : "linear");
+      const others = (await forms[method.value].inputs?.(signal)) ?? {};
+      const job = await post(`/operations/${method.value}`, { session: null, upload: upload.id, options, ...others });
       location.hash = `#/result/${job.id}`;
     } catch (problem) {
       if (problem.name === "AbortError") return;

@@ -14,6 +14,13 @@ interface Devices {
     interlocks: { id: string; holds: boolean | null }[];
 }
 
+/** An operation, and the JSON Schema of its options. */
+interface Offered {
+    name: string;
+    title: string;
+    options: any;
+}
+
 type Pattern = "black" | { disc?: { center_mm: Point; diameter_mm: number } };
 
 /** Uploaded photographs of the mirror image of a light that is no point. */

@@ -15,6 +15,9 @@ pub const FILE: &str = "x-file";
 /// Schema key: the word for an option that is left to the program, such as `auto`.
 pub const UNSET: &str = "x-unset";
 
+/// Schema key: true for an option that few need.
+pub const ADVANCED: &str = "x-advanced";
+
 /// Schema key of a variant with a value: the value if only its name is given.
 pub const BARE: &str = "x-bare";
 
@@ -142,6 +145,11 @@ impl Field {
     /// Its default; none where that is left to the program.
     pub fn default(&self) -> Option<&Value> {
         self.schema.get("default").filter(|value| !value.is_null())
+    }
+
+    /// Whether few need it.
+    pub fn is_advanced(&self) -> bool {
+        self.schema.get(ADVANCED) == Some(&Value::Bool(true))
     }
 
     /// Whether it is yes or no.

@@ -27,17 +27,21 @@ pub struct MapOptions {
     pub range_um: Option<f64>,
     /// Channel of a file with several: its name, or its number from 1 (default: the first channel of heights).
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-advanced" = true))]
     pub channel: Option<String>,
     /// Largest share of gaps that are filled by interpolation, above 0 and at most 0.5; none are filled by default.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-advanced" = true))]
     pub fill_gaps: Option<f64>,
     /// Take the plane that fits best away.
     pub level: bool,
     /// Pixels of a row and of a column of the map.
     pub size: usize,
     /// How much of all directions it shows: 1 for all.
+    #[schemars(extend("x-advanced" = true))]
     pub zoom: f64,
     /// Its middle, as the sines `sin θ (cos φ, sin φ)`.
+    #[schemars(extend("x-advanced" = true))]
     pub center: [f64; 2],
     /// Light, material, accuracy.
     pub settings: Settings,

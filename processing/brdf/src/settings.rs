@@ -3,7 +3,7 @@
 use super::fresnel::Reflectance;
 use super::geometry::{Direction, Window};
 use nacre_base::{Error, Result};
-use nacre_optics::color::Observer;
+use nacre_optics::color::{NAMES, Observer};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
@@ -94,21 +94,25 @@ pub struct Settings {
     /// Highest power of `taylor`, whatever it is off by: 1 is the first order of the 2017 paper (section 6.1), which its measured heights
     /// are drawn by.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-advanced" = true))]
     pub order: Option<usize>,
     /// Width of the coherence window in µm: four standard deviations of its amplitude.
     pub coherence_um: f64,
     /// Error that is asked for: relative, of every lobe that holds at least a thousandth of the light.
     pub max_error: f64,
     /// What the numbers are.
+    #[schemars(extend("x-advanced" = true))]
     pub normalisation: Normalisation,
     /// Reflectance of the smooth surface.
     pub reflectance: Reflectance,
     /// Shadowing and masking of V grooves.
+    #[schemars(extend("x-advanced" = true))]
     pub shadowing: bool,
     /// Spectrum of the light of a map: a name or a CSV file.
-    #[schemars(extend("x-file" = true))]
+    #[schemars(extend("x-file" = true, "examples" = NAMES))]
     pub illuminant: String,
     /// Observer of a map.
+    #[schemars(extend("x-advanced" = true))]
     pub observer: Observer,
 }
 

@@ -9,7 +9,7 @@ use nacre_base::operation::{Operation, exceeds};
 use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder, Result};
 use nacre_frames::{Channel, Transfer};
-use nacre_optics::color::Observer;
+use nacre_optics::color::{NAMES, Observer};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -38,31 +38,36 @@ pub struct Settings {
     #[schemars(extend("x-file" = true))]
     pub geometry: Option<Placement>,
     /// Pixel of the zero order from the left and the top, or auto: the brightest lobe.
-    #[schemars(extend("x-placeholder" = "auto|X,Y", "x-unset" = "auto"))]
+    #[schemars(extend("x-advanced" = true, "x-placeholder" = "auto|X,Y", "x-unset" = "auto"))]
     pub center: Option<[f64; 2]>,
     /// Entries of a row and a column, 16 to 8192.
     #[schemars(range(min = 16, max = 8192))]
     pub size: usize,
     /// Largest component of the half vector, up to 2 (default: as far as nearly all wavelengths were measured).
+    #[schemars(extend("x-advanced" = true))]
     pub extent: Option<f64>,
     /// Odd power n of the warp, which gathers entries in the middle: they lie at extent·aⁿ.
     #[schemars(range(min = 1, max = 9))]
+    #[schemars(extend("x-advanced" = true))]
     pub warp: i32,
     /// Spectrum of the light that the table is for: a name or a CSV file.
-    #[schemars(extend("x-placeholder" = "NAME|FILE.csv", "x-file" = true))]
+    #[schemars(extend("x-placeholder" = "NAME|FILE.csv", "x-file" = true, "examples" = NAMES))]
     pub illuminant: String,
     /// Observer: 1931 (2°) or 1964 (10°).
+    #[schemars(extend("x-advanced" = true))]
     pub observer: Observer,
     /// Power of λm/λ: 4 is exact for shallow gratings to first order, 2 is that of the paper; deep gratings follow none.
     #[schemars(range(min = -10, max = 10))]
+    #[schemars(extend("x-advanced" = true))]
     pub exponent: f64,
     /// Largest acceptable error at the rim: root mean square over that of the table there; the exit code is 1 when it is larger.
     #[schemars(extend("x-placeholder" = "REL"), range(min = 1e-4, max = 1.0))]
     pub max_error: f64,
     /// Summation: auto is the cheapest of rays and single that meets the error; fixed steps of wavelength are the paper's.
-    #[schemars(extend("x-placeholder" = "auto|rays[=PX]|single[=PX]|fixed[=NM]"))]
+    #[schemars(extend("x-advanced" = true, "x-placeholder" = "auto|rays[=PX]|single[=PX]|fixed[=NM]"))]
     pub method: MethodChoice,
     /// Channel of a colour photograph (default: that of the wavelength).
+    #[schemars(extend("x-advanced" = true))]
     pub channel: Option<Channel>,
     /// Transfer function of the photograph (required for 8-bit files; default: linear).
     #[schemars(extend("x-placeholder" = "linear|srgb|gamma=NUMBER"))]

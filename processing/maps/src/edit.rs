@@ -19,6 +19,7 @@ pub struct Edits {
     /// Rotation of image and orientations in degrees, anticlockwise.
     pub rotate_deg: Option<f64>,
     /// Factor of the number of pixels along each side.
+    #[schemars(extend("x-advanced" = true))]
     pub resample: Option<f64>,
     /// Copies along a row and a column.
     #[schemars(extend("x-placeholder" = "NxM"))]
@@ -37,13 +38,15 @@ pub struct Edits {
     /// Offset of periods in µm.
     pub offset_um: Option<f64>,
     /// Least and largest period in µm.
-    #[schemars(extend("x-placeholder" = "MIN:MAX"))]
+    #[schemars(extend("x-advanced" = true, "x-placeholder" = "MIN:MAX"))]
     pub clamp_um: Option<[f64; 2]>,
     /// Colour map of angles in the picture: cyclic (even steps, also for colour-blind readers) or hsv.
     #[serde(skip_serializing)]
+    #[schemars(extend("x-advanced" = true))]
     pub palette: Palette,
     /// Leave the scale bar out of the picture. It has one where the maps have `pixel_um`.
     #[serde(skip_serializing)]
+    #[schemars(extend("x-advanced" = true))]
     pub no_scale_bar: bool,
 }
 

@@ -1,7 +1,7 @@
 //! Options of a reconstruction.
 
 use crate::fit::views::brackets;
-use crate::{Align, Demosaic, Model, Oblique, PeriodMethod, Report, Running, Smoothing};
+use crate::{Align, Demosaic, Metal, Model, Oblique, PeriodMethod, Report, Running, Smoothing};
 use nacre_base::estimate::Work;
 use nacre_base::operation::{Operation, exceeds};
 use nacre_base::progress::Progress;
@@ -15,7 +15,24 @@ use std::path::Path;
 /// Reconstruct orientation, angle and degree of polarization from photographs behind a rotating analyser or a polarization sensor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-#[schemars(extend("x-input" = "Session folder, frames.json, or a folder holding one (`nacre import` makes one for your photographs)"))]
+#[schemars(extend(
+    "x-input" = "Session folder, frames.json, or a folder holding one (`nacre import` makes one for your photographs)",
+    "x-examples" = "\
+Examples:
+  nacre reconstruct polarization session --out result
+  nacre reconstruct polarization series/frames.json --out result --force --json
+  nacre reconstruct polarization series --out result --model auto
+  nacre reconstruct polarization sensor --out result --demosaic edge-aware
+  nacre reconstruct polarization session --out result --offset-deg 12.5 --smooth strong
+  nacre reconstruct polarization session --out result --contrast-period 1.2:3 --depth-um 0.1
+  nacre reconstruct polarization session --out result --relative-period 0.7:2
+
+The model plain writes stokes.exr (S0 S1 S2), aolp.exr (aolp dolp sigma sigma_dolp mask
+correlation), aolp.png, dolp.png, sigma.png and report.json. Models of gratings write
+orientation.exr (orientation sigma mask correlation) and orientation.png (smoothed) in place of
+aolp.png; with periods also period.exr (period sigma mask) and period.png. Orientations are
+relative: one unknown offset, common to all pixels, remains."
+))]
 #[schemars(rename = "PolarizationOptions")]
 pub struct Options {
     /// Model: plain, or how the fitted phase becomes the orientation of a grating (default: auto for capture sessions, plain for other
@@ -32,30 +49,64 @@ pub struct Options {
     pub align: Option<Align>,
     /// auto corrects for oblique incidence where the camera geometry is known and the photographs fit better with it; off leaves it, and σ
     /// includes it.
+    #[schemars(extend("x-advanced" = true))]
     pub oblique: Oblique,
     /// Full-size maps of a monochrome polarization sensor: interpolation of the image behind each polarizer (model plain).
     ///
     /// none: one map pixel per 2×2 super-pixel, the fastest and least noisy. bilinear: means of the nearest pixels. edge-aware: Newton
     /// polynomials of the difference between polarizers, along edges (Li et al. 2019).
+    #[schemars(extend("x-advanced" = true))]
     pub demosaic: Demosaic,
     /// Offset added to every orientation, in degrees.
+    #[schemars(extend("x-advanced" = true))]
     pub offset_deg: f64,
     /// Smoothing of orientations in pictures: none, light (10 rounds of a bilateral filter), strong (50) or a number of rounds.
+    #[schemars(extend("x-advanced" = true))]
     pub smooth: Smoothing,
     /// Also smooth orientation.exr and its σ.
+    #[schemars(extend("x-advanced" = true))]
     pub smooth_maps: bool,
     /// Also write smoothed.exr: the smoothed orientations at full size.
+    #[schemars(extend("x-advanced" = true))]
     pub smoothed_exr: bool,
-    /// Also make a map of periods, from the brightness (heuristic) or from the degree of polarization for an assumed surface.
+    /// Heuristic periods from the brightness, scaled to MIN:MAX µm.
+    ///
+    /// As the 2018 paper does (section 5.4); only their order has a meaning, and uneven light or reflectance shows as a period.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub period: Option<PeriodMethod>,
+    #[schemars(extend("x-placeholder" = "MIN:MAX", "x-advanced" = true))]
+    pub relative_period: Option<[f64; 2]>,
+    /// Periods from the degree of polarization, known to lie within MIN:MAX µm, for an assumed surface (needs its depth).
+    ///
+    /// Off by 11 to 18 % for every 10 % of error in depth.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-placeholder" = "MIN:MAX", "x-advanced" = true))]
+    pub contrast_period: Option<[f64; 2]>,
+    /// Assumed peak-to-peak depth of the grating in µm, for contrast_period.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-advanced" = true))]
+    pub depth_um: Option<f64>,
+    /// Assumed metal, for contrast_period: aluminium (default), silver, gold, chromium (near 560 nm), or its refractive index N,K.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-placeholder" = "METAL|N,K", "x-advanced" = true))]
+    pub metal: Option<Metal>,
+    /// Assumed refractive index above the metal, for contrast_period (default: 1).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-advanced" = true))]
+    pub index_above: Option<f64>,
+    /// Wavelength in nm, for contrast_period (default: that of the photographs).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-advanced" = true))]
+    pub wavelength_nm: Option<f64>,
     /// Largest acceptable error of a typical orientation in degrees, all known terms included. The results are written in any case, but the
     /// exit code is 1 when the estimate is larger or cannot be made.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-advanced" = true))]
     pub max_error: Option<f64>,
     /// Colour map of angles in pictures: cyclic (even steps, also for colour-blind readers) or hsv.
+    #[schemars(extend("x-advanced" = true))]
     pub palette: Palette,
     /// Leave the scale bar out of pictures. They have one where the pixel size on the sample is known.
+    #[schemars(extend("x-advanced" = true))]
     pub no_scale_bar: bool,
 }
 
@@ -123,7 +174,54 @@ impl Options {
         if self.demosaic != Demosaic::None {
             self.check_demosaic(frames)?;
         }
-        self.period.as_ref().map(|p| p.completed(frames.set.wavelength_nm)).transpose()
+        self.period_method()?.map(|p| p.completed(frames.set.wavelength_nm)).transpose()
+    }
+
+    /// The method of periods that is asked for.
+    fn period_method(&self) -> Result<Option<PeriodMethod>> {
+        let assumed = [
+            ("--depth-um", self.depth_um.is_some()),
+            ("--metal", self.metal.is_some()),
+            ("--index-above", self.index_above.is_some()),
+            ("--wavelength-nm", self.wavelength_nm.is_some()),
+        ];
+        let refuse = |name: &str, problem: &str, remedy: &str| Err(Error::input(name, problem, remedy));
+        match (self.relative_period, self.contrast_period) {
+            (Some(_), Some(_)) => {
+                refuse("--relative-period", "does not go with --contrast-period", "give one of the two")
+            }
+            (None, Some(range_um)) => {
+                let remedy = "add the peak-to-peak depth of the grating";
+                let missing = || Error::input("--depth-um", "is needed by --contrast-period", remedy);
+                Ok(Some(PeriodMethod::Contrast {
+                    range_um,
+                    depth_um: self.depth_um.ok_or_else(missing)?,
+                    metal: self.metal.unwrap_or_default(),
+                    index_above: self.index_above.unwrap_or(1.0),
+                    wavelength_nm: self.wavelength_nm,
+                }))
+            }
+            (relative, None) => match assumed.iter().find(|(_, given)| *given) {
+                Some((name, _)) => refuse(name, "belongs to --contrast-period", "add that, or leave it out"),
+                None => Ok(relative.map(|range_um| PeriodMethod::Brightness { range_um })),
+            },
+        }
+    }
+
+    /// With a method of periods, as requests and jobs of earlier versions state it.
+    #[must_use]
+    pub fn with_period(self, method: &PeriodMethod) -> Self {
+        match method.clone() {
+            PeriodMethod::Brightness { range_um } => Self { relative_period: Some(range_um), ..self },
+            PeriodMethod::Contrast { range_um, depth_um, metal, index_above, wavelength_nm } => Self {
+                contrast_period: Some(range_um),
+                depth_um: Some(depth_um),
+                metal: Some(metal),
+                index_above: Some(index_above),
+                wavelength_nm,
+                ..self
+            },
+        }
     }
 
     /// Refuses interpolated images of what is no raw frame of a monochrome sensor, and models that need independent pixels.
@@ -153,8 +251,8 @@ impl Options {
             ("--oblique", self.oblique != Oblique::Off),
             ("--smooth-maps", self.smooth_maps),
             ("--smoothed-exr", self.smoothed_exr),
-            ("--contrast-period", matches!(self.period, Some(PeriodMethod::Contrast { .. }))),
-            ("--relative-period", matches!(self.period, Some(PeriodMethod::Brightness { .. }))),
+            ("--contrast-period", self.contrast_period.is_some()),
+            ("--relative-period", self.relative_period.is_some()),
         ];
         match of_gratings.into_iter().find(|(_, given)| *given) {
             Some((option, _)) => {

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Operations that have a command written by hand.
-const BY_HAND: [&str; 7] = ["polarization", "bokeh", "flash", "brdf", "map", "calibrate", "render"];
+const BY_HAND: [&str; 5] = ["bokeh", "brdf", "map", "calibrate", "render"];
 
 /// Largest file that stands for an option.
 const MOST_BYTES: u64 = 1 << 20;
@@ -83,6 +83,7 @@ fn argument(field: &Field) -> Arg {
     let help = flat(first).trim_end_matches('.').to_owned() + &default;
     let arg = Arg::new(field.path.join(".")).long(field.name()).aliases(field.aliases()).help(help.clone());
     let arg = if rest.is_empty() { arg } else { arg.long_help(format!("{help}\n\n{}", flat(rest))) };
+    let arg = if field.is_advanced() { arg.help_heading("More options") } else { arg };
     if field.is_flag() {
         return arg.action(ArgAction::SetTrue);
     }

@@ -147,7 +147,7 @@ impl Spec {
     fn polarization(&self) -> Result<Options, Error> {
         let parsed = |word: &str| word.parse().map_err(|problem: String| Error::input("model", problem, "ask again"));
         let model = Some(self.model.as_str()).filter(|word| !word.is_empty()).map(parsed).transpose()?;
-        Ok(Options {
+        let options = Options {
             model,
             align: self.align,
             oblique: self.oblique,
@@ -156,11 +156,11 @@ impl Spec {
             smooth: self.smooth,
             smooth_maps: self.smooth_maps,
             smoothed_exr: self.smoothed_exr,
-            period: self.period.clone(),
             palette: self.palette,
             no_scale_bar: self.no_scale_bar,
-            max_error: None,
-        })
+            ..Options::default()
+        };
+        Ok(self.period.iter().fold(options, Options::with_period))
     }
 }
 

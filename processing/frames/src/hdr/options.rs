@@ -37,10 +37,11 @@ pub struct Options {
     /// auto corrects shifts between exposures where that reduces the error; off leaves them.
     pub align: Align,
     /// File value of a saturated pixel, above black; by default as the photographs and frames.json state.
+    #[schemars(extend("x-advanced" = true))]
     pub white: Option<f64>,
     /// Largest acceptable relative standard deviation of a typical value. The results are written in any case, but the exit code is 1 when it
     /// is larger.
-    #[schemars(extend("x-placeholder" = "REL"))]
+    #[schemars(extend("x-advanced" = true, "x-placeholder" = "REL"))]
     pub max_error: Option<f64>,
 }
 

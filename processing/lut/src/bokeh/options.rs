@@ -73,18 +73,22 @@ pub struct Options {
     pub crop: Option<Crop>,
     /// By how much the result is turned, anticlockwise, in degrees.
     #[serde(default)]
+    #[schemars(extend("x-advanced" = true))]
     pub rotate_deg: f64,
     /// How many iterations.
     #[serde(default)]
     pub iterations: Iterations,
     /// Noise of the camera; estimated from the photograph otherwise.
     #[serde(default)]
+    #[schemars(extend("x-advanced" = true))]
     pub noise: Option<NoiseModel>,
     /// Fewer iterations by extrapolation.
     #[serde(default = "yes")]
+    #[schemars(extend("x-advanced" = true))]
     pub accelerate: bool,
     /// From light to height.
     #[serde(default)]
+    #[schemars(extend("x-advanced" = true))]
     pub calibration: Option<Calibration>,
     /// The grating in the photograph, where the calibration is to be made from it.
     #[serde(default)]
@@ -103,9 +107,11 @@ pub struct Options {
     pub slice: Option<Line>,
     /// Pixels across that it is the mean of.
     #[serde(default = "slice_width")]
+    #[schemars(extend("x-advanced" = true))]
     pub slice_width: usize,
     /// Leave the scale bar out of pictures. They have one where the size of a pixel is known.
     #[serde(default)]
+    #[schemars(extend("x-advanced" = true))]
     pub no_scale_bar: bool,
 }
 

@@ -57,7 +57,7 @@ pub struct Settings {
     #[schemars(extend("x-placeholder" = "MIN:MAX"))]
     pub period_um: Option<[f64; 2]>,
     /// Bins of orientation and of period (default: as fine as pixels allow).
-    #[schemars(extend("x-placeholder" = "NxM"))]
+    #[schemars(extend("x-advanced" = true, "x-placeholder" = "NxM"))]
     pub bins: Option<[usize; 2]>,
     /// Peak-to-peak depth of the sinusoidal gratings in µm: corrects for efficiencies and for second and third orders.
     ///

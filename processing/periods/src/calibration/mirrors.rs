@@ -42,18 +42,24 @@ pub struct Mirror {
 #[serde(default)]
 pub struct LightOptions {
     /// Mirror images of the light.
+    #[schemars(extend("x-advanced" = true))]
     pub highlights: Vec<Mirror>,
     /// Height of the light above the sample and its standard deviation, in mm, if measured otherwise.
+    #[schemars(extend("x-advanced" = true))]
     pub light_height_mm: Option<[f64; 2]>,
     /// Wavelength in nm, if known.
     pub wavelength_nm: Option<f64>,
     /// Standard deviation of the wavelength in nm (default: 0.5).
+    #[schemars(extend("x-advanced" = true))]
     pub wavelength_sigma_nm: Option<f64>,
     /// Spectrum of the lamp by name, with filter and response in place of the wavelength: E, A, D65, FL1 to FL12, LED-B1, LED-B3.
+    #[schemars(extend("x-advanced" = true))]
     pub lamp: Option<String>,
     /// Transmission of the filter: pairs of nm and share.
+    #[schemars(extend("x-advanced" = true))]
     pub filter: Option<Vec<[f64; 2]>>,
     /// Response of the camera's channel: pairs of nm and share.
+    #[schemars(extend("x-advanced" = true))]
     pub response: Option<Vec<[f64; 2]>>,
 }
 

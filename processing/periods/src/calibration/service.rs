@@ -33,8 +33,10 @@ pub struct Options {
     /// Size of a square in mm.
     pub square_mm: f64,
     /// Corners of the sample (upper left, upper right, lower right, lower left) in pixels; default: it lies where the first board does.
+    #[schemars(extend("x-advanced" = true))]
     pub sample_corners_px: Option<[[f64; 2]; 4]>,
     /// Width and height of the sample in mm, which go with its corners.
+    #[schemars(extend("x-advanced" = true))]
     pub sample_mm: Option<[f64; 2]>,
     /// An earlier geometry.json, of which all is kept that is not measured again; then there are no photographs of a board.
     #[schemars(extend("x-file" = true))]

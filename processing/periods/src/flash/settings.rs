@@ -12,50 +12,87 @@ const PERIODS_UM: [f64; 2] = [0.1, 100.0];
 /// Most tiles.
 const MOST_TILES: usize = 10_000;
 
-/// How maps are made of flash photographs.
+/// Reconstruct orientation and absolute period of gratings on a sheet of repeated tiles, from photographs under a flash.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-#[schemars(rename = "FlashOptions")]
+#[schemars(rename = "FlashOptions", extend(
+    "x-input" = "Session folder or frames.json of flash photographs",
+    "x-examples" = EXAMPLES
+))]
 pub struct Settings {
-    /// Where camera and sample are (default: `geometry.json` beside `frames.json`).
+    /// Positions of camera and sheet (geometry.json; default: the one beside the photographs).
+    #[schemars(extend("x-file" = true))]
     pub geometry: Option<Geometry>,
-    /// Corners of the sheet in pixels, from the top left one clockwise; without a calibrated geometry (default: found in the
-    /// photograph by room light).
+    /// Corners of the sheet in pixels, without a calibrated geometry: top left, top right, bottom right, bottom left; auto detects them in the
+    /// photograph by room light.
+    #[schemars(extend("x-placeholder" = "auto|X,Y,X,Y,X,Y,X,Y", "x-unset" = "auto", "x-aliases" = ["corners"]))]
     pub corners_px: Option<[[f64; 2]; 4]>,
     /// Width and height of the sheet in mm.
+    #[schemars(extend("x-placeholder" = "WxH"))]
     pub size_mm: Option<[f64; 2]>,
-    /// Camera above the sheet, in mm; without a calibrated geometry.
+    /// Height of the camera above the sheet in mm, without a calibrated geometry.
     pub camera_mm: Option<f64>,
-    /// Light above the sheet, in mm, in place of what the photographs say: its highlight tells the rest.
+    /// Height of the light above the sheet in mm, in place of that of the photographs; its position follows from the highlight.
     pub light_height_mm: Option<f64>,
-    /// Tiles to the right and down, which fill the sheet (default: one, or those found with `reference_px`).
+    /// Number of tiles to the right and down, which fill the sheet (default: one, or those found with reference_px).
+    #[schemars(extend("x-placeholder" = "NxM"))]
     pub tiles: Option<[usize; 2]>,
-    /// A tile in the photograph by room light: left, top, width, height in pixels; the others are found by correlation.
+    /// A tile in the photograph by room light: left, top, width and height in pixels. The others are found by correlation.
+    #[schemars(extend("x-placeholder" = "X,Y,W,H"))]
     pub reference_px: Option<[f64; 4]>,
-    /// Leave tiles where the grid has them.
+    /// Leave tiles on their grid, rather than registering each with the others.
+    #[schemars(extend("x-advanced" = true))]
     pub unregistered: bool,
-    /// Wavelength in nm (default: that of `frames.json` or of the geometry).
+    /// Wavelength in nm (default: that of frames.json or of the geometry).
+    #[schemars(extend("x-aliases" = ["wavelength"]))]
     pub wavelength_nm: Option<f64>,
-    /// Range in µm in which all periods are known to lie.
+    /// Range in µm in which all periods are known to lie; distinguishes first orders from second ones.
+    #[schemars(extend("x-placeholder" = "MIN:MAX"))]
     pub period_um: Option<[f64; 2]>,
-    /// How orientations are told.
+    /// Orientations: half fits lobes over half vectors, image is the direction to the highlight in the image (2018 paper).
+    #[schemars(extend("x-advanced" = true))]
     pub orientation: Orientation,
-    /// One period for all, or one per pixel.
+    /// One period for all pixels, or one each; auto is that with more evidence.
     pub period: PeriodChoice,
-    /// Standard deviation of the light in mm, in its plane (default: that of its highlight).
+    /// Standard deviation of the light in its plane, in mm (default: that of its highlight).
+    #[schemars(extend("x-advanced" = true))]
     pub light_sigma_mm: Option<f64>,
-    /// Take the light's places as they are said, even where highlights lie elsewhere.
+    /// Trust stated positions of lights, even where their highlights contradict.
+    #[schemars(extend("x-advanced" = true))]
     pub trust_lights: bool,
-    /// Size of a pixel of the maps on the sheet, in mm (default: that of the photographs).
+    /// Size of a map pixel on the sheet in mm (default: that of the photographs).
+    #[schemars(extend("x-advanced" = true))]
     pub pixel_mm: Option<f64>,
-    /// Colours of angles in pictures.
+    /// Colour map of angles in pictures: cyclic (even steps, also for colour-blind readers) or hsv.
+    #[schemars(extend("x-advanced" = true))]
     pub palette: Palette,
     /// Leave the scale bar out of pictures.
+    #[schemars(extend("x-advanced" = true))]
     pub no_scale_bar: bool,
     /// Largest acceptable σ of a typical orientation in degrees. The results are written in any case, but the exit code is 1 when it is larger.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-advanced" = true, "x-placeholder" = "DEG"))]
     pub max_error: Option<f64>,
 }
+
+/// Command lines of the help.
+const EXAMPLES: &str = "\
+Examples:
+  nacre sim photograph tiles --out photos                                       a sheet of 10 × 8 tiles under five lights
+  nacre reconstruct flash photos --tiles 10x8 --size-mm 297x210 --out maps
+  nacre reconstruct flash photos --reference-px 460,310,116,103 --out maps      the other tiles are found by correlation
+  nacre reconstruct flash photos --tiles 10x8 --size-mm 297x210 --geometry geometry.json --period-um 1.2:2.4 --out maps
+  nacre reconstruct flash photos --tiles 10x8 --size-mm 297x210 --camera-mm 500 --light-height-mm 200 --out maps
+                                                                                no calibration: periods are relative
+
+Photographs are a set of kind flash: frames.json states for each the position of the flash (light_mm: right and up of the sheet's
+middle and above it), and one with \"flash\": false, by room light, shows where the tiles lie. The geometry is that of
+`nacre calibrate geometry`, by default geometry.json beside frames.json. Without one, the corners of the sheet (detected by
+room light, or --corners-px), its size and the camera's distance suffice, for a camera over the middle of its picture.
+
+Writes orientation.exr (orientation, sigma in rad, mask), period.exr (period, sigma in µm, mask), orientation.png,
+period.png (lines per mm), sigma.png and report.json. Pixels are masked where nothing is lit, where several gratings or
+orders explain the light, and where too few copies are near a lobe.";
 
 /// How orientations are told.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -121,19 +158,19 @@ impl Settings {
         if let Some(geometry) = &self.geometry {
             geometry.check()?;
             if self.corners_px.is_some() || self.camera_mm.is_some() {
-                let remedy = "give either a geometry, or --corners and --camera-mm";
-                return Err(Error::input("--corners, --camera-mm", "do not go with a geometry", remedy));
+                let remedy = "give either a geometry, or --corners-px and --camera-mm";
+                return Err(Error::input("--corners-px, --camera-mm", "do not go with a geometry", remedy));
             }
         }
         for value in self.corners_px.iter().flatten().flatten() {
-            within("--corners", Some(*value), -1e5, 1e5)?;
+            within("--corners-px", Some(*value), -1e5, 1e5)?;
         }
         for value in self.size_mm.iter().flatten() {
             within("--size-mm", Some(*value), 0.1, 1e5)?;
         }
         within("--camera-mm", self.camera_mm, 1.0, 1e6)?;
         within("--light-height-mm", self.light_height_mm, 1.0, 1e6)?;
-        within("--wavelength", self.wavelength_nm, 200.0, 2000.0)?;
+        within("--wavelength-nm", self.wavelength_nm, 200.0, 2000.0)?;
         within("--light-sigma-mm", self.light_sigma_mm, 1e-3, 1e3)?;
         within("--pixel-mm", self.pixel_mm, 1e-4, 1e3)?;
         if let Some([x, y, w, h]) = self.reference_px {

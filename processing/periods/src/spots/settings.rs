@@ -53,17 +53,19 @@ pub struct Settings {
     pub panel_mm: Option<[f64; 2]>,
     /// Diameter of the camera's aperture in mm (default: estimated from the photographs).
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-aliases" = ["aperture"]))]
+    #[schemars(extend("x-advanced" = true, "x-aliases" = ["aperture"]))]
     pub aperture_mm: Option<f64>,
     /// Shortest and longest period considered, in µm.
     #[schemars(extend("x-placeholder" = "MIN:MAX", "x-aliases" = ["periods"]))]
     pub periods_um: [f64; 2],
     /// Standard deviation of the mirror direction about that of a plane surface, in degrees: an uneven sample.
-    #[schemars(extend("x-aliases" = ["mirror"]))]
+    #[schemars(extend("x-advanced" = true, "x-aliases" = ["mirror"]))]
     pub mirror_deg: f64,
     /// Colour map of angles in pictures: cyclic (even steps, also for colour-blind readers) or hsv.
+    #[schemars(extend("x-advanced" = true))]
     pub palette: Palette,
     /// Leave the scale bar out of pictures. They have one where the pixel size on the sample is known.
+    #[schemars(extend("x-advanced" = true))]
     pub no_scale_bar: bool,
     /// Results of `reconstruct polarization` of the same sample and camera, which decide between gratings.
     #[serde(skip_serializing_if = "Option::is_none")]

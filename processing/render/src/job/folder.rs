@@ -37,14 +37,18 @@ pub struct Options {
     #[schemars(range(min = 1e-5, max = 1.0))]
     pub max_error: f64,
     /// Fixed number of wavelengths, evenly spaced in 1/λ; by default as many as each place needs.
+    #[schemars(extend("x-advanced" = true))]
     pub wavelengths: Option<usize>,
     /// Also measure the truncation error of the sums over orders and wavelengths.
+    #[schemars(extend("x-advanced" = true))]
     pub check: bool,
     /// Distance of spectral bands in nm (1 to 100) for a spectrum per pixel.
+    #[schemars(extend("x-advanced" = true))]
     pub spectral_nm: Option<f64>,
     /// Method for tables under environments: auto is the cheapest that meets the error.
     pub method: Method,
     /// Largest number of terms per channel and part of a table in two passes (1 to 96); by default as many as the error needs.
+    #[schemars(extend("x-advanced" = true))]
     pub rank: Option<usize>,
 }
 
