@@ -27,6 +27,7 @@ mod limits;
 mod lut;
 mod manual;
 mod one_device;
+mod operations;
 mod outside;
 mod page;
 mod panel;

@@ -12,7 +12,7 @@
 
 pub mod operations;
 
-pub use nacre_base::{Error, Result, error, numeric, operation, progress, statistics, text};
+pub use nacre_base::{Error, Result, error, fields, numeric, operation, progress, statistics, text};
 pub use nacre_brdf as surface;
 pub use nacre_frames as frames;
 pub use nacre_frames::hdr;

@@ -80,6 +80,8 @@ def before_call(context, case, kwargs):
         until(f"/api/v1/sessions/{case.path_parameters['id']}", lambda s: s.get("state") == "paused")
     elif path in ("/api/v1/reconstructions", "/api/v1/reconstructions/estimate"):
         case.body = {"session": SEEDED["session"], "method": "polarization"}
+    elif path == "/api/v1/operations/polarization":
+        case.body = {"session": SEEDED["session"], "options": {"model": "plain"}}
     elif path.endswith("/cancel") or path.endswith("/retry"):
         job = call("POST", "/api/v1/reconstructions", {"session": SEEDED["session"]}).get("id")
         if job is None:  # The session was deleted by then.

@@ -68,6 +68,8 @@ CASES = [
     }, [
         "--json reconstruct hdr photos --out merged",
         "reconstruct hdr photos --out recovered --response recover",
+        "--json reconstruct stack photos --out stacked",
+        "reconstruct stack photos --out all --clip-sigma off",
         "reconstruct hdr photos --out again --response recovered/response.json --align off",
     ]),
     Case("lut", {"scene.toml": i.FLASH_SCENE, "near.toml": i.NEAR, "lamp.csv": i.LAMP, "scene-table.toml": i.TABLE_SCENE,

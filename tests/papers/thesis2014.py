@@ -1,6 +1,7 @@
 """Rows of the 2014 thesis on diffraction from natural gratings."""
 
 import math
+import re
 
 import numpy as np
 
@@ -234,6 +235,27 @@ count = {count}
 COUNTS = (2, 5, 10)
 
 
+def gems_map(run):
+    """The shader's formula (GPU Gems, chapter 8), written anew in its own unit of wavelength."""
+    found = run.exr("gems.exr")
+    sines = np.abs((2 * np.arange(257) + 1) / 257 - 1)
+    right = {c: np.zeros(257) for c in "RGB"}
+    for order in range(1, 9):
+        y = 2 * (1.6 / 0.72) * sines / order - 1
+        for channel, middle in zip("RGB", (0.75, 0.5, 0.25)):
+            right[channel] += np.maximum(0, 1 - (4 * (y - middle)) ** 2)
+    off = max(abs(found[c][128] - right[c])[1:-1].max() for c in "RGB")
+    return Outcome(f"colours along the middle row {off:.1e} off", "the shader's formula", off < 1e-5)
+
+
+def steps_map(run):
+    own, stepped = (run.exr(f"{name}.exr", "Y") for name in ("own", "s5"))
+    seen = np.isfinite(own)
+    off = np.sqrt(((stepped - own)[seen] ** 2).sum() / (own[seen] ** 2).sum())
+    said = float(re.search(r"as asked for: ([0-9.]+) %", run.reports[2]["choice"]["why"])[1]) / 100
+    return Outcome(f"{100 * off:.1f} % (Y; {100 * said:.1f} % of X, Y, Z in its report)", "its own sum at 1 %", abs(said / off - 1) < 0.5, PAPER_OFF)
+
+
 def slit_scenes(folder):
     for count in COUNTS:
         (folder / f"n{count}.toml").write_text(SLITS.format(fov=2 * np.degrees(np.arctan(2.5 * 0.02 / 500)), count=count))
@@ -287,9 +309,10 @@ ROWS = [
     Row("thesis-nmm", "4.5.2; Fig. 6.4b", "NMM in the mirror direction", "white spot, set by hand", ("brdf surface sinusoid --period-um 1.6 --depth-um 0.1 --out s.exr",
         "brdf map s.exr --size 257 --zoom 8 --method nmm --normalisation relative --out nmm.exr", "brdf map s.exr --size 257 --zoom 8 --method chebyshev --normalisation relative --out full.exr"), read=white_spot),
     Row("thesis-gems", "2.3; Fig. 2.15, 6.4d", "shader of GPU Gems, which knows the period only (sinusoid, 1.6 µm)", "pictures", ("chart surface-gems --quick --out charts",), read=gems),
-    Row("thesis-gems-shader", "Fig. 2.15, 2.16, 6.4d", "that shader's own map", "pictures", missing="GPU Gems shader as a method of `brdf map`"),
+    Row("thesis-gems-shader", "Fig. 2.15, 2.16, 6.4d", "that shader's own map", "pictures", ("brdf gems --period-um 1.6 --size 257 --out gems.exr",), read=gems_map),
     Row("thesis-steps", "Fig. 6.5, 6.6", "steps of wavelengths, coherence 65 µm", "5 nm as good as 1 nm", ("chart surface-step --quick --out charts",), read=step_chart),
-    Row("thesis-steps-map", "Fig. 6.5, 6.6", "maps with a step of one's own", "pictures", missing="step of wavelengths as an option of `brdf map`"),
+    Row("thesis-steps-map", "Fig. 6.5, 6.6", "map in steps of 5 nm, coherence 65 µm: off by", "as good as 1 nm (by eye)",
+        (SHALLOW, *(f"brdf map shallow.exr --size 257 --light 30,0 {step} --out {n}.exr" for n, step in (("own", ""), ("s5", "--wavelength-step-nm 5")))), read=steps_map),
     Row("thesis-incidence", "Fig. 6.1, 6.13", "maps under light at 0°, 10°, 30°: place of the mirror direction", "pictures",
         (SHALLOW, *(f"brdf map shallow.exr --light {t},0 --size 257 --max-error 0.05 --out m{t}.exr" for t in (0, 10, 30))), read=incidence),
     Row("thesis-slits", "Fig. 5.4, 5.5", "2, 5, 10 slits of 30 µm, 150 µm apart, 500 nm: light over angle", "plots",

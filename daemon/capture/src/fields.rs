@@ -1,11 +1,8 @@
 //! Options as requests and plans name them. Messages of the processing core name flags of the command line.
 
 /// Flags whose field is not the flag with `_` for `-`.
-const FIELDS: [(&str, &str); 21] = [
-    ("aperture", "aperture_mm"),
+const FIELDS: [(&str, &str); 13] = [
     ("clamp", "clamp_um"),
-    ("contrast-period", "period"),
-    ("corners", "corners_px"),
     ("distance-m", "lens.distance_m"),
     ("f-number", "lens.f_number"),
     ("highlight", "highlights"),
@@ -14,15 +11,10 @@ const FIELDS: [(&str, &str); 21] = [
     ("lens-focal-mm", "lens.focal_mm"),
     ("lines", "scale.lines.count"),
     ("lines-per-mm", "scale.lines.per_mm"),
-    ("mirror", "mirror_deg"),
-    ("panel", "panel_mm"),
-    ("periods", "periods_um"),
     ("psf-sigma", "psf.sigma"),
-    ("relative-period", "period"),
     ("rotate", "rotate_deg"),
     ("sample-corners", "sample_corners_px"),
     ("wavelength", "wavelength_nm"),
-    ("wavelength-sigma", "wavelength_sigma_nm"),
 ];
 
 /// Renames the flags in a message: `give --size-mm` becomes `give size_mm`. Commands in backticks stay as they are.
@@ -55,7 +47,7 @@ mod tests {
         for (flags, named) in [
             ("--size-mm: is not known; give it, or --reference-px", "size_mm: is not known; give it, or reference_px"),
             ("say --transfer linear, srgb or gamma=2.2", "say transfer linear, srgb or gamma=2.2"),
-            ("--corners, --camera-mm: do not go", "corners_px, camera_mm: do not go"),
+            ("--corners-px, --camera-mm: do not go", "corners_px, camera_mm: do not go"),
             ("photo.png: give --wavelength (--channel)", "photo.png: give wavelength_nm (channel)"),
             (
                 "run `nacre calibrate geometry --highlight`, or give --center",

@@ -29,6 +29,7 @@ mod densities;
 mod engine;
 mod expansion;
 mod fresnel;
+pub mod gems;
 mod geometry;
 pub mod height;
 mod job;

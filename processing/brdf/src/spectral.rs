@@ -33,15 +33,29 @@ impl Samples {
     fn new(count: usize, light: &Illuminant, observer: Observer) -> Self {
         let [long, short] = [RANGE_NM[1], RANGE_NM[0]].map(|nm| 1e3 / nm);
         let step = (short - long) / (count - 1) as f64;
-        let numbers: Vec<f64> = (0..count).map(|k| long + step * k as f64).collect();
+        let numbers = (0..count).map(|k| long + step * k as f64).collect();
+        // dλ = λ² dν.
+        Self::of(numbers, |number| 1.0 / (number * number), light, observer)
+    }
+
+    /// Wavelengths in even steps of about so many nm, as the thesis has them (2014, Fig. 6.5 and 6.6).
+    pub(super) fn in_steps(nm: f64, light: &Illuminant, observer: Observer) -> Self {
+        let count = ((RANGE_NM[1] - RANGE_NM[0]) / nm).round().max(1.0);
+        let step = (RANGE_NM[1] - RANGE_NM[0]) / count;
+        let numbers = (0..=count as usize).map(|k| 1e3 / (RANGE_NM[1] - step * k as f64)).collect();
+        Self::of(numbers, |_| 1.0, light, observer)
+    }
+
+    /// By the trapezoid rule, with the width of an interval up to a factor.
+    fn of(numbers: Vec<f64>, width: impl Fn(f64) -> f64, light: &Illuminant, observer: Observer) -> Self {
+        let last = numbers.len() - 1;
         let mut weights: Vec<[f64; 3]> = numbers
             .iter()
             .enumerate()
             .map(|(k, number)| {
                 let nm = 1e3 / number;
-                // dλ = λ² dν; half of it at the ends.
-                let end = if k == 0 || k + 1 == count { 0.5 } else { 1.0 };
-                let width = end * light.spectrum.at(nm) / (number * number);
+                let end = if k == 0 || k == last { 0.5 } else { 1.0 };
+                let width = end * light.spectrum.at(nm) * width(*number);
                 observer.at(nm).map(|c| c * width)
             })
             .collect();

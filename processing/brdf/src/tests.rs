@@ -285,6 +285,32 @@ fn methods_refuse_what_they_cannot_do() {
     );
 }
 
+/// Coarse steps make separate colours of an order, and say so; fine ones are as exact as the program's own.
+#[test]
+fn steps_of_wavelengths_are_as_far_off_as_they_say() {
+    let field = fingers();
+    let quality = height::Quality::of(&field, 65.0);
+    let of = |wavelength_step_nm| {
+        let settings = Settings { wavelength_step_nm, coherence_um: 20.0, ..Settings::default() };
+        map(&field, &quality, &settings, Views::all(64), &Silent).unwrap()
+    };
+    let exact = of(None);
+    let off = |found: &Map| {
+        let pairs = found.xyz.iter().zip(&exact.xyz).filter(|(a, _)| a[1].is_finite());
+        let squares = pairs.fold([0.0_f64; 2], |[d, s], (a, b)| {
+            let each = a.iter().zip(b).map(|(a, b)| [f64::from(a - b).powi(2), f64::from(*b).powi(2)]);
+            each.fold([d, s], |[d, s], [e, t]| [d + e, s + t])
+        });
+        (squares[0] / squares[1]).sqrt()
+    };
+    let (fine, coarse) = (of(Some(1.0)), of(Some(80.0)));
+    assert!(off(&fine) < 0.01 && fine.error_estimate < 0.03, "{} {}", off(&fine), fine.error_estimate);
+    assert!(off(&coarse) > 0.1, "{}", off(&coarse));
+    let said = coarse.error_estimate - exact.error_estimate;
+    assert!((said / off(&coarse) - 1.0).abs() < 0.1, "{said} {}", off(&coarse));
+    assert!(coarse.choice.why.contains("80 nm"), "{}", coarse.choice.why);
+}
+
 #[test]
 fn a_mirror_reflects_all_light_into_its_lobe() {
     let field = HeightField::new("flat", 32, 32, 0.1, vec![0.3; 1024]).unwrap();

@@ -20,7 +20,7 @@ const ROUNDS: usize = 6;
 pub(super) fn find(room: &Photograph) -> Result<[[f64; 2]; 4]> {
     let lost = || {
         let problem = "the corners of the sheet were not found in the photograph by room light";
-        Error::input("--corners", problem, "give them: top left, top right, bottom right, bottom left as x,y")
+        Error::input("--corners-px", problem, "give them: top left, top right, bottom right, bottom left as x,y")
     };
     let (width, height) = (room.width, room.height);
     let parted = otsu(&room.light).ok_or_else(lost)?;

@@ -68,7 +68,7 @@ fn of_bench(frames: &LoadedFrames) -> Option<Geometry> {
 pub(super) fn wavelength(settings: &Settings, frames: &LoadedFrames) -> Result<f64> {
     let of_geometry = settings.geometry.as_ref().and_then(|g| g.wavelength_nm);
     settings.wavelength_nm.or(frames.set.wavelength_nm).or(of_geometry).ok_or_else(|| {
-        Error::input("--wavelength", "is not known", "give that of the filter, or write it into frames.json")
+        Error::input("--wavelength-nm", "is not known", "give that of the filter, or write it into frames.json")
     })
 }
 

@@ -63,11 +63,11 @@ impl View {
         // Clockwise on the picture, where y falls.
         if (0..4).any(|k| twist(k).is_nan() || twist(k) <= 1.0) {
             let remedy = "give top left, top right, bottom right, bottom left as x,y";
-            return Err(Error::input("--corners", format!("{corners:?} is no sheet seen from above"), remedy));
+            return Err(Error::input("--corners-px", format!("{corners:?} is no sheet seen from above"), remedy));
         }
         let in_front = |map: &Matrix3<f64>| places.iter().all(|p| project(map, *p).is_some());
         let map = homography(&places, &corners).filter(in_front).ok_or_else(|| {
-            Error::input("--corners", format!("{corners:?} is no perspective of a sheet"), "correct the corners")
+            Error::input("--corners-px", format!("{corners:?} is no perspective of a sheet"), "correct the corners")
         })?;
         let relative = "the camera was taken to stand over the middle of the picture, without distortion".to_owned();
         let side = |a: usize, b: usize| (corners[a][0] - corners[b][0]).hypot(corners[a][1] - corners[b][1]);
@@ -76,7 +76,7 @@ impl View {
         let mut view = Self { map, viewer, relative: Some(relative), uneven: CORNER_PX / shortest };
         let middle = image.map(|n| 0.5 * (n as f64 - 1.0));
         let [x, y] = view.point(middle).ok_or_else(|| {
-            Error::input("--corners", "put the picture's middle beyond the sheet's horizon", "correct the corners")
+            Error::input("--corners-px", "put the picture's middle beyond the sheet's horizon", "correct the corners")
         })?;
         view.viewer = [x, y, camera_mm];
         Ok(view)

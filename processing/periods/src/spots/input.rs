@@ -53,7 +53,7 @@ impl Bench {
         }
         let wavelength = settings.wavelength_nm.or(geometry.wavelength_nm).or(set.wavelength_nm);
         let nm = wavelength.ok_or_else(|| {
-            missing("the wavelength", "give --wavelength NM, that of light, filter and camera together")
+            missing("the wavelength", "give --wavelength-nm NM, that of light, filter and camera together")
         })?;
         if settings.wavelength_sigma_nm.or(geometry.sigma.wavelength_nm).is_none() {
             assumptions.push(format!(
@@ -85,7 +85,7 @@ fn parallel(frames: &LoadedFrames, settings: &Settings) -> Result<Geometry> {
     let distances = set.geometry.ok_or_else(|| missing("where camera and panel stand"))?;
     let pixel_mm = distances.pixel_um.ok_or_else(|| missing("geometry.pixel_um"))? / 1000.0;
     let [w, h] = settings.panel_mm.or(set.panel_mm).ok_or_else(|| {
-        Error::file(&frames.path, "does not say panel_mm, the size of the panel", "add it, or give --panel W,H in mm")
+        Error::file(&frames.path, "does not say panel_mm, the size of the panel", "add it, or give --panel-mm WxH")
     })?;
     let (d, half) = (distances.distance_mm, 0.5 * distances.baseline_mm);
     let middle = [frames.info.width, frames.info.height].map(|n| 0.5 * (n as f64 - 1.0));

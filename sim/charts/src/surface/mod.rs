@@ -2,7 +2,6 @@
 
 mod coherence;
 mod expansions;
-mod gems;
 mod stress;
 mod sums;
 

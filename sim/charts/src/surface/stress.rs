@@ -1,8 +1,9 @@
 //! Where methods for BRDFs of height fields fail.
 
-use super::{coherence, gems, sums};
+use super::{coherence, sums};
 use nacre_base::progress::Silent;
 use nacre_base::{Error, Result};
+use nacre_brdf::gems;
 use nacre_brdf::height::{HeightField, Profile, Quality, Shape, Synthetic};
 use nacre_brdf::{
     Direction, Map, Method, OrderMethod, Pair, Section, Settings, Views, Window, check, map, most_orders, slice,

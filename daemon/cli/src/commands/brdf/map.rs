@@ -41,6 +41,9 @@ pub struct Map {
     /// Middle of the map as sines, sin θ (cos φ, sin φ).
     #[arg(long, default_value = "0,0", value_name = "X,Y", value_parser = sines, allow_hyphen_values = true)]
     center: [f64; 2],
+    /// Distance of wavelengths (0.01 to 100), instead of as close as each direction needs: for comparison, with its error measured.
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    wavelength_step_nm: Option<f64>,
     #[command(flatten)]
     optics: Optics,
     #[command(flatten)]
@@ -70,6 +73,7 @@ impl Map {
         let settings = Settings {
             illuminant: self.seen.illuminant.clone(),
             observer: self.seen.observer,
+            wavelength_step_nm: self.wavelength_step_nm,
             ..self.material.add(self.optics.settings(self.light))
         };
         let (_, window) = settings.check()?;

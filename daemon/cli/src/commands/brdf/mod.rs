@@ -2,6 +2,7 @@
 
 mod check;
 mod common;
+mod gems;
 mod heights;
 mod map;
 mod orders;
@@ -20,6 +21,8 @@ pub enum Brdf {
     Map(Box<map::Map>),
     /// Spectra along a half circle of directions of view.
     Slice(Box<slice::Slice>),
+    /// Colours by the shader of GPU Gems, from a period alone, for comparison.
+    Gems(gems::Gems),
     /// Light in each order of a grating, from its cross-section.
     Orders(orders::Orders),
     /// Peaks of the first order against the grating equation.
@@ -37,6 +40,7 @@ pub fn run(command: &Brdf, console: &Console) -> Result<(), Failure> {
     match command {
         Brdf::Map(args) => args.run(console),
         Brdf::Slice(args) => args.run(console),
+        Brdf::Gems(args) => args.run(console),
         Brdf::Orders(args) => args.run(console),
         Brdf::Check(args) => args.run(console),
         Brdf::Terms(args) => args.run(console),

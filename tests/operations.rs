@@ -1,0 +1,156 @@
+//! Operations: command line, OpenAPI document and page offer the same options, with the same defaults.
+
+#![allow(clippy::unwrap_used)]
+
+use nacre_processing::fields::Field;
+use nacre_processing::image::write_png16_gray;
+use nacre_processing::operations::OPERATIONS;
+use nacre_tests::chromium::Browser;
+use nacre_tests::http::{Service, begin, finished, plan};
+use nacre_tests::{BENCH, Place, nacre};
+use serde_json::{Value, json};
+use std::fs;
+
+/// Operations whose command is derived from their options.
+const DERIVED: [&str; 7] = ["polarization", "hdr", "stack", "lut", "foil", "spots", "flash"];
+
+/// Operations of the page's uploads, and options that the page has controls of its own for.
+const UPLOADED: [(&str, &[&str]); 10] = [
+    ("polarization", &[]),
+    ("hdr", &[]),
+    ("stack", &[]),
+    ("lut", &["light"]),
+    ("bokeh", &[]),
+    ("flash", &["corners_px", "reference_px"]),
+    ("foil", &[]),
+    ("brdf", &[]),
+    ("calibrate", &[]),
+    ("map", &[]),
+];
+
+#[test]
+fn command_lines_have_every_option_with_its_default() {
+    for name in DERIVED {
+        let operation = OPERATIONS.iter().find(|o| o.name() == name).unwrap();
+        let help = nacre(["reconstruct", name, "--help"]).expect(0).stdout();
+        for field in &operation.fields().list {
+            let flag = format!("--{}", field.name());
+            let after = help.split(&format!("{flag} <")).nth(1).or_else(|| help.split(&format!("{flag}\n")).nth(1));
+            let after = after.unwrap_or_else(|| panic!("{name} has no {flag}:\n{help}"));
+            // Up to the next flag.
+            let own = after.split("\n      --").next().unwrap();
+            let default = field.default().filter(|v| !field.is_flag() && !v.is_object());
+            assert_eq!(own.contains("[default: "), default.is_some(), "{name} {flag}: {own}");
+            if let Some(Value::String(word)) = default {
+                assert!(own.contains(&format!("[default: {word}]")), "{name} {flag}: {own}");
+            }
+            assert!(own.chars().filter(|c| c.is_alphabetic()).count() > 20, "{name} {flag} is not described: {own}");
+        }
+    }
+}
+
+#[test]
+fn old_spellings_are_accepted() {
+    let place = Place::new("");
+    let out = place.text("out");
+    for (old, new) in [("--wavelength", "--wavelength-nm"), ("--panel", "--panel-mm"), ("--periods", "--periods-um")] {
+        for flag in [old, new] {
+            let run = nacre(["reconstruct", "spots", &place.text("none"), flag, "500,600", "--out", &out]).expect(2);
+            assert!(!run.stderr().contains("unexpected argument"), "{flag}: {}", run.stderr());
+        }
+    }
+}
+
+#[test]
+fn mistakes_are_named_as_flags_and_as_keys() {
+    let place = Place::with_bench("", BENCH);
+    let wrong = nacre(["--json", "reconstruct", "hdr", ".", "--white", "much", "--out", &place.text("out")]).expect(2);
+    assert!(wrong.stderr().contains("--white"), "{}", wrong.stderr());
+    let service = Service::start(&place, &[]);
+    let upload = uploaded(&service, 3);
+    let asked =
+        |options: Value| service.post("/api/v1/operations/stack", &json!({ "upload": upload, "options": options }));
+    for (options, key) in [
+        (json!({ "clip_sigma": 0.1 }), "clip_sigma"),
+        (json!({ "clip": 3 }), "clip"),
+        (json!({ "clip_sigma": "x" }), "clip_sigma"),
+    ] {
+        let answer = asked(options);
+        assert!((400..500).contains(&answer.status) && answer.text().contains(key), "{}", answer.text());
+    }
+    let unknown = service.post("/api/v1/operations/stacks", &json!({ "upload": upload })).expect(404);
+    assert!(unknown.text().contains("polarization, hdr, stack"), "{}", unknown.text());
+}
+
+/// Files of the machine are nobody's business; those of the upload are used.
+#[test]
+fn options_name_files_of_the_upload_only() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let upload = uploaded(&service, 2);
+    let merge = |response: &str| {
+        service.post("/api/v1/operations/hdr", &json!({ "upload": upload, "options": { "response": response } }))
+    };
+    for path in ["/etc/passwd", "../../../etc/passwd", "Cargo.toml", "a/b.json"] {
+        let refused = merge(path);
+        assert!((400..500).contains(&refused.status), "{path}: {}", refused.text());
+        assert!(refused.text().contains("was not sent") && !refused.text().contains("root:"), "{}", refused.text());
+    }
+}
+
+fn uploaded(service: &Service, count: usize) -> String {
+    let place = tempfile::tempdir().unwrap();
+    let mut parts: Vec<(&str, String, Vec<u8>)> = vec![("kind", String::new(), b"photographs".to_vec())];
+    for k in 0..count {
+        let path = place.path().join(format!("{k}.png"));
+        let codes: Vec<u16> = (0..48 * 32).map(|i| (20_000 + 37 * (i * (k + 3) % 101)) as u16).collect();
+        write_png16_gray(&path, 48, 32, &codes).unwrap();
+        parts.push(("file", format!("{k}.png"), fs::read(&path).unwrap()));
+    }
+    let parts: Vec<(&str, &str, &[u8])> = parts.iter().map(|(n, f, b)| (*n, f.as_str(), b.as_slice())).collect();
+    service.upload(&parts).expect(201).json()["id"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn an_operation_runs_through_its_own_path() {
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    let offered = service.get("/api/v1/operations").expect(200).json();
+    assert_eq!(offered.as_array().unwrap().len(), OPERATIONS.len());
+    let done = |name: &str, order: &Value| {
+        let job = service.post(&format!("/api/v1/operations/{name}"), order).expect(202).json();
+        let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+        service.until(&path, |j| j["state"] == "done" || j["state"] == "failed")
+    };
+    let stacked = done("stack", &json!({ "upload": uploaded(&service, 5), "options": { "clip_sigma": null } }));
+    assert_eq!((&stacked["method"], &stacked["report"]["photographs"]), (&json!("stack"), &json!(5)), "{stacked}");
+    assert_eq!(stacked["report"]["rejected"], 0.0);
+    let session = begin(&service, &plan(4, 10.0));
+    finished(&service, &session);
+    let plain = done("polarization", &json!({ "session": session, "options": { "model": "plain" } }));
+    assert_eq!(plain["report"]["model"], "plain", "{plain}");
+    // What the old path asks for is the same.
+    let job =
+        service.post("/api/v1/reconstructions", &json!({ "session": session, "model": "plain" })).expect(202).json();
+    let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
+    let old = service.until(&path, |j| j["state"] == "done");
+    assert_eq!(old["report"]["pixels"], plain["report"]["pixels"]);
+}
+
+#[test]
+fn the_page_has_a_control_for_every_option() {
+    let Some(browser) = Browser::start() else { return };
+    let place = Place::with_bench("", BENCH);
+    let service = Service::start(&place, &[]);
+    browser.open(&format!("http://{}/#/upload", service.address));
+    browser.until("document.querySelector('#method')");
+    for (name, apart) in UPLOADED {
+        let operation = OPERATIONS.iter().find(|o| o.name() == name).unwrap();
+        let fields = operation.fields();
+        let shown = fields.list.iter().filter(|f| !apart.contains(&f.path[0].as_str()));
+        for id in shown.map(|field: &Field| format!("{name}-{}", field.path.join("-").replace('_', "-"))) {
+            let found = browser.run(&format!("return document.getElementById('{id}') !== null"));
+            assert_eq!(found, true, "the page has no #{id}");
+        }
+    }
+}
