@@ -129,12 +129,30 @@ fn an_operation_runs_through_its_own_path() {
     finished(&service, &session);
     let plain = done("polarization", &json!({ "session": session, "options": { "model": "plain" } }));
     assert_eq!(plain["report"]["model"], "plain", "{plain}");
+    parts_of_files_are_sent(
+        &service,
+        &format!("/api/v1/reconstructions/{}/files/aolp.exr", plain["id"].as_str().unwrap()),
+    );
     // What the old path asks for is the same.
     let job =
         service.post("/api/v1/reconstructions", &json!({ "session": session, "model": "plain" })).expect(202).json();
     let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
     let old = service.until(&path, |j| j["state"] == "done");
     assert_eq!(old["report"]["pixels"], plain["report"]["pixels"]);
+}
+
+fn parts_of_files_are_sent(service: &Service, path: &str) {
+    let whole = service.get(path).expect(200);
+    let tag = whole.header("ETag").unwrap();
+    let asked = |headers: &[&str], status: u16| service.send("GET", path, headers, b"").expect(status);
+    let some = asked(&["Range: bytes=4-19"], 206);
+    assert_eq!(some.body, whole.body[4..20]);
+    assert_eq!(some.header("Content-Range").unwrap(), format!("bytes 4-19/{}", whole.body.len()));
+    assert_eq!(asked(&["Range: bytes=-7"], 206).body, whole.body[whole.body.len() - 7..]);
+    let other = asked(&["Range: bytes=4-19", "If-Range: \"another\""], 200);
+    assert_eq!(other.body.len(), whole.body.len());
+    asked(&[&format!("Range: bytes={}-", whole.body.len())], 416);
+    assert!(asked(&[&format!("If-None-Match: {tag}")], 304).body.is_empty());
 }
 
 #[test]

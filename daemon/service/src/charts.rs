@@ -4,6 +4,7 @@ use super::problem::{Answer, Problem};
 use super::{App, At, blocking, files};
 use axum::Json;
 use axum::extract::State;
+use axum::http::HeaderMap;
 use axum::response::Response;
 use nacre_studies::{Chart, catalogue};
 use serde::Serialize;
@@ -76,8 +77,9 @@ pub fn existing(place: &Path, folder: &str) -> Answer<PathBuf> {
 pub async fn file(
     State(app): State<Arc<App>>,
     At((folder, chart, file)): At<(String, String, String)>,
+    wishes: HeaderMap,
 ) -> Answer<Response> {
     let path = files::inside(&app.config.data.join("charts"), &format!("{folder}/{chart}/{file}"))?;
     let kind = if path.extension().is_some_and(|e| e == "png") { "image/png" } else { files::BYTES };
-    files::send(&path, kind).await
+    files::send(&path, kind, &wishes).await
 }

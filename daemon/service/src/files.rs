@@ -4,12 +4,15 @@ use super::blocking;
 use super::paths::without_folders;
 use super::problem::{Answer, Problem};
 use axum::body::Body;
-use axum::http::header;
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use nacre_base::input::{self, Unreadable};
-use std::io::ErrorKind;
+use std::fs::Metadata;
+use std::io::{ErrorKind, SeekFrom};
+use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
-use tokio::io::AsyncReadExt;
+use std::time::SystemTime;
+use tokio::io::{AsyncReadExt, AsyncSeekExt};
 use tokio_util::io::ReaderStream;
 
 /// Deepest folder that is listed.
@@ -72,11 +75,11 @@ const REPORT: &str = "report.json";
 /// Most bytes of a report.
 const LARGEST_REPORT: u64 = 64 << 20;
 
-/// Streams a file as a download.
+/// Streams a file as a download: the part that is asked for (`Range`, one range), or nothing where whoever asks has it already (`If-None-Match`).
 ///
 /// # Errors
 /// `not-found` when it is not there any more; as the system answers when it cannot be opened.
-pub async fn send(path: &Path, kind: &'static str) -> Answer<Response> {
+pub async fn send(path: &Path, kind: &'static str, wishes: &HeaderMap) -> Answer<Response> {
     let refused = |error: Unreadable| match error {
         Unreadable::System(error) if error.kind() != ErrorKind::NotFound => {
             Problem::refused("the file cannot be read", &error)
@@ -96,20 +99,93 @@ pub async fn send(path: &Path, kind: &'static str) -> Answer<Response> {
             [(header::CONTENT_TYPE, kind), (header::CONTENT_DISPOSITION, "attachment; filename=\"report.json\"")];
         return Ok((headers, without_folders(&text)).into_response());
     }
-    let length = file.metadata().await.map(|m| m.len()).unwrap_or_default();
+    let metadata = file.metadata().await.map_err(|error| refused(Unreadable::System(error)))?;
+    let (length, tag) = (metadata.len(), tag(&metadata));
+    let wish = |name| wishes.get(name).and_then(|value| value.to_str().ok());
+    let same = |tags: &str| tags.split(',').any(|one| one.trim().trim_start_matches("W/") == tag || one.trim() == "*");
+    if wish(header::IF_NONE_MATCH).is_some_and(same) {
+        return Ok((StatusCode::NOT_MODIFIED, [(header::ETAG, tag)]).into_response());
+    }
     let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || "._-".contains(*c)).collect();
+    // A part of another version would fit nothing.
+    let current = wish(header::IF_RANGE).is_none_or(|wanted| wanted == tag);
+    let part = wish(header::RANGE).filter(|_| current).and_then(|range| part(range, length));
     let headers = [
         (header::CONTENT_TYPE, kind.to_owned()),
-        (header::CONTENT_LENGTH, length.to_string()),
         (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{plain}\"")),
+        (header::ETAG, tag),
+        (header::ACCEPT_RANGES, "bytes".to_owned()),
     ];
-    Ok((headers, Body::from_stream(ReaderStream::new(file))).into_response())
+    match part {
+        None => {
+            let body = Body::from_stream(ReaderStream::new(file));
+            Ok(([(header::CONTENT_LENGTH, length.to_string())], headers, body).into_response())
+        }
+        Some(part) if part.is_empty() => {
+            let all = [(header::CONTENT_RANGE, format!("bytes */{length}"))];
+            Ok((StatusCode::RANGE_NOT_SATISFIABLE, all).into_response())
+        }
+        Some(part) => {
+            let sought = file.seek(SeekFrom::Start(part.start)).await;
+            sought.map_err(|error| refused(Unreadable::System(error)))?;
+            let count = part.end - part.start;
+            let of_all = [
+                (header::CONTENT_LENGTH, count.to_string()),
+                (header::CONTENT_RANGE, format!("bytes {}-{}/{length}", part.start, part.end - 1)),
+            ];
+            let body = Body::from_stream(ReaderStream::new(file.take(count)));
+            Ok((StatusCode::PARTIAL_CONTENT, of_all, headers, body).into_response())
+        }
+    }
+}
+
+/// What tells a file from earlier and later ones of its name: length and time of change.
+fn tag(metadata: &Metadata) -> String {
+    let changed = metadata.modified().ok().and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok());
+    format!("\"{:x}-{:x}\"", metadata.len(), changed.map_or(0, |time| time.as_nanos()))
+}
+
+/// Bytes that a `Range` of one part asks for, empty where the file has none of them; none for anything else, which is answered with the whole
+/// file (RFC 9110, section 14.2).
+fn part(range: &str, length: u64) -> Option<Range<u64>> {
+    let (first, last) = range.trim().strip_prefix("bytes=")?.split_once('-')?;
+    let (first, last) = (first.trim(), last.trim());
+    let number = |text: &str| text.chars().all(|c| c.is_ascii_digit()).then(|| text.parse::<u64>().ok()).flatten();
+    if first.is_empty() {
+        return Some(length.saturating_sub(number(last)?)..length);
+    }
+    let (first, end) = (number(first)?, if last.is_empty() { length } else { number(last)?.checked_add(1)? });
+    if end <= first {
+        return if last.is_empty() { Some(length..length) } else { None };
+    }
+    Some(first.min(length)..end.min(length))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn ranges_are_read_as_rfc_9110_has_them() {
+        for (range, wanted) in [
+            ("bytes=0-499", Some(0..500)),
+            ("bytes=500-", Some(500..1000)),
+            ("bytes=-1", Some(999..1000)),
+            ("bytes=-2000", Some(0..1000)),
+            ("bytes=990-2000", Some(990..1000)),
+            ("bytes=1000-", Some(1000..1000)),
+            ("bytes=1000-1001", Some(1000..1000)),
+            ("bytes=5-4", None),
+            ("bytes=0-1,3-4", None),
+            ("bytes=a-b", None),
+            ("bytes=--1", None),
+            ("lines=0-1", None),
+            ("bytes=0-18446744073709551615", None),
+        ] {
+            assert_eq!(part(range, 1000), wanted, "{range}");
+        }
+    }
 
     #[test]
     fn only_files_inside_are_found() {

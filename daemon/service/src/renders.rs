@@ -3,7 +3,7 @@
 use super::problem::{Answer, Kind, Problem};
 use super::{App, At, Params, files, png};
 use axum::extract::State;
-use axum::http::header;
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use nacre_render::SoFar;
 use serde::Deserialize;
@@ -64,7 +64,12 @@ pub struct Look {
 #[utoipa::path(get, path = "/api/v1/reconstructions/{id}/picture.png", tag = "reconstructions", operation_id = "picture",
     params(("id" = String, Path), Look),
     responses((status = 200, content(([u8] = "image/png"))), (status = 400, body = Problem), (status = 404, body = Problem)))]
-pub async fn picture(State(app): State<Arc<App>>, At(id): At<String>, Params(look): Params<Look>) -> Answer<Response> {
+pub async fn picture(
+    State(app): State<Arc<App>>,
+    At(id): At<String>,
+    Params(look): Params<Look>,
+    wishes: HeaderMap,
+) -> Answer<Response> {
     let stops = look.stops.unwrap_or(0.0);
     if !(-16.0..=16.0).contains(&stops) {
         return Err(Problem::bad(format!("stops are {stops}; give -16 to 16")));
@@ -78,7 +83,7 @@ pub async fn picture(State(app): State<Arc<App>>, At(id): At<String>, Params(loo
         return Err(Problem::not_found("picture yet").remedy("wait for the first pass of a rendering"));
     };
     if stops == 0.0 {
-        return files::send(&done, "image/png").await;
+        return files::send(&done, "image/png", &wishes).await;
     }
     let picture = app.heavy.answer(move || exposed(&folder, stops)).await?;
     Ok(([(header::CONTENT_TYPE, "image/png")], picture).into_response())

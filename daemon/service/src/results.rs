@@ -6,7 +6,7 @@ use super::reconstructions::Place;
 use super::{App, At, Params, blocking, files, maps};
 use axum::Json;
 use axum::extract::State;
-use axum::http::header;
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use nacre_frames::load;
 use nacre_image::encode_png8;
@@ -57,10 +57,14 @@ pub async fn list(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Jso
     operation_id = "result_file", params(("id" = String, Path), ("file" = String, Path, description = "For instance hdr.png")),
     responses((status = 200, content(([u8] = "image/png"), ([u8] = "application/octet-stream"))),
         (status = 404, body = Problem)))]
-pub async fn file(State(app): State<Arc<App>>, At((id, name)): At<(String, String)>) -> Answer<Response> {
+pub async fn file(
+    State(app): State<Arc<App>>,
+    At((id, name)): At<(String, String)>,
+    wishes: HeaderMap,
+) -> Answer<Response> {
     let folder = app.place(&id).await?.results;
     let kind = if name.ends_with(".png") { "image/png" } else { files::BYTES };
-    files::send(&files::inside(&folder, &name)?, kind).await
+    files::send(&files::inside(&folder, &name)?, kind, &wishes).await
 }
 
 /// A pixel of the maps.
@@ -119,6 +123,7 @@ pub async fn map(
     State(app): State<Arc<App>>,
     At((id, file)): At<(String, String)>,
     Params(region): Params<Region>,
+    wishes: HeaderMap,
 ) -> Answer<Response> {
     let folder = app.place(&id).await?.results;
     let missing = || Problem::not_found(format!("map {file:?}"));
@@ -126,7 +131,7 @@ pub async fn map(
     let (exr, _) = maps::source(&folder, name).ok_or_else(missing)?;
     let (name, kind) = (name.to_owned(), kind.to_owned());
     match kind.as_str() {
-        "exr" => return files::send(&files::inside(&folder, exr)?, files::BYTES).await,
+        "exr" => return files::send(&files::inside(&folder, exr)?, files::BYTES, &wishes).await,
         "png" | "csv" | "npy" => {}
         _ => return Err(missing()),
     }

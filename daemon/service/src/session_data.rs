@@ -5,7 +5,7 @@ use super::problem::{Answer, Problem};
 use super::{App, At, Params, blocking, maps, png};
 use axum::Json;
 use axum::extract::State;
-use axum::http::header;
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use nacre_capture::plan::Role;
 use nacre_capture::session::{Journal, SessionFile, unreadable_journal};
@@ -109,11 +109,12 @@ pub async fn frame(
     State(app): State<Arc<App>>,
     At((id, name)): At<(String, String)>,
     Params(query): Params<Width>,
+    wishes: HeaderMap,
 ) -> Answer<Response> {
     let folder = app.existing_session(&id)?.join("frames");
     let path = super::files::inside(&folder, &name)?;
     match query.width {
-        None => super::files::send(&path, "image/png").await,
+        None => super::files::send(&path, "image/png", &wishes).await,
         Some(width) => {
             let width = super::picture_width(Some(width), width)?;
             let picture = app.heavy.answer(move || maps::thumbnail(&path, width)).await?;
@@ -160,7 +161,11 @@ pub async fn files(State(app): State<Arc<App>>, At(id): At<String>) -> Answer<Js
     params(("id" = String, Path), ("path" = String, Path, description = "For instance results/orientation.exr")),
     responses((status = 200, content_type = "application/octet-stream", body = [u8]), (status = 400, body = Problem),
         (status = 404, body = Problem)))]
-pub async fn file(State(app): State<Arc<App>>, At((id, path)): At<(String, PathBuf)>) -> Answer<Response> {
+pub async fn file(
+    State(app): State<Arc<App>>,
+    At((id, path)): At<(String, PathBuf)>,
+    wishes: HeaderMap,
+) -> Answer<Response> {
     let folder = app.existing_session(&id)?;
-    super::files::send(&super::files::inside(&folder, &path.to_string_lossy())?, super::files::BYTES).await
+    super::files::send(&super::files::inside(&folder, &path.to_string_lossy())?, super::files::BYTES, &wishes).await
 }

@@ -64,8 +64,21 @@ fn command_of(operation: &dyn Registered) -> Command {
     Command::new(operation.name())
         .about(operation.title())
         .after_help(fields.text(EXAMPLES).to_owned())
-        .arg(Arg::new("input").required(true).value_parser(path()).help(fields.text(INPUT).to_owned()))
-        .arg(Arg::new("out").long("out").required(true).value_parser(path()).help("Folder for the results"))
+        .arg(
+            Arg::new("input")
+                .value_name("INPUT")
+                .required(true)
+                .value_parser(path())
+                .help(fields.text(INPUT).to_owned()),
+        )
+        .arg(
+            Arg::new("out")
+                .long("out")
+                .value_name("DIR")
+                .required(true)
+                .value_parser(path())
+                .help("Folder for the results"),
+        )
         .args(fields.list.iter().map(argument))
         .arg(flag("force", "Replace results that are already in the folder").visible_alias("overwrite"))
         .arg(flag("estimate", "Only say how long it would take, and how much memory and disk"))
@@ -98,6 +111,7 @@ fn argument(field: &Field) -> Arg {
 fn shown(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),
+        Value::Number(number) => number.as_f64().map_or(number.to_string(), |v| v.to_string()),
         Value::Array(all) => all.iter().map(shown).collect::<Vec<_>>().join(","),
         other => other.to_string(),
     }
