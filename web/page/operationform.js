@@ -12,8 +12,8 @@ export async function loadOperations() {
   if (offered.size === 0) for (const operation of await get("/operations")) offered.set(operation.name, operation);
 }
 
-/** What an operation makes, in a line. */
-export const titleOf = (/** @type {string} */ name) => offered.get(name)?.title ?? name;
+/** What an operation makes, in a few words: its title up to the first comma. */
+export const titleOf = (/** @type {string} */ name) => (offered.get(name)?.title ?? name).split(",")[0];
 
 /** A schema without references and without null; what stands beside a reference wins. */
 function resolved(root, { $ref: reference, ...schema }) {
@@ -28,10 +28,10 @@ function resolved(root, { $ref: reference, ...schema }) {
   return schema;
 }
 
-/** Words of a schema of nothing but words, with their meanings. */
+/** Words of a schema of nothing but words, and how they are shown. */
 function wordsOf(schema) {
-  if (schema.const !== undefined) return [[schema.const, schema.description ?? schema.const]];
-  if (schema.enum) return schema.enum.map((word) => [word, word]);
+  if (schema.const !== undefined) return [[schema.const, spoken(String(schema.const))]];
+  if (schema.enum) return schema.enum.map((word) => [word, spoken(String(word))]);
   const all = schema.oneOf?.map(wordsOf);
   return all?.every(Boolean) ? all.flat() : null;
 }
@@ -59,7 +59,7 @@ function control(id, schema, given) {
   }
   const words = wordsOf(schema);
   if (words) {
-    const list = select(usual === null ? [["", "Automatic"], ...words] : words, given ?? usual ?? "", { id });
+    const list = select(usual === null ? [["", "default"], ...words] : words, given ?? usual ?? "", { id });
     return { element: list, value: () => (list.value === (usual ?? "") ? undefined : list.value) };
   }
   if (schema["x-file"] && (schema.properties || schema.anyOf)) return structureFile(id, given);
@@ -91,14 +91,14 @@ function variants(id, schema, given) {
     const [tag, constant] = Object.entries(one.properties).find(([, inner]) => inner.const !== undefined) ?? [];
     if (tag) {
       const form = structure(id, { ...one, properties: Object.fromEntries(Object.entries(one.properties).filter(([key]) => key !== tag)) }, given?.[tag] === constant.const ? given : {});
-      return [{ name: constant.const, label: sentence(one.description), read: () => ({ [tag]: constant.const, ...form.value() }), part: form.element }];
+      return [{ name: constant.const, label: spoken(constant.const), read: () => ({ [tag]: constant.const, ...form.value() }), part: form.element }];
     }
     const [name, inner] = Object.entries(one.properties)[0];
     const part = control(`${id}-${name}`, { ...inner, default: usual?.[name] ?? one["x-bare"] }, given?.[name]);
-    return [{ name, label: sentence(one.description) || spoken(name), read: () => ({ [name]: part.value() ?? usual?.[name] ?? one["x-bare"] ?? null }), part: part.element }];
+    return [{ name, label: spoken(name), read: () => ({ [name]: part.value() ?? usual?.[name] ?? one["x-bare"] ?? null }), part: part.element }];
   });
   const nameOf = (value) => (typeof value === "string" ? value : all.find(({ name }) => value && (name in value || Object.values(value).includes(name)))?.name);
-  const list = select([...(usual === null ? [["", "None"]] : []), ...all.map(({ name, label }) => [name, label])], nameOf(given) ?? nameOf(usual) ?? "", { id, onchange: paint });
+  const list = select([...(usual === null ? [["", "default"]] : []), ...all.map(({ name, label }) => [name, label])], nameOf(given) ?? nameOf(usual) ?? "", { id, onchange: paint });
   function paint() {
     for (const { name, part } of all) if (part) part.hidden = name !== list.value;
   }
@@ -160,27 +160,27 @@ function typed(id, schema, given) {
 /** All options of a structure, those marked as advanced folded away. `without` names options, such as `light`, that have controls of their own. */
 function structure(id, schema, given, root = schema, without = []) {
   const parts = [];
-  const add = (inner, values, path) => {
+  const add = (inner, values, path, folded = false) => {
     for (const [key, property] of Object.entries(inner.properties ?? {})) {
       const own = resolved(root, property);
       const place = [...path, key];
       if (without.includes(place.join("."))) continue;
       if (own.properties && !own["x-file"]) {
-        add(own, values?.[key], place);
+        add(own, values?.[key], place, folded || Boolean(own["x-advanced"]));
         continue;
       }
       const name = `${id}-${place.join("-").replaceAll("_", "-")}`;
       const made = control(name, own.items ? { ...own, items: resolved(root, own.items) } : own, values?.[key]);
-      const label = labelOf(place);
+      const label = own.title ?? labelOf(place);
       const element = own.type === "boolean" ? h("label", { class: "check", title: own.description }, made.element, h("span", {}, sentence(own.description)))
         : field(label, made.element, { hint: sentence(own.description) });
-      parts.push({ place, value: made.value, element, advanced: Boolean(own["x-advanced"]), wide: own.type === "boolean" });
+      parts.push({ place, value: made.value, element, advanced: folded || Boolean(own["x-advanced"]), wide: own.type === "boolean" });
     }
   };
   add(schema, given, []);
   const shown = (advanced) => {
     const some = parts.filter((part) => part.advanced === advanced);
-    return [h("div", { class: "fields" }, some.filter((p) => !p.wide).map((p) => p.element)), some.filter((p) => p.wide).map((p) => p.element)];
+    return [h("div", { class: "fields options" }, some.filter((p) => !p.wide).map((p) => p.element)), some.filter((p) => p.wide).map((p) => p.element)];
   };
   return {
     element: h("div", { class: "stack" }, shown(false), parts.some((p) => p.advanced) && h("details", {}, h("summary", {}, "More options"), h("div", { class: "stack" }, shown(true)))),

@@ -74,7 +74,11 @@ fn collect(root: &Value, structure: &Map<String, Value>, path: &[String], list: 
         let path: Vec<String> = path.iter().chain([key]).cloned().collect();
         let schema = resolved(root, property);
         if schema.contains_key("properties") && !is_file(&schema) {
+            let first = list.len();
             collect(root, &schema, &path, list);
+            if let Some(advanced) = schema.get(ADVANCED) {
+                list[first..].iter_mut().for_each(|f| drop(f.schema.insert(ADVANCED.into(), advanced.clone())));
+            }
             continue;
         }
         let needed = required.is_some_and(|all| all.iter().any(|name| name == key)) && path.len() == 1;

@@ -60,7 +60,9 @@ pub struct Settings {
     #[schemars(range(min = -10, max = 10))]
     #[schemars(extend("x-advanced" = true))]
     pub exponent: f64,
-    /// Largest acceptable error at the rim: root mean square over that of the table there; the exit code is 1 when it is larger.
+    /// Largest acceptable error at the rim: root mean square over that of the table there.
+    ///
+    /// The table is written in any case; the exit code is 1 when the error is larger.
     #[schemars(extend("x-placeholder" = "REL"), range(min = 1e-4, max = 1.0))]
     pub max_error: f64,
     /// Summation: auto is the cheapest of rays and single that meets the error; fixed steps of wavelength are the paper's.

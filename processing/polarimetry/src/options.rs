@@ -97,8 +97,9 @@ pub struct Options {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
     pub wavelength_nm: Option<f64>,
-    /// Largest acceptable error of a typical orientation in degrees, all known terms included. The results are written in any case, but the
-    /// exit code is 1 when the estimate is larger or cannot be made.
+    /// Largest acceptable error of a typical orientation in degrees, all known terms included.
+    ///
+    /// The results are written in any case; the exit code is 1 when the estimate is larger or cannot be made.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
     pub max_error: Option<f64>,

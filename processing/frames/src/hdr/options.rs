@@ -39,8 +39,9 @@ pub struct Options {
     /// File value of a saturated pixel, above black; by default as the photographs and frames.json state.
     #[schemars(extend("x-advanced" = true))]
     pub white: Option<f64>,
-    /// Largest acceptable relative standard deviation of a typical value. The results are written in any case, but the exit code is 1 when it
-    /// is larger.
+    /// Largest acceptable relative standard deviation of a typical value.
+    ///
+    /// The results are written in any case; the exit code is 1 when it is larger.
     #[schemars(extend("x-advanced" = true, "x-placeholder" = "REL"))]
     pub max_error: Option<f64>,
 }

@@ -25,7 +25,7 @@ pub const SLICE_WIDTH: usize = 15;
 /// Wavelength of blue light, unless said, in nm.
 const BLUE_NM: f64 = 450.0;
 
-/// The point spread function.
+/// The point spread function of the lens.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PsfChoice {
@@ -36,76 +36,82 @@ pub enum PsfChoice {
     Image(PathBuf),
 }
 
-/// What is known of a pixel's size on the sample.
+/// Known size of a pixel on the sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum KnownScale {
-    /// Nothing.
+    /// Not known.
     #[default]
     Unknown,
     /// The size itself, in µm.
     Pixel(f64),
-    /// Lines of the grating are known.
+    /// From the line density of the grating.
     Lines {
         /// Lines per mm.
         per_mm: f64,
-        /// How many the slice crosses; counted where it is not said.
+        /// Number of lines that the slice crosses (default: counted).
         #[serde(default)]
         count: Option<f64>,
     },
 }
 
-/// What the user may choose. Only the point spread function must be said.
+/// Reconstruct height and lines of a grating from a photograph of an out-of-focus highlight on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(rename = "BokehOptions")]
+#[schemars(rename = "BokehOptions", extend(
+    "x-input" = "Photograph of the highlight, or a session of exposures, which are merged first"
+))]
 pub struct Options {
-    /// What the lens makes of a point.
+    /// Blur of the lens, which is removed: standard deviation of a Gaussian in pixels, or an image of a point.
+    #[schemars(extend("title" = "Point spread function"))]
     pub psf: PsfChoice,
-    /// Which light of a colour photograph is taken.
+    /// Channel of a colour photograph.
     #[serde(default)]
+    #[schemars(extend("title" = "Channel"))]
     pub light: Light,
-    /// How values grow with light; sRGB for JPEG and linear for everything else where it is not said.
+    /// Transfer function of the photograph (default: sRGB for JPEG, else linear).
     #[serde(default)]
     pub transfer: Option<Transfer>,
-    /// Part of the photograph; all of it otherwise.
+    /// Part of the photograph: left, top, width and height in pixels (default: all of it).
     #[serde(default)]
     pub crop: Option<Crop>,
-    /// By how much the result is turned, anticlockwise, in degrees.
+    /// Rotation of the result in degrees, anticlockwise.
     #[serde(default)]
     #[schemars(extend("x-advanced" = true))]
     pub rotate_deg: f64,
-    /// How many iterations.
+    /// Number of iterations; auto stops where they find more noise than structure.
     #[serde(default)]
     pub iterations: Iterations,
-    /// Noise of the camera; estimated from the photograph otherwise.
+    /// Noise of the camera (default: estimated from the photograph).
     #[serde(default)]
     #[schemars(extend("x-advanced" = true))]
     pub noise: Option<NoiseModel>,
-    /// Fewer iterations by extrapolation.
+    /// Accelerate iterations by extrapolation.
     #[serde(default = "yes")]
     #[schemars(extend("x-advanced" = true))]
     pub accelerate: bool,
-    /// From light to height.
+    /// Calibration of light to height (calibration.json of an earlier result).
     #[serde(default)]
-    #[schemars(extend("x-advanced" = true))]
+    #[schemars(extend("x-advanced" = true, "x-file" = true))]
     pub calibration: Option<Calibration>,
-    /// The grating in the photograph, where the calibration is to be made from it.
+    /// Known grating, from which light is calibrated to height.
     #[serde(default)]
+    #[schemars(extend("x-advanced" = true, "title" = "Known grating"))]
     pub known: Option<KnownGrating>,
-    /// Size of a pixel.
+    /// Size of a pixel on the sample in µm, or line density of the grating.
     #[serde(default)]
+    #[schemars(extend("title" = "Scale"))]
     pub scale: KnownScale,
-    /// The lens, which says what it lets through.
+    /// The lens, which gives its cut-off.
     #[serde(default)]
     pub lens: Option<Lens>,
     /// Wavelength of the light in nm.
     #[serde(default = "blue_nm")]
     pub wavelength_nm: f64,
-    /// Across the lines; across the middle of the result where it is not said.
+    /// Ends of the slice across the lines: x0, y0, x1, y1 in pixels (default: across the middle).
     #[serde(default)]
     pub slice: Option<Line>,
-    /// Pixels across that it is the mean of.
+    /// Width of the slice in pixels, over which it is averaged.
     #[serde(default = "slice_width")]
     #[schemars(extend("x-advanced" = true))]
     pub slice_width: usize,

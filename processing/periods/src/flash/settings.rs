@@ -69,7 +69,9 @@ pub struct Settings {
     /// Leave the scale bar out of pictures.
     #[schemars(extend("x-advanced" = true))]
     pub no_scale_bar: bool,
-    /// Largest acceptable σ of a typical orientation in degrees. The results are written in any case, but the exit code is 1 when it is larger.
+    /// Largest acceptable σ of a typical orientation in degrees.
+    ///
+    /// The results are written in any case; the exit code is 1 when it is larger.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true, "x-placeholder" = "DEG"))]
     pub max_error: Option<f64>,
