@@ -1,6 +1,6 @@
 //! What is said of the maps.
 
-use super::settings::{Orientation, PeriodChoice};
+use super::settings::{Directions, Orientation, PeriodChoice};
 use nacre_image::Palette;
 use serde::Serialize;
 
@@ -45,6 +45,8 @@ pub struct Report {
     pub relative: bool,
     /// How orientations were told.
     pub orientation: Orientation,
+    /// Whether polygons share few directions.
+    pub directions: DirectionsReport,
     /// One period or many.
     pub period: PeriodReport,
     /// Median σ of an orientation in degrees; none when all is masked.
@@ -68,6 +70,27 @@ pub struct Registration {
     pub sigma_px: f64,
     /// Tiles left out, since they look like no other.
     pub left_out: usize,
+}
+
+/// Whether polygons share few directions.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct DirectionsReport {
+    /// `shared` or `free`.
+    pub choice: Directions,
+    /// Why.
+    pub why: String,
+    /// The shared ones in degrees, anticlockwise from the right.
+    pub degrees: Vec<f64>,
+    /// Their periods in µm.
+    pub um: Vec<f64>,
+    /// Areas of one grating that were asked for their own.
+    pub areas: usize,
+    /// Share of them whose own is the shared one, 0 to 1.
+    pub agree: f64,
+    /// How far areas scatter about the shared directions, in degrees.
+    pub scatter_deg: f64,
+    /// Share of the places with light that have one of the shared gratings, 0 to 1.
+    pub explained: f64,
 }
 
 /// One period or many.

@@ -6,7 +6,7 @@ use crate::commands::values::{PictureArgs, numbers};
 use crate::console::Console;
 use nacre_capture::Failure;
 use nacre_optics::geometry;
-use nacre_periods::flash::{self, Orientation, PeriodChoice, Report, Settings};
+use nacre_periods::flash::{self, Directions, Orientation, PeriodChoice, Report, Settings};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -71,6 +71,10 @@ pub struct Flash {
     /// One period for all pixels, or one each; auto is whichever has more evidence.
     #[arg(long, default_value = "auto", value_name = "auto|sample|pixel")]
     period: PeriodChoice,
+    /// Whether polygons share few directions and periods: places with the same grooves are then fitted together, and one
+    /// photograph can be enough; auto decides by evidence, which periods that change gradually can look like.
+    #[arg(long, default_value = "free", value_name = "auto|shared|free")]
+    directions: Directions,
     /// Standard deviation of the light in its plane (default: that of its highlight).
     #[arg(long, value_name = "MM")]
     light_sigma_mm: Option<f64>,
@@ -132,6 +136,7 @@ impl Flash {
             period_um: self.period_um,
             orientation: self.orientation,
             period: self.period,
+            directions: self.directions,
             light_sigma_mm: self.light_sigma_mm,
             trust_lights: self.trust_lights,
             pixel_mm: self.pixel_mm,
@@ -170,6 +175,11 @@ fn summary(report: &Report) -> String {
         _ => "unknown".into(),
     };
     let _ = writeln!(text, "period    {um}: {}", period.why);
+    let shared = &report.directions;
+    let _ = match shared.degrees.len() {
+        0 => writeln!(text, "directions free: {}", shared.why),
+        n => writeln!(text, "directions {n} shared: {}", shared.why),
+    };
     let percent = |v: Option<f64>| v.map_or("unknown".into(), |v| format!("{:.2} %", 100.0 * v));
     let degrees = report.sigma_deg.map_or("unknown".into(), |v| format!("{v:.3}°"));
     let _ =
