@@ -170,9 +170,9 @@ impl Sheet {
     /// Confirmed areas whose grating others have too.
     fn sharing(&self) -> Vec<usize> {
         let confirmed: Vec<usize> = (0..self.areas.len()).filter(|k| self.confirmed(*k)).collect();
-        let grating = |k: &usize| self.areas[*k].grating;
-        let count = |k: &usize| confirmed.iter().filter(|j| grating(j) == grating(k)).count();
-        confirmed.iter().copied().filter(|k| count(k) >= SHARING).collect()
+        let mut count = vec![0; self.gratings.len()];
+        confirmed.iter().for_each(|k| count[self.areas[*k].grating] += 1);
+        confirmed.into_iter().filter(|k| count[self.areas[*k].grating] >= SHARING).collect()
     }
 
     /// Standard deviation of areas about the gratings that are fitted to them, over what is seen of it.
