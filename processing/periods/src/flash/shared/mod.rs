@@ -147,7 +147,7 @@ impl Sheet {
             if let Some(why) = best.doubt() {
                 return (Err(why), None, true);
             }
-            let whole = WHOLE.contains(&best.amount) && x % thin == 0;
+            let whole = WHOLE.contains(&best.amount) && x.is_multiple_of(thin);
             let kept = whole.then(|| near(&copies, &gratings[best.grating]));
             (Ok(best.grating), kept, true)
         };
