@@ -116,8 +116,8 @@ fn a_person_takes_a_bracket_and_looks_at_the_merged_photograph() {
     browser.until("[...document.querySelectorAll('.downloads a')].some((a) => a.textContent === 'hdr.exr')");
     browser.both("result-hdr");
     // The panel has no zero order, which the page says in the service's words.
-    browser.until("document.querySelectorAll('#table-light option').length === 18");
-    browser.run("for (const [id, v] of [['table-scale', '0.002'], ['table-size', '128']]) { document.getElementById(id).value = v; }");
+    browser.until("document.querySelector('#lut-scale')");
+    browser.run("for (const [id, v] of [['lut-scale', '0.002'], ['lut-size', '128']]) { document.getElementById(id).value = v; }");
     browser.click("#make-next");
     browser.until(&format!("location.hash.startsWith('#/result/') && !location.hash.includes('{id}')"));
     browser.until("document.body.innerText.includes('center')");
@@ -132,7 +132,7 @@ fn a_person_plans_a_spot_scan() {
     browser.choose("plan-angles", "none");
     browser.until("document.querySelector('#plan-spots').closest('.field').hidden");
     browser.run(
-        "for (const [id, v] of [['plan-fringes', '5'], ['plan-undecided_percent', '2'], ['spots-wavelength', '560']]) {
+        "for (const [id, v] of [['plan-fringes', '5'], ['plan-undecided_percent', '2'], ['spots-wavelength-nm', '560']]) {
             const input = document.getElementById(id);
             input.value = v;
             input.dispatchEvent(new Event('input', { bubbles: true }));
@@ -151,7 +151,7 @@ fn a_person_plans_a_spot_scan() {
     // What can be made of a bracket, with its options.
     browser.click("input[name=kind][value=flash]");
     browser.choose("plan-exposing", "bracket");
-    for (method, field) in [("lut", "table-wavelength"), ("bokeh", "bokeh-blur"), ("flash", "flash-tiles-0")] {
+    for (method, field) in [("lut", "lut-wavelength-nm"), ("bokeh", "bokeh-psf"), ("flash", "flash-tiles")] {
         browser.choose("plan-method", method);
         browser.until(&format!("document.getElementById('{field}')"));
         browser.until("!document.querySelector('#start').disabled");
@@ -187,10 +187,8 @@ fn a_person_uploads_photographs_of_diffraction() {
     let [orders, highlight] = photographs(&place);
     browser.upload_page(&url, "hdr");
     browser.choose("method", "lut");
-    browser.until("document.querySelector('#table-wavelength').value === '680'");
     browser.attach("#photographs", &orders);
-    browser.choose("table-light", "D65");
-    browser.run("for (const [id, v] of [['table-scale', '0.002'], ['table-size', '256']]) { document.getElementById(id).value = v; }");
+    browser.run("for (const [id, v] of [['lut-wavelength-nm', '680'], ['lut-illuminant', 'D65'], ['lut-scale', '0.002'], ['lut-size', '256']]) { document.getElementById(id).value = v; }");
     browser.both("upload-lut");
     browser.click("#upload-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth === 256");
@@ -198,13 +196,14 @@ fn a_person_uploads_photographs_of_diffraction() {
     browser.until("document.querySelector('svg path.light')?.getAttribute('d').length > 100");
     browser.both("result-lut");
     // Under another light, from the same photograph.
-    browser.choose("table-light", "FL2");
+    browser.run("document.getElementById('lut-illuminant').value = 'FL2'");
     browser.click("#make-next");
     browser.until("document.body.innerText.includes('FL2, observer')");
 
     browser.upload_page(&url, "bokeh");
     browser.attach("#photographs", &highlight);
-    browser.run("for (const [id, v] of [['bokeh-blur', '2.2'], ['bokeh-lines', '20.8333333']]) { document.getElementById(id).value = v; }");
+    browser.choose("bokeh-scale", "lines");
+    browser.run("for (const [id, v] of [['bokeh-psf-sigma', '2.2'], ['bokeh-scale-lines-per-mm', '20.8333333']]) { document.getElementById(id).value = v; }");
     browser.both("upload-bokeh");
     browser.click("#upload-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth > 0");
@@ -218,13 +217,13 @@ fn a_person_uploads_photographs_of_diffraction() {
     nacre_processing::image::write_png8(Path::new(&heights), 128, 128, 1, &blaze).unwrap();
     browser.upload_page(&url, "brdf");
     browser.attach("#photographs", &heights);
-    browser.run("for (const [id, v] of [['brdf-pixel', '0.1'], ['brdf-range', '0.3'], ['brdf-size', '300']]) { document.getElementById(id).value = v; }");
+    browser.run("for (const [id, v] of [['brdf-pixel-um', '0.1'], ['brdf-range-um', '0.3'], ['brdf-size', '300']]) { document.getElementById(id).value = v; }");
     browser.both("upload-brdf");
     browser.click("#upload-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth === 300");
     browser.until("document.body.innerText.includes('1.60 µm')");
     browser.both("result-brdf");
-    browser.choose("brdf-material", "gold");
+    browser.run("document.getElementById('brdf-settings-reflectance').value = 'gold'");
     browser.click("#make-next");
     browser.until("[...document.querySelectorAll('dd')].some((d) => d.textContent === 'gold')");
 }
@@ -243,7 +242,7 @@ fn a_person_picks_the_corners_of_a_sheet_of_tiles() {
     browser.upload_page(&url, "flash");
     browser.attach("#photographs", &files.join("\n"));
     browser.attach("#flash-frames", &format!("{photos}/frames.json"));
-    let values = "[['tiles-0', 6], ['tiles-1', 5], ['size-0', 178.2], ['size-1', 131.25], ['camera', 500]]";
+    let values = "[['tiles', 6], ['tiles-1', 5], ['size-mm', 178.2], ['size-mm-1', 131.25], ['camera-mm', 500]]";
     browser.run(&format!("for (const [id, v] of {values}) {{ document.getElementById('flash-' + id).value = v; }}"));
     // The photograph by room light is the one to pick in.
     let canvas = ".picker canvas";
@@ -304,9 +303,10 @@ fn a_person_edits_maps_and_sees_what_foil_and_a_calibration_ask() {
     browser.attach("#photographs", &files.join("\n"));
     browser.run(
         "const set = (id, v) => { const e = document.getElementById('map-' + id); e.value = v; e.dispatchEvent(new Event('change')); };
-         set('turn', 30); set('tile-0', 2); set('tile-1', 1); set('curve', 'sine_squared');",
+         set('rotate-deg', 30); set('tile', 2); set('tile-1', 1); set('period', 'sine_squared');
+         set('period-sine-squared', 0.8); set('period-sine-squared-1', 1.6);",
     );
-    browser.until("!document.getElementById('map-ends-0').closest('.fields').hidden");
+    browser.until("document.getElementById('map-period-sine-squared').closest('[hidden]') === null");
     browser.both("upload-map");
     browser.run("window.scrollTo(0, 0)");
     browser.click("#upload-start");

@@ -75,6 +75,7 @@ fn what_makes_no_sense_is_refused() {
         ("--period-um", "2:1", "--period-um"),
         ("--wavelength", "5", "--wavelength"),
         ("--orientation", "left", "--orientation"),
+        ("--directions", "left", "--directions"),
         ("--pixel-mm", "0", "--pixel-mm"),
     ] {
         let usual: Vec<&str> = if option == "--tiles" || option == "--size-mm" { vec![] } else { USUAL.to_vec() };

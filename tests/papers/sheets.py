@@ -26,6 +26,13 @@ def scene(name, pattern, misaligned=0):
     return lambda folder: (folder / name).write_text(SMALL.format(pattern=pattern, misaligned=misaligned))
 
 
+def few(folder):
+    """Scenes of the sheet under one, two and three lights, seen with lobes as wide as those of a coherence of 8 µm."""
+    for n in (1, 2, 3):
+        lights = [list(light) for light in LIGHTS[:n]]
+        (folder / f"few{n}.toml").write_text(f"width = 440\nheight = 320\ncoherence_um = 8\nband_nm = 4\nlights_mm = {lights}\n")
+
+
 # The paper's own values: A4, camera 500 mm above, 560 nm, 600 lines/mm, a Gaussian light.
 WIDTH, HEIGHT, PIXEL = 600, 430, 0.5
 SHEET, TILES, PERIOD, NM = (297.0, 210.0), (10, 8), 1.66, 560.0

@@ -11,6 +11,7 @@ from rows import AGREES, EXACTER, PAPER_OFF, Outcome, Row
 TITLE = "Diffraction from natural gratings (thesis 2014)"
 BLAZED = "brdf surface blazed --period-um 2.5 --depth-um 0.3 --out blazed.exr"
 SHALLOW = "brdf surface sinusoid --period-um 2.5 --depth-um 0.01 --out shallow.exr"
+PERIOD = "brdf surface blazed --period-um 2.5 --depth-um 0.3 --pixel-um 0.0390625 --pixels {}"
 PATCH = "DATA/heightfields/thesis/{} --pixel-um 0.08 --range-um 0.43"
 
 
@@ -36,6 +37,13 @@ def snake(run):
 
 def refused(run):
     return Outcome("refused" if run.codes[-1] == 2 else f"{run.reports[-1]['mean_nm']:.0f} nm", "patch does not go on at its edges", run.codes[-1] == 2, PAPER_OFF)
+
+
+def patches(run):
+    """PQ interpolates between the frequencies of the patch, of which one period has few: 0.3 % off at most."""
+    one, cut = (run.reports[k] for k in (1, 3))
+    good = abs(one["mean_nm"] - 2500) < 7.5 and abs(cut["mean_nm"] - 2500) < 0.5 and abs(cut["cut_periods"] - 1.5625) < 1e-3
+    return Outcome(f"{one['mean_nm']:.1f} and {cut['mean_nm']:.2f} nm", "2500 nm (grating equation)", good)
 
 
 def equation(run):
@@ -286,7 +294,9 @@ ROWS = [
     Row("thesis-blazed-linear", "Fig. 6.7c", "the same by PQ, interpolated linearly", "worse than PQ", check("pq-linear"), read=peaks(2491.861, 248.044)),
     Row("thesis-pq-map", "Fig. 6.4c, 6.7", "map of the blazed grating by PQ: light over that of FLSS", "alike, first order spread",
         (BLAZED, *(f"brdf map blazed.exr --size 401 --method {m} --max-error 0.5 --out {n}.exr" for m, n in (("pq", "pq"), ("taylor", "flss")))), read=same_light),
-    Row("thesis-patch", "4.5.3", "patches of one period, repeated by PQ", "the method", missing="patches of one period in `brdf`"),
+    Row("thesis-patch", "4.5.3", "patches of one period, repeated by PQ, and of 1.56 periods", "the method",
+        (f"{PERIOD.format(64)} --out one.exr", "brdf check one.exr --light 75 --method pq --max-error 0.1",
+         f"{PERIOD.format(100)} --out cut.exr", "brdf check cut.exr --light 75"), read=patches),
     Row("thesis-elaphe", "Table 5.1; Fig. 5.8c", "Elaphe's first order (scale of the patch: assumed)", "1144.26, variance 0.401",
         (f"brdf check {PATCH.format('Elaph100x100.png')} --light 75 --coherence-um 16",), read=snake, data=True),
     Row("thesis-elaphe-pq", "Table 5.1; Fig. 5.10", "Elaphe by PQ", "1052.3, variance 49.7",

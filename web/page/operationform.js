@@ -94,11 +94,12 @@ function variants(id, schema, given) {
       return [{ name: constant.const, label: spoken(constant.const), read: () => ({ [tag]: constant.const, ...form.value() }), part: form.element }];
     }
     const [name, inner] = Object.entries(one.properties)[0];
-    const part = control(`${id}-${name}`, { ...inner, default: usual?.[name] ?? one["x-bare"] }, given?.[name]);
-    return [{ name, label: spoken(name), read: () => ({ [name]: part.value() ?? usual?.[name] ?? one["x-bare"] ?? null }), part: part.element }];
+    const [place, otherwise] = [`${id}-${name.replaceAll("_", "-")}`, usual?.[name] ?? one["x-bare"] ?? null];
+    const part = inner.properties ? structure(place, inner, given?.[name]) : control(place, { ...inner, default: otherwise }, given?.[name]);
+    return [{ name, label: spoken(name), read: () => ({ [name]: part.value() ?? otherwise }), part: part.element }];
   });
   const nameOf = (value) => (typeof value === "string" ? value : all.find(({ name }) => value && (name in value || Object.values(value).includes(name)))?.name);
-  const list = select([...(usual === null ? [["", "default"]] : []), ...all.map(({ name, label }) => [name, label])], nameOf(given) ?? nameOf(usual) ?? "", { id, onchange: paint });
+  const list = select([...(usual === null && !schema.required ? [["", "default"]] : []), ...all.map(({ name, label }) => [name, label])], nameOf(given) ?? nameOf(usual) ?? (schema.required ? all[0].name : ""), { id, onchange: paint });
   function paint() {
     for (const { name, part } of all) if (part) part.hidden = name !== list.value;
   }
@@ -170,7 +171,8 @@ function structure(id, schema, given, root = schema, without = []) {
         continue;
       }
       const name = `${id}-${place.join("-").replaceAll("_", "-")}`;
-      const made = control(name, own.items ? { ...own, items: resolved(root, own.items) } : own, values?.[key]);
+      const required = (inner.required ?? []).includes(key) && path.length === 0;
+      const made = control(name, { ...own, ...(own.items && { items: resolved(root, own.items) }), required }, values?.[key]);
       const label = own.title ?? labelOf(place);
       const element = own.type === "boolean" ? h("label", { class: "check", title: own.description }, made.element, h("span", {}, sentence(own.description)))
         : field(label, made.element, { hint: sentence(own.description) });

@@ -60,6 +60,7 @@ fn one_period_along_a_side_is_that_of_the_repeated_patch() {
             let found = checked(&field, &[450.0, 550.0, 650.0]);
             assert!(found.cut_periods.is_none() && (found.azimuth_deg - angle_deg).abs() < 1e-9, "{found:?}");
             assert!((found.mean_nm - 2500.0).abs() < 2.0 && found.variance_nm2 < 0.4, "{profile:?} {found:?}");
+            assert!(found.warnings.is_empty(), "{:?}", found.warnings);
         }
     }
     // Less than a period askew, and what is no grating, have none.

@@ -41,7 +41,8 @@ pub enum Operation {
     Table(usize),
     /// Light of a photograph for the distribution of a foil: as a table.
     Foil,
-    /// Gratings under so many flashes: 16 for the photograph and that by room light, 50 for a tile that fills it.
+    /// Gratings under so many flashes: 16 for the photograph and that by room light, 160 for a tile that fills it, and what the search for shared
+    /// gratings takes.
     Flash(usize),
     /// Fringes: 8 for each of so many, 200 for the fit.
     Fringes(usize),
@@ -60,7 +61,7 @@ impl Operation {
             Self::Bokeh { part, .. } => 44 * part.unwrap_or(pixels).min(pixels),
             Self::Table(entries) => 12 * info.channels * pixels + 22 * entries,
             Self::Foil => 12 * info.channels * pixels,
-            Self::Flash(_) => (16 + 50) * pixels,
+            Self::Flash(_) => (16 + 160) * pixels + (80 << 20),
             Self::Fringes(count) => (8 * count + 200) * pixels,
             Self::Heights => 48 * pixels,
             Self::Rendering(_) => 64 * pixels,

@@ -5,7 +5,7 @@
 use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_image::OutputFolder;
-use nacre_periods::flash::{Orientation, PeriodChoice, Report, Settings};
+use nacre_periods::flash::{Directions, Orientation, PeriodChoice, Report, Settings};
 use nacre_sim::photographs::{Pattern, Periods, Score, TilesPhotograph};
 
 /// The paper's 10 × 8 tiles, 1.66 µm, 560 nm and a Gaussian light, on a small picture.
@@ -70,6 +70,80 @@ fn several_periods_are_told_apart_and_second_orders_are_not_taken_for_first() {
     assert!(long.1.bias.abs() < 0.02 && long.1.spread < 0.01 && long.1.masked < 0.5, "{:?}", long.1);
     // Where two polygons meet, pixels that see both come in pairs; those were believed once.
     assert!(long.1.wrong < 0.001, "{:?}", long.1);
+}
+
+/// The first of the lights that lie evenly.
+fn lit(lights: usize, scene: TilesPhotograph) -> TilesPhotograph {
+    TilesPhotograph { lights_mm: TilesPhotograph::spread(lights), ..scene }
+}
+
+/// Directions that polygons share are looked for.
+fn by_evidence(settings: Settings) -> Settings {
+    Settings { directions: Directions::Auto, ..settings }
+}
+
+#[test]
+fn one_photograph_of_few_shared_directions_is_a_map() {
+    for seed in 1..4 {
+        let scene = lit(1, TilesPhotograph { seed, misaligned_px: 3.0, ..paper() });
+        let [shared, free] = mapped(&scene, [by_evidence, |s| s]).map(Result::unwrap);
+        let (report, score) = &shared;
+        assert!(score.masked < 0.65 && score.wrong <= 0.001 && score.inside_deg < 0.6, "{seed}: {score:?}");
+        assert!(score.rms_deg < 1.5 * score.said_deg, "{seed}: {score:?}");
+        assert_eq!(report.directions.choice, Directions::Shared, "{:?}", report.directions);
+        // 7° and every 22.5° from there, all of 1.66 µm.
+        assert!((7..=8).contains(&report.directions.degrees.len()), "{:?}", report.directions);
+        for degrees in &report.directions.degrees {
+            let steps = (degrees - 7.0) / 22.5;
+            assert!(22.5 * (steps - steps.round()).abs() < 1.5, "{seed}: {:?}", report.directions.degrees);
+        }
+        let (um, sigma) = (report.period.um.unwrap(), report.period.sigma_um.unwrap());
+        assert!((um - 1.66).abs() < 3.0 * sigma && sigma < 0.03, "{seed}: {um} {sigma}");
+        // Each place by itself has one copy near a lobe, which tells nothing.
+        assert!(free.1.masked == 1.0, "{:?}", free.1);
+    }
+}
+
+/// A thousandth of the pixels with grooves is one pixel here. By themselves, places are masked for 100, 50 to 73, and 42 to 48 %.
+#[test]
+fn one_to_three_photographs_are_seldom_wrong() {
+    for (lights, masked) in [(1, 0.65), (2, 0.55), (3, 0.35)] {
+        for seed in 1..7 {
+            let scene = lit(lights, TilesPhotograph { seed, misaligned_px: 3.0, ..paper() });
+            let [found] = mapped(&scene, [by_evidence]).map(Result::unwrap);
+            assert!(found.1.wrong <= 0.001 && found.1.masked < masked, "{lights} lights, seed {seed}: {:?}", found.1);
+        }
+    }
+}
+
+#[test]
+fn sheets_that_share_no_directions_are_masked_under_one_light() {
+    for pattern in [
+        Pattern { swirl_deg: 90.0, ..Pattern::default() },
+        Pattern { directions: 24, ..Pattern::default() },
+        Pattern { directions: 360, ..Pattern::default() },
+        Pattern { crossed: 0.3, ..Pattern::default() },
+        Pattern { periods: Periods::Graded([1.5, 1.8]), ..Pattern::default() },
+        Pattern { polygons: 1, directions: 1, swirl_deg: 170.0, ..Pattern::default() },
+    ] {
+        let [found] = mapped(&lit(1, TilesPhotograph { pattern, ..paper() }), [by_evidence]).map(Result::unwrap);
+        assert!(found.1.masked == 1.0, "{:?} {:?}", found.0.directions, found.1);
+        assert_eq!(found.0.directions.choice, Directions::Free);
+        assert!(!found.0.directions.why.is_empty() && found.0.directions.degrees.is_empty());
+    }
+}
+
+/// Polygons lie up to so many degrees beside the eight directions: their scatter is in σ, until nothing is shared.
+#[test]
+fn directions_that_scatter_are_uncertain_and_then_not_shared() {
+    let mut masked = vec![];
+    for jitter_deg in [0.0, 1.0, 3.0, 6.0, 12.0, 25.0] {
+        let pattern = Pattern { jitter_deg, ..Pattern::default() };
+        let [found] = mapped(&lit(1, TilesPhotograph { pattern, ..paper() }), [by_evidence]).map(Result::unwrap);
+        assert!(found.1.wrong <= 0.002, "{jitter_deg}: {:?}", found.1);
+        masked.push(found.1.masked);
+    }
+    assert!(masked[0] < 0.6 && masked[5] == 1.0, "{masked:?}");
 }
 
 #[test]

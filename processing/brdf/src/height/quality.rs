@@ -160,9 +160,10 @@ impl Quality {
             ));
         }
         let [right, up] = self.tilt;
-        // A slope of its own counts only where it is not the profile's: a whole ramp over the patch is.
         let whole = right.abs() * self.size_um[0] + up.abs() * self.size_um[1];
-        if right.hypot(up) > TILT && whole > 0.05 * self.range_um {
+        // The slope of a single period is its profile's.
+        let is_profile = self.grating.is_some_and(|g| g.periods == 1.0);
+        if right.hypot(up) > TILT && whole > 0.05 * self.range_um && !is_profile {
             all.push(format!(
                 "the patch slopes by {right:.4} to the right and {up:.4} up; if that is the sample's tilt and not its profile, level it"
             ));

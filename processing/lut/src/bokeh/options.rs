@@ -30,6 +30,7 @@ const BLUE_NM: f64 = 450.0;
 #[serde(rename_all = "snake_case")]
 pub enum PsfChoice {
     /// A Gaussian of this standard deviation in pixels.
+    #[schemars(extend("x-bare" = 2.0))]
     Sigma(f64),
     /// An image of a point.
     #[schemars(extend("x-file" = true))]

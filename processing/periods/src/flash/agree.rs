@@ -70,6 +70,12 @@ fn at_edge(found: &[Found], width: usize, i: usize, own: &Grating) -> bool {
     ends || !(y - REACH..=y + REACH).all(|v| (x - REACH..=x + REACH).all(|u| same(v * width + u)))
 }
 
+/// Pixels whose neighbours all have the same grating.
+pub(super) fn firm(found: &[Found], width: usize) -> Vec<bool> {
+    let of = |i: usize| matches!(&found[i], Found::Grating(own) if !at_edge(found, width, i, own));
+    (0..found.len()).map(of).collect()
+}
+
 /// `to - from`, the short way around.
 fn turn(from: f64, to: f64) -> f64 {
     (to - from + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2

@@ -118,6 +118,63 @@ pub(super) fn decide(found: &[Found], width: usize, choice: PeriodChoice, uneven
     Decision { shared: sample.then_some([length, common]), report }
 }
 
+/// Few periods of shared gratings.
+pub(super) struct Groups {
+    /// Length of each grating's vector and its σ: that of its group.
+    pub lengths: Vec<[f64; 2]>,
+    /// The length that all share, if they do.
+    pub shared: Option<[f64; 2]>,
+    pub report: PeriodReport,
+}
+
+/// Puts lengths of gratings together as long as the Bayesian information criterion falls, the nearest first. `pixels` is how many
+/// have one of them.
+pub(super) fn groups(lengths: &[f64], sigmas: &[f64], choice: PeriodChoice, uneven: f64, pixels: usize) -> Groups {
+    let uneven = COMMON.hypot(uneven);
+    let variance = |k: usize| sigmas[k].powi(2) + (uneven * lengths[k]).powi(2);
+    let mean = |of: &[usize]| {
+        let weights: f64 = of.iter().map(|k| 1.0 / variance(*k)).sum();
+        let mean = of.iter().map(|k| lengths[*k] / variance(*k)).sum::<f64>() / weights;
+        [mean, weights.powf(-0.5).max(uneven * mean / PARTS as f64)]
+    };
+    let squares = |of: &[usize]| {
+        let [mean, _] = mean(of);
+        of.iter().map(|k| (lengths[*k] - mean).powi(2) / variance(*k)).sum::<f64>()
+    };
+    let cost = (pixels.max(2) as f64).ln();
+    let mut order: Vec<usize> = (0..lengths.len()).collect();
+    order.sort_by(|a, b| lengths[*a].total_cmp(&lengths[*b]));
+    let one = squares(&order) + cost;
+    let each = lengths.len() as f64 * cost;
+    let mut groups: Vec<Vec<usize>> = order.iter().map(|k| vec![*k]).collect();
+    while groups.len() > 1 && choice != PeriodChoice::Pixel {
+        let more = |k: usize| {
+            let both = [&groups[k][..], &groups[k + 1][..]].concat();
+            squares(&both) - squares(&groups[k]) - squares(&groups[k + 1])
+        };
+        let Some(next) = (0..groups.len() - 1).min_by(|a, b| more(*a).total_cmp(&more(*b))) else { break };
+        if choice == PeriodChoice::Auto && more(next) > cost {
+            break;
+        }
+        let other = groups.remove(next + 1);
+        groups[next].extend(other);
+    }
+    let mut of = vec![[0.0; 2]; lengths.len()];
+    groups.iter().for_each(|g| g.iter().for_each(|k| of[*k] = mean(g)));
+    let shared = (groups.len() == 1 && choice != PeriodChoice::Pixel).then(|| mean(&order));
+    let why = match (choice, groups.len()) {
+        (PeriodChoice::Auto, 1) => {
+            "one period explains all shared gratings; more would not be worth their number".into()
+        }
+        (PeriodChoice::Auto, n) => format!("{} shared gratings have {n} periods between them", lengths.len()),
+        _ => "as asked for".into(),
+    };
+    let choice = if shared.is_some() { PeriodChoice::Sample } else { PeriodChoice::Pixel };
+    let report =
+        PeriodReport { choice, why, bic_one: one, bic_parts: each, bic_pixels: each, ..PeriodReport::default() };
+    Groups { lengths: of, shared, report }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -92,32 +92,60 @@ pub(super) struct Observed {
     pub light: [f32; 2],
 }
 
+/// Copies of a place outside of the order zero.
+pub(super) struct Outside {
+    /// Light over what falls on the place; weights are inverse variances of the camera's noise.
+    copies: Vec<Copy>,
+    /// The brightest one's light.
+    pub brightest: f64,
+    /// The middle of their lights.
+    pub median: f64,
+}
+
+impl Outside {
+    /// Of what was photographed.
+    ///
+    /// # Errors
+    /// `Unseen` without any.
+    pub fn of(observed: &[Observed], lobe: &Lobe) -> Result<Self, Why> {
+        let usable = observed.iter().filter(|o| o.light[0].is_finite() && o.light[1] > 0.0);
+        let outside = usable.filter_map(|o| {
+            let shape = lobe.at(&o.seen);
+            let gain = o.seen.gain;
+            let half = lobe.middle(&o.seen);
+            let far = shape.square(half) > SPECULAR * SPECULAR && gain > 0.0;
+            let weight = gain * gain / f64::from(o.light[1]);
+            far.then(|| Copy { half, shape, light: f64::from(o.light[0]) / gain, weight })
+        });
+        let copies: Vec<Copy> = outside.collect();
+        let mut lights: Vec<f64> = copies.iter().map(|c| c.light).collect();
+        let brightest = lights.iter().copied().fold(f64::MIN, f64::max);
+        let median = median(&mut lights).ok_or(Why::Unseen)?;
+        Ok(Self { copies, brightest, median })
+    }
+
+    /// Whether no copy is near a lobe. Where most copies are as bright, it is stray light.
+    pub fn is_dark(&self) -> bool {
+        let noise = self.copies.iter().filter(|c| c.light >= self.brightest).map(|c| c.weight.powf(-0.5));
+        self.brightest <= LIT * noise.fold(0.0, f64::max)
+            || (self.copies.len() > 8 && self.brightest < 4.0 * self.median)
+    }
+
+    /// Light over a unit, which part of the lobes' light that model and copies differ by counts as noise.
+    pub fn over(&self, unit: f64) -> Vec<Copy> {
+        let copy = |c: &Copy| {
+            let light = c.light / unit;
+            let unlike = (UNLIKE[0] * light).powi(2) + UNLIKE[1] * UNLIKE[1];
+            Copy { light, weight: 1.0 / (1.0 / (c.weight * unit * unit) + unlike), ..*c }
+        };
+        self.copies.iter().map(copy).collect()
+    }
+}
+
 /// Copies outside of the order zero, over the brightest; none without light.
 pub(super) fn copies(observed: &[Observed], lobe: &Lobe) -> Result<Vec<Copy>, Why> {
-    let usable = observed.iter().filter(|o| o.light[0].is_finite() && o.light[1] > 0.0);
-    let outside = usable.filter_map(|o| {
-        let shape = lobe.at(&o.seen);
-        let gain = o.seen.gain;
-        let half = lobe.middle(&o.seen);
-        let far = shape.square(half) > SPECULAR * SPECULAR && gain > 0.0;
-        let variance = f64::from(o.light[1]) / (gain * gain);
-        far.then(|| (half, shape, f64::from(o.light[0]) / gain, variance))
-    });
-    let all: Vec<_> = outside.collect();
-    let brightest = all.iter().max_by(|a, b| a.2.total_cmp(&b.2)).ok_or(Why::Unseen)?;
-    let mut lights: Vec<f64> = all.iter().map(|c| c.2).collect();
-    let median = median(&mut lights).ok_or(Why::Unseen)?;
-    // Where most copies are as bright, it is stray light.
-    let top = brightest.2;
-    if top <= LIT * brightest.3.sqrt() || (all.len() > 8 && top < 4.0 * median) {
-        return Err(Why::Dark);
-    }
-    let copy = |&(half, shape, light, variance): &([f64; 2], _, f64, f64)| {
-        let light = light / top;
-        let unlike = (UNLIKE[0] * light).powi(2) + UNLIKE[1] * UNLIKE[1];
-        Copy { half, shape, light, weight: 1.0 / (variance / (top * top) + unlike) }
-    };
-    Ok(all.iter().map(copy).collect())
+    let outside = Outside::of(observed, lobe)?;
+    if outside.is_dark() { Err(Why::Dark) } else { Ok(outside.over(outside.brightest)) }
 }
 
 /// The grating that explains the copies.

@@ -6,6 +6,9 @@
 //! (17 % bias in its own test), and the direction towards the highlight for θ. Here the lobes are fitted to all copies under all lights at
 //! once, each weighted by its noise; their width is that of the highlight, which is the lobe of the order zero.
 //!
+//! Where polygons share few directions and periods, places with the same grooves are fitted together (`shared`): one photograph is then enough.
+//! Evidence decides whether they do.
+//!
 //! What a fit cannot tell is masked: places without light, with several gratings, with too few copies near a lobe, and those whose light
 //! could as well be of another order.
 
@@ -24,11 +27,12 @@ mod reconstruct;
 mod report;
 mod said;
 mod settings;
+mod shared;
 mod solve;
 mod spool;
 mod tiling;
 mod view;
 
 pub use reconstruct::reconstruct;
-pub use report::{Masked, PeriodReport, Registration, Report};
-pub use settings::{Orientation, PeriodChoice, Settings};
+pub use report::{DirectionsReport, Masked, PeriodReport, Registration, Report};
+pub use settings::{Directions, Orientation, PeriodChoice, Settings};

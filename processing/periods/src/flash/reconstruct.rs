@@ -10,8 +10,9 @@ use super::lobe::Lobe;
 use super::output::Output;
 use super::paper::brightest;
 use super::photographs::{Photograph, groups, merged};
-use super::report::{PeriodReport, Report, Seconds};
-use super::settings::{Orientation, PeriodChoice, Settings};
+use super::report::{DirectionsReport, PeriodReport, Report, Seconds};
+use super::settings::{Directions, Orientation, PeriodChoice, Settings};
+use super::shared;
 use super::solve::{Prior, solve};
 use super::spool::Spool;
 use super::tiling::{Moved, Tiling, tiling};
@@ -49,8 +50,8 @@ pub fn reconstruct(input: &Path, out: &Path, settings: &Settings, progress: &dyn
 
 /// Makes the maps in a folder.
 ///
-/// Memory: one photograph (8 bytes per pixel and what decoding takes), two rows of the tile with all copies, and 50 bytes per pixel of the
-/// tile; copies of the tile under every light are on disk meanwhile.
+/// Memory: one photograph (8 bytes per pixel and what decoding takes), two rows of the tile with all copies, 160 bytes per pixel of the
+/// tile, and up to 80 MiB for shared gratings; copies of the tile under every light are on disk meanwhile.
 pub(super) fn fit_into(
     folder: &OutputFolder,
     input: &Path,
@@ -62,22 +63,33 @@ pub(super) fn fit_into(
     let settings = completed(settings, &frames)?;
     let job = Job::read(&frames, &settings, progress)?;
     let read = begun.elapsed().as_secs_f64();
-    let (found, period, lobe, prior) = job.fitted(&settings, progress)?;
+    let fit = job.fitted(&settings, progress)?;
     let fitted = begun.elapsed().as_secs_f64();
     progress.stage("writing", 1);
-    let mut report = job.report(&found, period, &lobe, &prior, &settings);
+    let mut report = job.report(&fit, &settings);
     report.warnings.splice(0..0, job.of_files.iter().cloned());
-    Output { found: &found, report: &report, scale_bar: !settings.no_scale_bar }.write(folder)?;
+    Output { found: &fit.found, report: &report, scale_bar: !settings.no_scale_bar }.write(folder)?;
     let total = begun.elapsed().as_secs_f64();
     report.seconds = Seconds { read, fit: fitted - read, write: total - fitted, total };
     progress.step();
     Ok(report)
 }
 
+/// Gratings of all pixels, and how they were found.
+pub(super) struct Fitted {
+    pub found: Vec<Found>,
+    pub period: PeriodReport,
+    pub directions: DirectionsReport,
+    pub lobe: Lobe,
+    pub prior: Prior,
+}
+
 /// Photographs as copies of the tile.
 pub(super) struct Job {
     pub view: View,
     pub tiling: Tiling,
+    /// Parts of tiles that others lie over.
+    overlaps: Vec<Vec<[f64; 4]>>,
     pub moved: Option<Moved>,
     pub lights: Vec<[f64; 3]>,
     pub highlights: Vec<Option<Highlight>>,
@@ -111,6 +123,7 @@ impl Job {
         progress.step();
         let mut job = Self {
             spool: Spool::new(&tiling),
+            overlaps: tiling.overlaps(),
             view,
             tiling,
             moved,
@@ -165,18 +178,24 @@ impl Job {
         self.spool.add(photograph, &self.tiling, &self.view)
     }
 
-    /// Copies of the places of a row, one after the other.
-    fn row<T>(&self, y: usize, of: &mut dyn FnMut(usize, &[Observed]) -> T) -> Result<Vec<T>> {
+    /// Copies of the places of a row, one after the other; without light where tiles overlap.
+    pub fn row<T>(&self, y: usize, of: &mut dyn FnMut(usize, &[Observed]) -> T) -> Result<Vec<T>> {
         let rows = self.spool.row(y)?;
         let tiles = self.tiling.origins.len();
         let mut observed = Vec::with_capacity(rows.len() * tiles);
         let mut all = Vec::with_capacity(self.tiling.width);
+        let within = |[left, top, right, bottom]: &[f64; 4], x: usize| {
+            let [x, y] = [x, y].map(|n| n as f64 + 0.5);
+            x > *left && x < *right && y > *top && y < *bottom
+        };
         for x in 0..self.tiling.width {
             observed.clear();
             for (row, light) in rows.iter().zip(&self.lights) {
                 for tile in 0..tiles {
                     let seen = self.view.half(self.tiling.place(tile, x, y), *light);
-                    observed.push(Observed { seen, light: row[x * tiles + tile] });
+                    let is_hidden = self.overlaps[tile].iter().any(|part| within(part, x));
+                    observed
+                        .push(Observed { seen, light: if is_hidden { [f32::NAN; 2] } else { row[x * tiles + tile] } });
                 }
             }
             all.push(of(x, &observed));
@@ -185,20 +204,24 @@ impl Job {
     }
 
     /// Gratings of all pixels.
-    fn fitted(&self, settings: &Settings, progress: &dyn Progress) -> Result<(Vec<Found>, PeriodReport, Lobe, Prior)> {
-        let highlight = Lobe { light_mm: self.light_mm, band: self.band };
-        let prior = self.prior(settings, &highlight);
+    fn fitted(&self, settings: &Settings, progress: &dyn Progress) -> Result<Fitted> {
+        let lobe = Lobe { light_mm: self.light_mm, band: self.band };
+        let prior = self.prior(settings, &lobe);
         if settings.orientation == Orientation::Image {
             progress.stage("looking for the brightest", self.tiling.height as u64);
-            let found = self.rows(progress, &|_, observed| self.by_brightness(observed, &highlight))?;
-            let report = PeriodReport {
-                choice: PeriodChoice::Pixel,
-                why: "as the paper has it".into(),
-                ..PeriodReport::default()
-            };
-            return Ok((found, report, highlight, prior));
+            let found = self.rows(progress, &|_, observed| self.by_brightness(observed, &lobe))?;
+            let why = || "as the paper has it".to_owned();
+            let period = PeriodReport { choice: PeriodChoice::Pixel, why: why(), ..PeriodReport::default() };
+            let directions = DirectionsReport { choice: Directions::Free, why: why(), ..DirectionsReport::default() };
+            return Ok(Fitted { found, period, directions, lobe, prior });
         }
-        let lobe = if settings.light_sigma_mm.is_some() { highlight } else { self.refined(&highlight, &prior)? };
+        let lobe = if settings.light_sigma_mm.is_some() { lobe } else { self.refined(&lobe, &prior)? };
+        let free = self.free(settings, lobe, prior, progress)?;
+        shared::refit(self, free, settings, progress)
+    }
+
+    /// Gratings of all pixels, each by itself.
+    fn free(&self, settings: &Settings, lobe: Lobe, prior: Prior, progress: &dyn Progress) -> Result<Fitted> {
         progress.stage("fitting gratings", self.tiling.height as u64);
         let of = |prior: Prior| {
             move |_: usize, observed: &[Observed]| match copies(observed, &lobe) {
@@ -206,25 +229,35 @@ impl Job {
                 Err(why) => Found::Masked(why),
             }
         };
-        let found = self.rows(progress, &of(prior))?;
+        let mut found = self.rows(progress, &of(prior))?;
         let decision = decide(&found, self.tiling.width, settings.period, self.view.uneven);
-        let prior = Prior { shared: decision.shared, ..prior };
-        if decision.shared.is_none() {
-            return Ok((believed(agreed(&found, self.tiling.width)), decision.report, lobe, prior));
+        let mut prior = Prior { shared: decision.shared, ..prior };
+        if decision.shared.is_some() {
+            progress.stage("fitting gratings of one period", self.tiling.height as u64);
+            found = self.rows(progress, &of(prior))?;
         }
-        progress.stage("fitting gratings of one period", self.tiling.height as u64);
-        let found = self.rows(progress, &of(prior))?;
-        Ok((believed(agreed(&found, self.tiling.width)), decision.report, lobe, prior))
+        let found = believed(agreed(&found, self.tiling.width));
+        let mut period = decision.report;
+        // A few pixels that are not believed have no period to tell.
+        if !found.iter().any(|f| matches!(f, Found::Grating(_))) {
+            prior.shared = None;
+            period = PeriodReport { choice: PeriodChoice::Pixel, why: "no pixel has a period".into(), ..period };
+        }
+        Ok(Fitted { found, period, directions: DirectionsReport::default(), lobe, prior })
     }
 
-    fn rows(&self, progress: &dyn Progress, of: &(dyn Fn(usize, &[Observed]) -> Found + Sync)) -> Result<Vec<Found>> {
+    pub fn rows<T: Send + Clone>(
+        &self,
+        progress: &dyn Progress,
+        of: &(dyn Fn(usize, &[Observed]) -> T + Sync),
+    ) -> Result<Vec<T>> {
         let row = |y: usize| {
             progress.check()?;
             let found = self.row(y, &mut |x, observed| of(x, observed))?;
             progress.step();
             Ok(found)
         };
-        let rows: Result<Vec<Vec<Found>>> = (0..self.tiling.height).into_par_iter().map(row).collect();
+        let rows: Result<Vec<Vec<T>>> = (0..self.tiling.height).into_par_iter().map(row).collect();
         Ok(rows?.concat())
     }
 

@@ -1,6 +1,6 @@
 //! What is said of the maps.
 
-use super::settings::{Orientation, PeriodChoice};
+use super::settings::{Directions, Orientation, PeriodChoice};
 use nacre_base::operation::{Summary, lines};
 use nacre_image::Palette;
 use serde::Serialize;
@@ -47,6 +47,8 @@ pub struct Report {
     pub relative: bool,
     /// How orientations were told.
     pub orientation: Orientation,
+    /// Whether polygons share few directions.
+    pub directions: DirectionsReport,
     /// One period or many.
     pub period: PeriodReport,
     /// Median σ of an orientation in degrees; none when all is masked.
@@ -70,6 +72,27 @@ pub struct Registration {
     pub sigma_px: f64,
     /// Tiles left out, since they look like no other.
     pub left_out: usize,
+}
+
+/// Whether polygons share few directions.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct DirectionsReport {
+    /// `shared` or `free`.
+    pub choice: Directions,
+    /// Why.
+    pub why: String,
+    /// The shared ones in degrees, anticlockwise from the right.
+    pub degrees: Vec<f64>,
+    /// Their periods in µm.
+    pub um: Vec<f64>,
+    /// Areas of one grating that were asked for their own.
+    pub areas: usize,
+    /// Share of them whose own is the shared one, 0 to 1.
+    pub agree: f64,
+    /// How far areas scatter about the shared directions, in degrees.
+    pub scatter_deg: f64,
+    /// Share of the places with light that have one of the shared gratings, 0 to 1.
+    pub explained: f64,
 }
 
 /// One period or many.
@@ -154,6 +177,11 @@ impl Summary for Report {
             _ => "unknown".into(),
         };
         let _ = writeln!(text, "period    {um}: {}", period.why);
+        let shared = &self.directions;
+        let _ = match shared.degrees.len() {
+            0 => writeln!(text, "directions free: {}", shared.why),
+            n => writeln!(text, "directions {n} shared: {}", shared.why),
+        };
         let percent = |v: Option<f64>| v.map_or("unknown".into(), |v| format!("{:.2} %", 100.0 * v));
         let degrees = self.sigma_deg.map_or("unknown".into(), |v| format!("{v:.3}°"));
         let _ = writeln!(

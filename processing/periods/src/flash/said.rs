@@ -1,11 +1,9 @@
 //! What the report says of a job: uncertainty that all pixels share, what was taken for granted, what to beware of.
 
 use super::fit::{Found, Why};
-use super::lobe::Lobe;
-use super::reconstruct::Job;
+use super::reconstruct::{Fitted, Job};
 use super::report::{Masked, PeriodReport, Registration, Report, Seconds};
-use super::settings::{Orientation, Settings};
-use super::solve::Prior;
+use super::settings::{Directions, Orientation, Settings};
 use super::view::half;
 
 /// What lobes that are not quite Gaussian may do to all periods alike, over themselves.
@@ -32,14 +30,8 @@ impl Job {
     }
 
     /// Report without the times.
-    pub fn report(
-        &self,
-        found: &[Found],
-        period: PeriodReport,
-        lobe: &Lobe,
-        prior: &Prior,
-        settings: &Settings,
-    ) -> Report {
+    pub fn report(&self, fit: &Fitted, settings: &Settings) -> Report {
+        let Fitted { found, period, directions, lobe, prior } = fit;
         let um = self.wavelength_nm / 1000.0;
         let median = |mut values: Vec<f64>, share: usize| {
             values.sort_by(f64::total_cmp);
@@ -62,7 +54,7 @@ impl Job {
             sigma_um: prior.shared.zip(shared_um).map(|([l, s], um)| um * (s / l).hypot(common_sigma)),
             median_um: median(lengths.clone(), 50).map(|l| um / l),
             range_um: median(lengths.clone(), 95).zip(median(lengths, 5)).map(|(a, b)| [um / a, um / b]),
-            ..period
+            ..period.clone()
         };
         let mut report = Report {
             method: "flash",
@@ -88,6 +80,7 @@ impl Job {
             searched_um: [um / prior.range[1], um / prior.range[0]],
             relative: self.view.relative.is_some(),
             orientation: settings.orientation,
+            directions: directions.clone(),
             period,
             sigma_deg: median(gratings().map(|g| g.orientation_sigma.to_degrees()).collect(), 50),
             period_sigma: median(gratings().map(|g| (g.length_sigma / g.length).hypot(common_sigma)).collect(), 50),
@@ -96,12 +89,18 @@ impl Job {
             seconds: Seconds::default(),
         };
         report.assumptions = self.assumptions(settings, [light_per_mm, camera_per_mm]);
+        if directions.choice == Directions::Shared {
+            report.assumptions.push(
+                "polygons have one of the shared gratings, and first orders of about the same light; areas that tell otherwise are masked"
+                    .into(),
+            );
+        }
         report.warnings = self.warnings(&report, settings);
         report
     }
 
     /// How far apart the half vectors of a place's copies lie, both signs folded.
-    fn spacing(&self, at: [f64; 2]) -> f64 {
+    pub fn spacing(&self, at: [f64; 2]) -> f64 {
         let [width, height] = [self.tiling.width, self.tiling.height].map(|n| n as f64 * self.tiling.pitch_mm);
         let half = |dx: f64, dy: f64| self.view.half([at[0] + dx, at[1] + dy], self.lights[0]).half;
         let (o, x, y) = (half(0.0, 0.0), half(1.0, 0.0), half(0.0, 1.0));

@@ -54,6 +54,10 @@ pub struct Settings {
     pub orientation: Orientation,
     /// One period for all pixels, or one each; auto is that with more evidence.
     pub period: PeriodChoice,
+    /// Shared gratings: places with the same grooves are fitted together, so that one photograph can be enough. auto decides by evidence.
+    ///
+    /// Periods that change gradually over the sheet can look like evidence. shared masks areas with grooves of their own.
+    pub directions: Directions,
     /// Standard deviation of the light in its plane, in mm (default: that of its highlight).
     #[schemars(extend("x-advanced" = true))]
     pub light_sigma_mm: Option<f64>,
@@ -107,6 +111,19 @@ pub enum Orientation {
     Image,
 }
 
+/// Whether polygons share few directions and periods, so that places of the same grooves tell together what none tells alone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Directions {
+    /// If there is evidence for it. Periods that change gradually over the sheet can look like evidence.
+    Auto,
+    /// They do; areas with grooves of their own are masked.
+    Shared,
+    /// Each place by itself.
+    #[default]
+    Free,
+}
+
 /// Whether pixels share one period.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -128,6 +145,19 @@ impl std::str::FromStr for Orientation {
             "half" => Ok(Self::Half),
             "image" => Ok(Self::Image),
             _ => Err(format!("{text:?} is none of half, image")),
+        }
+    }
+}
+
+impl std::str::FromStr for Directions {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "shared" => Ok(Self::Shared),
+            "free" => Ok(Self::Free),
+            _ => Err(format!("{text:?} is none of auto, shared, free")),
         }
     }
 }

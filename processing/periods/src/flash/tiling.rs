@@ -56,6 +56,24 @@ impl Tiling {
         [left + (x as f64 + 0.5) * self.pitch_mm, top - (y as f64 + 0.5) * self.pitch_mm]
     }
 
+    /// Parts of every tile that others lie over, where it is not known which of them is seen: left, top, right and bottom in its pixels. Half a
+    /// pixel counts for none.
+    pub fn overlaps(&self) -> Vec<Vec<[f64; 4]>> {
+        let size = [self.width as f64, self.height as f64];
+        let of = |k: usize| {
+            let [left, top] = self.origins[k];
+            let others = self.origins.iter().enumerate().filter(|(j, _)| *j != k);
+            let part = |(_, o): (usize, &[f64; 2])| {
+                let [x, y] = [(o[0] - left) / self.pitch_mm, (top - o[1]) / self.pitch_mm];
+                let [x1, y1] = [x + size[0] - 0.5, y + size[1] - 0.5];
+                let meets = x + 0.5 < size[0] && y + 0.5 < size[1] && x1 > 0.0 && y1 > 0.0;
+                meets.then_some([x + 0.5, y + 0.5, x1, y1])
+            };
+            others.filter_map(part).collect()
+        };
+        (0..self.origins.len()).into_par_iter().map(of).collect()
+    }
+
     /// Smallest and largest place that any tile takes up.
     pub fn extent(&self) -> [[f64; 2]; 2] {
         let size = [self.width as f64 * self.pitch_mm, self.height as f64 * self.pitch_mm];
@@ -335,4 +353,24 @@ fn refined(tiling: &Tiling, model: &[f32], mut origin: [f64; 2], view: &View, ro
     }
     let moved = (origin[0] - begun[0]).hypot(origin[1] - begun[1]) / tiling.pitch_mm;
     if moved > 4.0 { (begun, f64::NAN) } else { (origin, sigma) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_overlap_where_others_lie_over_them() {
+        // Two side by side, the second half a pixel and 3 pixels into the first, and one below that leaves a gap.
+        let at = |x: f64| Tiling {
+            width: 10,
+            height: 8,
+            pitch_mm: 0.5,
+            origins: vec![[0.0, 0.0], [5.0 - x, 0.5], [0.0, -5.0]],
+        };
+        assert!(at(0.25).overlaps().iter().all(Vec::is_empty));
+        let found = at(1.5).overlaps();
+        // The second begins 7 pixels from the left and a pixel above the first.
+        assert_eq!(found, [vec![[7.5, -0.5, 16.5, 6.5]], vec![[-6.5, 1.5, 2.5, 8.5]], vec![]]);
+    }
 }

@@ -16,6 +16,10 @@ pub struct Pattern {
     pub directions: u32,
     /// The first of them, anticlockwise from the right.
     pub first_deg: f64,
+    /// By how much the direction turns from the left to the right of a tile, within polygons as well, in degrees.
+    pub swirl_deg: f64,
+    /// By how much each polygon's direction is off at most, in degrees.
+    pub jitter_deg: f64,
     /// Width of the gaps in mm.
     pub gap_mm: f64,
     /// Periods of the grooves.
@@ -45,6 +49,8 @@ impl Default for Pattern {
             polygons: 24,
             directions: 8,
             first_deg: 7.0,
+            swirl_deg: 0.0,
+            jitter_deg: 0.0,
             gap_mm: 0.3,
             periods: Periods::Uniform(1.66),
             depth_um: 0.1,
@@ -71,6 +77,7 @@ pub(super) struct Tile {
     middles: Vec<[f64; 2]>,
     size_mm: [f64; 2],
     pattern: Pattern,
+    seed: u64,
 }
 
 impl Pattern {
@@ -87,8 +94,10 @@ impl Pattern {
         if !(0.0..=10.0).contains(&self.depth_um) || !(0.0..=1.0).contains(&self.crossed) {
             return bad("pattern.depth_um, pattern.crossed", "give a depth of 0 to 10 µm and a share of 0 to 1");
         }
-        if !(0.0..=100.0).contains(&self.gap_mm) || !(-360.0..=360.0).contains(&self.first_deg) {
-            return bad("pattern.gap_mm, pattern.first_deg", "give 0 to 100 mm and -360 to 360°");
+        let angles = [self.first_deg, self.swirl_deg, self.jitter_deg];
+        if !(0.0..=100.0).contains(&self.gap_mm) || !angles.iter().all(|a| (-360.0..=360.0).contains(a)) {
+            let expected = "give 0 to 100 mm and -360 to 360°";
+            return bad("pattern.gap_mm, pattern.first_deg, pattern.swirl_deg, pattern.jitter_deg", expected);
         }
         Ok(())
     }
@@ -124,7 +133,7 @@ impl Tile {
             let cell = [k % across, k / across].map(|c| c as f64 + 0.5);
             [(cell[0] + jitter(0)) * size_mm[0] / across as f64, (cell[1] + jitter(1)) * size_mm[1] / down as f64]
         };
-        Self { middles: (0..pattern.polygons).map(middle).collect(), size_mm, pattern: pattern.clone() }
+        Self { middles: (0..pattern.polygons).map(middle).collect(), size_mm, pattern: pattern.clone(), seed }
     }
 
     /// Grooves at a place in mm from the tile's left and top edge; none in gaps and outside.
@@ -155,7 +164,9 @@ impl Tile {
             Periods::Mixed(all) => all[polygon % all.len()],
             Periods::Graded([from, to]) => from + (to - from) * place[0] / self.size_mm[0],
         };
-        let orientation = (self.pattern.first_deg.to_radians() + turn * step).rem_euclid(PI);
+        let jitter = self.pattern.jitter_deg * (2.0 * uniform(key(&[self.seed, 78, polygon as u64])) - 1.0);
+        let swirl = self.pattern.swirl_deg * (place[0] / self.size_mm[0] - 0.5);
+        let orientation = ((self.pattern.first_deg + jitter + swirl).to_radians() + turn * step).rem_euclid(PI);
         (edge_mm > 0.0).then_some(Grooves { polygon, orientation, period_um, edge_mm })
     }
 }

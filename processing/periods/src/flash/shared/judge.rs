@@ -1,0 +1,149 @@
+//! Which of a few gratings a place has, from the light of its copies.
+
+use super::super::fit::Why;
+use super::super::solve::{Copy, Solution};
+use nacre_base::statistics::median;
+
+/// A grating covers at least this part of a pixel that is taken for its own: the rest is a gap, or the polygon beside.
+const MOSTLY: f64 = 0.7;
+
+/// Light over that of a whole pixel, at most: print varies.
+const BRIGHTEST: f64 = 1.3;
+
+/// A part that another grating has for certain, from which a pixel has several.
+const SECOND: f64 = 0.4;
+
+/// A grating is seen from a place where a whole pixel of it would be so many standard deviations bright.
+const VISIBLE: f64 = 8.0;
+
+/// Part of a grating's light at a copy that it may be wrong by.
+const TOLERANCE: f64 = 0.1;
+
+/// Squares from which a copy is odd and counts for little.
+const ODD: f64 = 6.0;
+
+/// Another grating is ruled out when it is so much worse, in units of what the best one leaves over.
+const RULED_OUT: f64 = 16.0;
+
+/// Squares left over per lit copy, at most: at edges each copy sees a part of its own.
+const POOR: f64 = 12.0;
+
+/// A copy counts as lit where a whole pixel would have this part of a lobe's peak.
+const LIT: f64 = 0.02;
+
+/// Copies from which their median is the stray light of a place.
+const MANY: usize = 8;
+
+/// The best of a few gratings for a place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Best {
+    /// Which one.
+    pub grating: usize,
+    /// Its light over that of a whole pixel.
+    pub amount: f64,
+    /// Squares left over per lit copy.
+    pub per_copy: f64,
+    /// How much worse the next one is.
+    pub ahead: f64,
+    /// The largest part that another one has for certain.
+    pub second: f64,
+    /// The brightest light far from its lobes, over that of its first order's peak.
+    pub elsewhere: f64,
+}
+
+/// Copies within a lobe of a grating, weighted so that none counts for more than the grating is known, and odd ones for little.
+pub(super) fn near(copies: &[Copy], grating: &Solution) -> Vec<Copy> {
+    let weighted = |c: &Copy| {
+        let model = grating.light(c);
+        let weight = 1.0 / (1.0 / c.weight + (TOLERANCE * model).powi(2));
+        let odd = (c.light - model).powi(2) * weight / ODD;
+        (model > grating.stray).then(|| Copy { weight: weight / (1.0 + odd), ..*c })
+    };
+    copies.iter().filter_map(weighted).collect()
+}
+
+/// What a grating explains of a place's copies.
+struct Seen {
+    model: Vec<f64>,
+    weight: Vec<f64>,
+    square: f64,
+    amount: f64,
+    cost: f64,
+    per_copy: f64,
+}
+
+fn seen(copies: &[Copy], light: &[f64], all: f64, grating: &Solution) -> Seen {
+    let model: Vec<f64> = copies.iter().map(|c| grating.light(c) - grating.stray).collect();
+    let weight = copies.iter().zip(&model).map(|(c, m)| 1.0 / (1.0 / c.weight + (TOLERANCE * m).powi(2)));
+    let weight: Vec<f64> = weight.collect();
+    let in_lobe = || (0..copies.len()).filter(|i| model[*i] > 0.0);
+    let square: f64 = in_lobe().map(|i| weight[i] * model[i] * model[i]).sum();
+    let product: f64 = in_lobe().map(|i| weight[i] * model[i] * light[i]).sum();
+    let amount = if square > VISIBLE * VISIBLE { (product / square).clamp(0.0, BRIGHTEST) } else { 0.0 };
+    let (mut cost, mut lit, mut left) = (all, 0, 0.0);
+    for i in in_lobe() {
+        let squares = weight[i] * (light[i] - amount * model[i]).powi(2);
+        cost += squares - copies[i].weight * light[i] * light[i];
+        if model[i] > LIT * grating.orders[0] * copies[i].shape.peak {
+            (lit, left) = (lit + 1, left + squares);
+        }
+    }
+    Seen { model, weight, square, amount, cost, per_copy: left / lit.max(1) as f64 }
+}
+
+/// The grating that leaves least over; none where no one has light there.
+pub(super) fn best(copies: &[Copy], gratings: &[Solution]) -> Option<Best> {
+    let mut lights: Vec<f64> = copies.iter().map(|c| c.light).collect();
+    let known = gratings.first()?.stray;
+    let stray = if copies.len() >= MANY { median(&mut lights).unwrap_or(known) } else { known };
+    let light: Vec<f64> = copies.iter().map(|c| c.light - stray).collect();
+    let all: f64 = copies.iter().zip(&light).map(|(c, y)| c.weight * y * y).sum();
+    let of: Vec<Seen> = gratings.iter().map(|g| seen(copies, &light, all, g)).collect();
+    let order = (0..of.len()).filter(|k| of[*k].amount > 0.0);
+    let grating = order.min_by(|a, b| of[*a].cost.total_cmp(&of[*b].cost))?;
+    let own = &of[grating];
+    let next = (0..of.len()).filter(|k| *k != grating).map(|k| of[k].cost).fold(all, f64::min);
+    let per_copy = own.per_copy;
+    let beside = |k: usize| part(copies, &light, own, &of[k], per_copy.max(1.0).sqrt());
+    let second = (0..of.len()).filter(|k| *k != grating).map(beside).fold(0.0, f64::max);
+    let first = gratings[grating].orders[0];
+    let bright = (0..copies.len()).filter(|i| own.model[*i] <= 0.0 && light[*i] > 5.0 / copies[*i].weight.sqrt());
+    let elsewhere = bright.map(|i| light[i] / (first * copies[i].shape.peak)).fold(0.0, f64::max);
+    Some(Best { grating, amount: own.amount, per_copy, ahead: next - own.cost, second, elsewhere })
+}
+
+/// The part that another grating has for certain, beside the first.
+fn part(copies: &[Copy], light: &[f64], own: &Seen, other: &Seen, scale: f64) -> f64 {
+    if other.square < VISIBLE * VISIBLE {
+        return 0.0;
+    }
+    let (mut cross, mut a, mut b) = (0.0, 0.0, 0.0);
+    for (i, c) in copies.iter().enumerate() {
+        let weight = own.weight[i].min(other.weight[i]).min(c.weight);
+        cross += weight * own.model[i] * other.model[i];
+        a += weight * own.model[i] * light[i];
+        b += weight * other.model[i] * light[i];
+    }
+    let determinant = own.square * other.square - cross * cross;
+    if determinant < 1e-3 * own.square * other.square {
+        return 0.0;
+    }
+    let part = (b * own.square - a * cross) / determinant;
+    part - 2.0 * scale * (own.square / determinant).sqrt()
+}
+
+impl Best {
+    /// Why the place is not taken for that grating's, if it is not.
+    pub fn doubt(&self) -> Option<Why> {
+        if self.second.max(self.elsewhere) > SECOND * self.amount {
+            return Some(Why::Several);
+        }
+        if self.per_copy > POOR {
+            return Some(Why::Unexplained);
+        }
+        if !(MOSTLY..BRIGHTEST).contains(&self.amount) {
+            return Some(Why::Uncertain);
+        }
+        (self.ahead < RULED_OUT * self.per_copy.max(1.0)).then_some(Why::Ambiguous)
+    }
+}
