@@ -84,7 +84,7 @@ fn renderings_factors_and_the_demo_are_estimated() {
     let text = "camera = { position = [0, 0, 500], target = [0, 0, 0], fov_deg = 16, width = 64, height = 64 }\n\
                 [[shape]]\ntype = \"plane\"\nsize = [100, 100]\nmaterial = \"white\"\n\
                 [[light]]\ntype = \"point\"\nposition = [0, 300, 400]\nsigma_mm = 2\n\
-                [material.white.diffuse]\nalbedo = 0.5\n";
+                [material.white.base]\nalbedo = [0.5, 0.5, 0.5]\n";
     fs::write(&scene, text).unwrap();
     let estimate = |line: &[&str], output: &str| {
         let estimate = nacre(["--json"].iter().chain(line).chain(&["--estimate"])).expect(0).json();

@@ -155,8 +155,9 @@ fn refused(error: &clap::Error) -> ! {
 
 /// Runs the command line of this process, which was built from this commit for this target.
 pub fn main(commit: &str, target: &str) -> ExitCode {
-    let command = command(commit, target);
-    let matches = command.clone().try_get_matches().unwrap_or_else(|e| refused(&e));
+    let mut command = command(commit, target);
+    // In place, so that it has the arguments that are made when they are needed.
+    let matches = command.try_get_matches_from_mut(std::env::args_os()).unwrap_or_else(|e| refused(&e));
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| refused(&e));
     if let Command::Guardian(args) = &cli.command {
         return commands::manual::guardian(args);

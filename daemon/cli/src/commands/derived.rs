@@ -56,29 +56,22 @@ impl FromArgMatches for Derived {
     }
 }
 
-/// The command of an operation.
+/// The command of an operation. Its arguments are made once it is called: schemas of all operations would be most of the program's start.
 fn command_of(operation: &dyn Registered) -> Command {
+    Command::new(operation.name()).about(operation.title()).defer(with_arguments)
+}
+
+fn with_arguments(command: Command) -> Command {
+    let Some(operation) = operation(command.get_name()) else { return command };
     let fields = operation.fields();
     let path = || clap::value_parser!(PathBuf);
     let flag = |id: &'static str, help: &'static str| Arg::new(id).long(id).action(ArgAction::SetTrue).help(help);
-    Command::new(operation.name())
-        .about(operation.title())
+    let input = Arg::new("input").value_name("INPUT").required(true).value_parser(path());
+    let out = Arg::new("out").long("out").value_name("DIR").required(true).value_parser(path());
+    command
         .after_help(fields.text(EXAMPLES).to_owned())
-        .arg(
-            Arg::new("input")
-                .value_name("INPUT")
-                .required(true)
-                .value_parser(path())
-                .help(fields.text(INPUT).to_owned()),
-        )
-        .arg(
-            Arg::new("out")
-                .long("out")
-                .value_name("DIR")
-                .required(true)
-                .value_parser(path())
-                .help("Folder for the results"),
-        )
+        .arg(input.help(fields.text(INPUT).to_owned()))
+        .arg(out.help("Folder for the results"))
         .args(fields.list.iter().map(argument))
         .arg(flag("force", "Replace results that are already in the folder").visible_alias("overwrite"))
         .arg(flag("estimate", "Only say how long it would take, and how much memory and disk"))
