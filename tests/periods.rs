@@ -118,7 +118,7 @@ fn heuristic_periods_are_labelled() {
         (&["--contrast-period", "1,2"], "--depth-um"),
         (&["--contrast-period", "1,2", "--depth-um", "0"], "depth"),
         (&["--contrast-period", "1,2", "--depth-um", "0.1", "--metal", "tin"], "chromium"),
-        (&["--relative-period", "1,2", "--depth-um", "0.1"], "--relative-period"),
+        (&["--relative-period", "1,2", "--depth-um", "0.1"], "--contrast-period"),
         (&["--smooth", "much"], "light"),
         (&["--smooth", "none", "--smooth-maps"], "smooth"),
         (&["--smooth", "none", "--smoothed-exr"], "smooth"),

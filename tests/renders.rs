@@ -257,7 +257,7 @@ fn a_person_renders_scenes() {
     browser.until("document.querySelectorAll('input[name=gallery]').length === 10");
     browser.click("input[value=cd]");
     browser.both("render");
-    set("render-error", "0.5");
+    set("render-max-error", "0.005");
     set("render-samples", "100000");
     browser.click("#render-start");
     browser.until("document.querySelector('#so-far')?.naturalWidth === 360");
@@ -279,7 +279,7 @@ fn a_person_renders_scenes() {
     browser.both("render-refused");
     std::fs::write(&scene, foil.replace("\"albedo.exr\"", "[0.1, 0.1, 0.1]")).unwrap();
     browser.attach("#scene-files", scene.to_str().unwrap());
-    set("render-error", "5");
+    set("render-max-error", "0.05");
     browser.run("document.querySelector('#render-check').click()");
     browser.click("#render-start");
     browser.until("document.querySelector('#result-picture')?.naturalWidth === 240");

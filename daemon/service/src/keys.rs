@@ -63,7 +63,8 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for Keyed<T> {
         let request = Request::from_parts(parts, Body::from(bytes.clone()));
         let Json(body) = Json::<T>::from_request(request, state).await?;
         // Its order of keys and its blanks mean nothing.
-        let value: serde_json::Value = serde_json::from_slice(&bytes).unwrap_or_default();
+        let mut value: serde_json::Value = serde_json::from_slice(&bytes).unwrap_or_default();
+        value.sort_all_objects();
         let key = Some(Key { name, body: sha256(value.to_string().as_bytes()) });
         Ok(Self { body, key })
     }

@@ -192,6 +192,16 @@ impl Field {
         }
     }
 
+    /// What a text for it has to be, for messages.
+    pub fn expected(&self) -> String {
+        let placeholder = self.placeholder();
+        match (self.text("type"), self.schema.get("minItems").and_then(Value::as_u64)) {
+            (Some("array"), Some(2)) => format!("two numbers: {placeholder}"),
+            (Some("array"), Some(count)) => format!("{count} numbers or lists of numbers: {placeholder}"),
+            _ => placeholder,
+        }
+    }
+
     /// Value that a text means.
     ///
     /// # Errors

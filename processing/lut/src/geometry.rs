@@ -4,7 +4,9 @@ use nacre_base::{Error, Result};
 use nacre_optics::geometry::Geometry;
 use rayon::prelude::*;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 
 /// Newton's steps from a pixel to its place; each doubles the digits.
 const STEPS: usize = 6;
@@ -28,13 +30,24 @@ pub struct Arrangement {
 }
 
 /// Where camera, surface and flash were: measured by hand, or calibrated.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Placement {
     /// A camera that looks straight down.
     Arranged(Arrangement),
     /// As geometry.json says it: any camera, with its lens, and the light.
     Calibrated(Box<Geometry>),
+}
+
+impl<'de> Deserialize<'de> for Placement {
+    /// Tells the two apart by the key `camera`, so that a mistake in either is named.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        let value = Value::deserialize(deserializer)?;
+        if value.get("camera").is_some() {
+            return serde_json::from_value(value).map(Self::Calibrated).map_err(D::Error::custom);
+        }
+        serde_json::from_value(value).map(Self::Arranged).map_err(D::Error::custom)
+    }
 }
 
 /// How far the zero order may be from where a calibrated geometry has it, as a half vector: more is another set-up.

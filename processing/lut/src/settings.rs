@@ -53,7 +53,7 @@ pub struct Settings {
     /// Spectrum of the light that the table is for: a name or a CSV file.
     #[schemars(extend("x-placeholder" = "NAME|FILE.csv", "x-file" = true, "examples" = NAMES))]
     pub illuminant: String,
-    /// Observer: 1931 (2°) or 1964 (10°).
+    /// Standard observer of the CIE: 1931 (2°) or 1964 (10°).
     #[schemars(extend("x-advanced" = true))]
     pub observer: Observer,
     /// Power of λm/λ: 4 is exact for shallow gratings to first order, 2 is that of the paper; deep gratings follow none.

@@ -139,7 +139,7 @@ impl Derived {
             let value = match field.is_file() && field.is_structure() {
                 true => structure(Path::new(text))?,
                 false => field.value(text).map_err(|problem| {
-                    Error::input(format!("--{}", field.name()), problem, format!("give {}", field.placeholder()))
+                    Error::input(format!("--{}", field.name()), problem, format!("give {}", field.expected()))
                 })?,
             };
             field.put(&mut options, value);
@@ -161,7 +161,8 @@ fn structure(path: &Path) -> Result<Value, Error> {
 fn flagged(error: Error, fields: &Fields) -> Error {
     match error {
         Error::Input { subject, problem, remedy } => {
-            let flag = fields.list.iter().find(|f| f.path.join(".") == subject).map(|f| format!("--{}", f.name()));
+            let own = |f: &&Field| f.path.join(".") == subject || f.path.join(".") == format!("{subject}.path");
+            let flag = fields.list.iter().find(own).map(|f| format!("--{}", f.name()));
             Error::Input { subject: flag.unwrap_or(subject), problem, remedy }
         }
         other => other,

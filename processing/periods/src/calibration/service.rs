@@ -164,7 +164,11 @@ impl Operation for Options {
         self.check()?;
         let photographs = !input.as_os_str().is_empty();
         if !photographs && !self.needs_no_photographs() {
-            return Err(Error::input("photographs", "are missing", "give a folder or an upload that holds them"));
+            return Err(Error::input(
+                "calibration",
+                "has no photographs",
+                "give a folder or an upload that holds them",
+            ));
         }
         Ok(work(input, photographs))
     }
