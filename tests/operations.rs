@@ -35,7 +35,8 @@ fn command_lines_have_every_option_with_its_default() {
         let help = nacre(["reconstruct", name, "--help"]).expect(0).stdout();
         for field in &operation.fields().list {
             let flag = format!("--{}", field.name());
-            let after = help.split(&format!("{flag} <")).nth(1).or_else(|| help.split(&format!("{flag}\n")).nth(1));
+            let ends = |after: &str| after.starts_with([' ', '\n']);
+            let after = help.match_indices(&flag).map(|(at, _)| &help[at + flag.len()..]).find(|after| ends(after));
             let after = after.unwrap_or_else(|| panic!("{name} has no {flag}:\n{help}"));
             // Up to the next flag.
             let own = after.split("\n      --").next().unwrap();
