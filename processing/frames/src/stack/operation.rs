@@ -163,10 +163,13 @@ fn spooled(files: &[PathBuf], first: Info, progress: &dyn Progress) -> Result<Sp
     Ok(spool)
 }
 
+/// A map: file name, units, and the value of a pixel.
+type Map = (&'static str, &'static str, fn(&Pixel) -> f32);
+
 /// Writes the maps and the picture.
 fn write(out: &OutputFolder, pixels: &[Pixel], Info { width, height, channels, .. }: Info) -> Result<()> {
     let names: &[&str] = if channels == 3 { &["R", "G", "B"] } else { &["Y"] };
-    let maps: [(&str, &str, fn(&Pixel) -> f32); 4] = [
+    let maps: [Map; 4] = [
         ("mean.exr", "values of the files", |p| p.mean),
         ("median.exr", "values of the files", |p| p.median),
         ("sigma.exr", "standard deviation of one photograph, in values of the files", |p| p.sigma),
