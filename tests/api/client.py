@@ -7,7 +7,7 @@ from nacre_client import Client
 from nacre_client.api.operations import run_polarization
 from nacre_client.api.reconstructions import map_, reconstruction
 from nacre_client.api.sessions import begin_session, session
-from nacre_client.models import PlanBody, RunPolarizationBody
+from nacre_client.models import PlanBody, PolarizationOptions, PolarizationOrder
 
 client = Client(sys.argv[1], timeout=30)
 plan = {
@@ -26,7 +26,7 @@ assert found.state == "finished" and found.frames_committed == 4, found
 answer = map_.sync_detailed(begun.id, "orientation.npy", client=client)
 assert answer.status_code == 200 and answer.content[:6] == b"\x93NUMPY", answer.status_code
 print(f"the generated client took the session {begun.id} and fetched its map of {len(answer.content)} bytes")
-order = RunPolarizationBody.from_dict({"session": begun.id, "options": {"model": "plain", "smooth": "none"}})
+order = PolarizationOrder(session=begun.id, options=PolarizationOptions(model="plain", smooth="none"))
 job = run_polarization.sync(client=client, body=order)
 for _ in range(300):
     done = reconstruction.sync(job.id, client=client)

@@ -89,10 +89,12 @@ pub fn describe(document: &mut Value) {
         if let Some(parameters) = post["parameters"].as_array_mut() {
             parameters.retain(|parameter| parameter["in"] != "path");
         }
-        post["requestBody"]["content"]["application/json"]["schema"] = json!({
-            "allOf": [{ "$ref": "#/components/schemas/Order" }],
-            "properties": { "options": options },
-        });
+        // A schema of its own, as generators of clients read no other.
+        let named = options.get("$ref").and_then(Value::as_str).unwrap_or_default().replace("Options", "Order");
+        let mut order = document["components"]["schemas"]["Order"].clone();
+        order["properties"]["options"] = options.to_value();
+        post["requestBody"]["content"]["application/json"]["schema"] = json!({ "$ref": named });
+        document["components"]["schemas"][named.trim_start_matches("#/components/schemas/")] = order;
         document["paths"][PATH.replace("{name}", operation.name())] = own;
     }
     for (name, schema) in generator.take_definitions(true) {
@@ -105,17 +107,26 @@ pub fn describe(document: &mut Value) {
 #[cfg(test)]
 mod tests {
     use crate::router::openapi;
+    use serde_json::Value;
 
     #[test]
     fn every_operation_has_its_path_and_its_schema() {
         let document = openapi();
         for operation in super::OPERATIONS {
             let post = &document["paths"][format!("/api/v1/operations/{}", operation.name())]["post"];
-            let options = &post["requestBody"]["content"]["application/json"]["schema"]["properties"]["options"];
-            let reference = options["$ref"].as_str().unwrap();
-            let schema = document.pointer(reference.trim_start_matches('#')).unwrap();
+            let referred = |to: &Value| {
+                let reference = to["$ref"].as_str().unwrap();
+                document.pointer(reference.trim_start_matches('#')).unwrap_or_else(|| panic!("no {reference}")).clone()
+            };
+            let order = referred(&post["requestBody"]["content"]["application/json"]["schema"]);
+            let schema = referred(&order["properties"]["options"]);
             for field in &operation.fields().list {
-                assert!(schema["properties"].get(&field.path[0]).is_some(), "{reference} lacks {:?}", field.path);
+                assert!(
+                    schema["properties"].get(&field.path[0]).is_some(),
+                    "{} lacks {:?}",
+                    operation.name(),
+                    field.path
+                );
             }
         }
     }
