@@ -322,7 +322,7 @@ ROWS = [
         prepare=slits_scene, read=slits),
     Row("2017-disc", "6.1; Fig. 21", "CD with these slits: colours along a radius", "pictures", ("render disc.toml --spectral 10 --samples 64 --out disc.exr",),
         prepare=disc_scene, read=disc_colors),
-    Row("2017-stripes", "6.1; Fig. 20", "radial pattern in vertical stripes", "pictures", missing="radial multislit stripes on the command line and in scenes"),
+    Row("2017-stripes", "6.1; Fig. 20", "radial pattern in vertical stripes", "pictures", why="no number; `multislit` with `radial` in scenes, masks by `nacre map mask`"),
     Row("2017-lamps", "6.2; Fig. 22", "table under two lamps (their mirror image)", "pictures",
         (f"{LUT.replace('--extent 1 --size 200', '--extent 0.5 --size 500')} --out point", f"{LUT.replace('--extent 1 --size 200', '--extent 0.5 --size 500')} --light mirror.exr --light-center 60,60 --out lamps"),
         prepare=mirror_photo, read=complex_light),
