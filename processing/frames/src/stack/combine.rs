@@ -6,8 +6,9 @@ const OF_MAD: f32 = 1.4826;
 /// Least standard deviation in steps of the code: that of rounded values of which half are equal.
 const LEAST_STEPS: f32 = 0.75;
 
-/// Least standard deviation of a pixel, over the median one of its row: few values can agree by chance.
-const LEAST_OF_ROW: f32 = 0.5;
+/// Pixels on either side in the order of brightness whose median standard deviation is the least one of a pixel: few values can agree by
+/// chance, and noise depends on brightness.
+const ALIKE: usize = 16;
 
 /// Fewer values show no outlier.
 const LEAST_VALUES: usize = 4;
@@ -43,13 +44,27 @@ pub fn row(photographs: &[Vec<f32>], clip: Option<f64>, step: f32) -> Vec<Pixel>
         .collect();
     let given: Vec<usize> = values.iter().map(Vec::len).collect();
     if let Some(clip) = clip.filter(|_| photographs.len() >= LEAST_VALUES) {
-        let mut scatter: Vec<f32> = values.iter().filter(|v| v.len() >= LEAST_VALUES).map(|v| robust(v)).collect();
-        scatter.sort_unstable_by(f32::total_cmp);
-        let of_row = scatter.get(scatter.len() / 2).copied().unwrap_or(0.0);
-        let least = (LEAST_OF_ROW * of_row).max(LEAST_STEPS * step);
-        values.iter_mut().for_each(|v| *v = clipped(v, clip as f32, least).to_vec());
+        let least = of_alike_pixels(&values);
+        for (v, least) in values.iter_mut().zip(least) {
+            *v = clipped(v, clip as f32, least.max(LEAST_STEPS * step)).to_vec();
+        }
     }
     values.iter().zip(given).map(|(v, given)| pixel(v, given)).collect()
+}
+
+/// For each pixel the median standard deviation of those that are about as bright.
+fn of_alike_pixels(values: &[Vec<f32>]) -> Vec<f32> {
+    let mut order: Vec<usize> = (0..values.len()).filter(|x| values[*x].len() >= LEAST_VALUES).collect();
+    let middles: Vec<f32> = values.iter().map(|v| median(v)).collect();
+    order.sort_by(|a, b| middles[*a].total_cmp(&middles[*b]));
+    let scatter: Vec<f32> = order.iter().map(|x| robust(&values[*x])).collect();
+    let mut least = vec![0.0; values.len()];
+    for (place, x) in order.iter().enumerate() {
+        let mut alike = scatter[place.saturating_sub(ALIKE)..(place + ALIKE + 1).min(scatter.len())].to_vec();
+        alike.sort_unstable_by(f32::total_cmp);
+        least[*x] = median(&alike);
+    }
+    least
 }
 
 /// Values without outliers; they are sorted, so that outliers are at the ends.

@@ -39,8 +39,8 @@ were kept), mean.png and report.json, in the units of the files: no transfer fun
 pub struct Options {
     /// Outliers: values further from the median of their pixel than this many robust standard deviations, or off.
     ///
-    /// The standard deviation follows from the median absolute deviation, and is at least half of the median one of its row. Series of fewer than
-    /// four photographs show no outliers.
+    /// The standard deviation follows from the median absolute deviation, and is at least the median one of pixels in the row that are about as
+    /// bright. Series of fewer than four photographs show no outliers.
     #[schemars(extend("x-placeholder" = "off|N", "x-unset" = "off"), range(min = 1, max = 100))]
     pub clip_sigma: Option<f64>,
 }
