@@ -6,7 +6,7 @@
 
 use super::repeats::{Repeats, repeats};
 use nacre_image::Field;
-use std::collections::{HashMap, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 
 /// Sides of the parts over those of the picture, and how far from the middle they lie, over the rest.
 const PARTS: [(f64, &[[f64; 2]]); 4] = [
@@ -100,7 +100,7 @@ fn copies(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> Option<f64> 
         };
         along(0, field.width) * along(1, field.height)
     };
-    let mut cut = HashMap::new();
+    let mut cut = BTreeMap::new();
     for (cell, at) in &found {
         for step in (-1..=1).flat_map(|m| (-1..=1).map(move |n| [m, n])) {
             let next = [cell[0] + step[0], cell[1] + step[1]];
@@ -119,13 +119,13 @@ fn extent(sides: [[f64; 2]; 2]) -> [f64; 2] {
     [0, 1].map(|k| sides[0][k].abs() + sides[1][k].abs())
 }
 
-/// Places of copies that are found one beside the other, by their steps from one at a place.
-fn followed(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> HashMap<[i64; 2], [f64; 2]> {
+/// Places of copies that are found one beside the other, by their steps from one at a place; in order, so that sums over them do not vary.
+fn followed(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> BTreeMap<[i64; 2], [f64; 2]> {
     let length = |v: [f64; 2]| v[0].hypot(v[1]);
     if sides.iter().any(|s| length(*s) < SHORTEST) {
-        return HashMap::new();
+        return BTreeMap::new();
     }
-    let mut found = HashMap::from([([0_i64, 0_i64], middle)]);
+    let mut found = BTreeMap::from([([0_i64, 0_i64], middle)]);
     let mut queue = VecDeque::from([([0_i64, 0_i64], middle, sides)]);
     while let Some((cell, at, sides)) = queue.pop_front() {
         for (step, axis, sign) in [([1, 0], 0, 1.0), ([-1, 0], 0, -1.0), ([0, 1], 1, 1.0), ([0, -1], 1, -1.0)] {
