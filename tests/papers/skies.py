@@ -6,11 +6,11 @@ from rows import AGREES, Outcome, write_exr
 
 SCENE = """
 [camera]
-position = [0, 0, 4000]
+position = [0, 0, {distance}]
 target = [0, 0, 0]
-fov_deg = 0.5
-width = 8
-height = 8
+fov_deg = {fov}
+width = {side}
+height = {side}
 [[shape]]
 type = "plane"
 size = [100, 100]
@@ -63,7 +63,7 @@ def scenes(folder):
     for name in ("white", "lamp"):
         light = sky(name)[1]
         write_exr(folder / f"{name}-sky.exr", R=light, G=light, B=light)
-        (folder / f"{name}.toml").write_text(SCENE.format(sky=f"{name}-sky"))
+        (folder / f"{name}.toml").write_text(SCENE.format(sky=f"{name}-sky", distance=4000, fov=0.5, side=8))
 
 
 def ratio(run):

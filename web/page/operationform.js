@@ -50,8 +50,8 @@ function labelOf(path) {
 const finite = (input) => (Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : undefined);
 const limits = (schema) => ({ min: schema.minimum, max: schema.maximum, step: schema.type === "integer" ? 1 : "any" });
 
-/** A control over one option; its input has this id: its element, and `value()`, which is undefined where the default is meant. */
-function control(id, schema, given) {
+/** A control over one option, whose input has this id: its element, and `value()`, which is undefined for the default. `root` holds the definitions of the schema. */
+function control(id, schema, given, root) {
   const usual = schema.default ?? null;
   if (schema.type === "boolean") {
     const box = h("input", { type: "checkbox", id, checked: given ?? usual ?? false });
@@ -79,23 +79,24 @@ function control(id, schema, given) {
       },
     };
   }
-  return schema.oneOf ? variants(id, schema, given) : typed(id, schema, given);
+  return schema.oneOf ? variants(id, schema, given, root) : typed(id, schema, given);
 }
 
 /** Words, or names with a value or with a structure. */
-function variants(id, schema, given) {
+function variants(id, schema, given, root) {
   const usual = schema.default ?? null;
   const all = schema.oneOf.flatMap((one) => {
     const words = wordsOf(one);
     if (words) return words.map(([name, label]) => ({ name, label, read: () => name, part: null }));
     const [tag, constant] = Object.entries(one.properties).find(([, inner]) => inner.const !== undefined) ?? [];
     if (tag) {
-      const form = structure(id, { ...one, properties: Object.fromEntries(Object.entries(one.properties).filter(([key]) => key !== tag)) }, given?.[tag] === constant.const ? given : {});
+      const form = structure(id, { ...one, properties: Object.fromEntries(Object.entries(one.properties).filter(([key]) => key !== tag)) }, given?.[tag] === constant.const ? given : {}, root);
       return [{ name: constant.const, label: spoken(constant.const), read: () => ({ [tag]: constant.const, ...form.value() }), part: form.element }];
     }
-    const [name, inner] = Object.entries(one.properties)[0];
+    const [name, property] = Object.entries(one.properties)[0];
+    const inner = resolved(root, property);
     const [place, otherwise] = [`${id}-${name.replaceAll("_", "-")}`, usual?.[name] ?? one["x-bare"] ?? null];
-    const part = inner.properties ? structure(place, inner, given?.[name]) : control(place, { ...inner, default: otherwise }, given?.[name]);
+    const part = inner.properties ? structure(place, inner, given?.[name], root) : control(place, { ...inner, default: otherwise }, given?.[name], root);
     return [{ name, label: spoken(name), read: () => ({ [name]: part.value() ?? otherwise }), part: part.element }];
   });
   const nameOf = (value) => (typeof value === "string" ? value : all.find(({ name }) => value && (name in value || Object.values(value).includes(name)))?.name);
@@ -159,7 +160,7 @@ function typed(id, schema, given) {
 }
 
 /** All options of a structure, those marked as advanced folded away. `without` names options, such as `light`, that have controls of their own. */
-function structure(id, schema, given, root = schema, without = []) {
+function structure(id, schema, given, root, without = []) {
   const parts = [];
   const add = (inner, values, path, folded = false) => {
     for (const [key, property] of Object.entries(inner.properties ?? {})) {
@@ -172,7 +173,7 @@ function structure(id, schema, given, root = schema, without = []) {
       }
       const name = `${id}-${place.join("-").replaceAll("_", "-")}`;
       const required = (inner.required ?? []).includes(key) && path.length === 0;
-      const made = control(name, { ...own, ...(own.items && { items: resolved(root, own.items) }), required }, values?.[key]);
+      const made = control(name, { ...own, ...(own.items && { items: resolved(root, own.items) }), required }, values?.[key], root);
       const label = own.title ?? labelOf(place);
       const element = own.type === "boolean" ? h("label", { class: "check", title: own.description }, made.element, h("span", {}, sentence(own.description)))
         : field(label, made.element, { hint: sentence(own.description) });

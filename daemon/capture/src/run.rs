@@ -229,7 +229,7 @@ fn results(
 ) -> Result<(PathBuf, Done), Error> {
     let results = folder.join(RESULTS);
     let options = planned.options()?;
-    if let Some(running) = running.filter(|_| planned.method == *"polarization") {
+    if let Some(running) = running.filter(|_| planned.method.is("polarization")) {
         let options = planned.polarization();
         let out = OutputFolder::begin(&results, true)?;
         let report = running.finish(&out, &options, progress)?;

@@ -140,7 +140,7 @@ pub async fn send(path: &Path, kind: &'static str, wishes: &HeaderMap) -> Answer
     }
 }
 
-/// What tells a file from earlier and later ones of its name: length and time of change.
+/// `ETag` of a file's version: its length and time of change.
 fn tag(metadata: &Metadata) -> String {
     let changed = metadata.modified().ok().and_then(|time| time.duration_since(SystemTime::UNIX_EPOCH).ok());
     format!("\"{:x}-{:x}\"", metadata.len(), changed.map_or(0, |time| time.as_nanos()))

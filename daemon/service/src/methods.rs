@@ -1,4 +1,4 @@
-//! What the operations of the registry refuse and do, with input and files that were sent to this service.
+//! Jobs: the operations of the registry on sessions and uploads of this service.
 
 use super::problem::{Answer, Problem};
 use super::work::result_folder;
@@ -29,7 +29,7 @@ pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
         }
     }
     if let Some(light) = &spec.light {
-        if spec.method != *"lut" {
+        if !spec.method.is("lut") {
             return Err(Problem::bad("light, the photograph of one, belongs to the method lut"));
         }
         if !data.join("uploads").join(&light.upload).is_dir() {
@@ -39,7 +39,7 @@ pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
     Ok(ready(spec, data)?.check(&input).map_err(|error| as_sent(error, &input))?)
 }
 
-/// Folder of what a job works on. Calibrations may go on from an earlier one without photographs: then it is empty.
+/// Input folder of a job; empty for a calibration without photographs, which continues an earlier one.
 fn input_of(spec: &Spec, data: &Path) -> PathBuf {
     match (&spec.session, &spec.upload) {
         (Some(id), _) if spec.method.operation().input() == Input::Maps => {
@@ -71,7 +71,7 @@ fn found(fields: &Fields, options: &mut Value, input: &Path) -> Result<(), Error
         let sent = input.join(path);
         if plain && sent.is_file() {
             *name = sent.display().to_string();
-        } else if !plain || path.exists() {
+        } else if !field.is_built_in(name) {
             let remedy = "give the name of a file that is in the upload";
             return Err(Error::input(field.path.join("."), format!("{name:?} was not sent"), remedy));
         }

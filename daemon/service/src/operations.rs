@@ -19,7 +19,7 @@ use utoipa::ToSchema;
 /// Path of an operation.
 const PATH: &str = "/api/v1/operations/{name}";
 
-/// What an operation works on, and its options.
+/// Input and options of an operation.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Order {
@@ -40,7 +40,7 @@ pub struct Order {
 pub struct Offered {
     /// Its name, in paths, plans and jobs.
     name: &'static str,
-    /// What comes out, in one line.
+    /// Its result in one line.
     title: &'static str,
     /// JSON Schema of its options.
     #[schema(value_type = Object)]
@@ -89,10 +89,15 @@ pub fn describe(document: &mut Value) {
         if let Some(parameters) = post["parameters"].as_array_mut() {
             parameters.retain(|parameter| parameter["in"] != "path");
         }
-        // A schema of its own, as generators of clients read no other.
+        // A named schema, since client generators ignore properties beside a reference.
         let named = options.get("$ref").and_then(Value::as_str).unwrap_or_default().replace("Options", "Order");
         let mut order = document["components"]["schemas"]["Order"].clone();
         order["properties"]["options"] = options.to_value();
+        if !operation.fields().list.iter().any(|field| field.path == ["light", "path"])
+            && let Some(properties) = order["properties"].as_object_mut()
+        {
+            properties.shift_remove("light");
+        }
         post["requestBody"]["content"]["application/json"]["schema"] = json!({ "$ref": named });
         document["components"]["schemas"][named.trim_start_matches("#/components/schemas/")] = order;
         document["paths"][PATH.replace("{name}", operation.name())] = own;

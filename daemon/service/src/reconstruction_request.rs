@@ -69,7 +69,7 @@ impl Request {
     pub fn spec(self) -> Answer<Spec> {
         let method = self.method.unwrap_or_default();
         check_input(method, [self.session.as_ref(), self.upload.as_ref()], self.light.as_ref())?;
-        if method == *"polarization" && self.options.is_some() {
+        if method.is("polarization") && self.options.is_some() {
             return Err(Problem::bad("options do not belong to the method polarization here, which has its own"));
         }
         Ok(Spec {
@@ -94,7 +94,7 @@ impl Request {
     }
 }
 
-/// Refuses an order without input, or with two, and what is no id.
+/// Refuses a request that names no input or two, and texts that are not ids.
 ///
 /// # Errors
 /// `bad-request`.

@@ -21,10 +21,13 @@ pub const ADVANCED: &str = "x-advanced";
 /// Schema key of a variant with a value: the value if only its name is given.
 pub const BARE: &str = "x-bare";
 
-/// Schema key of all options: what the input is.
+/// Schema key (of JSON Schema) for words beside file names, such as the built-in illuminants.
+pub const EXAMPLE_WORDS: &str = "examples";
+
+/// Schema key of all options: description of the input.
 pub const INPUT: &str = "x-input";
 
-/// Schema key of all options: command lines, and what is written.
+/// Schema key of all options: example command lines, and the files that the operation writes.
 pub const EXAMPLES: &str = "x-examples";
 
 /// An option.
@@ -192,7 +195,7 @@ impl Field {
         }
     }
 
-    /// What a text for it has to be, for messages.
+    /// The kind of text that its value is read from, for messages.
     pub fn expected(&self) -> String {
         let placeholder = self.placeholder();
         match (self.text("type"), self.schema.get("minItems").and_then(Value::as_u64)) {
@@ -235,6 +238,12 @@ impl Field {
         }
         let given = value.as_object_mut()?;
         given.iter_mut().find(|(key, _)| keys.contains(key)).map(|(_, name)| name)
+    }
+
+    /// Whether a word is one of the built-in values beside file names.
+    pub fn is_built_in(&self, word: &str) -> bool {
+        let words = self.schema.get(EXAMPLE_WORDS).and_then(Value::as_array);
+        words.into_iter().flatten().any(|known| known == word)
     }
 
     /// Its value among options, if it is given.

@@ -14,7 +14,7 @@ use serde_json::{Map, Value};
 use std::marker::PhantomData;
 use std::path::Path;
 
-/// What an operation takes.
+/// Kind of input of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
     /// Photographs: a session, a set that `frames.json` describes, or a folder of them.
@@ -32,13 +32,13 @@ pub trait Operation: Serialize + DeserializeOwned + JsonSchema + Send + Sync + '
     /// Name in commands, paths of the service, plans and jobs.
     const NAME: &'static str;
 
-    /// What comes out, in one line.
+    /// Its result in one line; up to the first comma it is a choice on the page.
     const TITLE: &'static str;
 
-    /// What it takes.
+    /// Kind of its input.
     const INPUT: Input = Input::Photographs;
 
-    /// What is said of the results, which is also `report.json`.
+    /// Report of the results, which is written as `report.json`.
     type Report: Serialize + Summary + Send + 'static;
 
     /// Refuses options and input that cannot be used; says time, memory and disk otherwise.
@@ -64,7 +64,7 @@ pub trait Summary {
     /// The lines, without a line break at the end.
     fn summary(&self) -> String;
 
-    /// What the reader must know before trusting the results.
+    /// Warnings that a reader has to know before trusting the results.
     fn warnings(&self) -> &[String];
 }
 
@@ -88,6 +88,9 @@ pub fn perform<O: Operation>(
     folder.commit()?;
     Ok(report)
 }
+
+/// Where options are described, for whoever sends JSON.
+pub const SCHEMA: &str = "the schema of the operation lists keys and units";
 
 /// An operation of the registry: options come as JSON.
 pub trait Registered: Sync {
@@ -133,7 +136,7 @@ pub struct Done {
     report: Box<dyn erased_serde::Serialize + Send>,
     /// The report in a few lines.
     pub summary: String,
-    /// What the reader must know before trusting the results.
+    /// [`Summary::warnings`].
     pub warnings: Vec<String>,
     /// [`Operation::missed`].
     pub missed: Option<String>,
@@ -188,7 +191,7 @@ impl<O: Operation> Registered for Entry<O> {
         let read: O = serde_path_to_error::deserialize(options).map_err(|error| {
             let key = error.path().to_string();
             let key = if key == "." { "options".to_owned() } else { key };
-            Error::input(key, error.into_inner(), "correct it; the schema of the operation lists keys and units")
+            Error::input(key, error.into_inner(), format!("correct it; {SCHEMA}"))
         })?;
         Ok(Box::new(read))
     }

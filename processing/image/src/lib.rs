@@ -32,6 +32,7 @@ mod read;
 pub mod registration;
 mod scale_bar;
 mod source;
+mod spool;
 #[cfg(test)]
 mod tests;
 mod tif;
@@ -58,6 +59,7 @@ pub use picture::{orientation_picture, orientation_rows, scalar_picture, scalar_
 pub use raster::{Depth, Info, MAX_PIXELS, MAX_SIDE, Raster, Samples};
 pub use raw::Decoding;
 pub use read::{EXTENSIONS, info, read, read_into, size};
+pub use spool::Spool;
 pub use write::{
     Attribute, Precision, encode_png8, encode_png16_gray, write_exr, write_exr_as, write_png8, write_png16_gray,
 };

@@ -387,8 +387,8 @@ impl<'a> Hands<'a> {
 
     /// Something changed and is steady since then.
     fn steady(&mut self, whose: Whose, since: Duration, command: &str) -> DeviceResult<()> {
-        // After a preparation the camera reports one time only, when its exposure is set. Without an earlier one of its own it is compared with
-        // the other devices' times, which may lie ahead by their settling time.
+        // The camera reports a time only when its exposure is set. There may be no earlier one, so it is also compared with the times of other
+        // devices, which may be ahead by their settling time.
         let others = match whose {
             Whose::Camera => self.memory.reported.iter().max().copied().unwrap_or_default(),
             _ => Duration::ZERO,

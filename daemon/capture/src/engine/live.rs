@@ -49,7 +49,7 @@ impl Live<'_> {
             self.follow_fringes(arrivals);
             return None;
         }
-        let wanted = plan.reconstruct.as_ref().is_some_and(|r| r.method == *"polarization");
+        let wanted = plan.reconstruct.as_ref().is_some_and(|r| r.method.is("polarization"));
         let looked_at = plan.kind == PlanKind::Polarization && self.observer.wants_map();
         if !wanted && !looked_at && self.deciding.is_none() {
             arrivals.iter().for_each(drop);

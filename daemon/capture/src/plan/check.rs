@@ -8,8 +8,6 @@ use nacre_base::Error;
 use nacre_base::text::{from_json, from_toml, read_text};
 use nacre_frames::Illumination;
 use nacre_image::Palette;
-use nacre_lut::bokeh::PsfChoice;
-use nacre_optics::color::NAMES;
 use nacre_polarimetry::{MAX_BRACKET, Model, Oblique};
 use std::path::Path;
 use std::time::Duration;
@@ -155,14 +153,14 @@ impl Plan {
         if !fits {
             return Err(format!("reconstruct.method is {method}, but the plan's kind is {kind}; remove it"));
         }
-        let merges = planned.method != *"polarization";
+        let merges = !planned.method.is("polarization");
         let of_one = [
             ("spots", planned.spots.is_some()),
             ("lut", planned.lut.is_some()),
             ("flash", planned.flash.is_some()),
             ("bokeh", planned.bokeh.is_some()),
         ];
-        if let Some((name, _)) = of_one.iter().find(|(owner, given)| *given && planned.method != **owner) {
+        if let Some((name, _)) = of_one.iter().find(|(owner, given)| *given && !planned.method.is(owner)) {
             return Err(format!("reconstruct.{name} belongs to the method {name}, not to {method}; remove it"));
         }
         if let Some(settings) = &planned.spots {
@@ -176,11 +174,9 @@ impl Plan {
         if let Some(settings) = &planned.flash {
             settings.check().map_err(|e| format!("reconstruct.flash: {}", fields(&e.to_string())))?;
         }
+        planned.check_files()?;
         match (&planned.bokeh, planned.method.name()) {
             (Some(options), _) => {
-                if matches!(options.psf, PsfChoice::Image(_)) {
-                    return Err("reconstruct.bokeh.psf.image is for the command line; give psf.sigma in pixels".into());
-                }
                 options.check().map_err(|e| format!("reconstruct.bokeh: {}", fields(&e.to_string())))?;
             }
             (None, "bokeh") => {
@@ -190,9 +186,6 @@ impl Plan {
         }
         if let Some(settings) = &planned.lut {
             settings.check().map_err(|e| format!("reconstruct.lut: {}", fields(&e.to_string())))?;
-            if !NAMES.contains(&settings.illuminant.as_str()) {
-                return Err(format!("reconstruct.lut.illuminant is none of {}", NAMES.join(", ")));
-            }
         }
         let alien = planned.model.is_some_and(|m| m != Model::Auto) || planned.oblique != Oblique::Off;
         if merges && (alien || planned.palette != Palette::default()) {

@@ -1,6 +1,6 @@
 //! The operation that a plan or a job asks for.
 
-use nacre_base::operation::Registered;
+use nacre_base::operation::{Entry, Registered};
 use nacre_processing::operations::{OPERATIONS, operation};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -23,6 +23,11 @@ impl Method {
         self.0.name()
     }
 
+    /// Whether it is the operation of this name.
+    pub fn is(self, name: &str) -> bool {
+        self.name() == name
+    }
+
     /// The operation.
     pub fn operation(self) -> &'static dyn Registered {
         self.0
@@ -37,19 +42,13 @@ pub fn names() -> String {
 impl Default for Method {
     /// Polarization: jobs of the first version know no other.
     fn default() -> Self {
-        Self(OPERATIONS[0])
+        Self(&Entry::<nacre_polarimetry::Options>::NEW)
     }
 }
 
 impl PartialEq for Method {
     fn eq(&self, other: &Self) -> bool {
         self.name() == other.name()
-    }
-}
-
-impl PartialEq<str> for Method {
-    fn eq(&self, name: &str) -> bool {
-        self.name() == name
     }
 }
 

@@ -17,6 +17,7 @@ pub use method::{Method, names};
 pub use steps::{Role, State, Step, groups};
 
 use nacre_base::Error;
+use nacre_base::fields::EXAMPLE_WORDS;
 use nacre_drivers::Pattern;
 use nacre_frames::Illumination;
 use nacre_image::Palette;
@@ -160,6 +161,25 @@ impl ReconstructPlan {
     pub fn polarization(&self) -> nacre_polarimetry::Options {
         let (model, oblique, palette) = (self.model, self.oblique, self.palette);
         nacre_polarimetry::Options { model, oblique, palette, ..Default::default() }
+    }
+
+    /// Refuses options that name files: a plan may come from elsewhere, and its results are made on this machine.
+    ///
+    /// # Errors
+    /// The option, and its built-in values.
+    fn check_files(&self) -> Result<(), String> {
+        let Ok(mut options) = self.options() else { return Ok(()) };
+        for field in &self.method.operation().fields().list {
+            let Some(Value::String(name)) = field.file(&mut options) else { continue };
+            if !field.is_built_in(name) {
+                let (method, key) = (self.method.name(), field.path.join("."));
+                let words = field.schema.get(EXAMPLE_WORDS).and_then(Value::as_array);
+                let words = words.into_iter().flatten().filter_map(Value::as_str).collect::<Vec<_>>().join(", ");
+                let remedy = if words.is_empty() { "leave it out".into() } else { format!("give one of {words}") };
+                return Err(format!("reconstruct.{method}.{key} names the file {name:?}, which no plan may; {remedy}"));
+            }
+        }
+        Ok(())
     }
 
     /// Options of the operation.

@@ -5,7 +5,7 @@ use clap::builder::PossibleValuesParser;
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches, Subcommand};
 use nacre_base::Error;
 use nacre_base::fields::{EXAMPLES, Field, Fields, INPUT};
-use nacre_base::operation::Registered;
+use nacre_base::operation::{Registered, SCHEMA};
 use nacre_base::text::{from_json, from_toml, read_text};
 use nacre_capture::Failure;
 use nacre_processing::operations::{OPERATIONS, operation};
@@ -93,7 +93,9 @@ fn argument(field: &Field) -> Arg {
     if field.is_flag() {
         return arg.action(ArgAction::SetTrue);
     }
-    let arg = arg.value_name(field.placeholder()).required(field.required).allow_hyphen_values(true);
+    let arg = arg.value_name(field.placeholder()).required(field.required);
+    // -1 is a number; lists such as -1,2 are not seen as one.
+    let arg = arg.allow_negative_numbers(true).allow_hyphen_values(field.text("type") == Some("array"));
     match field.words() {
         Some(words) => arg.value_parser(PossibleValuesParser::new(words)).hide_possible_values(true),
         None => arg,
@@ -163,7 +165,10 @@ fn flagged(error: Error, fields: &Fields) -> Error {
         Error::Input { subject, problem, remedy } => {
             let own = |f: &&Field| f.path.join(".") == subject || f.path.join(".") == format!("{subject}.path");
             let flag = fields.list.iter().find(own).map(|f| format!("--{}", f.name()));
-            Error::Input { subject: flag.unwrap_or(subject), problem, remedy }
+            match flag {
+                Some(flag) => Error::Input { subject: flag, problem, remedy: remedy.replace(SCHEMA, "see --help") },
+                None => Error::Input { subject, problem, remedy },
+            }
         }
         other => other,
     }

@@ -133,7 +133,7 @@ impl Spec {
         match &self.options {
             Some(options) => Ok(options.clone()),
             // Plain data always serialises.
-            None if self.method == *"polarization" => {
+            None if self.method.is("polarization") => {
                 Ok(serde_json::to_value(self.polarization()?).unwrap_or_default())
             }
             None => Ok(Value::Object(Map::new())),

@@ -1,10 +1,10 @@
-//! Patches that are a part of one grating: its period and direction from few periods, also where they are no whole number.
+//! Period and direction of a grating from a patch with few periods, whose number need not be whole.
 //!
-//! Peaks of a spectrum are as wide as one over the patch, so that they tell nothing of one or two periods. A grating varies along one direction:
-//! the direction is the one along which a single profile explains the heights best, and its period the shortest step by which the profile
-//! repeats itself. Both are then refined by least squares of a Fourier series; of profiles with steps, which a short series fits badly, the period
-//! is refined on the profile itself. A profile that does not repeat within the patch is one period of the surface if it lies along a side and
-//! goes on there, since the surface is the patch repeated without end.
+//! Spectral peaks are as wide as one over the patch, and cannot resolve one or two periods. A grating varies along one direction only: its
+//! direction is the one whose mean profile explains the heights best, and its period the shortest shift by which the profile repeats. A
+//! least-squares fit of a Fourier series refines both. A short series fits profiles with steps badly; their period is refined on the profile
+//! itself. A profile that does not repeat within the patch is one period of the surface if it lies along a side and is continuous across the
+//! patch's seam, since the surface is the patch repeated without end.
 
 use super::HeightField;
 use nacre_base::statistics::median;
@@ -12,63 +12,63 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
-/// Part of the variance that one profile along one direction must explain.
+/// Least part of the variance that the profile along one direction explains.
 const EXPLAINED: f64 = 0.9;
 
-/// Mean squared difference of a profile and itself a period on, over twice its variance, at most; and over the least of all steps.
+/// Largest mean squared difference between a profile and itself one period further, over twice its variance; and over the least of all shifts.
 const REPEATS: f64 = 0.03;
 
-/// Part of a period that must be seen twice for it to be one.
+/// Part of a period that the patch must show twice.
 const OVERLAP: f64 = 0.2;
 
-/// Most pixels that are looked at, and most harmonics that are fitted.
+/// Most pixels that are used, and most harmonics of the fit.
 const PIXELS: usize = 6000;
 const HARMONICS: usize = 8;
 
-/// Part of a profile's variance that what is seen twice must have.
+/// Least part of a profile's variance in the part that is seen twice.
 const EVEN: f64 = 0.1;
 
-/// Steps of a profile are larger than so many usual (median) ones, and than this part of its range.
+/// A step of a profile exceeds this multiple of the median difference of neighbours, and this part of the profile's range.
 const STEEP: [f64; 2] = [4.0, 0.1];
 
-/// Steps by which a profile is compared with itself, in bins: from half of one on, so that none is a whole number of bins, where a height
-/// between two bins is told too well.
+/// Shifts between a profile and itself, in bins. They begin at half a bin, so that none is a whole number of bins: interpolation between bins makes
+/// whole shifts look better than others.
 const FINE: f64 = 0.25;
 
-/// Differences of profiles that are the same.
+/// Relative difference below which profiles count as equal.
 const ALIKE: f64 = 1e-12;
 
 /// Fewest pixels of a period.
 const FEWEST: f64 = 4.0;
 
-/// Patches of more periods have peaks in their spectrum that are as exact.
+/// Patches with more periods have spectral peaks that are as exact.
 pub(super) const MANY: f64 = 6.0;
 
-/// Periods in a row of the whole patch, in pixels, from which its steps are as fine as those of the patch.
+/// Pixels of the row that replaces a patch, per period, from which its steps are as fine as those of the patch.
 const LEAST_PIXELS: usize = 16;
 
-/// One grating.
+/// A grating in a patch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Grating {
     /// Period in µm.
     pub period_um: f64,
     /// Direction of the grating vector, anticlockwise from the right, 0 to 180.
     pub direction_deg: f64,
-    /// Periods that the patch holds along it, from corner to corner.
+    /// Number of periods along the grating vector, from corner to corner of the patch.
     pub periods: f64,
-    /// Part of the variance of the heights that it explains.
+    /// Part of the height variance that the grating explains.
     pub share: f64,
 }
 
-/// Heights at places in µm right and up of the patch's middle, without their mean.
+/// Heights at positions in µm right and up of the patch's middle, without their mean.
 struct Places {
     all: Vec<[f64; 3]>,
     variance: f64,
-    /// Pixels from one to the next.
+    /// Distance of samples in pixels.
     step: usize,
 }
 
-/// Every so many pixels of a field, as heights at places in µm right and up of its middle.
+/// Every n-th pixel of a field, as heights at positions in µm right and up of its middle.
 fn places(field: &HeightField, step: usize) -> impl Iterator<Item = [f64; 3]> + Clone {
     let middle = |n: usize| 0.5 * (n as f64 - 1.0);
     let rows = (0..field.height).step_by(if field.height > 1 { step } else { 1 });
@@ -78,7 +78,7 @@ fn places(field: &HeightField, step: usize) -> impl Iterator<Item = [f64; 3]> + 
     })
 }
 
-/// A profile along a direction: mean heights in bins, and how many heights each has.
+/// A profile along a direction: mean heights in bins, and the number of heights in each.
 struct Profile {
     bins: Vec<[f64; 2]>,
     /// Differences of neighbours beyond this are steps.
@@ -99,7 +99,7 @@ impl Places {
         Profile::of(self.all.iter().copied(), angle, bin)
     }
 
-    /// Part of the variance that a profile along an angle explains, beyond what as many bins explain by chance.
+    /// Part of the variance that the profile along an angle explains, beyond the part that as many bins explain by chance.
     fn explained(&self, angle: f64, bin: f64) -> f64 {
         let profile = self.profile(angle, bin);
         let filled = profile.bins.iter().filter(|b| b[1] > 0.0).count() as f64;
@@ -108,7 +108,7 @@ impl Places {
         1.0 - (1.0 - kept) * count / (count - filled).max(1.0)
     }
 
-    /// The direction along which one profile explains most, and how much.
+    /// The direction whose profile explains most of the variance, and that part.
     fn direction(&self, bin: f64) -> [f64; 2] {
         let of = |angle: f64| self.explained(angle, bin);
         let better = |[a, b]: [f64; 2], angle: f64| {
@@ -126,7 +126,7 @@ impl Places {
         best
     }
 
-    /// What a Fourier series with a frequency leaves of the variance.
+    /// Part of the variance that a Fourier series of a frequency does not explain.
     fn left(&self, frequency: [f64; 2], harmonics: usize) -> f64 {
         let n = 2 * harmonics + 1;
         let (mut matrix, mut right) = (DMatrix::<f64>::zeros(n, n), DVector::<f64>::zeros(n));
@@ -146,7 +146,7 @@ impl Places {
 }
 
 impl Profile {
-    /// Of heights at places along an angle, in bins of a width in µm.
+    /// Profile of heights along an angle, in bins of a width in µm.
     fn of(places: impl Iterator<Item = [f64; 3]> + Clone, angle: f64, bin: f64) -> Self {
         let (sin, cos) = angle.sin_cos();
         let along = |p: &[f64; 3]| p[0] * cos + p[1] * sin;
@@ -181,7 +181,7 @@ impl Profile {
         self.differences().iter().any(|d| d.abs() > self.steep)
     }
 
-    /// The least and largest height that it can have at a place in bins, and the heights that tell it: within a step, any of the step's.
+    /// Bounds of the height at a position in bins, from the bins beside it; within a step, the bounds are those of the step.
     fn at(&self, place: f64) -> ([f64; 2], f64) {
         let (k, part) = (place as usize, place.fract());
         let (a, b) = (self.bins[k], self.bins[(k + usize::from(part > 0.0)).min(self.bins.len() - 1)]);
@@ -190,8 +190,8 @@ impl Profile {
         (if is_step { [a[0].min(b[0]), a[0].max(b[0])] } else { [between; 2] }, a[1].min(b[1]))
     }
 
-    /// How it differs from itself a step (in bins) on: mean square over twice the variance of all; 1 where that part of it is even, since it
-    /// is then like itself at any step.
+    /// Mean squared difference from itself shifted by `step` bins, over twice the variance; 1 where the overlapping part is flat, as it then equals
+    /// itself at any shift.
     fn unlike(&self, step: f64, variance: f64) -> f64 {
         let mut sums = [0.0; 4];
         let count = (self.bins.len() as f64 - step).ceil().max(0.0) as usize;
@@ -217,18 +217,18 @@ impl Profile {
         self.bins.iter().map(|b| b[1] * (b[0] - mean).powi(2)).sum::<f64>() / weights
     }
 
-    /// The longest step, in bins, by which it is compared with itself.
+    /// The longest shift in bins that is tested.
     fn longest(&self) -> f64 {
         self.bins.len() as f64 / (1.0 + OVERLAP)
     }
 
-    /// The shortest step in bins by which the profile repeats itself, if there is one.
+    /// The shortest shift in bins by which the profile repeats, if there is one.
     fn period(&self) -> Option<f64> {
         let variance = self.variance();
         let most = (self.longest() / FINE) as usize;
         let step = |k: usize| (k as f64 + 0.5) * FINE;
         let all: Vec<f64> = (0..=most).map(|k| self.unlike(step(k), variance)).collect();
-        // Steps below the first hill are too short to see the profile change.
+        // Shifts before the first maximum are too short for the profile to change.
         let hill = (1..most).find(|k| all[*k] > 0.5 || (all[*k] > 10.0 * REPEATS && all[*k + 1] < all[*k]))?;
         let least = all.get(hill..most)?.iter().copied().fold(f64::MAX, f64::min);
         let good = |k: &usize| {
@@ -251,7 +251,7 @@ impl Profile {
         near
     }
 
-    /// The least and largest step near to another by which it is most like itself.
+    /// Bounds of the shift near another one by which the profile is most like itself.
     fn most_alike(&self, step: f64, reach: f64, variance: f64) -> [f64; 2] {
         let (mut middle, mut reach) = (step, reach);
         loop {
@@ -268,13 +268,13 @@ impl Profile {
         }
     }
 
-    /// Whether it rises or falls all the way.
+    /// Whether the profile is monotonic.
     fn is_ramp(&self) -> bool {
         let steps = self.differences();
         steps.iter().all(|d| *d > 0.0) || steps.iter().all(|d| *d < 0.0)
     }
 
-    /// Whether its end is as near to its begin as neighbours are; steps of its own do not count.
+    /// Whether the profile's end continues at its beginning as neighbours do; its own steps do not count.
     fn joins(&self) -> bool {
         let ends = self.bins.first().zip(self.bins.last()).map_or(0.0, |(a, b)| (a[0] - b[0]).abs());
         ends <= (3.0 * self.usual_step()).max(0.02 * self.range())
@@ -282,7 +282,7 @@ impl Profile {
 }
 
 impl Grating {
-    /// The grating that a patch is a part of, if it is of one alone.
+    /// The grating of which a patch is a part; none for patches of several gratings.
     ///
     /// `goes_on` says whether the patch goes on without steps where it is repeated.
     pub(super) fn find(field: &HeightField, goes_on: bool) -> Option<Self> {
@@ -319,11 +319,11 @@ impl Grating {
         (this.share > EXPLAINED - 0.15).then_some(this)
     }
 
-    /// One period of it as a patch of one row, along its direction: heights are means of all pixels at the same part of a period.
+    /// One period of the grating as a patch of one row along its direction: means of all pixels with the same phase.
     pub(crate) fn whole(&self, field: &HeightField) -> HeightField {
         let (sin, cos) = self.direction_deg.to_radians().sin_cos();
         let count = ((self.period_um / field.pixel_um).ceil() as usize).max(LEAST_PIXELS);
-        // Sums of heights, of parts of a period in bins, and how many.
+        // Sums of heights and of phases in bins, and their numbers.
         let mut sums = vec![[0.0; 3]; count];
         for [x, y, height] in places(field, 1) {
             let part = ((x * cos + y * sin) / self.period_um).rem_euclid(1.0) * count as f64;
@@ -332,7 +332,7 @@ impl Grating {
         }
         let known: Vec<[f64; 2]> = sums.iter().filter(|s| s[2] > 0.0).map(|s| [s[1] / s[2], s[0] / s[2]]).collect();
         let profile = Profile::of(known.iter().map(|k| [k[0], 0.0, k[1]]), 0.0, 1.0);
-        // Between two places of a step, the height is that of the nearer one.
+        // Between two positions beside a step, the height is that of the nearer one.
         let at = |k: usize| {
             let (n, place) = (known.len(), k as f64 + 0.5);
             let next = known.partition_point(|p| p[0] <= place);
@@ -353,12 +353,12 @@ impl Grating {
     }
 }
 
-/// Period, angle and what is left of the variance, the least near to those that are given.
+/// Period, angle and unexplained variance at the minimum near a start.
 fn refined(places: &Places, period: f64, angle: f64, size: f64, harmonics: usize) -> [f64; 3] {
     let of = |v: [f64; 2]| places.left([v[1].cos() / v[0], v[1].sin() / v[0]], harmonics);
     let mut best = [period, angle];
     let mut left = of(best);
-    // A phase that is off by a tenth of a period at the patch's ends.
+    // A tenth of a period of phase at the patch's ends.
     let mut steps = [0.2 * period * period / size, 0.2 * period / size];
     for _ in 0..12 {
         for axis in 0..2 {
@@ -383,13 +383,13 @@ fn refined(places: &Places, period: f64, angle: f64, size: f64, harmonics: usize
     [best[0], best[1], left]
 }
 
-/// A profile along a side that does not repeat within the patch, as one period of the surface that the repeated patch is: where it goes on
-/// there, or is a ramp, whose step may lie at the seam.
+/// A profile along a side that does not repeat within the patch, taken as one period of the repeated patch: where it is continuous across the seam,
+/// or is a ramp whose step may lie at the seam.
 fn whole_side(field: &HeightField, profile: &Profile, goes_on: bool, angle: f64, share: f64) -> Option<Grating> {
     let size = field.size_um();
     let along = usize::from(angle.sin().abs() > angle.cos().abs());
     let across = if along == 0 { angle.sin().abs() * size[1] } else { angle.cos().abs() * size[0] };
-    // Along a side within a pixel over the patch.
+    // The profile lies along a side within a pixel over the patch.
     let straight = across < 1.5 * field.pixel_um || field.height == 1;
     (straight && (goes_on && profile.joins() || profile.is_ramp())).then(|| Grating {
         period_um: size[along],

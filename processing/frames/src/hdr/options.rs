@@ -32,7 +32,7 @@ pub struct Options {
     /// Response of the camera: stated, linear, recover, or the response.json of an earlier recovery.
     ///
     /// stated is the transfer function of frames.json. Without one, the response of 8-bit photographs is recovered, and that of others is linear.
-    #[schemars(extend("x-placeholder" = "stated|linear|recover|FILE", "x-file" = true))]
+    #[schemars(extend("x-placeholder" = "stated|linear|recover|FILE", "x-file" = true, "examples" = ["stated", "linear", "recover"]))]
     pub response: ResponseChoice,
     /// auto corrects shifts between exposures where that reduces the error; off leaves them.
     pub align: Align,

@@ -26,9 +26,9 @@ pub struct Pixel {
     /// Their standard deviation, that of one photograph; NaN where one was kept.
     pub sigma: f32,
     /// Number of values that were kept.
-    pub kept: usize,
+    pub kept: u32,
     /// Number of finite values.
-    pub given: usize,
+    pub given: u32,
 }
 
 /// A row: `photographs[k][x]` becomes `row[x]`. Values further than `clip` standard deviations from the median are rejected; `step` is the
@@ -108,5 +108,5 @@ fn pixel(sorted: &[f32], given: usize) -> Pixel {
     let mean = sorted.iter().map(|v| f64::from(*v)).sum::<f64>() / n as f64;
     let squares: f64 = sorted.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum();
     let sigma = if n > 1 { (squares / (n - 1) as f64).sqrt() } else { f64::NAN };
-    Pixel { mean: mean as f32, median: median(sorted), sigma: sigma as f32, kept: n, given }
+    Pixel { mean: mean as f32, median: median(sorted), sigma: sigma as f32, kept: n as u32, given: given as u32 }
 }

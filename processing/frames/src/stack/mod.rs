@@ -2,7 +2,6 @@
 
 mod combine;
 mod operation;
-mod spool;
 #[cfg(test)]
 mod tests;
 

@@ -1,13 +1,14 @@
 //! The operation: photographs in, maps and a report out.
 
 use super::combine::{self, Pixel};
-use super::spool::Spool;
 use nacre_base::estimate::Work;
 use nacre_base::operation::{Operation, Summary, lines};
 use nacre_base::progress::Progress;
 use nacre_base::statistics::median;
 use nacre_base::{Error, OutputFolder, Result};
-use nacre_image::{Attribute, Depth, Info, budget, info, photographs, read, write_exr, write_png8};
+use nacre_image::{
+    Attribute, Depth, Info, Raster, Samples, Spool, budget, info, photographs, read, write_exr, write_png8,
+};
 use nacre_optics::color::srgb_code;
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -95,7 +96,8 @@ impl Operation for Options {
         let work = Work {
             operation: Self::NAME.into(),
             seconds: 0.05 + 4e-8 * (samples * files.len() as u64) as f64,
-            memory_bytes: budget::decoded(header) + 20 * samples,
+            // A pixel's results are 20 bytes; its mean is sorted and coded for the picture.
+            memory_bytes: budget::decoded(header) + 28 * samples,
             disk_bytes: 16 * samples,
             ..Work::default()
         };
@@ -111,7 +113,7 @@ impl Operation for Options {
         let pixels = self.combined(&spool, first, progress)?;
         progress.stage("writing", 1);
         write(out, &pixels, first)?;
-        let share = |of: fn(&Pixel) -> usize| pixels.iter().map(of).sum::<usize>() as f64;
+        let share = |of: fn(&Pixel) -> u32| pixels.iter().map(|p| f64::from(of(p))).sum::<f64>();
         let each = |of: fn(&Pixel) -> f64| median(pixels.iter().map(of).filter(|v| v.is_finite()).collect::<Vec<_>>());
         progress.step();
         Ok(Report {
@@ -120,10 +122,10 @@ impl Operation for Options {
             width: first.width,
             height: first.height,
             channels: first.channels,
-            photographs: spool.len(),
+            photographs: spool.count(),
             rejected: 1.0 - share(|p| p.kept) / share(|p| p.given).max(1.0),
             sigma: each(|p| p.sigma.into()),
-            error_estimate: each(|p| f64::from(p.sigma) / (p.kept as f64).sqrt()),
+            error_estimate: each(|p| f64::from(p.sigma) / f64::from(p.kept).sqrt()),
             seconds: begun.elapsed().as_secs_f64(),
         })
     }
@@ -146,6 +148,15 @@ impl Options {
     }
 }
 
+/// All values of a photograph.
+fn numbers(raster: &Raster) -> Box<dyn Iterator<Item = f32> + '_> {
+    match &raster.samples {
+        Samples::U8(v) => Box::new(v.iter().map(|v| f32::from(*v))),
+        Samples::U16(v) => Box::new(v.iter().map(|v| f32::from(*v))),
+        Samples::F32(v) => Box::new(v.iter().copied()),
+    }
+}
+
 /// Reads all photographs, which have to be alike.
 fn spooled(files: &[PathBuf], first: Info, progress: &dyn Progress) -> Result<Spool> {
     progress.stage("reading", files.len() as u64);
@@ -157,7 +168,7 @@ fn spooled(files: &[PathBuf], first: Info, progress: &dyn Progress) -> Result<Sp
             let problem = format!("is {}, and the first photograph {first}", raster.info());
             return Err(Error::file(file, problem, "give photographs of one size, depth and number of channels"));
         }
-        spool.add(&raster)?;
+        spool.add(numbers(&raster))?;
         progress.step();
     }
     Ok(spool)

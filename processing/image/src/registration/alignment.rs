@@ -20,18 +20,6 @@ pub enum Align {
     Off,
 }
 
-impl std::str::FromStr for Align {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "off" => Ok(Self::Off),
-            _ => Err(format!("{text:?} is neither auto nor off")),
-        }
-    }
-}
-
 /// How far the photographs are shifted against each other.
 #[derive(Clone, Debug, Serialize)]
 pub struct Alignment {
@@ -46,7 +34,8 @@ pub struct Alignment {
 }
 
 impl Alignment {
-    /// Root mean square shift in pixels at which photographs are left, beyond what noise has of it; 0 where they were moved back, or nothing is known.
+    /// Root mean square shift in pixels at which photographs are left, beyond what noise has of it; 0 where they were moved back, or nothing is
+    /// known.
     pub fn left_px(&self) -> f64 {
         let sigma = self.sigma_px.unwrap_or(0.0);
         let square = mean_square(&self.shifts_px) - 2.0 * sigma * sigma;

@@ -1,14 +1,14 @@
 //! Repetition in parts of a picture: a sheet with margins, on a dark table, seen askew.
 //!
-//! What lies around a sheet is brighter or darker than all that is printed on it, so that the whole picture is like itself only where it is not
-//! moved. In perspective copies are of several sizes. Both hide a tile that a part of the picture shows; from there copies are followed one by
-//! one, each found beside the one before.
+//! A margin or table is brighter or darker than all print on the sheet, so that the whole picture correlates with itself at no shift but zero.
+//! Perspective changes the size of copies. In both cases a part of the picture still shows the tile; from there, copies are followed from neighbour
+//! to neighbour.
 
 use super::repeats::{Repeats, repeats};
 use nacre_image::Field;
 use std::collections::{BTreeMap, VecDeque};
 
-/// Sides of the parts over those of the picture, and how far from the middle they lie, over the rest.
+/// Sides of the parts over those of the picture, and positions of their middles: -1 to 1 over the space that is left.
 const PARTS: [(f64, &[[f64; 2]]); 4] = [
     (0.82, &[[0.0, 0.0]]),
     (0.66, &[[0.0, 0.0], [-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]]),
@@ -16,34 +16,34 @@ const PARTS: [(f64, &[[f64; 2]]); 4] = [
     (0.36, &[[0.0, 0.0]]),
 ];
 
-/// A tile of all of the picture that is as alike as this needs no second look.
+/// Correlation from which a tile of the whole picture is accepted without a search in its parts.
 const CERTAIN: f64 = 0.75;
 
-/// Likeness and copies in a part from which a tile of it is one.
+/// Least correlation and number of copies of a tile in a part.
 const ALIKE: f64 = 0.5;
 const IN_PART: f64 = 4.0;
 
-/// A copy lies within this part of the tile's size of where its neighbour has it.
+/// Largest deviation of a copy from its expected position, over the tile's size.
 const ASTRAY: f64 = 0.07;
 
-/// Likeness of a copy with its neighbour, and how many of its quarters must have it: fewer do where half of it lies in a margin.
+/// Least correlation of a copy with its neighbour, and number of its quarters that must reach it: fewer do where half of it lies in a margin.
 const COPY: f64 = 0.55;
 const QUARTERS: usize = 3;
 
-/// Fewest copies that make a part's tile one of the picture.
+/// Fewest copies of a tile that was found in a part.
 const FEWEST: usize = 6;
 
-/// Most copies that are followed, and pixels of a tile that are compared along each axis.
+/// Most copies that are followed, and pixels along each axis of a tile that are compared.
 const MOST: usize = 4000;
 const COMPARED: f64 = 28.0;
 
-/// Shortest side of a tile, in pixels: less has no pattern to be compared.
+/// Shortest side of a tile, in pixels; shorter ones have no pattern to compare.
 const SHORTEST: f64 = 6.0;
 
 /// A rectangle: left, top, width, height in pixels.
 pub(super) type Part = [usize; 4];
 
-/// The tile of a picture, in all of it or in the part that shows it best, and the part. `of` makes the field of a part.
+/// The tile of a picture and the part that shows it best, or the whole picture. `of` makes the field of a part.
 pub(super) fn tile(size: [usize; 2], scale: f64, of: &dyn Fn(Part) -> Field) -> (Option<Repeats>, Part) {
     let all = [0, 0, size[0], size[1]];
     let whole = of(all);
@@ -51,7 +51,7 @@ pub(super) fn tile(size: [usize; 2], scale: f64, of: &dyn Fn(Part) -> Field) -> 
         let middle = [0, 1].map(|k| part[k] as f64 + 0.5 * part[k + 2] as f64);
         copies(&whole, found.sides_px.map(|v| v.map(|d| d / scale)), middle).map(|copies| Repeats { copies, ..found })
     };
-    // Margins have room for copies, but show none.
+    // Margins have room for copies, but contain none.
     let first = repeats(&whole, scale)
         .map(|room| counted(room, all).map_or(room, |seen| Repeats { copies: seen.copies.min(room.copies), ..room }));
     if first.is_some_and(|r| r.likeness >= CERTAIN) {
@@ -66,7 +66,7 @@ pub(super) fn tile(size: [usize; 2], scale: f64, of: &dyn Fn(Part) -> Field) -> 
         if found.likeness <= best.0.map_or(0.0, |r| r.likeness) {
             continue;
         }
-        // A tile of all of the picture is not given up for fewer copies in a part of it.
+        // Fewer copies in a part do not replace a tile of the whole picture.
         let enough = |r: &Repeats| r.copies >= 0.5 * best.0.map_or(0.0, |r| r.copies);
         if let Some(found) = counted(found, part).filter(enough) {
             best = (Some(found), part);
@@ -88,8 +88,8 @@ fn parts([width, height]: [usize; 2]) -> impl Iterator<Item = Part> {
     })
 }
 
-/// How many copies are seen, from one in the middle of a part: those that are found one beside the other and, of those beside them that the
-/// picture's edge cuts, the part that is in it. None where fewer than [`FEWEST`] are found.
+/// Number of visible copies, from one in the middle of a part: copies that are found beside each other, and the visible share of their neighbours
+/// that the picture's edge cuts. None where fewer than [`FEWEST`] are found.
 fn copies(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> Option<f64> {
     let found = followed(field, sides, middle);
     let size = extent(sides);
@@ -114,12 +114,12 @@ fn copies(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> Option<f64> 
     (found.len() >= FEWEST).then(|| found.len() as f64 + cut.values().sum::<f64>())
 }
 
-/// Width and height that a tile with these sides takes up.
+/// Width and height of a tile's bounding box.
 fn extent(sides: [[f64; 2]; 2]) -> [f64; 2] {
     [0, 1].map(|k| sides[0][k].abs() + sides[1][k].abs())
 }
 
-/// Places of copies that are found one beside the other, by their steps from one at a place; in order, so that sums over them do not vary.
+/// Positions of copies that are found beside each other, by their steps from the first one; ordered, so that sums over them are reproducible.
 fn followed(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> BTreeMap<[i64; 2], [f64; 2]> {
     let length = |v: [f64; 2]| v[0].hypot(v[1]);
     if sides.iter().any(|s| length(*s) < SHORTEST) {
@@ -145,7 +145,7 @@ fn followed(field: &Field, sides: [[f64; 2]; 2], middle: [f64; 2]) -> BTreeMap<[
     found
 }
 
-/// Where near a place a tile is most like that at another; none where it is not alike or not in the picture.
+/// The position near `near` where the tile at `from` is found again; none where the correlation is too low or the tile is not in the picture.
 fn copy(field: &Field, from: [f64; 2], near: [f64; 2], sides: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     let size = extent(sides);
     let reach = (ASTRAY * size[0].max(size[1])).ceil().max(1.0);
@@ -168,7 +168,7 @@ fn copy(field: &Field, from: [f64; 2], near: [f64; 2], sides: [[f64; 2]; 2]) -> 
     (alike >= COPY && quarters >= QUARTERS).then_some(at)
 }
 
-/// Correlation of two rectangles around places; none unless all of both is in the picture.
+/// Correlation of two rectangles around two positions; none unless both lie in the picture.
 fn likeness(field: &Field, a: [f64; 2], b: [f64; 2], size: [f64; 2]) -> Option<f64> {
     let inside = |at: [f64; 2]| {
         at[0] - 0.5 * size[0] >= 0.0
@@ -186,7 +186,7 @@ fn likeness(field: &Field, a: [f64; 2], b: [f64; 2], size: [f64; 2]) -> Option<f
         let y = (at[1] - 0.5 * size[1] + j as f64 * step[1]) as usize;
         y.min(field.height - 1) * field.width + x.min(field.width - 1)
     };
-    // Sums of weights, of values (two parts each), of their squares and of their product.
+    // Sums of weights, values (real and imaginary parts), their squares and their product.
     let mut sums = [0.0_f64; 8];
     for j in 0..count[1] {
         for i in 0..count[0] {

@@ -14,14 +14,14 @@ use super::report::{DirectionsReport, PeriodReport, Report, Seconds};
 use super::settings::{Directions, Orientation, PeriodChoice, Settings};
 use super::shared;
 use super::solve::{Prior, solve};
-use super::spool::Spool;
+use super::spool;
 use super::tiling::{Moved, Tiling, tiling};
 use super::view::{View, view};
 use nacre_base::operation::perform;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_frames::{Linearizer, LoadedFrames, load};
-use nacre_image::OutputFolder;
+use nacre_image::{OutputFolder, Spool};
 use nacre_optics::geometry;
 use rayon::prelude::*;
 use std::path::Path;
@@ -122,7 +122,7 @@ impl Job {
         drop(room);
         progress.step();
         let mut job = Self {
-            spool: Spool::new(&tiling),
+            spool: spool::of_copies(&tiling),
             overlaps: tiling.overlaps(),
             view,
             tiling,
@@ -175,7 +175,7 @@ impl Job {
         };
         self.lights.push(light);
         self.highlights.push(found);
-        self.spool.add(photograph, &self.tiling, &self.view)
+        spool::add(&mut self.spool, photograph, &self.tiling, &self.view)
     }
 
     /// Copies of the places of a row, one after the other; without light where tiles overlap.
@@ -188,14 +188,17 @@ impl Job {
             let [x, y] = [x, y].map(|n| n as f64 + 0.5);
             x > *left && x < *right && y > *top && y < *bottom
         };
+        let copy = |row: &[f32], i: usize| [row[2 * i], row[2 * i + 1]];
         for x in 0..self.tiling.width {
             observed.clear();
             for (row, light) in rows.iter().zip(&self.lights) {
                 for tile in 0..tiles {
                     let seen = self.view.half(self.tiling.place(tile, x, y), *light);
                     let is_hidden = self.overlaps[tile].iter().any(|part| within(part, x));
-                    observed
-                        .push(Observed { seen, light: if is_hidden { [f32::NAN; 2] } else { row[x * tiles + tile] } });
+                    observed.push(Observed {
+                        seen,
+                        light: if is_hidden { [f32::NAN; 2] } else { copy(row, x * tiles + tile) },
+                    });
                 }
             }
             all.push(of(x, &observed));

@@ -137,44 +137,6 @@ pub enum PeriodChoice {
     Pixel,
 }
 
-impl std::str::FromStr for Orientation {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "half" => Ok(Self::Half),
-            "image" => Ok(Self::Image),
-            _ => Err(format!("{text:?} is none of half, image")),
-        }
-    }
-}
-
-impl std::str::FromStr for Directions {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "shared" => Ok(Self::Shared),
-            "free" => Ok(Self::Free),
-            _ => Err(format!("{text:?} is none of auto, shared, free")),
-        }
-    }
-}
-
-impl std::str::FromStr for PeriodChoice {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "sample" => Ok(Self::Sample),
-            "pixel" => Ok(Self::Pixel),
-            _ => Err(format!("{text:?} is none of auto, sample, pixel")),
-        }
-    }
-}
-
 impl Settings {
     /// Refuses what makes no sense.
     ///

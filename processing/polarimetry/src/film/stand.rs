@@ -15,18 +15,6 @@ pub enum Oblique {
     Off,
 }
 
-impl std::str::FromStr for Oblique {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            "off" => Ok(Self::Off),
-            _ => Err(format!("{text:?} is neither auto nor off")),
-        }
-    }
-}
-
 /// Where the camera stands over the photographs.
 #[derive(Clone, Copy, Debug)]
 pub struct Stand {

@@ -18,22 +18,9 @@ pub enum Demosaic {
     None,
     /// Means of the two or four nearest pixels of the same polarizer.
     Bilinear,
-    /// Newton polynomials along the edges of the difference between polarizers (Li, Zhao, Pan, Kong and Chan, "Demosaicking DoFP images using Newton's
-    /// polynomial interpolation and polarization difference model", Optics Express 27, 1376-1391, 2019).
+    /// Newton polynomials along the edges of the difference between polarizers (Li, Zhao, Pan, Kong and Chan, "Demosaicking DoFP images using
+    /// Newton's polynomial interpolation and polarization difference model", Optics Express 27, 1376-1391, 2019).
     EdgeAware,
-}
-
-impl std::str::FromStr for Demosaic {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "none" => Ok(Self::None),
-            "bilinear" => Ok(Self::Bilinear),
-            "edge-aware" => Ok(Self::EdgeAware),
-            _ => Err(format!("{text:?} is none of none, bilinear and edge-aware")),
-        }
-    }
 }
 
 /// Variances where the sensor's pixels have variance 1, means over the pixels of a super-pixel. Of the bilinear method they are exact: a pixel is
@@ -195,8 +182,8 @@ fn newton(mosaic: &[f32], odd: &[f32], width: usize, step: isize) -> Vec<f32> {
     })
 }
 
-/// One estimate from two along different directions, which `steps` are: the one that keeps the difference to the mosaic clearly smaller around, else
-/// their mean weighted by the inverse of the gradients.
+/// One estimate from two along different directions, which `steps` are: the one that keeps the difference to the mosaic clearly smaller around,
+/// else their mean weighted by the inverse of the gradients.
 fn fused(mosaic: &[f32], [first, second]: [&[f32]; 2], width: usize, steps: [isize; 2]) -> Vec<f32> {
     let w = width as isize;
     plane(mosaic, width, 2, |at, out| {
@@ -232,8 +219,8 @@ fn fused(mosaic: &[f32], [first, second]: [&[f32]; 2], width: usize, steps: [isi
     })
 }
 
-/// A plane of the size of `like`, in runs of pixels: `fill(at, run)` calculates those from number `at` on, from pixels up to `reach` rows and columns away.
-/// In the margins, whose neighbours are missing or on the next row, values mean nothing.
+/// A plane of the size of `like`, in runs of pixels: `fill(at, run)` calculates those from number `at` on, from pixels up to `reach` rows and
+/// columns away. In the margins, whose neighbours are missing or on the next row, values mean nothing.
 fn plane(like: &[f32], width: usize, reach: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {
     let outside = reach * (width + 1);
     let mut new = vec![0.0; like.len()];

@@ -20,7 +20,7 @@ const TABLE_ERROR: f64 = 1e-3;
 const DEPTH_OFF: f64 = 0.1;
 
 /// From what periods are told. See `period.rs` for what both ways assume and miss.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "from", rename_all = "snake_case", deny_unknown_fields)]
 pub enum PeriodMethod {
     /// **Heuristic**: from the mean intensity, as the 2018 paper does (section 5.4).

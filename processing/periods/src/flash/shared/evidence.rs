@@ -1,44 +1,44 @@
-//! Whether places share few gratings: areas of one grating are asked for their own.
+//! Evidence for shared gratings: each connected area of pixels with one grating is fitted with a grating of its own.
 
 use super::super::solve::{Copy, Prior, Solution, solve};
 use super::refine::thinned;
 use rayon::prelude::*;
 
-/// Fewest whole pixels that an area, or half of one, has a grating of its own from.
+/// Fewest interior pixels for a fit of an area's own grating, or of that of half an area.
 const FEWEST: usize = 8;
 
-/// How far lobes that are not quite Gaussian move a grating that is seen from one side, over the lobe's width.
+/// Systematic shift of a grating seen from one side, over the lobe's width, since lobes are not exactly Gaussian.
 pub(super) const SHAPE: f64 = 0.1;
 
-/// Fewest areas that tell a gradual change.
+/// Fewest areas for a test of gradual change.
 const FEWEST_AREAS: usize = 6;
 
-/// Largest standard deviation of an area's own grating that tells anything, over the lobe's width.
+/// Largest useful standard deviation of an area's own grating, over the lobe's width.
 const VAGUE: f64 = 0.4;
 
-/// Squares over variances from which an area's own grating is another (two unknowns: once in 3000 by chance).
+/// χ² (two degrees of freedom) above which an area's own grating differs from the shared one: probability 1/3000 by chance.
 const OTHER: f64 = 16.0;
 
-/// Side in pixels of a square, all of one area, that a pixel must lie in: beside edges, and where the next tile overlaps, copies of narrower
-/// parts of an area may all be those that see the polygon beside.
+/// Side in pixels of a square within one area that must contain a pixel. Beside edges, and where the next tile overlaps, all copies of
+/// narrower parts of an area may show the neighbouring polygon.
 const WIDE: usize = 3;
 
-/// Neighbouring pixels with one of the shared gratings.
+/// Connected pixels with the same shared grating.
 #[derive(Clone, Debug)]
 pub(super) struct Area {
-    /// Which one.
+    /// Index of the shared grating.
     pub grating: usize,
-    /// Pixels of the map.
+    /// Pixels of the map, as indices.
     pub pixels: Vec<usize>,
 }
 
 impl Area {
-    /// Its pixels that lie in a square of it.
+    /// Pixels that lie in a square of the area.
     pub fn wide(&self, width: usize) -> Vec<usize> {
         let mut sorted = self.pixels.clone();
         sorted.sort_unstable();
         let square = |i: usize| (0..WIDE * WIDE).map(move |k| i + k / WIDE * width + k % WIDE);
-        // Squares by their first pixel.
+        // Squares by their top left pixel.
         let is_square = |i: usize| i % width + WIDE <= width && square(i).all(|k| sorted.binary_search(&k).is_ok());
         let mut all: Vec<usize> = self.pixels.iter().copied().filter(|i| is_square(*i)).flat_map(square).collect();
         all.sort_unstable();
@@ -47,14 +47,14 @@ impl Area {
     }
 }
 
-/// What an area has to tell.
+/// Test of one area.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Told {
-    /// Turn of its own grating from the shared one, in rad, where it has one, and its relative length, less 1.
+    /// Angle from the shared grating to the area's own one in rad, and the relative difference of their lengths; none without a fit.
     pub own: Option<[f64; 2]>,
-    /// Turns from its left half to its right one and from its upper to its lower one, and how much longer these are.
+    /// Angles from the left half's grating to the right half's and from the upper to the lower one, and relative differences of lengths.
     pub halves: [Option<[f64; 2]>; 2],
-    /// Whether its own grating, or one of its halves', is another.
+    /// Whether the area's own grating, or that of one of its halves, differs from the shared one.
     pub other: [bool; 2],
 }
 
@@ -87,7 +87,7 @@ pub(super) fn areas(of: &[Option<usize>], width: usize) -> Vec<Area> {
     all
 }
 
-/// Own gratings of areas. `kept` are the copies near the shared grating's lobes of pixels that are whole, by pixel.
+/// Fits each area's own grating. `kept` are, for interior pixels, the copies near the lobes of the shared grating.
 pub(super) fn told(
     areas: &[Area],
     gratings: &[Solution],
@@ -122,8 +122,8 @@ pub(super) fn told(
     areas.par_iter().map(of).collect()
 }
 
-/// How many standard deviations speak for gratings that change gradually over the tile: halves of areas then differ in the same sense within
-/// every area, and areas' own gratings follow their place.
+/// Significance, in standard deviations, of gratings that change gradually over the tile: halves of areas then differ in the same sense in
+/// every area, and the areas' own gratings depend on their positions.
 pub(super) fn gradual(areas: &[Area], told: &[Told], width: usize) -> f64 {
     let middle = |area: &Area, axis: usize| {
         let at = |i: &usize| if axis == 0 { i % width } else { i / width };
@@ -159,7 +159,7 @@ fn slope(all: &[[f64; 2]]) -> f64 {
     }
 }
 
-/// A grating of some pixels and its covariance.
+/// A grating fitted to some pixels, with its covariance.
 struct Own {
     vector: [f64; 2],
     covariance: [f64; 3],
@@ -179,7 +179,7 @@ fn own(pixels: &[usize], shared: &Solution, kept: &[Option<Vec<Copy>>], prior: &
 }
 
 impl Own {
-    /// Squared distance from another vector over the variances.
+    /// Squared Mahalanobis distance from another vector.
     fn from(&self, other: [f64; 2], more: [f64; 3]) -> f64 {
         let [xx, xy, yy] = [0, 1, 2].map(|k| self.covariance[k] + more[k]);
         let [dx, dy] = [self.vector[0] - other[0], self.vector[1] - other[1]];
@@ -191,7 +191,7 @@ fn length(v: [f64; 2]) -> f64 {
     v[0].hypot(v[1])
 }
 
-/// From the second to the first, in rad.
+/// Angle from the second to the first, in rad.
 fn turn(a: [f64; 2], b: [f64; 2]) -> f64 {
     (b[0] * a[1] - b[1] * a[0]).atan2(a[0] * b[0] + a[1] * b[1])
 }

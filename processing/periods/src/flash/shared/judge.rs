@@ -1,57 +1,57 @@
-//! Which of a few gratings a place has, from the light of its copies.
+//! Assigns one of a few gratings to a place, from the light of its copies.
 
 use super::super::fit::Why;
 use super::super::solve::{Copy, Solution};
 use nacre_base::statistics::median;
 
-/// A grating covers at least this part of a pixel that is taken for its own: the rest is a gap, or the polygon beside.
+/// Least coverage of a pixel by its grating; the rest is a gap or the neighbouring polygon.
 const MOSTLY: f64 = 0.7;
 
-/// Light over that of a whole pixel, at most: print varies.
+/// Largest light over that of a fully covered pixel: print varies.
 const BRIGHTEST: f64 = 1.3;
 
-/// A part that another grating has for certain, from which a pixel has several.
+/// Lower bound of a second grating's coverage from which a pixel counts as having several gratings.
 const SECOND: f64 = 0.4;
 
-/// A grating is seen from a place where a whole pixel of it would be so many standard deviations bright.
+/// A grating is observable at a place where full coverage would be this many standard deviations bright.
 const VISIBLE: f64 = 8.0;
 
-/// Part of a grating's light at a copy that it may be wrong by.
+/// Relative model error of a grating's light at a copy.
 const TOLERANCE: f64 = 0.1;
 
-/// Squares from which a copy is odd and counts for little.
+/// Squared residual above which a copy is an outlier and is down-weighted.
 const ODD: f64 = 6.0;
 
-/// Another grating is ruled out when it is so much worse, in units of what the best one leaves over.
+/// A grating is excluded when its χ² exceeds that of the best one by this multiple of the best one's residual per copy.
 const RULED_OUT: f64 = 16.0;
 
-/// Squares left over per lit copy, at most: at edges each copy sees a part of its own.
+/// Largest χ² per lit copy: at edges each copy shows a different part of the polygon.
 const POOR: f64 = 12.0;
 
-/// A copy counts as lit where a whole pixel would have this part of a lobe's peak.
+/// A copy is lit where full coverage would give this part of a lobe's peak.
 const LIT: f64 = 0.02;
 
-/// Copies from which their median is the stray light of a place.
+/// Fewest copies for an estimate of stray light by their median.
 const MANY: usize = 8;
 
 /// The best of a few gratings for a place.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Best {
-    /// Which one.
+    /// Index of the grating.
     pub grating: usize,
-    /// Its light over that of a whole pixel.
+    /// Light over that of a fully covered pixel.
     pub amount: f64,
-    /// Squares left over per lit copy.
+    /// χ² per lit copy.
     pub per_copy: f64,
-    /// How much worse the next one is.
+    /// χ² of the next best grating less that of this one.
     pub ahead: f64,
-    /// The largest part that another one has for certain.
+    /// Largest lower bound of another grating's coverage.
     pub second: f64,
-    /// The brightest light far from its lobes, over that of its first order's peak.
+    /// Brightest light far from the grating's lobes, over the peak of its first order.
     pub elsewhere: f64,
 }
 
-/// Copies within a lobe of a grating, weighted so that none counts for more than the grating is known, and odd ones for little.
+/// Copies within a lobe of a grating; weights are limited by the grating's uncertainty and small for outliers.
 pub(super) fn near(copies: &[Copy], grating: &Solution) -> Vec<Copy> {
     let weighted = |c: &Copy| {
         let model = grating.light(c);
@@ -62,7 +62,7 @@ pub(super) fn near(copies: &[Copy], grating: &Solution) -> Vec<Copy> {
     copies.iter().filter_map(weighted).collect()
 }
 
-/// What a grating explains of a place's copies.
+/// Fit of one grating to a place's copies.
 struct Seen {
     model: Vec<f64>,
     weight: Vec<f64>,
@@ -91,7 +91,7 @@ fn seen(copies: &[Copy], light: &[f64], all: f64, grating: &Solution) -> Seen {
     Seen { model, weight, square, amount, cost, per_copy: left / lit.max(1) as f64 }
 }
 
-/// The grating that leaves least over; none where no one has light there.
+/// The grating with the least χ²; none where no grating has light.
 pub(super) fn best(copies: &[Copy], gratings: &[Solution]) -> Option<Best> {
     let mut lights: Vec<f64> = copies.iter().map(|c| c.light).collect();
     let known = gratings.first()?.stray;
@@ -112,7 +112,7 @@ pub(super) fn best(copies: &[Copy], gratings: &[Solution]) -> Option<Best> {
     Some(Best { grating, amount: own.amount, per_copy, ahead: next - own.cost, second, elsewhere })
 }
 
-/// The part that another grating has for certain, beside the first.
+/// Lower bound of a second grating's coverage.
 fn part(copies: &[Copy], light: &[f64], own: &Seen, other: &Seen, scale: f64) -> f64 {
     if other.square < VISIBLE * VISIBLE {
         return 0.0;
@@ -133,7 +133,7 @@ fn part(copies: &[Copy], light: &[f64], own: &Seen, other: &Seen, scale: f64) ->
 }
 
 impl Best {
-    /// Why the place is not taken for that grating's, if it is not.
+    /// Why the place is not assigned to the grating, if it is not.
     pub fn doubt(&self) -> Option<Why> {
         if self.second.max(self.elsewhere) > SECOND * self.amount {
             return Some(Why::Several);

@@ -1,9 +1,9 @@
 //! Few gratings that many polygons share, as on sheets whose polygons have one of a few directions.
 //!
-//! Under one light most places have a single copy near a lobe, which tells a ring of grating vectors and no more. Places with the same grooves
-//! tell the vector together: [`vote`] finds vectors that many places have in common, [`refine`] fits them to all of these places, [`judge`]
-//! sorts pixels, and [`evidence`] asks every area for a grating of its own. Only where areas confirm the shared gratings, and several areas have
-//! the same, are they believed; otherwise each pixel stays as it is by itself.
+//! Under one light most places have a single copy near a lobe, which determines only a ring of grating vectors. Places with the same grooves
+//! determine the vector together: [`vote`] finds vectors that many places have in common, [`refine`] fits them to all these places, [`judge`]
+//! assigns gratings to pixels, and [`evidence`] fits every area's own grating. Shared gratings are accepted only where areas confirm them and
+//! several areas have the same grating; otherwise the result of each pixel by itself remains.
 
 mod evidence;
 mod judge;
@@ -27,41 +27,41 @@ use refine::{WHOLE, refined};
 use std::f64::consts::PI;
 use vote::{Level, vote};
 
-/// Most places that gratings are looked for in, most copies of them, and most that vote.
+/// Most places in the search for gratings, most copies of them, and most places that vote.
 const PLACES: usize = 1500;
 const COPIES: usize = 150_000;
 const VOTERS: usize = 360;
 
-/// Most copies that areas are asked for their gratings with.
+/// Most copies in the fits of areas' own gratings.
 const MOST_KEPT: usize = 300_000;
 
-/// Light of the brightest places counts as the peak's from this share of them on.
+/// Quantile of the places' light that counts as the peak.
 const BRIGHT: f64 = 0.97;
 
-/// Smallest area that is believed.
+/// Smallest accepted area, in pixels.
 const SMALLEST: usize = 10;
 
-/// Share of areas that confirm the shared gratings, and share of the lit places that have one, from which these are believed. An area that has
-/// the grating denies it once in a thousand times. Simulated sheets that share eight gratings have 1.0 and 0.52 to 0.67; one whose period changes
-/// from 1.5 to 1.8 µm has 0.87 and 0.41.
+/// Share of areas that must confirm the shared gratings, and share of the lit places that must have one. An area with the grating fails to confirm
+/// it once in a thousand times. Simulated sheets that share eight gratings have 1.0 and 0.52 to 0.67; one whose period changes from 1.5 to 1.8 µm
+/// has 0.87 and 0.41.
 const CONFIRMED: f64 = 0.95;
 const EXPLAINED: f64 = 0.47;
 
-/// Standard deviations from which halves of areas differ in the same sense.
+/// Significance, in standard deviations, at which halves of areas differ in the same sense.
 const GRADUAL: f64 = 4.5;
 
-/// Areas per grating from which gratings are shared, and fewest areas of a grating: one alone confirms what was fitted to it.
+/// Areas per grating from which gratings count as shared, and fewest areas of one grating: a single area confirms its own fit.
 const PER_GRATING: f64 = 1.5;
 const SHARING: usize = 2;
 
-/// Distance of copies over half vectors, in widths of a lobe, from which they are sparse; the report warns from there on.
+/// Distance of copies over half vectors, in lobe widths, above which they are sparse and the report warns.
 const SPARSE: f64 = 2.2;
 
-/// Part of a lobe's width that shared directions are uncertain by at least: lobes are not quite Gaussian. Under few lights they are seen from one
-/// side, and uncertain by [`SHAPE`] over the number of lights; lengths are by all of it.
+/// Least uncertainty of shared directions over the lobe's width, since lobes are not exactly Gaussian. Few lights see lobes from one side: the
+/// uncertainty of directions is [`SHAPE`] over the number of lights, and that of lengths is [`SHAPE`].
 const FLOOR: f64 = 0.02;
 
-/// Believes shared gratings where there is evidence for them, or leaves what was found as it is.
+/// Accepts shared gratings where there is evidence for them; otherwise leaves the gratings that were found.
 ///
 /// # Errors
 /// When copies cannot be read back; `Cancelled`.
@@ -88,7 +88,7 @@ pub(super) fn refit(job: &Job, mut free: Fitted, settings: &Settings, progress: 
     }
 }
 
-/// Why there are no shared gratings where there are none at all.
+/// Reason why there are no shared gratings.
 const NOTHING: &str = "no grating explains more than a few places";
 
 /// Whether a place's copies lie so far apart that many places are lit by one copy alone.
@@ -110,17 +110,19 @@ struct Sheet {
     report: DirectionsReport,
 }
 
-/// What a place says on the first look.
+/// First assignment of a place.
 struct Place {
     copies: Vec<Copy>,
     lit: bool,
 }
 
-/// A pixel's grating; the copies near its lobes where it is whole; whether it is lit.
+/// A pixel's grating; the copies near its lobes for interior pixels; whether it is lit.
 type Judged = (std::result::Result<usize, Why>, Option<Vec<Copy>>, bool);
 
 impl Sheet {
-    /// Looks for shared gratings; or why there are none.
+    /// Searches for shared gratings.
+    ///
+    /// The error is the reason why there are none.
     fn of(job: &Job, free: &Fitted, progress: &dyn Progress) -> Result<std::result::Result<Self, &'static str>> {
         let prior = Prior { shared: None, ..free.prior };
         let (places, unit) = places(job, free)?;
@@ -167,7 +169,7 @@ impl Sheet {
         self.areas[k].pixels.len() >= SMALLEST && self.told[k].own.is_some() && self.told[k].other == [false; 2]
     }
 
-    /// Confirmed areas whose grating others have too.
+    /// Confirmed areas whose grating other areas have too.
     fn sharing(&self) -> Vec<usize> {
         let confirmed: Vec<usize> = (0..self.areas.len()).filter(|k| self.confirmed(*k)).collect();
         let mut count = vec![0; self.gratings.len()];
@@ -175,7 +177,7 @@ impl Sheet {
         confirmed.into_iter().filter(|k| count[self.areas[*k].grating] >= SHARING).collect()
     }
 
-    /// Standard deviation of areas about the gratings that are fitted to them, over what is seen of it.
+    /// Standard deviation of the areas' own gratings about the shared ones, over the expected one.
     fn freedom(&self) -> f64 {
         let mut of: Vec<usize> = self.sharing().iter().map(|k| self.areas[*k].grating).collect();
         let areas = of.len() as f64;
@@ -184,7 +186,9 @@ impl Sheet {
         if of.is_empty() { 1.0 } else { (areas / (areas - of.len() as f64)).sqrt() }
     }
 
-    /// Believes the gratings where areas confirm them; or why not.
+    /// Accepts the gratings where areas confirm them.
+    ///
+    /// The error is the reason why they are not accepted.
     fn judged(mut self, settings: &Settings) -> std::result::Result<Self, &'static str> {
         let asked: Vec<usize> = (0..self.areas.len()).filter(|k| self.told[*k].own.is_some()).collect();
         let weight = |all: &[usize]| all.iter().map(|k| self.areas[*k].pixels.len()).sum::<usize>() as f64;
@@ -253,7 +257,7 @@ impl Sheet {
         Fitted { found, directions: self.report, ..free }
     }
 
-    /// Orientations and lengths of the shared gratings, and what is said of their periods.
+    /// Orientations and lengths of the shared gratings, and the report on their periods.
     fn gratings(
         &self,
         used: &[usize],

@@ -6,10 +6,10 @@ use super::vote::Level;
 use nacre_base::statistics::median;
 use rayon::prelude::*;
 
-/// Rounds of sorting places by grating and fitting these.
+/// Rounds of assigning places to gratings and fitting these.
 const ROUNDS: usize = 7;
 
-/// Fewest places of a grating, and their least share.
+/// Fewest places of a grating, and their least share of all places.
 const FEWEST: usize = 4;
 const LEAST: f64 = 0.005;
 
@@ -19,10 +19,10 @@ const MOST_COPIES: usize = 6000;
 /// Gratings closer than this, over the lobe's width, are one.
 const SAME: f64 = 0.5;
 
-/// Parts of the usual light of the first order that a grating may have: one process prints the sheet.
+/// Limits of a grating's first-order light over the usual one: one process prints the sheet.
 const ALIKE: [f64; 2] = [0.6, 1.6];
 
-/// Amounts of places that are fitted at first.
+/// Numbers of places in the first fits.
 const LOOSE: std::ops::Range<f64> = 0.6..1.29;
 
 /// A place with this part of the usual light is all of one polygon.
@@ -77,7 +77,7 @@ fn inside(grating: &Solution, prior: &Prior) -> bool {
         && (1..ORDERS).all(|n| grating.orders[n] < 2.0 * grating.orders[0])
 }
 
-/// Not more copies than are needed.
+/// Thins copies to the number that a fit needs.
 pub(super) fn thinned(all: Vec<Vec<Copy>>) -> Vec<Copy> {
     let count: usize = all.iter().map(Vec::len).sum();
     all.into_iter().flatten().step_by(count / MOST_COPIES + 1).collect()

@@ -1,8 +1,8 @@
-//! Grating vectors that many places have in common, from a vote of places whose light several vectors explain.
+//! Grating vectors that many places have in common: each place votes for all vectors that explain its light.
 //!
-//! A single copy near a lobe leaves a ring of grating vectors around its half vector: its light over the peak's is the distance to the lobe's
-//! middle. Rings of places with the same grooves meet in one vector. The vote is the nonparametric maximum-likelihood estimate of the
-//! distribution of vectors (Kiefer and Wolfowitz 1956) on a grid, which is discrete whether or not the truth is: the evidence is judged later.
+//! A single copy near a lobe determines a ring of grating vectors around its half vector, whose radius follows from the light over the peak's.
+//! Rings of places with the same grooves meet in one vector. The vote is the nonparametric maximum-likelihood estimate of the distribution of
+//! vectors (Kiefer and Wolfowitz 1956) on a grid. It is discrete even where the true distribution is not; `evidence` tests that later.
 
 use super::super::solve::{Copy, ORDERS, Prior};
 use rayon::prelude::*;
@@ -11,17 +11,17 @@ use std::f64::consts::PI;
 /// Steps of the grid along and across grating vectors, over the lobe's width.
 const STEPS: [f64; 2] = [0.4, 0.35];
 
-/// Most vectors of the grid; narrower lobes leave nearly all places dark.
+/// Most vectors of the grid; with narrower lobes nearly all places are dark.
 const MOST: usize = 30_000;
 
-/// Relative tolerance of light: the peak's is not known well yet.
+/// Relative uncertainty of light: the peak is not yet known well.
 const TOLERANCE: f64 = 0.2;
 
-/// Squares that a copy may add at most, and those of a lit copy that no grating explains.
+/// Largest squared residual of a copy, and that of a lit copy without a grating.
 const MOST_SQUARES: f64 = 16.0;
 const NONE: f64 = 12.0;
 
-/// Squares from which a copy is lit.
+/// Squared signal-to-noise ratio from which a copy is lit.
 const LIT: f64 = 9.0;
 
 /// Light of higher orders over the first one's, at most.
@@ -43,14 +43,14 @@ const LEAST: f64 = 0.006;
 /// Most vectors.
 const MOST_VECTORS: usize = 64;
 
-/// Light of the first order that all share, and stray light, over the unit.
+/// First-order light that all gratings share, and stray light, both over the unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Level {
     pub first: f64,
     pub stray: f64,
 }
 
-/// Vectors that places vote for, the strongest first; none where lobes are too narrow for a grid.
+/// Vectors with the most votes, the strongest first; none where lobes are too narrow for a grid.
 pub(super) fn vote(places: &[Vec<Copy>], prior: &Prior, width: f64, level: Level) -> Option<Vec<[f64; 2]>> {
     let grid = Grid::new(prior.range, width)?;
     let likelihoods: Vec<(Vec<f32>, f32)> = places.par_iter().map(|p| likelihood(p, &grid, level)).collect();
@@ -86,7 +86,7 @@ struct Row {
 }
 
 impl Grid {
-    /// Vectors with lengths in a range; none where they are too many.
+    /// Grid of vectors with lengths in a range; none where there would be too many.
     fn new([least, most]: [f64; 2], width: f64) -> Option<Self> {
         let rows = ((most - least) / (STEPS[0] * width)).ceil().max(1.0);
         let around = |length: f64| (PI * length / (STEPS[1] * width)).ceil();
@@ -121,7 +121,7 @@ impl Grid {
     }
 }
 
-/// How likely the light of a place is for each vector and for none, over the likeliest vector.
+/// Likelihood of a place's light for each vector and for no grating, over that of the likeliest vector.
 fn likelihood(copies: &[Copy], grid: &Grid, level: Level) -> (Vec<f32>, f32) {
     let dark = |c: &Copy| ((c.light - level.stray).powi(2) * c.weight).min(MOST_SQUARES);
     let mut all = vec![copies.iter().map(dark).sum::<f64>(); grid.vectors.len()];
@@ -140,7 +140,7 @@ fn likelihood(copies: &[Copy], grid: &Grid, level: Level) -> (Vec<f32>, f32) {
     }
     let least = all.iter().copied().fold(f64::MAX, f64::min);
     let of = |s: f64| (-0.5 * (s - least)).exp() as f32;
-    // None explains no lit copy, and leaves the others as dark as they are.
+    // Without a grating no lit copy is explained; the other copies are as dark as they are.
     let none: f64 = copies.iter().map(dark).map(|s| if s < LIT { s } else { NONE }).sum();
     (all.iter().map(|s| of(*s)).collect(), of(none.max(least)))
 }
@@ -155,7 +155,7 @@ fn lobes(copy: &Copy, g: [f64; 2]) -> [f64; ORDERS] {
     })
 }
 
-/// Squares that a vector leaves over at a copy with these lobes; higher orders may have any light up to some times the first one's.
+/// χ² of a copy for a vector with these lobes; higher orders may be up to a factor brighter than the first one.
 fn with(copy: &Copy, lobes: [f64; ORDERS], level: Level) -> f64 {
     let low = level.stray + level.first * lobes[0];
     let high = low + HIGHER * level.first * lobes[1..].iter().sum::<f64>();
@@ -164,7 +164,7 @@ fn with(copy: &Copy, lobes: [f64; ORDERS], level: Level) -> f64 {
     (off * off / variance).min(MOST_SQUARES)
 }
 
-/// Hills of the shares.
+/// Local maxima of the votes.
 fn peaks(grid: &[[f64; 2]], mut shares: Vec<f64>, width: f64, places: usize) -> Vec<[f64; 2]> {
     let least = (FEWEST / places.max(1) as f64).max(LEAST);
     let mut found = vec![];
