@@ -267,7 +267,7 @@ fn the_service_and_plans_deconvolve_too() {
     for (bokeh, word) in [
         (Value::Null, "psf"),
         (json!({ "psf": { "sigma": 0 } }), "sigma"),
-        (json!({ "psf": { "image": "a.png" } }), "psf names the file"),
+        (json!({ "psf": { "image": "a.png" } }), "psf.image: names the file"),
     ] {
         let refused = service.post("/api/v1/sessions", &plan(bokeh)).expect(400).text();
         assert!(refused.to_lowercase().contains(word), "{refused}");

@@ -104,6 +104,6 @@ fn plans_say_what_their_tiles_are() {
         service.post("/api/v1/sessions", &plan).expect(400).text()
     };
     let refused = asked(json!({ "method": "flash", "flash": { "tiles": [0, 4] } }));
-    assert!(refused.contains("reconstruct.flash: tiles") && !refused.contains("--"), "{refused}");
+    assert!(refused.contains("reconstruct.options.tiles") && !refused.contains("--"), "{refused}");
     assert!(asked(json!({ "method": "lut", "flash": { "tiles": [5, 4] } })).contains("reconstruct.flash"));
 }

@@ -11,11 +11,25 @@ use nacre_tests::{BENCH, Place, nacre};
 use serde_json::{Value, json};
 use std::fs;
 
-/// Operations whose command is derived from their options.
-const DERIVED: [&str; 7] = ["polarization", "hdr", "stack", "lut", "foil", "spots", "flash"];
+/// Commands and the operations from whose options they are derived.
+const DERIVED: [(&[&str], &str); 13] = [
+    (&["reconstruct", "polarization"], "polarization"),
+    (&["reconstruct", "hdr"], "hdr"),
+    (&["reconstruct", "stack"], "stack"),
+    (&["reconstruct", "lut"], "lut"),
+    (&["reconstruct", "bokeh"], "bokeh"),
+    (&["reconstruct", "foil"], "foil"),
+    (&["reconstruct", "spots"], "spots"),
+    (&["reconstruct", "flash"], "flash"),
+    (&["brdf", "map"], "brdf"),
+    (&["map", "edit"], "map"),
+    (&["render"], "render"),
+    (&["factor"], "factor"),
+    (&["synthesize"], "synthesize"),
+];
 
 /// Operations of the page's uploads, and options that the page has controls of its own for.
-const UPLOADED: [(&str, &[&str]); 10] = [
+const UPLOADED: [(&str, &[&str]); 12] = [
     ("polarization", &[]),
     ("hdr", &[]),
     ("stack", &[]),
@@ -26,13 +40,15 @@ const UPLOADED: [(&str, &[&str]); 10] = [
     ("brdf", &[]),
     ("calibrate", &[]),
     ("map", &[]),
+    ("factor", &[]),
+    ("synthesize", &[]),
 ];
 
 #[test]
 fn command_lines_have_every_option_with_its_default() {
-    for name in DERIVED {
+    for (command, name) in DERIVED {
         let operation = OPERATIONS.iter().find(|o| o.name() == name).unwrap();
-        let help = nacre(["reconstruct", name, "--help"]).expect(0).stdout();
+        let help = nacre(command.iter().copied().chain(["--help"])).expect(0).stdout();
         for field in &operation.fields().list {
             let flag = format!("--{}", field.name());
             let ends = |after: &str| after.starts_with([' ', '\n']);
@@ -116,17 +132,17 @@ fn options_name_files_of_the_upload_only() {
     assert!(merge("recover").text().contains("exposure time"));
     // Plans name none either.
     for (method, kind, options, key) in [
-        ("lut", "exposures", json!({ "light": { "path": "/etc/passwd" } }), "lut.light.path"),
-        ("lut", "exposures", json!({ "illuminant": "/etc/passwd" }), "lut.illuminant"),
-        ("bokeh", "exposures", json!({ "psf": { "image": "/etc/passwd" } }), "bokeh.psf"),
-        ("spots", "spots", json!({ "polarization": "/etc" }), "spots.polarization"),
+        ("lut", "exposures", json!({ "light": { "path": "/etc/passwd" } }), "light.path"),
+        ("lut", "exposures", json!({ "illuminant": "/etc/passwd" }), "illuminant"),
+        ("bokeh", "exposures", json!({ "psf": { "image": "/etc/passwd" } }), "psf.image"),
+        ("spots", "spots", json!({ "polarization": "/etc" }), "polarization"),
     ] {
         let mut plan = json!({ "kind": kind, "exposures_ms": [1.0, 4.0], "spots": { "fringes": { "count": 8, "phases": 4, "finest_mm": 28.0 } },
-            "reconstruct": { "method": method, method: options } });
+            "reconstruct": { "operation": method, "options": options } });
         // Each kind of plan takes only one of the two.
         plan.as_object_mut().unwrap().retain(|name, _| name != if kind == "spots" { "exposures_ms" } else { "spots" });
         let problems = service.post("/api/v1/plans/check", &json!({ "plan": plan })).text();
-        assert!(problems.contains(&format!("reconstruct.{key} names the file")), "{key}: {problems}");
+        assert!(problems.contains(&format!("reconstruct.options.{key}: names the file")), "{key}: {problems}");
     }
 }
 

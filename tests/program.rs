@@ -44,4 +44,5 @@ mod trust;
 mod unfit_files;
 mod until;
 mod uploads;
+mod versions;
 mod viewer;

@@ -20,6 +20,8 @@ pub const OPERATIONS: &[&dyn Registered] = &[
     &Entry::<nacre_maps::Edits>::NEW,
     &Entry::<calibration::Options>::NEW,
     &Entry::<nacre_render::Options>::NEW,
+    &Entry::<nacre_render::environment::factor::Options>::NEW,
+    &Entry::<foil::SynthesizeOptions>::NEW,
 ];
 
 /// The operation of a name.

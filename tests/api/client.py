@@ -14,7 +14,7 @@ plan = {
     "kind": "polarization",
     "camera": {"exposure_ms": 5},
     "analyser": {"angles_deg": [0, 45, 90, 135]},
-    "reconstruct": {"method": "polarization"},
+    "reconstruct": {"operation": "polarization"},
 }
 begun = begin_session.sync(client=client, body=PlanBody.from_dict({"plan": plan}))
 for _ in range(300):

@@ -162,19 +162,22 @@ function typed(id, schema, given) {
 /** All options of a structure, those marked as advanced folded away. `without` names options, such as `light`, that have controls of their own. */
 function structure(id, schema, given, root, without = []) {
   const parts = [];
+  // Structures whose name is no part of their options' labels.
+  const inline = new Set();
   const add = (inner, values, path, folded = false) => {
     for (const [key, property] of Object.entries(inner.properties ?? {})) {
       const own = resolved(root, property);
       const place = [...path, key];
       if (without.includes(place.join("."))) continue;
       if (own.properties && !own["x-file"]) {
+        if (own["x-inline"]) inline.add(key);
         add(own, values?.[key], place, folded || Boolean(own["x-advanced"]));
         continue;
       }
       const name = `${id}-${place.join("-").replaceAll("_", "-")}`;
       const required = (inner.required ?? []).includes(key) && path.length === 0;
       const made = control(name, { ...own, ...(own.items && { items: resolved(root, own.items) }), required }, values?.[key], root);
-      const label = own.title ?? labelOf(place);
+      const label = own.title ?? labelOf(place.filter((key) => !inline.has(key)));
       const element = own.type === "boolean" ? h("label", { class: "check", title: own.description }, made.element, h("span", {}, sentence(own.description)))
         : field(label, made.element, { hint: sentence(own.description) });
       parts.push({ place, value: made.value, element, advanced: folded || Boolean(own["x-advanced"]), wide: own.type === "boolean" });

@@ -180,9 +180,9 @@ export function toPlan(form) {
   }
   if (kind === "free") plan.steps = form.steps.map((step, i) => read(() => freeStep(step, i)));
   plan.extras = ["dark", "display_black"].filter((extra) => form[extra]);
-  if (kind === "polarization" && form.reconstruct) plan.reconstruct = { method: "polarization", model: form.model };
+  if (kind === "polarization" && form.reconstruct) plan.reconstruct = { operation: "polarization", options: { model: form.model } };
   const method = methodOf(form);
-  if (method && form.reconstruct) plan.reconstruct = { method, ...(form.options[method] && { [method]: form.options[method] }) };
+  if (method && form.reconstruct) plan.reconstruct = { operation: method, options: form.options[method] ?? {} };
   return { plan, problems };
 }
 
@@ -251,8 +251,10 @@ export function fromPlan(plan) {
   form.dark = extras.includes("dark");
   form.display_black = extras.includes("display_black");
   form.reconstruct = Boolean(reconstruct);
-  form.model = reconstruct?.model ?? "auto";
-  form.method = reconstruct?.method ?? "";
-  if (reconstruct?.[form.method]) form.options[form.method] = reconstruct[form.method];
+  // Plans of the first version have the operation as `method`, and its options under its name or beside it.
+  form.method = reconstruct?.operation ?? reconstruct?.method ?? "";
+  const options = reconstruct?.options ?? reconstruct?.[form.method] ?? reconstruct ?? {};
+  form.model = options.model ?? "auto";
+  if (form.method !== "polarization") form.options[form.method] = options;
   return form;
 }

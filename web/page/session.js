@@ -76,7 +76,7 @@ export async function sessionPage(main, { id, signal }) {
   const lastAbout = h("span", { class: "soft" });
   const lastEmpty = h("p", { class: "empty" }, "No frame yet.");
   const map = h("img", { id: "live-map", alt: "Map so far", hidden: true });
-  const pictured = { hdr: ["hdr.png", "Merged exposures, tone-mapped."], lut: ["lut.png", "The table under its light."], bokeh: ["deconvolved.png", "The highlight, its blur taken out."], spots: ["period.png", "Periods by fringes."] }[session.plan?.reconstruct?.method];
+  const pictured = { hdr: ["hdr.png", "Merged exposures, tone-mapped."], lut: ["lut.png", "The table under its light."], bokeh: ["deconvolved.png", "The highlight, its blur taken out."], spots: ["period.png", "Periods by fringes."] }[session.plan?.reconstruct?.operation];
   const mapEmpty = h("p", { class: "empty" }, pictured ? "Made after the last exposure." : "The map appears after three angles.");
   const mapAbout = h("span", { class: "soft" });
   const legend = h("div", { class: "legend" });

@@ -26,7 +26,7 @@ function likely(name) {
 }
 
 /** Operations of uploaded photographs, height fields and maps. */
-const OFFERED = ["polarization", "hdr", "stack", "lut", "bokeh", "flash", "foil", "brdf", "calibrate", "map"];
+const OFFERED = ["polarization", "hdr", "stack", "lut", "bokeh", "flash", "foil", "brdf", "calibrate", "map", "factor", "synthesize"];
 
 /**
  * Shows the form until the signal fires.

@@ -2,9 +2,10 @@
 
 use crate::engine::{Control, Engine, Input, Observer, State};
 use crate::failure::Failure;
-use crate::plan::{Plan, ReconstructPlan};
+use crate::plan::{Plan, PlannedOperation};
 use crate::rig::{Rig, Stop};
 use crate::session::{self, Disk, Journal, SeriesEnd, Session, SessionFile, Timing, is_vacant};
+use nacre_base::Version;
 use nacre_base::operation::Done;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, OutputFolder};
@@ -82,6 +83,7 @@ impl Capture<'_> {
         let plan = plan.with_bracket(metered.map_or_else(Vec::new, |m| m.bracket_ms));
         check_limits(&plan, out, &self.rig.devices.limits())?;
         let description = SessionFile {
+            version: Version,
             software: concat!("nacre ", env!("CARGO_PKG_VERSION")).into(),
             created: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs()),
             plan,
@@ -222,23 +224,22 @@ pub fn reconstruct_session(folder: &Path, progress: &dyn Progress) -> Result<(),
 /// Finishes the reconstruction that followed the frames, or makes it from the whole session; earlier results of the same
 /// session are replaced.
 fn results(
-    planned: &ReconstructPlan,
+    order: &PlannedOperation,
     running: Option<Running>,
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<(PathBuf, Done), Error> {
     let results = folder.join(RESULTS);
-    let options = planned.options()?;
-    if let Some(running) = running.filter(|_| planned.method.is("polarization")) {
-        let options = planned.polarization();
+    if let Some((running, options)) = running.zip(order.options_of::<nacre_polarimetry::Options>()) {
+        let options = options?;
         let out = OutputFolder::begin(&results, true)?;
         let report = running.finish(&out, &options, progress)?;
-        out.write_json("report.json", &report)?;
+        out.write_report(&report)?;
         progress.check()?;
         out.commit()?;
         return Ok((results, Done::new(&options, report)));
     }
-    let done = planned.method.operation().with(&options)?.perform(folder, &results, true, progress)?;
+    let done = order.ready()?.perform(folder, &results, true, progress)?;
     Ok((results, done))
 }
 

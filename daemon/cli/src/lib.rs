@@ -5,6 +5,7 @@ mod console;
 mod leaks;
 
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+use commands::derived::Whole;
 use console::Console;
 use nacre_base::{Error, input};
 use nacre_capture::Failure;
@@ -78,15 +79,15 @@ enum Command {
     /// From the shape of a surface to the light that it diffracts.
     #[command(subcommand)]
     Brdf(commands::brdf::Brdf),
-    /// Render a scene: measured and made-up surfaces under any light.
+    /// Render a scene: measured and invented surfaces under any light.
     Render(commands::render::Args),
-    /// Split a diffraction table into few products, for light from all around.
-    Factor(commands::factor::Args),
+    /// Factor a lookup table into separable terms for environment lighting.
+    Factor(Whole<nacre_render::environment::factor::Options>),
     /// Edit maps of orientation and period, and exchange them.
     #[command(subcommand)]
     Map(commands::map::MapCommand),
-    /// New maps of random dots, drawn from a measured foil.
-    Synthesize(commands::synthesize::Args),
+    /// Draw maps of new foil from a measured distribution of random dots.
+    Synthesize(Whole<nacre_lut::foil::SynthesizeOptions>),
     /// Measure where camera, sample, panel and light are.
     #[command(subcommand)]
     Calibrate(commands::calibrate::Calibrate),
@@ -191,9 +192,9 @@ pub fn main(commit: &str, target: &str) -> ExitCode {
         Command::Reconstruct(args) => commands::reconstruct::run(&args, &console),
         Command::Brdf(args) => commands::brdf::run(&args, &console),
         Command::Render(args) => commands::render::run(&args, &console),
-        Command::Factor(args) => commands::factor::run(&args, &console),
+        Command::Factor(args) => args.run(&console),
         Command::Map(args) => commands::map::run(&args, &console),
-        Command::Synthesize(args) => commands::synthesize::run(&args, &console),
+        Command::Synthesize(args) => args.run(&console),
         Command::Calibrate(args) => commands::calibrate::run(&args, &console),
         Command::Recommend(args) => commands::recommend::run(&args, &console),
         Command::Chart(args) => commands::chart::run(&args, &console),

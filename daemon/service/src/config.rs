@@ -4,8 +4,8 @@ use super::access::Address;
 use figment::Figment;
 use figment::error::Kind;
 use figment::providers::{Env, Serialized};
-use nacre_base::Error;
 use nacre_base::text::{from_toml, read_text};
+use nacre_base::{Error, Version};
 use nacre_capture::setup::BenchSection;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,6 +16,8 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
+    /// Version of the format.
+    pub version: Version<1>,
     /// Address to listen on. Other addresses than loopback need a token.
     pub listen: SocketAddr,
     /// Folder for sessions, results, catalogue and jobs.
@@ -83,6 +85,7 @@ pub struct LimitsSection {
 impl Default for Config {
     fn default() -> Self {
         Self {
+            version: Version,
             listen: SocketAddr::from(([127, 0, 0, 1], 8465)),
             data: data_folder(),
             hosts: vec![],

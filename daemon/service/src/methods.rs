@@ -16,9 +16,9 @@ use std::path::{Component, Path, PathBuf};
 pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
     let input = input_of(spec, data);
     if spec.session.is_some() {
-        match spec.method.operation().input() {
+        match spec.operation.operation().input() {
             Input::Files | Input::FilesOrNothing => {
-                let name = spec.method.name();
+                let name = spec.operation.name();
                 return Err(Problem::bad(format!("method {name} takes an upload, not a session")));
             }
             Input::Photographs if !input.join(FILE_NAME).exists() => {
@@ -29,7 +29,7 @@ pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
         }
     }
     if let Some(light) = &spec.light {
-        if !spec.method.is("lut") {
+        if !spec.operation.is("lut") {
             return Err(Problem::bad("light, the photograph of one, belongs to the method lut"));
         }
         if !data.join("uploads").join(&light.upload).is_dir() {
@@ -42,7 +42,7 @@ pub fn check(spec: &Spec, data: &Path) -> Answer<Work> {
 /// Input folder of a job; empty for a calibration without photographs, which continues an earlier one.
 fn input_of(spec: &Spec, data: &Path) -> PathBuf {
     match (&spec.session, &spec.upload) {
-        (Some(id), _) if spec.method.operation().input() == Input::Maps => {
+        (Some(id), _) if spec.operation.operation().input() == Input::Maps => {
             data.join("sessions").join(id).join("results")
         }
         (Some(id), _) => data.join("sessions").join(id),
@@ -53,8 +53,8 @@ fn input_of(spec: &Spec, data: &Path) -> PathBuf {
 
 /// The operation with its options, whose files are those that were sent with the input.
 fn ready(spec: &Spec, data: &Path) -> Result<Box<dyn Ready>, Error> {
-    let operation = spec.method.operation();
-    let mut options = spec.values()?;
+    let operation = spec.operation.operation();
+    let mut options = Value::Object(spec.options.clone());
     found(&operation.fields(), &mut options, &input_of(spec, data))?;
     if let Some(light) = &spec.light {
         options["light"] = light.photograph(&data.join("uploads"));

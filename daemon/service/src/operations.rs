@@ -7,6 +7,7 @@ use super::{App, At};
 use axum::Json;
 use axum::extract::State;
 use axum::response::Response;
+use nacre_base::operation::Registered;
 use nacre_capture::plan::{Method, names};
 use nacre_processing::operations::OPERATIONS;
 use nacre_store::jobs::{LightUpload, Spec};
@@ -45,14 +46,22 @@ pub struct Offered {
     /// JSON Schema of its options.
     #[schema(value_type = Object)]
     options: Value,
+    /// JSON Schema of the report of its results.
+    #[schema(value_type = Object)]
+    report: Value,
 }
 
 /// All operations, with the JSON Schema of their options.
 #[utoipa::path(get, path = "/api/v1/operations", tag = "operations", operation_id = "operations",
     responses((status = 200, body = Vec<Offered>)))]
 pub async fn list() -> Json<Vec<Offered>> {
-    let all = OPERATIONS.iter();
-    Json(all.map(|o| Offered { name: o.name(), title: o.title(), options: o.fields().schema().clone() }).collect())
+    let offered = |o: &&dyn Registered| Offered {
+        name: o.name(),
+        title: o.title(),
+        options: o.fields().schema().clone(),
+        report: report_of(*o),
+    };
+    Json(OPERATIONS.iter().map(offered).collect())
 }
 
 /// Runs an operation. The answer names a reconstruction, which is asked for its state and its results.
@@ -70,14 +79,22 @@ pub async fn run(
     let method = Method::of(&name).ok_or_else(unknown)?;
     let Order { session, upload, light, options } = body;
     super::reconstruction_request::check_input(method, [session.as_ref(), upload.as_ref()], light.as_ref())?;
-    let options = Some(Value::Object(options));
-    let spec = Spec { method, session, upload, light, options, ..Spec::default() };
+    let spec = Spec { id: String::new(), operation: method, options, session, upload, light };
     submit(&app, spec, key).await
+}
+
+/// JSON Schema of an operation's report, with its definitions.
+fn report_of(operation: &dyn Registered) -> Value {
+    let mut generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
+    let mut schema = operation.report_schema(&mut generator).to_value();
+    schema["$defs"] = generator.take_definitions(true).into();
+    schema
 }
 
 /// In an OpenAPI document, replaces the path of all operations by one for each, and adds the schemas of their options.
 pub fn describe(document: &mut Value) {
     let settings = SchemaSettings::draft2020_12().with(|s| s.definitions_path = "/components/schemas".into());
+    let mut reports = settings.clone().for_serialize().into_generator();
     let mut generator = settings.into_generator();
     let general = document["paths"].as_object_mut().and_then(|paths| paths.shift_remove(PATH)).unwrap_or_default();
     for operation in OPERATIONS {
@@ -89,6 +106,10 @@ pub fn describe(document: &mut Value) {
         if let Some(parameters) = post["parameters"].as_array_mut() {
             parameters.retain(|parameter| parameter["in"] != "path");
         }
+        let report = operation.report_schema(&mut reports);
+        let report =
+            report.get("$ref").and_then(Value::as_str).and_then(|name| name.rsplit('/').next()).unwrap_or_default();
+        post["responses"]["202"]["description"] = json!(format!("Its report will be a `{report}`"));
         // A named schema, since client generators ignore properties beside a reference.
         let named = options.get("$ref").and_then(Value::as_str).unwrap_or_default().replace("Options", "Order");
         let mut order = document["components"]["schemas"]["Order"].clone();
@@ -102,9 +123,9 @@ pub fn describe(document: &mut Value) {
         document["components"]["schemas"][named.trim_start_matches("#/components/schemas/")] = order;
         document["paths"][PATH.replace("{name}", operation.name())] = own;
     }
-    for (name, schema) in generator.take_definitions(true) {
+    for (name, schema) in generator.take_definitions(true).into_iter().chain(reports.take_definitions(true)) {
         let schemas = &mut document["components"]["schemas"];
-        debug_assert!(schemas[&name].is_null(), "two schemas are called {name}");
+        debug_assert!(schemas[&name].is_null() || schemas[&name] == schema, "two schemas are called {name}");
         schemas[name] = schema;
     }
 }

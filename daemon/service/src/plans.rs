@@ -17,7 +17,7 @@ use utoipa::ToSchema;
 #[serde(deny_unknown_fields)]
 #[schema(example = json!({ "plan": {
     "kind": "polarization", "name": "first look", "camera": { "exposure_ms": 5 },
-    "analyser": { "angles_deg": [0, 60, 120] }, "reconstruct": { "method": "polarization" }
+    "analyser": { "angles_deg": [0, 60, 120] }, "reconstruct": { "operation": "polarization" }
 } }))]
 pub struct PlanBody {
     /// The plan; its JSON Schema is at `/api/v1/plans/schema`.

@@ -5,12 +5,13 @@ use nacre_base::operation::Input;
 use nacre_capture::plan::Method;
 use nacre_image::Palette;
 use nacre_polarimetry::{Align, Demosaic, Oblique, PeriodMethod, Smoothing};
-use nacre_store::jobs::{LightUpload, Spec};
-use serde::Deserialize;
+use nacre_store::jobs::{LightUpload, Spec, polarization_options};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 use utoipa::ToSchema;
 
 /// What to reconstruct.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
     /// A session.
@@ -22,9 +23,10 @@ pub struct Request {
     /// Name of an operation (default: polarization); `/api/v1/operations` lists them.
     #[schema(value_type = Option<String>, example = "polarization")]
     pub method: Option<Method>,
-    /// Options of methods other than polarization, which has its own below. `/api/v1/operations` has their schemas.
+    /// Options of the operation; those that are left out have their defaults. `/api/v1/operations` has their schemas. What follows are options of
+    /// polarization, which may also stand here.
     #[schema(value_type = Option<Object>)]
-    options: Option<serde_json::Value>,
+    options: Option<Map<String, Value>>,
     /// `plain` (Stokes, angle and degree of linear polarization), or a model of gratings: `auto`, `sinusoid`, `prenormalized`, `circle` or
     /// `curve`. Default: `auto` for sessions, `plain` for uploads.
     model: Option<String>,
@@ -67,30 +69,37 @@ impl Request {
     /// # Errors
     /// `bad-request` where it names no input, two of them, or something that is no id.
     pub fn spec(self) -> Answer<Spec> {
-        let method = self.method.unwrap_or_default();
-        check_input(method, [self.session.as_ref(), self.upload.as_ref()], self.light.as_ref())?;
-        if method.is("polarization") && self.options.is_some() {
-            return Err(Problem::bad("options do not belong to the method polarization here, which has its own"));
-        }
+        let (given, operation) = (self.beside(), self.method.unwrap_or_default());
+        check_input(operation, [self.session.as_ref(), self.upload.as_ref()], self.light.as_ref())?;
+        let first = given.keys().next().cloned();
+        let options = match (self.options, first) {
+            (None, Some(_)) if operation.is("polarization") => polarization_options(given).map_err(Problem::bad)?,
+            (options, None) => options.unwrap_or_default(),
+            (_, Some(key)) => {
+                let problem = format!("{key} stands beside method for polarization only, and not with options");
+                return Err(Problem::bad(problem).remedy(format!("give it as options.{key}")));
+            }
+        };
         Ok(Spec {
             id: String::new(),
-            method,
+            operation,
+            options,
             session: self.session,
             upload: self.upload,
             light: self.light,
-            options: self.options,
-            model: self.model.unwrap_or_default(),
-            oblique: self.oblique.unwrap_or_default(),
-            align: self.align,
-            demosaic: self.demosaic.unwrap_or_default(),
-            offset_deg: self.offset_deg.unwrap_or(0.0),
-            smooth: self.smooth.unwrap_or_default(),
-            smooth_maps: self.smooth_maps.unwrap_or(false),
-            smoothed_exr: self.smoothed_exr.unwrap_or(false),
-            period: self.period,
-            palette: self.palette.unwrap_or_default(),
-            no_scale_bar: self.no_scale_bar.unwrap_or(false),
         })
+    }
+
+    /// Options of polarization that stand beside the method.
+    fn beside(&self) -> Map<String, Value> {
+        let mut all = match serde_json::to_value(self) {
+            Ok(Value::Object(all)) => all,
+            _ => Map::new(),
+        };
+        all.retain(|key, value| {
+            !value.is_null() && !["session", "upload", "light", "method", "options"].contains(&key.as_str())
+        });
+        all
     }
 }
 

@@ -43,9 +43,9 @@ pub struct Reconstruction {
     light: Option<LightUpload>,
     #[schema(value_type = String)]
     method: Method,
-    /// Its options, for methods other than polarization.
-    #[schema(value_type = Option<Object>)]
-    options: Option<serde_json::Value>,
+    /// Its options; those that are left out have their defaults.
+    #[schema(value_type = Object)]
+    options: serde_json::Map<String, serde_json::Value>,
     /// `queued`, `running`, `done`, `failed`, `cancelled` or `set_aside`.
     #[schema(value_type = String)]
     state: JobState,
@@ -132,7 +132,7 @@ impl App {
             (Some(id), _) => self.session_folder(id),
             (None, Some(id)) => Ok(self.upload_folder(id)?),
             // What is calibrated without photographs has its results alone.
-            _ if spec.method.operation().input() == Input::FilesOrNothing => Ok(self.result_folder(&spec.id)),
+            _ if spec.operation.operation().input() == Input::FilesOrNothing => Ok(self.result_folder(&spec.id)),
             _ => Err(Problem::not_found("input")),
         }
     }
@@ -146,7 +146,7 @@ impl App {
             session: job.session,
             upload: job.upload,
             light: job.spec.light,
-            method: job.spec.method,
+            method: job.spec.operation,
             options: job.spec.options,
             state: job.state,
             attempts: job.attempts,
@@ -172,13 +172,14 @@ impl App {
         let folder = self.session_folder(id)?;
         let Ok(bytes) = files::report(&folder.join("results")) else { return Ok(None) };
         let session = nacre_capture::session::SessionFile::read(&folder).ok();
+        let order = session.as_ref().and_then(|f| f.plan.reconstruct.clone()).unwrap_or_default();
         Ok(Some(Reconstruction {
             id: id.to_owned(),
             session: Some(id.to_owned()),
             upload: None,
             light: None,
-            method: session.as_ref().and_then(|f| f.plan.reconstruct.as_ref()).map(|r| r.method).unwrap_or_default(),
-            options: None,
+            method: order.operation,
+            options: order.options,
             state: JobState::Done,
             attempts: 1,
             progress: 1.0,

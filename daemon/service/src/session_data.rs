@@ -140,7 +140,8 @@ pub async fn live(State(app): State<Arc<App>>, At(id): At<String>, Params(query)
         "dolp" => &glance.dolp,
         _ => return Err(Problem::bad(format!("map is {name:?}; give orientation, sigma or dolp"))),
     };
-    let palette = run.plan.reconstruct.as_ref().map(|r| r.palette).unwrap_or_default();
+    let options = run.plan.reconstruct.as_ref().and_then(|r| r.options_of::<nacre_polarimetry::Options>());
+    let palette = options.and_then(Result::ok).map(|o| o.palette).unwrap_or_default();
     let view = maps::View { width: super::picture_width(query.width, 512)?, region: None, palette };
     let body = png(maps::picture(&name, plane, glance.width, &view, &encode_png8).map_err(std::io::Error::other));
     Ok(([maps::range_header(&name, plane), maps::palette_header(palette)], body?).into_response())

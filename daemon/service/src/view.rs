@@ -5,6 +5,7 @@ use super::{App, At, Params, files, maps};
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use nacre_base::Version;
 use nacre_base::progress::Silent;
 use nacre_brdf::Reflectance;
 use nacre_brdf::height::Profile;
@@ -188,6 +189,7 @@ fn scene(folder: &Path, look: &Look) -> Answer<Scene> {
         material: "sample".into(),
     };
     Ok(Scene {
+        version: Version,
         camera,
         shape: vec![shape],
         light: vec![light],

@@ -1,6 +1,11 @@
 //! Options of an operation as its JSON Schema describes them, for command lines and forms.
 
+#[cfg(test)]
+mod tests;
+mod text;
+
 use serde_json::{Map, Value};
+use text::{read, words};
 
 /// Schema key: other names of the flag, a list of strings.
 pub const ALIASES: &str = "x-aliases";
@@ -21,6 +26,27 @@ pub const ADVANCED: &str = "x-advanced";
 /// Schema key of a variant with a value: the value if only its name is given.
 pub const BARE: &str = "x-bare";
 
+/// Schema key of a variant with a value: true for the one that a value without a name means.
+pub const NAMELESS: &str = "x-nameless";
+
+/// Schema key: the flag, where it is not the name of the key.
+pub const FLAG: &str = "x-flag";
+
+/// Schema key of a structure: true if flags of its options do not begin with its name.
+pub const INLINE: &str = "x-inline";
+
+/// Schema key of variants with values: true if each has flags of its own, such as `--psf-sigma` for `{"psf": {"sigma": 2}}`.
+pub const EXPAND: &str = "x-expand";
+
+/// Schema key of a structure: true if its values are given as a list, in the order of its keys.
+pub const LIST: &str = "x-list";
+
+/// Schema key of a list: true if values left out at its end are those of the default.
+pub const SHORT: &str = "x-short";
+
+/// Schema key: the variant that a CSV file means, whose rows are numbers.
+pub const TABLE: &str = "x-table";
+
 /// Schema key (of JSON Schema) for words beside file names, such as the built-in illuminants.
 pub const EXAMPLE_WORDS: &str = "examples";
 
@@ -39,6 +65,10 @@ pub struct Field {
     pub schema: Map<String, Value>,
     /// Whether it must be given.
     pub required: bool,
+    /// Leading keys that are no part of its name.
+    unnamed: usize,
+    /// Of an option of one variant among several: the number of leading keys up to the variant's name.
+    pub variant: Option<usize>,
 }
 
 /// All options of an operation.
@@ -54,7 +84,7 @@ impl Fields {
     pub fn of(root: Value) -> Self {
         let mut list = vec![];
         if let Some(schema) = root.as_object() {
-            collect(&root, schema, &[], &mut list);
+            collect(&root, schema, &Place::default(), &mut list);
         }
         Self { root, list }
     }
@@ -70,27 +100,62 @@ impl Fields {
     }
 }
 
-/// Options of a structure; those of structures in it that are no file follow in its place.
-fn collect(root: &Value, structure: &Map<String, Value>, path: &[String], list: &mut Vec<Field>) {
-    let required = structure.get("required").and_then(Value::as_array);
-    for (key, property) in structure.get("properties").and_then(Value::as_object).into_iter().flatten() {
-        let path: Vec<String> = path.iter().chain([key]).cloned().collect();
-        let schema = resolved(root, property);
-        if schema.contains_key("properties") && !is_file(&schema) {
-            let first = list.len();
-            collect(root, &schema, &path, list);
-            if let Some(advanced) = schema.get(ADVANCED) {
-                list[first..].iter_mut().for_each(|f| drop(f.schema.insert(ADVANCED.into(), advanced.clone())));
-            }
-            continue;
-        }
-        let needed = required.is_some_and(|all| all.iter().any(|name| name == key)) && path.len() == 1;
-        list.push(Field { path, schema, required: needed });
+/// Place of a structure among the options.
+#[derive(Clone, Default)]
+struct Place {
+    path: Vec<String>,
+    unnamed: usize,
+    variant: Option<usize>,
+    advanced: bool,
+}
+
+impl Place {
+    fn then(&self, key: &str) -> Self {
+        let path = self.path.iter().map(String::as_str).chain([key]).map(str::to_owned).collect();
+        Self { path, ..self.clone() }
     }
 }
 
-fn is_file(schema: &Map<String, Value>) -> bool {
-    schema.get(FILE) == Some(&Value::Bool(true))
+/// Options of a structure; those of structures and variants in it that are no file follow in its place.
+fn collect(root: &Value, structure: &Map<String, Value>, at: &Place, list: &mut Vec<Field>) {
+    let required = structure.get("required").and_then(Value::as_array);
+    for (key, property) in structure.get("properties").and_then(Value::as_object).into_iter().flatten() {
+        let needed = at.path.is_empty() && required.is_some_and(|all| all.iter().any(|name| name == key));
+        option(root, resolved(root, property), at.then(key), needed, list);
+    }
+}
+
+/// One option, or those that it holds.
+fn option(root: &Value, mut schema: Map<String, Value>, mut at: Place, required: bool, list: &mut Vec<Field>) {
+    at.advanced |= is_set(&schema, ADVANCED);
+    if is_set(&schema, INLINE) {
+        at.unnamed = at.path.len();
+    }
+    if schema.contains_key("properties") && !is_set(&schema, FILE) && !is_set(&schema, LIST) {
+        return collect(root, &schema, &at, list);
+    }
+    if let (true, Some(Value::Array(all))) = (is_set(&schema, EXPAND), schema.get("oneOf")) {
+        at.variant = Some(at.path.len());
+        for one in all.iter().filter_map(Value::as_object) {
+            let Some((key, inner)) = one.get("properties").and_then(Value::as_object).and_then(|all| all.iter().next())
+            else {
+                continue;
+            };
+            let mut own = one.clone();
+            ["type", "properties", "required", "additionalProperties"].iter().for_each(|key| drop(own.remove(*key)));
+            merge(&mut own, resolved(root, inner));
+            option(root, own, at.then(key), false, list);
+        }
+        return;
+    }
+    if at.advanced {
+        schema.insert(ADVANCED.into(), true.into());
+    }
+    list.push(Field { path: at.path, schema, required, unnamed: at.unnamed, variant: at.variant });
+}
+
+fn is_set(schema: &Map<String, Value>, key: &str) -> bool {
+    schema.get(key) == Some(&Value::Bool(true))
 }
 
 /// A schema with its references replaced, and without `null`. What stands beside a reference wins.
@@ -133,14 +198,32 @@ impl Field {
 
     /// Whether it names a file.
     pub fn is_file(&self) -> bool {
-        is_file(&self.schema)
+        is_set(&self.schema, FILE)
     }
 
-    /// Name with dashes, as a command line and a form call it: `light-scale` for `scale` in `light`, and `light` for `path` in it.
+    /// Name with dashes, as a command line and a form call it: `light-scale` for `scale` in `light`, `light` for `path` in it, and
+    /// `no-accelerate` for a switch that is on by default.
     pub fn name(&self) -> String {
-        let last = self.path.len() - 1;
-        let keys = self.path.iter().enumerate().filter(|(k, key)| *k == 0 || *k < last || *key != "path");
-        keys.map(|(_, key)| key.replace('_', "-")).collect::<Vec<_>>().join("-")
+        if let Some(stated) = self.text(FLAG) {
+            return stated.into();
+        }
+        let keys = &self.path[self.unnamed..];
+        let last = keys.len() - 1;
+        let keys = keys.iter().enumerate().filter(|(k, key)| *k == 0 || *k < last || *key != "path");
+        let name = keys.map(|(_, key)| key.replace('_', "-")).collect::<Vec<_>>().join("-");
+        if self.is_on() { format!("no-{name}") } else { name }
+    }
+
+    /// Whether it is a switch that is on by default.
+    pub fn is_on(&self) -> bool {
+        self.is_flag() && self.default() == Some(&Value::Bool(true))
+    }
+
+    /// Whether it and another option belong to variants of which one can be given.
+    pub fn excludes(&self, other: &Self) -> bool {
+        self.variant.is_some_and(|at| {
+            other.variant == Some(at) && self.path[..at] == other.path[..at] && self.path[at] != other.path[at]
+        })
     }
 
     /// Other names of it.
@@ -156,7 +239,7 @@ impl Field {
 
     /// Whether few need it.
     pub fn is_advanced(&self) -> bool {
-        self.schema.get(ADVANCED) == Some(&Value::Bool(true))
+        is_set(&self.schema, ADVANCED)
     }
 
     /// Whether it is yes or no.
@@ -183,7 +266,7 @@ impl Field {
             return stated.into();
         }
         if let Some(words) = self.words() {
-            return words.join("|");
+            return words.join("|").replace('_', "-");
         }
         let unit = self.path.last().and_then(|key| key.rsplit_once('_')).map(|(_, unit)| unit);
         match (self.is_file(), unit, self.text("type")) {
@@ -230,7 +313,7 @@ impl Field {
     /// The name of a file among options: its value, or that of a variant that names a file.
     pub fn file<'a>(&self, options: &'a mut Value) -> Option<&'a mut Value> {
         let variants = self.schema.get("oneOf").and_then(Value::as_array);
-        let variants = variants.into_iter().flatten().filter_map(Value::as_object).filter(|one| is_file(one));
+        let variants = variants.into_iter().flatten().filter_map(Value::as_object).filter(|one| is_set(one, FILE));
         let keys: Vec<&String> = variants.filter_map(|one| one.get("properties")?.as_object()?.keys().next()).collect();
         let value = self.path.iter().try_fold(options, |at, key| at.get_mut(key))?;
         if self.is_file() {
@@ -249,167 +332,5 @@ impl Field {
     /// Its value among options, if it is given.
     pub fn get<'a>(&self, options: &'a Value) -> Option<&'a Value> {
         self.path.iter().try_fold(options, |at, key| at.get(key))
-    }
-}
-
-/// Words of a schema of nothing but words.
-fn words(schema: &Map<String, Value>) -> Option<Vec<String>> {
-    if let Some(word) = schema.get("const") {
-        return Some(vec![word.as_str()?.to_owned()]);
-    }
-    if let Some(Value::Array(all)) = schema.get("enum") {
-        return all.iter().map(|word| word.as_str().map(str::to_owned)).collect();
-    }
-    let Some(Value::Array(all)) = schema.get("oneOf") else { return None };
-    let each = all.iter().map(|one| words(one.as_object()?));
-    Some(each.collect::<Option<Vec<_>>>()?.concat())
-}
-
-/// Value of a schema that a text means.
-fn read(schema: &Map<String, Value>, text: &str) -> Option<Value> {
-    if let Some(words) = words(schema) {
-        let same = |word: &&String| word.replace('_', "-") == text.replace('_', "-");
-        return words.iter().find(same).map(|word| Value::from(word.as_str()));
-    }
-    for key in ["oneOf", "anyOf"] {
-        if let Some(Value::Array(all)) = schema.get(key) {
-            return all.iter().filter_map(Value::as_object).find_map(|one| read(one, text));
-        }
-    }
-    match schema.get("type").and_then(Value::as_str)? {
-        "string" => Some(text.into()),
-        "boolean" => text.parse::<bool>().ok().map(Value::from),
-        "integer" => text.parse::<i64>().ok().map(Value::from),
-        "number" => text.parse::<f64>().ok().filter(|v| v.is_finite()).map(Value::from),
-        "array" => {
-            let parts: Vec<&str> = text.split([',', ':', ';', 'x', '×']).map(str::trim).collect();
-            let mut parts = parts.into_iter();
-            let list = filled(schema, &mut parts)?;
-            parts.next().is_none().then_some(list)
-        }
-        "object" => named(schema, text),
-        _ => None,
-    }
-}
-
-/// A list, and lists in it, from the next parts.
-fn filled<'a>(schema: &Map<String, Value>, parts: &mut impl Iterator<Item = &'a str>) -> Option<Value> {
-    if schema.get("type").and_then(Value::as_str) != Some("array") {
-        return read(schema, parts.next()?);
-    }
-    let count = |key: &str| schema.get(key).and_then(Value::as_u64);
-    let count = count("minItems").filter(|n| count("maxItems") == Some(*n))?;
-    let each = schema.get("items")?.as_object()?;
-    (0..count).map(|_| filled(each, parts)).collect::<Option<Vec<_>>>().map(Value::from)
-}
-
-/// A variant with a value: `name=value`, or its name for the usual value.
-fn named(schema: &Map<String, Value>, text: &str) -> Option<Value> {
-    let (key, inner) = schema.get("properties")?.as_object()?.iter().next()?;
-    let (name, value) = text.split_once('=').map_or((text, None), |(name, value)| (name, Some(value)));
-    if name.replace('-', "_") != key.replace('-', "_") {
-        return None;
-    }
-    let value = match value {
-        Some(value) => read(inner.as_object()?, value)?,
-        None => schema.get(BARE)?.clone(),
-    };
-    Some(Value::Object(Map::from_iter([(key.clone(), value)])))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use schemars::JsonSchema;
-    use serde_json::json;
-
-    /// Ways of adding up.
-    #[derive(JsonSchema)]
-    #[schemars(rename_all = "snake_case")]
-    #[allow(dead_code)]
-    enum Way {
-        Auto,
-        #[schemars(extend("x-bare" = 0.5))]
-        Single(f64),
-    }
-
-    #[derive(JsonSchema)]
-    #[schemars(rename_all = "snake_case")]
-    #[allow(dead_code)]
-    enum Word {
-        One,
-        TwoWords,
-    }
-
-    #[derive(JsonSchema)]
-    #[allow(dead_code)]
-    struct Light {
-        #[schemars(extend("x-file" = true))]
-        path: String,
-        scale: Option<f64>,
-    }
-
-    /// Options of a test.
-    #[derive(JsonSchema)]
-    #[schemars(extend("x-examples" = "nacre test"))]
-    #[allow(dead_code)]
-    struct Options {
-        /// Wavelength.
-        #[schemars(extend("x-aliases" = ["wavelength"]))]
-        wavelength_nm: Option<f64>,
-        #[schemars(extend("x-unset" = "auto"))]
-        center: Option<[f64; 2]>,
-        corners: [[f64; 2]; 4],
-        way: Way,
-        word: Word,
-        deep: bool,
-        light: Option<Light>,
-    }
-
-    fn fields() -> Fields {
-        Fields::of(schemars::schema_for!(Options).to_value())
-    }
-
-    fn value(name: &str, text: &str) -> Result<Value, String> {
-        fields().list.iter().find(|f| f.name() == name).unwrap().value(text)
-    }
-
-    #[test]
-    fn names_follow_from_keys() {
-        let names: Vec<String> = fields().list.iter().map(Field::name).collect();
-        assert_eq!(names, ["wavelength-nm", "center", "corners", "way", "word", "deep", "light", "light-scale"]);
-        assert_eq!(fields().text(EXAMPLES), "nacre test");
-        let all = fields();
-        let nm = all.list.iter().find(|f| f.name() == "wavelength-nm").unwrap();
-        assert_eq!((nm.placeholder().as_str(), nm.aliases()), ("NM", vec!["wavelength".to_owned()]));
-    }
-
-    #[test]
-    fn texts_become_values_of_the_schema() {
-        assert_eq!(value("wavelength-nm", "680").unwrap(), json!(680.0));
-        assert_eq!(value("center", "auto").unwrap(), Value::Null);
-        assert_eq!(value("center", "1.5,2").unwrap(), json!([1.5, 2.0]));
-        assert_eq!(value("center", "3x4").unwrap(), json!([3.0, 4.0]));
-        assert_eq!(value("corners", "0,0,1,0,1,1,0,1").unwrap()[2], json!([1.0, 1.0]));
-        assert_eq!(value("way", "auto").unwrap(), json!("auto"));
-        assert_eq!(value("way", "single").unwrap(), json!({ "single": 0.5 }));
-        assert_eq!(value("way", "single=0.25").unwrap(), json!({ "single": 0.25 }));
-        assert_eq!(value("word", "two-words").unwrap(), json!("two_words"));
-        for (name, text) in
-            [("center", "1"), ("center", "1,2,3"), ("wavelength-nm", "NaN"), ("way", "triple=1"), ("word", "three")]
-        {
-            assert!(value(name, text).is_err(), "{name} {text}");
-        }
-        assert!(value("word", "three").unwrap_err().contains("one|two_words"));
-    }
-
-    #[test]
-    fn values_are_put_where_they_belong() {
-        let mut options = json!({});
-        for field in fields().list.iter().filter(|f| f.path[0] == "light") {
-            field.put(&mut options, json!(field.name()));
-            assert_eq!(field.get(&options).unwrap(), &json!(field.name()));
-        }
-        assert_eq!(options, json!({ "light": { "path": "light", "scale": "light-scale" } }));
     }
 }

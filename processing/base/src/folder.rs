@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::temporary::{TemporaryFolder, sweep};
-use crate::{Error, Result, writable};
+use crate::{Error, Result, Version, writable};
 
 /// Results are collected in a hidden folder beside (or, on another file system, inside) the final one and put in
 /// place by [`OutputFolder::commit`]. Dropped without commit, nothing stays behind; what a killed process left is removed by the
@@ -105,6 +105,20 @@ impl OutputFolder {
     /// `Error::Output` when the system refuses.
     pub fn write_json(&self, name: &str, data: &impl Serialize) -> Result<()> {
         self.write(name, crate::json(data).as_bytes())
+    }
+
+    /// Writes a report as `report.json`, with the version of its format.
+    ///
+    /// # Errors
+    /// `Error::Output` when the system refuses.
+    pub fn write_report(&self, report: &impl Serialize) -> Result<()> {
+        #[derive(Serialize)]
+        struct Versioned<'a, R> {
+            version: Version<1>,
+            #[serde(flatten)]
+            report: &'a R,
+        }
+        self.write_json("report.json", &Versioned { version: Version, report })
     }
 
     /// Waits until the file `name`, which is complete, is on the disk. [`OutputFolder::commit`] does so for all files; this spares

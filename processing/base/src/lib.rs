@@ -19,8 +19,10 @@ pub mod temporary;
 pub mod text;
 pub mod vector_atan;
 pub mod vectors;
+mod version;
 mod whole;
 
 pub use error::{Error, Result};
 pub use folder::{OutputFolder, sweep_unfinished};
+pub use version::Version;
 pub use whole::{json, rewrite, vacant, writable, write_whole, write_whole_with};

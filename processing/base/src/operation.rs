@@ -39,7 +39,15 @@ pub trait Operation: Serialize + DeserializeOwned + JsonSchema + Send + Sync + '
     const INPUT: Input = Input::Photographs;
 
     /// Report of the results, which is written as `report.json`.
-    type Report: Serialize + Summary + Send + 'static;
+    type Report: Serialize + Summary + JsonSchema + Send + 'static;
+
+    /// Refuses options that no input fits.
+    ///
+    /// # Errors
+    /// `Input`, which names the option.
+    fn check_options(&self) -> Result<()> {
+        Ok(())
+    }
 
     /// Refuses options and input that cannot be used; says time, memory and disk otherwise.
     ///
@@ -83,7 +91,7 @@ pub fn perform<O: Operation>(
     progress.expect(&operation.check(input)?)?;
     let folder = OutputFolder::begin(out, overwrite)?;
     let report = operation.run(input, &folder, progress)?;
-    folder.write_json("report.json", &report)?;
+    folder.write_report(&report)?;
     progress.check()?;
     folder.commit()?;
     Ok(report)
@@ -106,6 +114,9 @@ pub trait Registered: Sync {
     /// JSON Schema of the options. Definitions of other types stay with the generator.
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema;
 
+    /// JSON Schema of the report. Definitions of other types stay with the generator.
+    fn report_schema(&self, generator: &mut SchemaGenerator) -> Schema;
+
     /// All options, with those of nested structures.
     fn fields(&self) -> Fields;
 
@@ -118,6 +129,12 @@ pub trait Registered: Sync {
 
 /// An operation with its options.
 pub trait Ready: Send {
+    /// [`Operation::check_options`].
+    ///
+    /// # Errors
+    /// As there.
+    fn check_options(&self) -> Result<()>;
+
     /// [`Operation::check`].
     ///
     /// # Errors
@@ -181,23 +198,43 @@ impl<O: Operation> Registered for Entry<O> {
         generator.subschema_for::<O>()
     }
 
+    fn report_schema(&self, generator: &mut SchemaGenerator) -> Schema {
+        generator.subschema_for::<O::Report>()
+    }
+
     fn fields(&self) -> Fields {
         Fields::of(SchemaGenerator::default().into_root_schema_for::<O>().to_value())
     }
 
     fn with(&self, options: &Value) -> Result<Box<dyn Ready>> {
-        let none = Value::Object(Map::new());
-        let options = if options.is_null() { &none } else { options };
-        let read: O = serde_path_to_error::deserialize(options).map_err(|error| {
-            let key = error.path().to_string();
-            let key = if key == "." { "options".to_owned() } else { key };
-            Error::input(key, error.into_inner(), format!("correct it; {SCHEMA}"))
-        })?;
-        Ok(Box::new(read))
+        read::<O>(options).map(|read| Box::new(read) as Box<dyn Ready>)
     }
 }
 
+/// Reads the options of an operation; those that are left out have their defaults.
+///
+/// # Errors
+/// `Input`, which names the key.
+pub fn read<O: Operation>(options: &Value) -> Result<O> {
+    let none = Value::Object(Map::new());
+    let options = if options.is_null() { &none } else { options };
+    serde_path_to_error::deserialize(options).map_err(|error| {
+        let key = error.path().to_string();
+        let problem = error.into_inner().to_string();
+        if let Some(name) = problem.strip_prefix("missing field `").and_then(|rest| rest.split('`').next()) {
+            let key = if key == "." { name.to_owned() } else { format!("{key}.{name}") };
+            return Error::input(key, "is missing", format!("give it; {SCHEMA}"));
+        }
+        let key = if key == "." { "options".to_owned() } else { key };
+        Error::input(key, problem, format!("correct it; {SCHEMA}"))
+    })
+}
+
 impl<O: Operation> Ready for O {
+    fn check_options(&self) -> Result<()> {
+        Operation::check_options(self)
+    }
+
     fn check(&self, input: &Path) -> Result<Work> {
         Operation::check(self, input)
     }

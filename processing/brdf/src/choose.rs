@@ -13,6 +13,7 @@ use super::settings::{FAINTEST, Method, Settings};
 use super::transform::Real;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Parts of the wanted error: an expansion's truncation and its rounding, window, wavelengths.
@@ -36,7 +37,7 @@ const EXPONENTIAL_NS: f64 = 15.0;
 const ASKED: &str = "asked for";
 
 /// What was chosen, and why.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Choice {
     /// The method.
     pub method: Method,

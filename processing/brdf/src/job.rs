@@ -33,17 +33,18 @@ pub struct MapOptions {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-advanced" = true))]
     pub fill_gaps: Option<f64>,
-    /// Take the plane that fits best away.
+    /// Subtract the best-fitting plane, for samples that lay askew.
     pub level: bool,
     /// Pixels of a row and of a column of the map.
     pub size: usize,
-    /// How much of all directions it shows: 1 for all.
+    /// Magnification: 4 shows a square of a quarter of the sines, to look at single orders.
     #[schemars(extend("x-advanced" = true))]
     pub zoom: f64,
-    /// Its middle, as the sines `sin θ (cos φ, sin φ)`.
-    #[schemars(extend("x-advanced" = true))]
+    /// Middle of the map as sines, sin θ (cos φ, sin φ).
+    #[schemars(extend("x-advanced" = true, "x-placeholder" = "X,Y"))]
     pub center: [f64; 2],
     /// Light, material, accuracy.
+    #[schemars(extend("x-inline" = true))]
     pub settings: Settings,
 }
 
@@ -64,7 +65,8 @@ impl Default for MapOptions {
 }
 
 /// What a map's report adds.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(rename = "BrdfMapReport")]
 pub struct MapReport {
     /// Pixels of a row and of a column.
     pub width: usize,
@@ -105,31 +107,52 @@ impl Operation for MapOptions {
 
     /// Makes a map of the height field that `input` is, or is the only one in: `brdf.exr` and `brdf.png`.
     fn run(&self, input: &Path, out: &OutputFolder, progress: &dyn Progress) -> Result<Report<MapReport>> {
-        let begun = Instant::now();
         let path = file(input)?;
+        let (map, report) = self.map(&path, progress)?;
+        write_map(&out.path("brdf.exr"), &map, &self.settings)?;
+        write_picture(&out.path("brdf.png"), &map)?;
+        Ok(Report {
+            input: path.file_name().map(PathBuf::from).unwrap_or_default(),
+            files: ["brdf.exr", "brdf.png"].map(PathBuf::from).into(),
+            ..report
+        })
+    }
+
+    fn missed(&self, report: &Report<MapReport>) -> Option<String> {
+        let (error, wanted) = (report.error_estimate, self.settings.max_error);
+        (error > wanted).then(|| format!("the error may be {error:.2e}, more than the {wanted} asked for"))
+    }
+}
+
+impl MapOptions {
+    /// The map of a height field, and its report without names of files.
+    ///
+    /// # Errors
+    /// `Input` for a file that is no height field, and options that cannot be used.
+    pub fn map(&self, height: &Path, progress: &dyn Progress) -> Result<(Map, Report<MapReport>)> {
+        let begun = Instant::now();
         progress.stage("reading", 1);
-        let field = read(&path, &self.scale())?;
+        let field = read(height, &self.scale())?;
         let field: HeightField = if self.level { field.levelled() } else { field };
         let settings = &self.settings;
         let (_, window) = settings.check()?;
         let quality = Quality::of(&field, settings.coherence_um);
         progress.check()?;
         let map = map(&field, &quality, settings, self.views(), progress)?;
-        write_map(&out.path("brdf.exr"), &map, settings)?;
-        write_picture(&out.path("brdf.png"), &map)?;
         let (more, warnings) = about_map(&map, &quality, window);
-        Ok(Report {
+        let report = Report {
             product: "map",
             warnings,
-            input: path.file_name().map(PathBuf::from).unwrap_or_default(),
+            input: height.into(),
             quality,
             settings: settings.clone(),
             choice: map.choice.clone(),
             error_estimate: map.error_estimate,
             more,
             seconds: begun.elapsed().as_secs_f64(),
-            files: ["brdf.exr", "brdf.png"].map(PathBuf::from).into(),
-        })
+            files: vec![],
+        };
+        Ok((map, report))
     }
 }
 
@@ -170,7 +193,7 @@ fn file(input: &Path) -> Result<PathBuf> {
 }
 
 /// What a map's report adds, and what the reader must know: what its pixels cannot show, and what scalar theory adds.
-pub fn about_map(map: &Map, quality: &Quality, window: Window) -> (MapReport, Vec<String>) {
+fn about_map(map: &Map, quality: &Quality, window: Window) -> (MapReport, Vec<String>) {
     let about = MapReport { width: map.size, albedo: albedo(map), densities: map.densities };
     let needed = needed_size(window.sigma, map.views);
     let mut warnings = quality.warnings.clone();

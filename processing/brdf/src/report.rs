@@ -6,12 +6,14 @@ use super::settings::Settings;
 use nacre_base::Result;
 use nacre_base::operation::lines;
 use nacre_image::{json, write_whole};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 /// What was computed, how, and how good it is.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
+#[schemars(rename = "BrdfReport")]
 pub struct Report<T: Serialize> {
     /// The product.
     pub product: &'static str,

@@ -87,7 +87,8 @@ impl FromStr for Normalisation {
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "BrdfSettings")]
 pub struct Settings {
-    /// Angle of the light from the normal and its azimuth, in degrees.
+    /// Angle of the light from the normal, and its azimuth anticlockwise from the right, in degrees.
+    #[schemars(extend("x-aliases" = ["light"], "x-placeholder" = "THETA[,PHI]", "x-short" = true))]
     pub light_deg: [f64; 2],
     /// How the power density is computed.
     pub method: Method,
@@ -108,12 +109,13 @@ pub struct Settings {
     #[schemars(extend("x-advanced" = true))]
     pub normalisation: Normalisation,
     /// Reflectance of the smooth surface.
+    #[schemars(extend("x-aliases" = ["material"], "x-placeholder" = "perfect|schlick=R0|aluminium|silver|gold|copper|nickel|chromium|silicon"))]
     pub reflectance: Reflectance,
     /// Shadowing and masking of V grooves.
     #[schemars(extend("x-advanced" = true))]
     pub shadowing: bool,
     /// Spectrum of the light of a map: a name or a CSV file.
-    #[schemars(extend("x-file" = true, "examples" = NAMES))]
+    #[schemars(extend("x-file" = true, "examples" = NAMES, "x-placeholder" = "NAME|FILE.csv"))]
     pub illuminant: String,
     /// Observer of a map.
     #[schemars(extend("x-advanced" = true))]

@@ -22,7 +22,7 @@ pub use noise::{ASSUMED, BELOW_WHITE_SIGMA, FrameNoise, NoiseModel, NoiseSource}
 pub use sensor::{Mosaic, mosaic};
 pub use tags::{Tagged, exposures};
 
-use nacre_base::{Error, Result};
+use nacre_base::{Error, Result, Version};
 use nacre_image::{Depth, Samples};
 use nacre_optics::polarization::Material;
 use schemars::JsonSchema;
@@ -40,6 +40,9 @@ pub const SESSION_FILE: &str = "session.json";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameSet {
+    /// Version of the format.
+    #[serde(default)]
+    pub version: Version<1>,
     /// What was varied between the photographs.
     pub kind: Kind,
     /// The photographs, in the order they were taken.
@@ -221,6 +224,7 @@ impl FrameSet {
     /// Linear photographs of which nothing more is known.
     pub fn new(kind: Kind, frames: Vec<Frame>) -> Self {
         Self {
+            version: Version,
             kind,
             frames,
             transfer: Transfer::Linear,

@@ -15,7 +15,7 @@ pub struct NoiseModel {
 }
 
 /// Where a noise model comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseSource {
     /// `frames.json` states it.

@@ -8,6 +8,7 @@ use super::rays::{Fineness, Layout};
 use super::table::{Grid, INNER_PX, Method, Source, angle};
 use nacre_image::catmull_rom;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -37,7 +38,7 @@ const WEIGHT_NS: f64 = 4.7;
 const ENTRY_NS: f64 = 45.0;
 
 /// What was chosen, and why.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Choice {
     /// `rays`, `single` or `fixed`.
     pub method: &'static str,

@@ -12,6 +12,7 @@ use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_image::Convolution;
 use nacre_optics::color::{linear_srgb, xyz_of_linear_srgb};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Light counts that is so many standard deviations of the noise, and this part of the brightest, above the background.
@@ -35,7 +36,7 @@ pub struct Light {
 }
 
 /// What is known of a light.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct LightReport {
     /// Pixel of its photograph that was put where the zero order is: the middle of its light unless one was given.
     pub center: [f64; 2],

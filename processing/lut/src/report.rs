@@ -6,11 +6,13 @@ use super::settings::Wavelength;
 use nacre_base::operation::{Summary, lines};
 use nacre_frames::hdr;
 use nacre_optics::color::Observer;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
 /// Result of making a table, in words and numbers.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "LutReport")]
 pub struct Report {
     /// Always `lut`.
     pub method: &'static str,
@@ -65,7 +67,7 @@ pub struct Report {
 }
 
 /// How much of the table was measured: parts of its entries.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Coverage {
     /// Mean over all entries.
     pub mean: f64,
@@ -76,7 +78,7 @@ pub struct Coverage {
 }
 
 /// What took how long.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 pub struct Seconds {
     /// Reading, and merging exposures.
     pub read: f64,

@@ -178,6 +178,10 @@ impl Operation for Settings {
         "Lookup table of a diffraction pattern under any light, from one photograph in narrow-band light";
     type Report = Report;
 
+    fn check_options(&self) -> Result<()> {
+        self.check()
+    }
+
     fn check(&self, input: &Path) -> Result<Work> {
         check_input(input, self)
     }

@@ -1,14 +1,11 @@
 //! Period as a function of orientation.
 
-use nacre_base::text::read_text;
 use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
-use std::path::Path;
 
-/// Largest table that is read, in bytes, and most rows of it.
-const MAX_BYTES: u64 = 1 << 20;
+/// Most rows of a table.
 const MAX_ROWS: usize = 20_000;
 
 /// A curve.
@@ -25,51 +22,6 @@ pub enum Curve {
 }
 
 impl Curve {
-    /// `quadratic=MIN,MAX`, `sine-squared=MIN,MAX` or a CSV file of `orientation_deg,period_um`.
-    ///
-    /// # Errors
-    /// `Input` for anything else.
-    pub fn of(text: &str) -> Result<Self> {
-        let ends = |numbers: &str| -> Option<[f64; 2]> {
-            let (a, b) = numbers.split_once(',')?;
-            let all = [a, b].map(|t| t.trim().parse::<f64>().ok());
-            Some([all[0]?, all[1]?])
-        };
-        let wrong = || {
-            let remedy = "give quadratic=MIN,MAX or sine-squared=MIN,MAX in µm, or a CSV file";
-            Error::input("period curve", format!("is {text:?}"), remedy)
-        };
-        match text.split_once('=') {
-            Some(("quadratic", numbers)) => ends(numbers).map(Self::Quadratic).ok_or_else(wrong)?.checked(),
-            Some(("sine-squared", numbers)) => ends(numbers).map(Self::SineSquared).ok_or_else(wrong)?.checked(),
-            Some(_) if !Path::new(text).exists() => Err(wrong()),
-            _ => Self::read(Path::new(text)),
-        }
-    }
-
-    /// Reads rows of `orientation_deg,period_um`; one line of names may come first.
-    ///
-    /// # Errors
-    /// `Input` for what is none.
-    pub fn read(path: &Path) -> Result<Self> {
-        let remedy = "give rows \"orientation_deg,period_um\", orientations rising from 0 to 180";
-        let bad = |problem: String| Error::file(path, problem, remedy);
-        let text = read_text(path, MAX_BYTES, remedy)?;
-        let mut rows: Vec<[f64; 2]> = vec![];
-        for (k, line) in text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty()) {
-            let numbers: Vec<Option<f64>> = line.split(',').map(|v| v.trim().parse().ok()).collect();
-            match numbers.as_slice() {
-                [Some(deg), Some(um)] => rows.push([*deg, *um]),
-                [None, ..] if k == 0 => {}
-                _ => return Err(bad(format!("line {} is {line:.60}", k + 1))),
-            }
-            if rows.len() > MAX_ROWS {
-                return Err(bad(format!("has more than {MAX_ROWS} rows")));
-            }
-        }
-        Self::Table(rows).checked().map_err(|e| bad(e.to_string()))
-    }
-
     /// Itself, if it makes sense.
     ///
     /// # Errors

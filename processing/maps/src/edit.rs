@@ -13,10 +13,22 @@ use serde::{Deserialize, Serialize};
 /// Edit maps of orientation and period, in the order of these options.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-#[schemars(extend("x-input" = "A folder of maps (orientation.exr, period.exr), or one map"))]
+#[schemars(extend(
+    "x-input" = "Folder with orientation.exr, period.exr or both, or one of the files",
+    "x-examples" = "\
+Examples:
+  nacre map edit result --period quadratic=0.8,1.6 --out blend
+  nacre map edit result --period sine-squared=0.8,1.6 --out waves
+  nacre map edit result --rotate-deg 30 --tile 4x3 --layout mirror --out wrap
+  nacre map edit result --scale 1.05 --offset-um -0.02 --clamp-um 0.7:2 --out corrected
+
+Edits are done in the order of the options above. Writes orientation.exr, period.exr (those that there are), before-after.png and
+report.json."
+))]
 #[schemars(rename = "MapOptions")]
 pub struct Edits {
-    /// Rotation of image and orientations in degrees, anticlockwise.
+    /// Rotation of image and orientations in degrees, anticlockwise; multiples of 90 are exact.
+    #[schemars(extend("x-aliases" = ["rotate"]))]
     pub rotate_deg: Option<f64>,
     /// Factor of the number of pixels along each side.
     #[schemars(extend("x-advanced" = true))]
@@ -30,15 +42,18 @@ pub struct Edits {
     /// Arrangement of copies.
     pub layout: Layout,
     /// Rotation of orientations alone in degrees, anticlockwise.
+    #[schemars(extend("x-aliases" = ["orientation-offset"]))]
     pub orientation_offset_deg: Option<f64>,
-    /// Periods as a function of orientation; they replace those that are there.
+    /// Periods as a function of orientation, from the first at 0° to the second at 180° in µm, or rows of orientation_deg,period_um. They
+    /// replace those that are there.
+    #[schemars(extend("x-table" = "table", "x-placeholder" = "quadratic=MIN,MAX|sine-squared=MIN,MAX|FILE.csv"))]
     pub period: Option<Curve>,
     /// Factor of periods.
     pub scale: Option<f64>,
     /// Offset of periods in µm.
     pub offset_um: Option<f64>,
     /// Least and largest period in µm.
-    #[schemars(extend("x-advanced" = true, "x-placeholder" = "MIN:MAX"))]
+    #[schemars(extend("x-advanced" = true, "x-placeholder" = "MIN:MAX", "x-aliases" = ["clamp"]))]
     pub clamp_um: Option<[f64; 2]>,
     /// Colour map of angles in the picture: cyclic (even steps, also for colour-blind readers) or hsv.
     #[serde(skip_serializing)]

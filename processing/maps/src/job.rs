@@ -8,12 +8,13 @@ use nacre_base::operation::{Input, Operation, Summary, lines};
 use nacre_base::progress::Progress;
 use nacre_base::{OutputFolder, Result};
 use nacre_image::Palette;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
 /// What maps hold.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct About {
     /// Pixels per row.
     pub width: usize,
@@ -24,7 +25,7 @@ pub struct About {
 }
 
 /// What one map holds.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Held {
     /// Pixels that have a value.
     pub known_pixels: usize,
@@ -33,7 +34,8 @@ pub struct Held {
 }
 
 /// What was done.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "MapReport")]
 pub struct Report {
     /// `map`.
     pub method: &'static str,

@@ -20,19 +20,6 @@ pub enum Layout {
     Brick,
 }
 
-impl std::str::FromStr for Layout {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        match text {
-            "repeat" => Ok(Self::Repeat),
-            "mirror" => Ok(Self::Mirror),
-            "brick" => Ok(Self::Brick),
-            _ => Err(format!("{text:?} is none of repeat, mirror, brick")),
-        }
-    }
-}
-
 /// How close to a quarter turn is exactly one, in degrees.
 const QUARTER: f64 = 1e-9;
 

@@ -196,8 +196,7 @@ fn resampling_keeps_what_the_map_says() {
 #[test]
 fn periods_follow_curves_and_their_slopes() {
     let all = maps(64, 64);
-    for (text, at_90) in [("quadratic=0.8,1.6", 1.0), ("sine-squared=0.8,1.6", 1.2)] {
-        let curve = Curve::of(text).unwrap();
+    for (curve, at_90) in [(Curve::Quadratic([0.8, 1.6]), 1.0), (Curve::SineSquared([0.8, 1.6]), 1.2)] {
         assert!((curve.at(0.0).unwrap()[0] - 0.8).abs() < 1e-12);
         assert!((curve.at(std::f64::consts::FRAC_PI_2).unwrap()[0] - at_90).abs() < 1e-12);
         assert!((curve.at(std::f64::consts::PI).unwrap()[0] - 1.6).abs() < 1e-12);
@@ -213,21 +212,23 @@ fn periods_follow_curves_and_their_slopes() {
         assert!((f64::from(period.sigma[i]) - slope.abs() * f64::from(orientation.sigma[i])).abs() < 1e-9);
         assert!(period.attributes["made"].contains("not measured"));
     }
-    let dir = tempfile::tempdir().unwrap();
-    let file = dir.path().join("curve.csv");
-    std::fs::write(&file, "orientation_deg,period_um\n0,1\n90,2\n120,1.5\n").unwrap();
-    let table = Curve::of(file.to_str().unwrap()).unwrap();
+    let table = Curve::Table(vec![[0.0, 1.0], [90.0, 2.0], [120.0, 1.5]]);
     assert!((table.at(45.0_f64.to_radians()).unwrap()[0] - 1.5).abs() < 1e-12);
     assert_eq!(table.at(130.0_f64.to_radians()), None);
     let new = edit(&all, &Edits { period: Some(table), ..Edits::default() }).unwrap();
     let hidden = new.maps[&Kind::Orientation].known() - new.maps[&Kind::Period].known();
     assert!(hidden > 1000 && hidden < 1700, "{hidden}");
-    for text in ["0,1", "90,1\n0,2", "0,1\n1,nan", "0,1\n200,2", "a,b\nc,d", ""] {
-        std::fs::write(&file, text).unwrap();
-        assert!(Curve::of(file.to_str().unwrap()).is_err(), "{text}");
-    }
-    for text in ["quadratic=1", "quadratic=-1,2", "cubic=1,2", "nothing", "sine-squared=1,inf"] {
-        assert!(Curve::of(text).is_err(), "{text}");
+    let table = |rows: &[[f64; 2]]| Curve::Table(rows.to_vec());
+    for wrong in [
+        table(&[[0.0, 1.0]]),
+        table(&[[90.0, 1.0], [0.0, 2.0]]),
+        table(&[[0.0, 1.0], [1.0, f64::NAN]]),
+        table(&[[0.0, 1.0], [200.0, 2.0]]),
+        table(&[]),
+        Curve::Quadratic([-1.0, 2.0]),
+        Curve::SineSquared([1.0, f64::INFINITY]),
+    ] {
+        assert!(edit(&all, &Edits { period: Some(wrong.clone()), ..Edits::default() }).is_err(), "{wrong:?}");
     }
 }
 
@@ -251,7 +252,7 @@ fn edits_that_make_no_sense_are_refused() {
     let all = maps(5, 5);
     let mut period_only = all.clone();
     period_only.maps.remove(&Kind::Orientation);
-    let quadratic = Curve::of("quadratic=1,2").unwrap();
+    let quadratic = Curve::Quadratic([1.0, 2.0]);
     assert!(edit(&period_only, &Edits { period: Some(quadratic), ..Edits::default() }).is_err());
     for edits in [
         Edits::default(),
@@ -319,7 +320,7 @@ fn maps_of_one_sample_are_laid_over_each_other() {
 #[test]
 fn before_and_after_are_drawn() {
     let all = maps(300, 200);
-    let curve = Curve::of("sine-squared=0.8,1.6").unwrap();
+    let curve = Curve::SineSquared([0.8, 1.6]);
     let new = edit(&all, &Edits { rotate_deg: Some(30.0), period: Some(curve), ..Edits::default() }).unwrap();
     let canvas = before_and_after(&all, &new, nacre_image::Palette::Cyclic, true);
     assert!(canvas.width > 900 && canvas.height > 500);

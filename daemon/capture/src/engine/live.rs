@@ -9,7 +9,7 @@ use nacre_base::Result;
 use nacre_drivers::CameraInfo;
 use nacre_frames::{FILE_NAME, Frame, LoadedFrames, planned};
 use nacre_image::{Depth, Info};
-use nacre_periods::spots::Survey;
+use nacre_periods::spots::{self, Survey};
 use nacre_polarimetry::Running;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -49,7 +49,7 @@ impl Live<'_> {
             self.follow_fringes(arrivals);
             return None;
         }
-        let wanted = plan.reconstruct.as_ref().is_some_and(|r| r.method.is("polarization"));
+        let wanted = plan.reconstruct.as_ref().is_some_and(|r| r.operation.is("polarization"));
         let looked_at = plan.kind == PlanKind::Polarization && self.observer.wants_map();
         if !wanted && !looked_at && self.deciding.is_none() {
             arrivals.iter().for_each(drop);
@@ -171,7 +171,8 @@ impl Live<'_> {
 /// `Input` where bench and plan do not say what periods follow from.
 pub fn begin_survey(folder: &Path, description: &SessionFile, camera: &CameraInfo) -> Result<Survey> {
     let plan = &description.plan;
-    let settings = plan.reconstruct.as_ref().and_then(|r| r.spots.as_deref().cloned()).unwrap_or_default();
+    let settings =
+        plan.reconstruct.as_ref().and_then(|r| r.options_of::<spots::Settings>()).transpose()?.unwrap_or_default();
     let set = frame_set(description, camera, vec![]);
     let path = folder.join(FILE_NAME);
     let (folder, info) = (folder.to_path_buf(), info(plan, camera));

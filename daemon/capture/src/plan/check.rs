@@ -7,8 +7,7 @@ use crate::fields::fields;
 use nacre_base::Error;
 use nacre_base::text::{from_json, from_toml, read_text};
 use nacre_frames::Illumination;
-use nacre_image::Palette;
-use nacre_polarimetry::{MAX_BRACKET, Model, Oblique};
+use nacre_polarimetry::MAX_BRACKET;
 use std::path::Path;
 use std::time::Duration;
 
@@ -138,60 +137,30 @@ impl Plan {
         }
     }
 
-    /// A reconstruction must fit the kind, and know its options.
+    /// An operation must fit the kind, and know its options.
     fn check_reconstruct(&self) -> Result<(), String> {
-        let Some(planned) = &self.reconstruct else { return Ok(()) };
-        let (method, kind) = (super::word(planned.method), super::word(self.kind));
-        let fits = match planned.method.name() {
+        let Some(order) = &self.reconstruct else { return Ok(()) };
+        let (name, kind) = (order.operation.name(), super::word(self.kind));
+        let fits = match name {
             "polarization" => self.kind == PlanKind::Polarization,
             "spots" => self.spots.as_ref().is_some_and(|s| s.fringes.is_some()),
             "flash" => self.kind == PlanKind::Flash,
             "hdr" | "lut" | "bokeh" => matches!(self.kind, PlanKind::Exposures | PlanKind::Flash),
-            // The others take what is not captured, or need more than a plan says.
+            // The others take other input, or need more than a plan says.
             _ => false,
         };
         if !fits {
-            return Err(format!("reconstruct.method is {method}, but the plan's kind is {kind}; remove it"));
+            return Err(format!("reconstruct.operation is {name}, but the plan's kind is {kind}; remove it"));
         }
-        let merges = !planned.method.is("polarization");
-        let of_one = [
-            ("spots", planned.spots.is_some()),
-            ("lut", planned.lut.is_some()),
-            ("flash", planned.flash.is_some()),
-            ("bokeh", planned.bokeh.is_some()),
-        ];
-        if let Some((name, _)) = of_one.iter().find(|(owner, given)| *given && !planned.method.is(owner)) {
-            return Err(format!("reconstruct.{name} belongs to the method {name}, not to {method}; remove it"));
-        }
-        if let Some(settings) = &planned.spots {
-            settings.check().map_err(|e| format!("reconstruct.spots: {}", fields(&e.to_string())))?;
-        }
-        if merges && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
+        if name != "polarization" && self.analyser.as_ref().is_some_and(|a| a.most() > 1) {
             return Err(format!(
-                "reconstruct.method {method} merges one view, but analyser names several angles; name one"
+                "reconstruct.operation {name} merges one view, but analyser names several angles; name one"
             ));
         }
-        if let Some(settings) = &planned.flash {
-            settings.check().map_err(|e| format!("reconstruct.flash: {}", fields(&e.to_string())))?;
+        if name == "bokeh" && !order.options.contains_key("psf") {
+            return Err("the operation bokeh needs the blur; give reconstruct.options.psf.sigma in pixels".into());
         }
-        planned.check_files()?;
-        match (&planned.bokeh, planned.method.name()) {
-            (Some(options), _) => {
-                options.check().map_err(|e| format!("reconstruct.bokeh: {}", fields(&e.to_string())))?;
-            }
-            (None, "bokeh") => {
-                return Err("the method bokeh must know the blur; give reconstruct.bokeh.psf.sigma in pixels".into());
-            }
-            (None, _) => {}
-        }
-        if let Some(settings) = &planned.lut {
-            settings.check().map_err(|e| format!("reconstruct.lut: {}", fields(&e.to_string())))?;
-        }
-        let alien = planned.model.is_some_and(|m| m != Model::Auto) || planned.oblique != Oblique::Off;
-        if merges && (alien || planned.palette != Palette::default()) {
-            return Err("reconstruct.model, oblique and palette belong to the method polarization; remove them".into());
-        }
-        Ok(())
+        order.check().map_err(|error| format!("reconstruct.options.{}", fields(&error.to_string())))
     }
 
     /// Exposures that are taken at each angle of a polarization plan, or under the flash.

@@ -4,7 +4,7 @@ mod analyser;
 mod check;
 mod estimate;
 mod fringes;
-mod method;
+mod operation;
 mod results;
 mod steps;
 
@@ -13,21 +13,14 @@ pub use estimate::{Estimate, Least, Limits};
 pub(crate) use estimate::{approach, light_on_s};
 pub(crate) use fringes::MORE;
 pub use fringes::{Added, FringesPlan, Reach, UntilDecided};
-pub use method::{Method, names};
+pub use operation::{Method, PlannedOperation, names};
 pub use steps::{Role, State, Step, groups};
 
-use nacre_base::Error;
-use nacre_base::fields::EXAMPLE_WORDS;
+use nacre_base::Version;
 use nacre_drivers::Pattern;
 use nacre_frames::Illumination;
-use nacre_image::Palette;
-use nacre_lut::bokeh;
-use nacre_periods::flash;
-use nacre_periods::spots;
-use nacre_polarimetry::{Model, Oblique};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
 /// Longest name, sample and operator, in characters.
 const LONGEST_TEXT: usize = 200;
@@ -39,6 +32,9 @@ const LONGEST_NOTES: usize = 10_000;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
+    /// Version of the format.
+    #[serde(default)]
+    pub version: Version<2>,
     /// What is varied.
     pub kind: PlanKind,
     /// Name of the session, in at most 200 characters.
@@ -85,9 +81,9 @@ pub struct Plan {
     /// Frames taken besides.
     #[serde(default)]
     pub extras: Vec<Extra>,
-    /// What to make of the frames at once, in the session's `results/`.
+    /// Operation on the frames that follows the capture; its results are the session's `results/`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reconstruct: Option<ReconstructPlan>,
+    pub reconstruct: Option<PlannedOperation>,
 }
 
 impl Plan {
@@ -124,90 +120,6 @@ pub struct BracketPlan {
 impl Default for BracketPlan {
     fn default() -> Self {
         Self { step_ev: 2.0, at_most: 7 }
-    }
-}
-
-/// A reconstruction that follows the capture.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ReconstructPlan {
-    /// Which reconstruction.
-    pub method: Method,
-    /// Which model (default: auto under a circular panel, plain under other light).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub model: Option<Model>,
-    /// Whether oblique incidence is taken out.
-    #[serde(default)]
-    pub oblique: Oblique,
-    /// Colours of angles in pictures; those of the methods spots and flash are among their options.
-    #[serde(default)]
-    pub palette: Palette,
-    /// Of the method lut: wavelength, scale, light and so on. What the bench says of wavelength and geometry is known without it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lut: Option<Box<nacre_lut::Settings>>,
-    /// Of the method bokeh: blur, scale, lens and so on.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bokeh: Option<Box<bokeh::Options>>,
-    /// Of the method spots: geometry, wavelength and so on. What the bench says of them is known without it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub spots: Option<Box<spots::Settings>>,
-    /// Of the method flash: tiles, size of the sheet and so on. What the bench says of wavelength and geometry is known without it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub flash: Option<Box<flash::Settings>>,
-}
-
-impl ReconstructPlan {
-    /// Options of the method polarization.
-    pub fn polarization(&self) -> nacre_polarimetry::Options {
-        let (model, oblique, palette) = (self.model, self.oblique, self.palette);
-        nacre_polarimetry::Options { model, oblique, palette, ..Default::default() }
-    }
-
-    /// Refuses options that name files: a plan may come from elsewhere, and its results are made on this machine.
-    ///
-    /// # Errors
-    /// The option, and its built-in values.
-    fn check_files(&self) -> Result<(), String> {
-        let Ok(mut options) = self.options() else { return Ok(()) };
-        for field in &self.method.operation().fields().list {
-            let Some(Value::String(name)) = field.file(&mut options) else { continue };
-            if !field.is_built_in(name) {
-                let (method, key) = (self.method.name(), field.path.join("."));
-                let words = field.schema.get(EXAMPLE_WORDS).and_then(Value::as_array);
-                let words = words.into_iter().flatten().filter_map(Value::as_str).collect::<Vec<_>>().join(", ");
-                let remedy = if words.is_empty() { "leave it out".into() } else { format!("give one of {words}") };
-                return Err(format!("reconstruct.{method}.{key} names the file {name:?}, which no plan may; {remedy}"));
-            }
-        }
-        Ok(())
-    }
-
-    /// Options of the operation.
-    ///
-    /// # Errors
-    /// `Input` for a method that does not begin from a session, and where needed options are missing.
-    pub fn options(&self) -> Result<Value, Error> {
-        // Plain data always serialises.
-        fn value(options: &impl Serialize) -> Value {
-            serde_json::to_value(options).unwrap_or_default()
-        }
-        let options = match self.method.name() {
-            "polarization" => value(&self.polarization()),
-            // The bench stands still.
-            "hdr" => json!({ "align": "off" }),
-            "lut" => self.lut.as_ref().map_or(Value::Null, value),
-            "bokeh" => self.bokeh.as_ref().map(value).ok_or_else(|| {
-                let remedy = "say the blur in the plan: reconstruct.bokeh.psf.sigma";
-                Error::input("plan", "has no options of bokeh", remedy)
-            })?,
-            "spots" => self.spots.as_ref().map_or(Value::Null, value),
-            "flash" => self.flash.as_ref().map_or(Value::Null, value),
-            _ => {
-                let problem = "makes of photographs what is made of other things";
-                return Err(Error::input("plan", problem, "leave reconstruct out, and upload what it is made of"));
-            }
-        };
-        Ok(options)
     }
 }
 

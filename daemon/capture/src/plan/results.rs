@@ -5,6 +5,7 @@ use nacre_base::estimate::Work;
 use nacre_frames::hdr;
 use nacre_image::budget::Operation;
 use nacre_image::{Depth, Info};
+use nacre_lut::bokeh;
 use nacre_polarimetry::Model;
 
 impl Plan {
@@ -15,17 +16,18 @@ impl Plan {
         let info = Info { width, height, channels: 1, depth: Depth::U16 };
         let photographs = self.most_steps().iter().filter(|step| step.role == Role::Series).count();
         let merging = hdr::work_of(info, photographs);
-        Some(match planned.method.name() {
+        Some(match planned.operation.name() {
             "polarization" => {
-                nacre_polarimetry::work_of(photographs, [width, height], planned.model != Some(Model::Plain))
+                let options = planned.options_of::<nacre_polarimetry::Options>()?.ok()?;
+                nacre_polarimetry::work_of(photographs, [width, height], options.model != Some(Model::Plain))
             }
             "hdr" => merging,
             "lut" => {
-                let size = planned.lut.as_ref().map_or(nacre_lut::Settings::default().size, |settings| settings.size);
+                let size = planned.options_of::<nacre_lut::Settings>()?.ok()?.size;
                 Operation::Table(size * size).work(info).preceded_by(&merging)
             }
             "bokeh" => {
-                let options = planned.bokeh.as_ref()?;
+                let options = planned.options_of::<bokeh::Options>()?.ok()?;
                 let operation = Operation::Bokeh { part: None, iterations: options.iterations.usual() };
                 operation.work(info).preceded_by(&merging)
             }

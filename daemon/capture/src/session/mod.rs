@@ -23,6 +23,7 @@ pub use series::{Ending, FringesSoFar, SeriesEnd, SigmaSoFar, SoFar};
 
 use crate::plan::{Plan, PlanKind};
 use crate::setup::{BenchSection, Setup};
+use nacre_base::Version;
 use nacre_base::input::{self, Unreadable};
 use nacre_frames::{FILE_NAME as FRAMES_FILE, Kind};
 use serde::{Deserialize, Serialize};
@@ -34,6 +35,9 @@ use std::path::{Path, PathBuf};
 /// `session.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SessionFile {
+    /// Version of the format.
+    #[serde(default)]
+    pub version: Version<1>,
     /// Version of the program that captured.
     pub software: String,
     /// When the session was begun, in Unix seconds.

@@ -1,6 +1,7 @@
 //! Power loss and full disks, tried at every disk operation; after power loss what was not synced is gone.
 
 use super::{Commit, Disk, Entry, RealDisk, Session, SessionFile, Setup, Timing, check};
+use nacre_base::Version;
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -144,6 +145,7 @@ impl Model {
 fn description() -> SessionFile {
     let plan = "kind = \"polarization\"\nanalyser = { angles_deg = [0, 60, 120] }";
     SessionFile {
+        version: Version,
         software: "test".into(),
         created: 0,
         setup: Setup::default(),

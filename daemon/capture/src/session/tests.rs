@@ -2,11 +2,13 @@
 
 use super::{Commit, Entry, Journal, RealDisk, SESSION_FILE, Session, SessionFile, Setup, Timing, check, salvage};
 use crate::plan::Added;
+use nacre_base::Version;
 use nacre_frames::FILE_NAME as FRAMES_FILE;
 use std::path::Path;
 
 fn description() -> SessionFile {
     SessionFile {
+        version: Version,
         software: "test".into(),
         created: 0,
         setup: Setup::default(),

@@ -12,7 +12,7 @@ pub mod demo;
 pub mod derived;
 pub mod devices;
 pub mod doctor;
-pub mod factor;
+pub mod flags;
 pub mod import;
 pub mod init;
 pub mod job;
@@ -28,14 +28,10 @@ pub mod schema;
 pub mod serve;
 pub mod shell;
 pub mod sim;
-pub mod synthesize;
 mod values;
 
-use crate::console::Console;
 use nacre_base::Error;
-use nacre_base::operation::{Operation, Summary, perform};
 use nacre_base::text::{from_toml, read_text};
-use nacre_capture::Failure;
 use std::path::Path;
 
 /// Option of commands whose operation states its time, memory and disk ([`nacre_base::progress::Progress::expect`]).
@@ -44,19 +40,6 @@ pub struct Estimating {
     /// Only say how long it would take, and how much memory and disk.
     #[arg(long)]
     estimate: bool,
-}
-
-/// Runs an operation, prints its report, and fails where it misses the error asked for.
-fn carry_out<O: Operation>(
-    operation: &O,
-    input: &Path,
-    out: &Path,
-    overwrite: bool,
-    console: &Console,
-) -> Result<(), Failure> {
-    let report = perform(operation, input, out, overwrite, console)?;
-    console.result(&format!("{}\nresults   {}", report.summary(), out.display()), &report);
-    operation.missed(&report).map_or(Ok(()), |why| Err(Failure::Bound(why)))
 }
 
 /// Largest description that is read.

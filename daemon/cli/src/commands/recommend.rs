@@ -45,7 +45,7 @@ pub fn run(args: &Recommend, console: &Console) -> Result<(), Failure> {
     let mut text = summary(&report);
     if let (Some(folder), Some(out)) = (folder, &args.out) {
         picture.save_png(&folder.path("tile.png"))?;
-        folder.write_json("report.json", &report)?;
+        folder.write_report(&report)?;
         folder.commit()?;
         let _ = write!(text, "\nwrote     {}", out.display());
     }

@@ -1,5 +1,6 @@
 //! `nacre render`.
 
+use super::flags::Flags;
 use crate::console::Console;
 use nacre_base::estimate::{Machine, Work};
 use nacre_base::operation::Summary;
@@ -9,7 +10,8 @@ use nacre_brdf::height::{self, Scale};
 use nacre_capture::Failure;
 use nacre_image::OutputFolder;
 use nacre_render::{
-    Method, Report, Scene, Settings, exposure, gallery, gallery_scene, gallery_skin, render, write_picture, write_png,
+    Method, Options, Report, Scene, Settings, exposure, gallery, gallery_scene, gallery_skin, render, write_picture,
+    write_png,
 };
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -22,7 +24,7 @@ Examples:
   nacre render cd.toml --out cd.exr --max-error 0.003 --samples 4096
   nacre render foil.toml --out foil.exr --keep foil.state.exr          Ctrl-C, and later the same with --resume
   nacre render foil.toml --out turning --frames 36 --turn light       a folder of 36 pictures
-  nacre render cd.toml --out cd.exr --spectral 10                      with 41 bands from 380 to 780 nm
+  nacre render cd.toml --out cd.exr --spectral-nm 10                     with 41 bands from 380 to 780 nm
   nacre render phone.toml --out phone.exr --method two-pass --rank 3   a table in a room, by filtered environments
   nacre render --gallery gallery                                       scenes to start from, rendered
   nacre render --gallery gallery --scenes cd,cd-room                   only these
@@ -50,7 +52,7 @@ A scene (nacre schema scene):
   period_um = 1.5
   reflectance = \"aluminium\"
 
-Writes FILE.exr (R G B, linear sRGB, the standard error of the luminance, and spectra with --spectral) and FILE.png.")]
+Writes FILE.exr (R G B, linear sRGB, the standard error of the luminance, and spectra with --spectral-nm) and FILE.png.")]
 pub struct Args {
     /// The scene (TOML); its files are sought beside it.
     #[arg(required_unless_present = "gallery")]
@@ -73,43 +75,23 @@ pub struct Args {
     /// Height of its white above its black, unless the file says so.
     #[arg(long, value_name = "UM", requires = "skin")]
     range_um: Option<f64>,
-    /// Noise at which the picture is done: root mean square of the pixels' standard errors over the mean luminance. If it is given, the exit
-    /// code is 1 when the samples did not suffice.
-    #[arg(long, value_name = "REL")]
-    max_error: Option<f64>,
-    /// Most samples of a pixel, on average over those with light: half go evenly, half where noise is.
-    #[arg(long, default_value_t = 256, value_name = "N")]
-    samples: usize,
-    /// So many wavelengths, evenly spaced in 1/λ, instead of as many as each place needs.
-    #[arg(long, value_name = "N")]
-    wavelengths: Option<usize>,
+    #[command(flatten)]
+    options: Flags<Options>,
     /// Keep what has been done in this file, every ten seconds and at the end.
     #[arg(long, value_name = "FILE.exr")]
     keep: Option<PathBuf>,
     /// Go on from the file of --keep.
     #[arg(long, requires = "keep")]
     resume: bool,
-    /// Measure what the sums over orders and wavelengths are off by, against finer ones.
-    #[arg(long)]
-    check: bool,
-    /// So many pictures of a full turn.
+    /// Number of pictures of a full turn.
     #[arg(long, value_name = "N", requires = "turn")]
     frames: Option<usize>,
-    /// What turns, about the z axis.
+    /// What to rotate about the z axis.
     #[arg(long, value_enum, requires = "frames")]
     turn: Option<Turning>,
     /// Render on a graphics card; on the processor where there is none, or none that does the scene.
     #[arg(long)]
     gpu: bool,
-    /// A spectrum per pixel too, in bands so far apart (1 to 100 nm): channels S0.550,000000nm and so on of the EXR.
-    #[arg(long, value_name = "NM", conflicts_with_all = ["keep", "frames", "gallery", "gpu"])]
-    spectral: Option<f64>,
-    /// How tables (lut.exr) are rendered under environments.
-    #[arg(long, value_enum, default_value_t = MethodArg::Auto)]
-    method: MethodArg,
-    /// Most terms per channel and part of a table that two passes take (1 to 96), instead of as many as the error needs.
-    #[arg(long, value_name = "R")]
-    rank: Option<usize>,
     /// The same as --method samples.
     #[arg(long, conflicts_with = "method")]
     by_chance: bool,
@@ -121,17 +103,6 @@ pub struct Args {
     estimate: bool,
 }
 
-/// Methods of rendering tables under environments.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum MethodArg {
-    /// The cheapest that meets --max-error: a correlation on a flat sample, two passes, or samples.
-    Auto,
-    /// Samples of environment and table, by Monte Carlo.
-    Samples,
-    /// Lookups in environments that two passes filter, at any error, which is measured. The curves are those of the scene's `factors`, or computed.
-    TwoPass,
-}
-
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Turning {
     /// The lights.
@@ -141,9 +112,6 @@ enum Turning {
     /// The shapes.
     Sample,
 }
-
-/// Error without one asked for.
-const MAX_ERROR: f64 = 0.01;
 
 /// Most frames of an animation.
 const MOST_FRAMES: usize = 10_000;
@@ -170,33 +138,27 @@ pub fn run(args: &Args, console: &Console) -> Result<(), Failure> {
 }
 
 impl Args {
-    fn settings(&self) -> Settings {
-        Settings {
-            samples: self.samples,
-            max_error: self.max_error.unwrap_or(MAX_ERROR),
-            wavelengths: self.wavelengths,
-            keep: self.keep.clone(),
-            resume: self.resume,
-            check: self.check,
-            gpu: self.gpu,
-            spectral_nm: self.spectral,
-            method: match self.method {
-                _ if self.by_chance => Method::Samples,
-                MethodArg::Auto => Method::Auto,
-                MethodArg::Samples => Method::Samples,
-                MethodArg::TwoPass => Method::TwoPass,
-            },
-            rank: self.rank,
+    fn settings(&self) -> Result<Settings, Failure> {
+        let options = self.options.options()?;
+        if options.spectral_nm.is_some()
+            && (self.keep.is_some() || self.frames.is_some() || self.gallery.is_some() || self.gpu)
+        {
+            let problem = "does not go with --keep, --frames, --gallery and --gpu";
+            return Err(Error::input("--spectral-nm", problem, "leave one of them out").into());
         }
+        let method = if self.by_chance { Method::Samples } else { options.method };
+        let (keep, resume, gpu) = (self.keep.clone(), self.resume, self.gpu);
+        Ok(Settings { method, keep, resume, gpu, ..options.settings() })
     }
 
     /// Fails where the noise, or the error of two passes, is larger than asked for.
     fn judge(&self, (noise, two_passes): (f64, f64)) -> Result<(), Failure> {
-        match self.max_error {
-            Some(wanted) if two_passes > wanted => Err(Failure::Bound(format!(
+        let wanted = self.options.options()?.max_error;
+        match self.options.is_given("max_error") {
+            true if two_passes > wanted => Err(Failure::Bound(format!(
                 "two passes are off by {two_passes:.2e} of the mean (measured), more than the {wanted} asked for: leave out --method, or allow a larger --max-error"
             ))),
-            Some(wanted) if noise > wanted => Err(Failure::Bound(format!(
+            true if noise > wanted => Err(Failure::Bound(format!(
                 "the noise is {noise:.2e} of the mean, more than the {wanted} asked for: allow more --samples"
             ))),
             _ => Ok(()),
@@ -207,7 +169,7 @@ impl Args {
 fn single(args: &Args, scene: &Scene, folder: &Path, out: &Path, console: &Console) -> Result<(), Failure> {
     let png = out.with_extension("png");
     vacant(&[out.to_path_buf(), png.clone()], args.force)?;
-    let (picture, mut report) = render(scene, folder, &args.settings(), console)?;
+    let (picture, mut report) = render(scene, folder, &args.settings()?, console)?;
     write_picture(out, &picture)?;
     write_png(&png, &picture, scene.exposure.unwrap_or_else(|| exposure(&picture)))?;
     report.files = vec![out.to_path_buf(), png];
@@ -240,7 +202,7 @@ fn animation(
             Turning::View => scene.turn.view_deg += turn,
             Turning::Sample => scene.turn.sample_deg += turn,
         }
-        let (picture, report) = render(&scene, folder, &args.settings(), &OneOf { console, frames })?;
+        let (picture, report) = render(&scene, folder, &args.settings()?, &OneOf { console, frames })?;
         let name = |ending: &str| format!("frame_{k:04}.{ending}");
         write_picture(&target.path(&name("exr")), &picture)?;
         let shown = *scene.exposure.get_or_insert_with(|| exposure(&picture));
@@ -303,7 +265,7 @@ fn render_gallery(args: &Args, folder: &Path, console: &Console) -> Result<(), F
     for name in scenes {
         let path = target.path(&format!("{name}.toml"));
         let scene = Scene::read(&path)?;
-        let (picture, report) = render(&scene, &target.path(""), &args.settings(), console)?;
+        let (picture, report) = render(&scene, &target.path(""), &args.settings()?, console)?;
         write_picture(&target.path(&format!("{name}.exr")), &picture)?;
         let shown = scene.exposure.unwrap_or_else(|| exposure(&picture));
         write_png(&target.path(&format!("{name}.png")), &picture, shown)?;

@@ -5,6 +5,7 @@ use super::bench::read_bench;
 use crate::console::Console;
 use clap::Subcommand;
 use nacre_base::Error;
+use nacre_base::Version;
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::engine::Control;
@@ -162,6 +163,7 @@ pub fn simulate(
     console: &Console,
 ) -> Result<(Taken, SharedBench), Failure> {
     let plan = Plan {
+        version: Version,
         kind: PlanKind::Polarization,
         name: format!("simulated {}", config.sample.kind.name()),
         sample: config.sample.kind.name().into(),

@@ -13,6 +13,7 @@
 mod live;
 mod record;
 mod row;
+mod spec;
 mod store;
 #[cfg(test)]
 mod tests;
@@ -24,11 +25,10 @@ use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_capture::plan::Method;
 use nacre_frames::Transfer;
-use nacre_image::Palette;
-use nacre_polarimetry::{Align, Demosaic, Oblique, Options, PeriodMethod, Smoothing};
 use record::Record;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
+pub use spec::polarization_options;
 use std::collections::HashMap;
 use std::fmt;
 use std::path::Path;
@@ -47,55 +47,23 @@ pub const MAX_LOG: usize = 64 * 1024;
 /// Changes that a slow receiver may fall behind.
 const CHANGES: usize = 256;
 
-/// What a job is to do.
+/// Operation of a job, with its options and its input.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "spec::Stored")]
 pub struct Spec {
     /// A ULID: the job's name, and when it was made.
     pub id: String,
-    /// Which reconstruction. Jobs of earlier versions know one only.
-    #[serde(default)]
-    pub method: Method,
-    /// Options of methods other than polarization, as their library takes them.
-    #[serde(default)]
-    pub options: Option<Value>,
+    /// The operation.
+    pub operation: Method,
+    /// Its options, by their keys; those that are left out have their defaults.
+    pub options: Map<String, Value>,
     /// The session to work on.
     pub session: Option<String>,
     /// The upload to work on.
     pub upload: Option<String>,
-    /// Of the method lut: a light that is no point. Jobs of earlier versions have none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Of the operation lut: an extended light.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub light: Option<LightUpload>,
-    /// The model to fit; empty for the default of the photographs.
-    pub model: String,
-    /// Whether oblique incidence is taken out. Jobs of earlier versions do not say.
-    #[serde(default)]
-    pub oblique: Oblique,
-    /// Whether photographs are moved back onto each other; the default of the model where it is not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub align: Option<Align>,
-    /// How images behind the polarizers of a sensor are interpolated. Jobs of earlier versions do not say.
-    #[serde(default)]
-    pub demosaic: Demosaic,
-    /// Added to every orientation.
-    pub offset_deg: f64,
-    /// How orientations are smoothed in pictures. Jobs of earlier versions say nothing of it and of what follows.
-    #[serde(default)]
-    pub smooth: Smoothing,
-    /// Smooth the map itself as well.
-    #[serde(default)]
-    pub smooth_maps: bool,
-    /// Also write the smoothed orientations at full size.
-    #[serde(default)]
-    pub smoothed_exr: bool,
-    /// From what periods are told, if they are.
-    #[serde(default)]
-    pub period: Option<PeriodMethod>,
-    /// Colours of angles in pictures. Jobs of earlier versions do not say.
-    #[serde(default)]
-    pub palette: Palette,
-    /// Leave the scale bar out of pictures.
-    #[serde(default)]
-    pub no_scale_bar: bool,
 }
 
 /// Uploaded photographs of a light's mirror image, as `nacre reconstruct lut --light` takes them.
@@ -121,46 +89,6 @@ impl LightUpload {
     pub fn photograph(&self, uploads: &Path) -> Value {
         let path = uploads.join(&self.upload);
         json!({ "path": path, "scale": self.scale, "center": self.center, "transfer": self.transfer })
-    }
-}
-
-impl Spec {
-    /// Options as the operation takes them.
-    ///
-    /// # Errors
-    /// `Input` for options of the method polarization that there are not.
-    pub fn values(&self) -> Result<Value, Error> {
-        match &self.options {
-            Some(options) => Ok(options.clone()),
-            // Plain data always serialises.
-            None if self.method.is("polarization") => {
-                Ok(serde_json::to_value(self.polarization()?).unwrap_or_default())
-            }
-            None => Ok(Value::Object(Map::new())),
-        }
-    }
-
-    /// Options of the method polarization.
-    ///
-    /// # Errors
-    /// `Input` for a model that there is not.
-    fn polarization(&self) -> Result<Options, Error> {
-        let parsed = |word: &str| word.parse().map_err(|problem: String| Error::input("model", problem, "ask again"));
-        let model = Some(self.model.as_str()).filter(|word| !word.is_empty()).map(parsed).transpose()?;
-        let options = Options {
-            model,
-            align: self.align,
-            oblique: self.oblique,
-            demosaic: self.demosaic,
-            offset_deg: self.offset_deg,
-            smooth: self.smooth,
-            smooth_maps: self.smooth_maps,
-            smoothed_exr: self.smoothed_exr,
-            palette: self.palette,
-            no_scale_bar: self.no_scale_bar,
-            ..Options::default()
-        };
-        Ok(self.period.iter().fold(options, Options::with_period))
     }
 }
 

@@ -102,10 +102,6 @@ impl Store {
         if id.to_string() != spec.id {
             return Err(bad("has a ULID that is not in capitals"));
         }
-        if !spec.offset_deg.is_finite() {
-            // JSON has no word for it.
-            return Err(Error::input("offset_deg", "is no finite number", "give one in degrees"));
-        }
         let text = serde_json::to_string(&spec).map_err(|e| bad(&e.to_string()))?;
         let insert = async {
             let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;

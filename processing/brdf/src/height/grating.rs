@@ -9,6 +9,7 @@
 use super::HeightField;
 use nacre_base::statistics::median;
 use nalgebra::{DMatrix, DVector};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
@@ -48,7 +49,7 @@ pub(super) const MANY: f64 = 6.0;
 const LEAST_PIXELS: usize = 16;
 
 /// A grating in a patch.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Grating {
     /// Period in µm.
     pub period_um: f64,

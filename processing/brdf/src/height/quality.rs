@@ -3,6 +3,7 @@
 use super::HeightField;
 use super::grating::{Grating, MANY};
 use crate::transform::Plan;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::PI;
 
@@ -23,7 +24,7 @@ const CYCLES: f64 = 0.08;
 const TILT: f64 = 0.002;
 
 /// A spatial frequency that stands out.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Peak {
     /// Period in µm.
     pub period_um: f64,
@@ -36,7 +37,7 @@ pub struct Peak {
 }
 
 /// What a height field holds, and what it is fit for.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Quality {
     /// Pixels of a row.
     pub width: usize,

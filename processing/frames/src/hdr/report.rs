@@ -2,11 +2,13 @@
 
 use nacre_base::operation::{Summary, lines};
 use nacre_image::registration::Alignment;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
 /// Result of merging a bracket, in words and numbers.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "HdrReport")]
 pub struct Report {
     /// Always `hdr`.
     pub method: &'static str,
@@ -45,7 +47,7 @@ pub struct Report {
 }
 
 /// One exposure.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct FrameReport {
     /// Its file.
     pub file: String,
@@ -56,7 +58,7 @@ pub struct FrameReport {
 }
 
 /// How many samples there are.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Samples {
     /// All.
     pub all: usize,
@@ -67,7 +69,7 @@ pub struct Samples {
 }
 
 /// What took how long.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 pub struct Seconds {
     /// Looking at the exposures: response, registration.
     pub look: f64,

@@ -53,7 +53,8 @@ impl Default for Options {
 }
 
 /// Report of a stack.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "StackReport")]
 pub struct Report {
     /// Always `stack`.
     pub method: &'static str,

@@ -21,7 +21,7 @@ pub enum Align {
 }
 
 /// How far the photographs are shifted against each other.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Alignment {
     /// Where each photograph's content lies against the mean of all, in pixels right and down; empty when it cannot be told.
     pub shifts_px: Vec<[f64; 2]>,

@@ -1,17 +1,12 @@
 //! Light as height: dark is deep (2017 paper, section 5), by a straight line that a known grating tells (its Eq. 27).
 
 use super::period::Lines;
-use nacre_base::text::{from_json, from_toml, read_text};
 use nacre_base::{Error, Result};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
 
 /// Shares of the pixels that are lower than height 0 and than height 1 where nothing is calibrated.
 const ENDS: [f64; 2] = [0.001, 0.999];
-
-/// Largest calibration that is read.
-const MAX_BYTES: u64 = 1 << 16;
 
 /// Phases, and shares of the period that are high, that are tried for a known grating.
 const PHASES: usize = 360;
@@ -51,28 +46,24 @@ pub enum Shape {
 pub struct KnownGrating {
     /// Its shape.
     pub shape: Shape,
-    /// From its lowest to its highest point, in µm.
+    /// Peak-to-peak depth in µm.
     pub depth_um: f64,
 }
 
 impl Calibration {
-    /// Reads a calibration (JSON, or TOML where the name ends in `.toml`).
+    /// Refuses a gain of no height.
     ///
     /// # Errors
-    /// `Input` for a file that cannot be read or makes no sense.
-    pub fn read(path: &Path) -> Result<Self> {
-        let remedy = "give the calibration.json of an earlier run with --known-shape and --known-depth-um";
-        let bad = |problem: String| Error::file(path, problem, remedy);
-        let text = read_text(path, MAX_BYTES, remedy)?;
-        let is_toml = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-        let this: Self = if is_toml { from_toml(&text) } else { from_json(&text) }.map_err(bad)?;
-        if !(this.gain_um > 0.0 && this.gain_um < 1e6 && this.offset.is_finite()) {
-            let (gain, offset) = (this.gain_um, this.offset);
-            return Err(bad(format!(
-                "has gain_um {gain} and offset {offset}; expected a gain above 0, since dark is deep"
-            )));
+    /// `Input`.
+    pub fn check(&self) -> Result<()> {
+        if self.gain_um > 0.0 && self.gain_um < 1e6 && self.offset.is_finite() {
+            return Ok(());
         }
-        Ok(this)
+        let problem = format!(
+            "has gain_um {} and offset {}; expected a gain above 0, since dark is deep",
+            self.gain_um, self.offset
+        );
+        Err(Error::input("calibration", problem, "give the calibration.json of an earlier result with a known grating"))
     }
 
     /// The straight line that takes a slice, relative to the photograph's mean light, closest to a known profile (2017 paper, Eq. 27), over
@@ -177,17 +168,12 @@ mod tests {
     }
 
     #[test]
-    fn calibrations_are_read_and_checked() {
-        let dir = tempfile::tempdir().unwrap();
-        let file = |name: &str, text: &str| {
-            std::fs::write(dir.path().join(name), text).unwrap();
-            Calibration::read(&dir.path().join(name))
-        };
-        assert_eq!(file("a.json", "{\"gain_um\":0.5,\"offset\":0.2}").unwrap().height(1.2), 0.5);
-        assert_eq!(file("a.toml", "gain_um = 0.5\noffset = 0.2").unwrap().gain_um, 0.5);
-        for text in ["", "{}", "{\"gain_um\":-1,\"offset\":0}", "{\"gain_um\":1,\"offset\":0,\"more\":1}"] {
-            assert!(file("b.json", text).is_err());
+    fn calibrations_of_no_height_are_refused() {
+        let of = |gain_um, offset| Calibration { gain_um, offset, rmse_um: None, grating: None };
+        assert!(of(0.5, 0.2).check().is_ok());
+        assert_eq!(of(0.5, 0.2).height(1.2), 0.5);
+        for wrong in [of(-1.0, 0.0), of(0.0, 0.0), of(f64::INFINITY, 0.0), of(1.0, f64::NAN)] {
+            assert!(wrong.check().is_err(), "{wrong:?}");
         }
-        assert!(Calibration::read(dir.path()).is_err());
     }
 }

@@ -10,14 +10,16 @@ use serde::{Deserialize, Serialize};
 pub struct Lens {
     /// Focal length in mm.
     pub focal_mm: f64,
-    /// Focal length over the diameter of the aperture.
+    /// f-number: focal length over the diameter of the aperture.
+    #[schemars(extend("x-flag" = "f-number"))]
     pub f_number: f64,
-    /// From the aperture to the sample, in m.
+    /// Distance from the aperture to the sample in m.
+    #[schemars(extend("x-flag" = "distance-m"))]
     pub distance_m: f64,
 }
 
 /// The finest that gets through a lens.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Cutoff {
     /// Numerical aperture on the side of the sample.
     pub numerical_aperture: f64,

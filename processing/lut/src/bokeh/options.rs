@@ -29,11 +29,11 @@ const BLUE_NM: f64 = 450.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PsfChoice {
-    /// A Gaussian of this standard deviation in pixels.
-    #[schemars(extend("x-bare" = 2.0))]
+    /// Standard deviation of a Gaussian blur in pixels.
+    #[schemars(extend("x-bare" = 2.0, "x-placeholder" = "PX"))]
     Sigma(f64),
-    /// An image of a point.
-    #[schemars(extend("x-file" = true))]
+    /// Image of a point, of odd width and height with the point in its middle.
+    #[schemars(extend("x-file" = true, "x-flag" = "psf", "x-placeholder" = "IMAGE"))]
     Image(PathBuf),
 }
 
@@ -44,14 +44,17 @@ pub enum KnownScale {
     /// Not known.
     #[default]
     Unknown,
-    /// The size itself, in µm.
+    /// Size of a pixel on the sample in µm.
+    #[schemars(extend("x-flag" = "pixel-um", "x-placeholder" = "UM"))]
     Pixel(f64),
     /// From the line density of the grating.
     Lines {
-        /// Lines per mm.
+        /// Line density of the grating in lines per mm, which gives the size of a pixel once they are counted.
+        #[schemars(extend("x-flag" = "lines-per-mm", "x-placeholder" = "L"))]
         per_mm: f64,
         /// Number of lines that the slice crosses (default: counted).
         #[serde(default)]
+        #[schemars(extend("x-flag" = "lines", "x-placeholder" = "N"))]
         count: Option<f64>,
     },
 }
@@ -60,34 +63,45 @@ pub enum KnownScale {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "BokehOptions", extend(
-    "x-input" = "Photograph of the highlight, or a session of exposures, which are merged first"
+    "x-input" = "Photograph of the highlight (PNG, TIFF, JPEG, EXR), results of `reconstruct hdr`, or a session of exposures, which are merged first",
+    "x-examples" = "\
+Examples:
+  nacre reconstruct bokeh cd.png --psf-sigma 2.5 --crop 900,700,800,800 --rotate-deg 90 --out result
+  nacre reconstruct bokeh grating.jpg --psf-sigma 2 --lines-per-mm 50 --lens-focal-mm 250 --f-number 5.6 \\
+      --distance-m 0.85 --known-shape blazed --known-depth-um 0.4 --out known
+  nacre reconstruct bokeh phone.jpg --psf-sigma 2 --pixel-um 1.2 --calibration known/calibration.json --out phone
+
+Writes deconvolved.exr (Y), height.exr (height), their pictures, slice.csv, report.json, and calibration.json
+where a known grating was given. Dark is deep; heights are relative without a calibration."
 ))]
 pub struct Options {
     /// Blur of the lens, which is removed: standard deviation of a Gaussian in pixels, or an image of a point.
-    #[schemars(extend("title" = "Point spread function"))]
+    #[schemars(extend("title" = "Point spread function", "x-expand" = true))]
     pub psf: PsfChoice,
     /// Channel of a colour photograph.
-    #[serde(default)]
+    #[serde(default, alias = "light")]
     #[schemars(extend("title" = "Channel"))]
-    pub light: Light,
+    pub channel: Light,
     /// Transfer function of the photograph (default: sRGB for JPEG, else linear).
     #[serde(default)]
     pub transfer: Option<Transfer>,
     /// Part of the photograph: left, top, width and height in pixels (default: all of it).
     #[serde(default)]
+    #[schemars(extend("x-placeholder" = "X,Y,W,H"))]
     pub crop: Option<Crop>,
-    /// Rotation of the result in degrees, anticlockwise.
+    /// Rotation of the result in degrees, anticlockwise; multiples of 90 are exact.
     #[serde(default)]
-    #[schemars(extend("x-advanced" = true))]
+    #[schemars(extend("x-advanced" = true, "x-aliases" = ["rotate"]))]
     pub rotate_deg: f64,
     /// Number of iterations; auto stops where they find more noise than structure.
     #[serde(default)]
+    #[schemars(extend("x-placeholder" = "auto|N"))]
     pub iterations: Iterations,
-    /// Noise of the camera (default: estimated from the photograph).
+    /// Noise of the camera: electrons at white and read noise in electrons (default: estimated from the photograph).
     #[serde(default)]
-    #[schemars(extend("x-advanced" = true))]
+    #[schemars(extend("x-advanced" = true, "x-list" = true, "x-unset" = "auto", "x-placeholder" = "auto|FULL_E,READ_E"))]
     pub noise: Option<NoiseModel>,
-    /// Accelerate iterations by extrapolation.
+    /// Accelerate iterations by extrapolation; plain Richardson-Lucy needs several times as many.
     #[serde(default = "yes")]
     #[schemars(extend("x-advanced" = true))]
     pub accelerate: bool,
@@ -101,16 +115,18 @@ pub struct Options {
     pub known: Option<KnownGrating>,
     /// Size of a pixel on the sample in µm, or line density of the grating.
     #[serde(default)]
-    #[schemars(extend("title" = "Scale"))]
+    #[schemars(extend("title" = "Scale", "x-expand" = true))]
     pub scale: KnownScale,
     /// The lens, which gives its cut-off.
     #[serde(default)]
     pub lens: Option<Lens>,
     /// Wavelength of the light in nm.
     #[serde(default = "blue_nm")]
+    #[schemars(extend("x-aliases" = ["wavelength"]))]
     pub wavelength_nm: f64,
     /// Ends of the slice across the lines: x0, y0, x1, y1 in pixels (default: across the middle).
     #[serde(default)]
+    #[schemars(extend("x-placeholder" = "X0,Y0,X1,Y1"))]
     pub slice: Option<Line>,
     /// Width of the slice in pixels, over which it is averaged.
     #[serde(default = "slice_width")]
@@ -139,6 +155,10 @@ impl Operation for Options {
     const TITLE: &'static str = "Height and lines of a grating, from a photograph of an out-of-focus highlight on it";
     type Report = Report;
 
+    fn check_options(&self) -> Result<()> {
+        self.check().map(drop)
+    }
+
     fn check(&self, input: &Path) -> Result<Work> {
         check_input(input, self)
     }
@@ -153,7 +173,7 @@ impl Options {
     pub fn new(psf: PsfChoice) -> Self {
         Self {
             psf,
-            light: Light::default(),
+            channel: Light::default(),
             transfer: None,
             crop: None,
             rotate_deg: 0.0,
@@ -180,16 +200,16 @@ impl Options {
             Err(Error::input(name, format!("is {value}; expected {wanted}"), "correct it"))
         };
         if !(-3600.0..=3600.0).contains(&self.rotate_deg) {
-            return bad("--rotate", self.rotate_deg, "-3600 to 3600 degrees");
+            return bad("rotate_deg", self.rotate_deg, "-3600 to 3600 degrees");
         }
         if !(1..=10_000).contains(&self.slice_width) {
-            return bad("--slice-width", self.slice_width as f64, "1 to 10000 pixels");
+            return bad("slice_width", self.slice_width as f64, "1 to 10000 pixels");
         }
         if let Some(noise) = self.noise
             && !(noise.full_scale_e > 0.0 && noise.full_scale_e < 1e12 && (0.0..1e9).contains(&noise.read_noise_e))
         {
             return bad(
-                "--noise",
+                "noise",
                 noise.full_scale_e,
                 "electrons at white above 0, and read noise of at least 0 electrons",
             );
@@ -197,18 +217,24 @@ impl Options {
         if let PsfChoice::Sigma(sigma) = self.psf {
             Psf::gaussian(sigma)?;
         }
+        if let Some(calibration) = &self.calibration {
+            calibration.check()?;
+            if self.known.is_some() {
+                return Err(Error::input("calibration", "and a known grating are both given", "give one of them"));
+            }
+        }
         self.transfer.map_or(Ok(()), Transfer::check_known)?;
         let cutoff = self.lens.map(|lens| lens.cutoff(self.wavelength_nm)).transpose()?;
         match self.scale {
-            KnownScale::Pixel(um) if !(um > 0.0 && um < 1e6) => return bad("--pixel-um", um, "above 0"),
+            KnownScale::Pixel(um) if !(um > 0.0 && um < 1e6) => return bad("scale.pixel", um, "above 0"),
             KnownScale::Lines { per_mm, count } => {
                 if !(per_mm > 0.0 && per_mm < 1e5) {
-                    return bad("--lines-per-mm", per_mm, "above 0");
+                    return bad("scale.lines.per_mm", per_mm, "above 0");
                 }
                 if let Some(n) = count.filter(|n| !(*n >= 1.0 && *n < 1e6)) {
-                    return bad("--lines", n, "at least 1");
+                    return bad("scale.lines.count", n, "at least 1");
                 }
-                cutoff.map_or(Ok(()), |c| c.check(1000.0 / per_mm, "--lines-per-mm"))?;
+                cutoff.map_or(Ok(()), |c| c.check(1000.0 / per_mm, "scale.lines.per_mm"))?;
             }
             _ => {}
         }

@@ -52,7 +52,7 @@ impl Outcome {
             method: "bokeh",
             warnings: vec![],
             photograph: input.display().to_string(),
-            channel: options.light,
+            channel: options.channel,
             crop: options.crop,
             rotate_deg: options.rotate_deg,
             width: self.map.width,

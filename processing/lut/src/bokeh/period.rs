@@ -1,6 +1,7 @@
 //! Counting lines: the strongest frequency along a slice.
 
 use num_complex::Complex64;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
@@ -14,7 +15,7 @@ const CLEAR: f64 = 6.0;
 const FEWEST: f64 = 2.5;
 
 /// Lines along a slice.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Lines {
     /// Distance of two lines along the slice, in pixels, and its standard deviation.
     pub period_px: [f64; 2],

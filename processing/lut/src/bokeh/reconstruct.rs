@@ -61,7 +61,7 @@ pub(super) fn sharpen_into(
         return Err(Error::input("--noise", "is that of one photograph, not of merged exposures", remedy));
     }
     let transfer = options.transfer_of(&source.path);
-    let photograph = photograph(&source.path, options.light, transfer, options.crop)?;
+    let photograph = photograph(&source.path, options.channel, transfer, options.crop)?;
     let read_s = begun.elapsed().as_secs_f64();
     let noise = options.noise(&photograph);
     if noise.is_none() && matches!(options.iterations, Iterations::Auto(_)) {

@@ -9,11 +9,13 @@ use super::slice::Line;
 use super::slits::Slits;
 use nacre_base::operation::{Summary, lines};
 use nacre_frames::hdr;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
 /// Result, in words and numbers.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "BokehReport")]
 pub struct Report {
     /// Always `bokeh`.
     pub method: &'static str,
@@ -57,7 +59,7 @@ pub struct Report {
 }
 
 /// How the deconvolution went.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Deconvolution {
     /// Iterations that were done.
     pub iterations: usize,
@@ -76,7 +78,7 @@ pub struct Deconvolution {
 }
 
 /// Noise and where it comes from.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct NoiseReport {
     /// Variance per unit of light.
     pub shot: f64,
@@ -93,7 +95,7 @@ impl NoiseReport {
 }
 
 /// Size of a pixel on the sample.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Scale {
     /// In µm; none where nobody knows.
     pub pixel_um: Option<f64>,
@@ -104,7 +106,7 @@ pub struct Scale {
 }
 
 /// Where the slice is.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct SliceReport {
     /// From and to, in pixels of the result.
     pub line: Line,
@@ -115,7 +117,7 @@ pub struct SliceReport {
 }
 
 /// Lines along the slice.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct LinesReport {
     /// In pixels.
     #[serde(flatten)]
@@ -125,7 +127,7 @@ pub struct LinesReport {
 }
 
 /// Slits.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct SlitsReport {
     /// In pixels.
     #[serde(flatten)]
@@ -137,7 +139,7 @@ pub struct SlitsReport {
 }
 
 /// What heights are.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Heights {
     /// `µm`, or `relative`: 0 for light that 0.1 % of the pixels are below, 1 for light that 0.1 % are above.
     pub unit: &'static str,
@@ -148,7 +150,7 @@ pub struct Heights {
 }
 
 /// What took how long.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 pub struct Seconds {
     /// Reading.
     pub read: f64,

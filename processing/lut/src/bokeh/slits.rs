@@ -4,6 +4,7 @@
 use super::period::Lines;
 use nacre_base::least_squares::{Damping, Problem, Step, levenberg_marquardt};
 use nalgebra::{SMatrix, SVector};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Parameters: dark, bright, middle of a slit, distance, width, softness.
@@ -14,7 +15,7 @@ type Values = SVector<f64, N>;
 const STEPS: usize = 100;
 
 /// Slits fitted to a slice, with standard deviations; lengths in pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Slits {
     /// Bright slits whose middle is in the slice and whose light is more than half way from dark to bright.
     pub count: usize,

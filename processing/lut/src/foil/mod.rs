@@ -11,6 +11,7 @@ mod input;
 mod measure;
 mod output;
 mod report;
+mod synthesis;
 mod synthesize;
 #[cfg(test)]
 mod tests;
@@ -20,6 +21,7 @@ pub use distribution::Distribution;
 pub use measure::{Light, Settings, measure};
 pub use output::picture;
 pub use report::Report;
+pub use synthesis::{Dot, Options as SynthesizeOptions, SynthesisReport};
 pub use synthesize::{Dots, Made, Shape, Synthesis, synthesize};
 
 use nacre_base::estimate::Work;
@@ -36,6 +38,10 @@ impl Operation for Settings {
     const TITLE: &'static str =
         "Distribution of orientations and periods of a foil's random dots, from one photograph under a flash";
     type Report = Report;
+
+    fn check_options(&self) -> Result<()> {
+        self.check()
+    }
 
     fn check(&self, input: &Path) -> Result<Work> {
         Self::check(self)?;

@@ -1,10 +1,12 @@
 //! What a measurement says of itself.
 
 use nacre_base::operation::{Summary, lines};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// How the distribution was found, and what to beware of.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+#[schemars(rename = "FoilReport")]
 pub struct Report {
     /// Bins of orientation and of lines.
     pub bins: [usize; 2],

@@ -6,6 +6,7 @@ use nacre_base::estimate::Work;
 use nacre_base::random::Stream;
 use nacre_base::{Error, Result};
 use nacre_maps::{Kind, Map, Maps};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -45,15 +46,19 @@ pub struct Dots {
 
 impl Dots {
     /// Time, memory and disk of drawing and writing them. Memory is measured at 4 and 16 Mpixel (32 bytes per pixel) and rounded up.
-    pub fn work(&self) -> Work {
+    ///
+    /// # Errors
+    /// `Input` for sizes and shapes that make no sense.
+    pub fn work(&self) -> Result<Work> {
+        check(self)?;
         let pixels = self.size[0].saturating_mul(self.size[1]);
-        Work {
+        Ok(Work {
             operation: "synthesize".into(),
             seconds: 0.03 + 0.1e-6 * pixels as f64,
             memory_bytes: 36_u64.saturating_mul(pixels as u64),
             disk_bytes: 26_u64.saturating_mul(pixels as u64),
             ..Work::default()
-        }
+        })
     }
 }
 
@@ -67,7 +72,7 @@ pub struct Synthesis {
 }
 
 /// What was made.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Made {
     /// Dots that were drawn.
     pub dots: usize,
@@ -144,14 +149,14 @@ fn check(dots: &Dots) -> Result<()> {
     }
     match &dots.shape {
         Shape::Square(side) if !(1..=4096).contains(side) => {
-            bad("square", format!("is {side} px"), "give 1 to 4096 px")
+            bad("dot.square", format!("is {side} px"), "give 1 to 4096 px")
         }
-        Shape::Disc(d) if !(1.0..=4096.0).contains(d) => bad("disc", format!("is {d} px"), "give 1 to 4096 px"),
+        Shape::Disc(d) if !(1.0..=4096.0).contains(d) => bad("dot.disc", format!("is {d} px"), "give 1 to 4096 px"),
         Shape::Mask(wide, pixels)
             if *wide == 0 || pixels.len() % wide != 0 || !pixels.contains(&true) || pixels.len() > 1 << 24 =>
         {
             bad(
-                "mask",
+                "dot.mask",
                 "has no pixel that is lit".into(),
                 "give a picture of a dot, white on black, of at most 16 Mpixel",
             )

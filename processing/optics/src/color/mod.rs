@@ -32,18 +32,6 @@ pub enum Observer {
     Cie1964,
 }
 
-impl std::str::FromStr for Observer {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "1931" => Ok(Self::Cie1931),
-            "1964" => Ok(Self::Cie1964),
-            _ => Err(format!("{text:?} is neither 1931 nor 1964")),
-        }
-    }
-}
-
 /// Rows of an observer from 360 nm on, 1 nm apart.
 type Rows = Vec<[f64; 3]>;
 

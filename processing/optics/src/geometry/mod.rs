@@ -18,7 +18,7 @@ pub use camera::Camera;
 pub use file::{beside, load, parse, save, text};
 pub use pose::Pose;
 
-use nacre_base::{Error, Result};
+use nacre_base::{Error, Result, Version};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +26,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Geometry {
+    /// Version of the format.
+    #[serde(default)]
+    pub version: Version<1>,
     /// The camera.
     pub camera: Camera,
     /// From sample to camera coordinates.
@@ -100,6 +103,7 @@ impl Geometry {
     /// A camera over a sample, and nothing else known.
     pub fn new(camera: Camera, sample: Pose) -> Self {
         Self {
+            version: Version,
             camera,
             sample,
             panel: None,

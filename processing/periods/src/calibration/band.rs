@@ -2,6 +2,7 @@
 
 use nacre_base::{Error, Result};
 use nacre_optics::color::Spectrum;
+use schemars::JsonSchema;
 
 /// Steps of the integral, in nm.
 const STEP_NM: f64 = 0.25;
@@ -10,7 +11,7 @@ const STEP_NM: f64 = 0.25;
 const SCALE_NM: f64 = 0.5;
 
 /// A band.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, JsonSchema)]
 pub struct Band {
     /// Mean wavelength, weighted by all spectra together.
     pub mean_nm: f64,

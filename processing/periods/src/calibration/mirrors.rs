@@ -64,7 +64,7 @@ pub struct LightOptions {
 }
 
 /// Where a mirror image was seen.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Seen {
     /// The photograph, if it was found in one.
     pub file: Option<String>,

@@ -1,9 +1,11 @@
 //! What a calibration says of itself.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// How good a geometry is; standard deviations are in the geometry.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+#[schemars(rename = "CalibrationErrors")]
 pub struct Report {
     /// Root mean square distance from corner to model over all photographs of the board, in px.
     pub rms_px: Option<f64>,
@@ -20,7 +22,7 @@ pub struct Report {
 }
 
 /// A photograph of the board.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct PhotographReport {
     /// Its name.
     pub file: String,

@@ -60,7 +60,8 @@ impl Default for Options {
 }
 
 /// What was found.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "CalibrateReport")]
 pub struct Calibration {
     /// `calibrate`.
     pub method: &'static str,
@@ -160,6 +161,10 @@ impl Operation for Options {
     type Report = Calibration;
 
     /// The input is a folder of photographs, or empty where an earlier geometry is continued without any.
+    fn check_options(&self) -> Result<()> {
+        self.check()
+    }
+
     fn check(&self, input: &Path) -> Result<Work> {
         self.check()?;
         let photographs = !input.as_os_str().is_empty();

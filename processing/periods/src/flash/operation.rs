@@ -16,6 +16,10 @@ impl Operation for Settings {
         "Orientation and absolute period of gratings on a sheet of repeated tiles, from photographs under a flash";
     type Report = Report;
 
+    fn check_options(&self) -> Result<()> {
+        self.check()
+    }
+
     fn check(&self, input: &Path) -> Result<Work> {
         check_input(input, self)
     }

@@ -3,11 +3,13 @@
 use super::settings::{Directions, Orientation, PeriodChoice};
 use nacre_base::operation::{Summary, lines};
 use nacre_image::Palette;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
 /// Report of a reconstruction.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "FlashReport")]
 pub struct Report {
     /// Always `flash`.
     pub method: &'static str,
@@ -64,7 +66,7 @@ pub struct Report {
 }
 
 /// How tiles were laid over each other.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Registration {
     /// Largest move of a tile, in pixels of the map.
     pub most_px: f64,
@@ -75,7 +77,7 @@ pub struct Registration {
 }
 
 /// Whether polygons share few directions.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct DirectionsReport {
     /// `shared` or `free`.
     pub choice: Directions,
@@ -96,7 +98,7 @@ pub struct DirectionsReport {
 }
 
 /// One period or many.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct PeriodReport {
     /// `sample` or `pixel`.
     pub choice: PeriodChoice,
@@ -123,7 +125,7 @@ pub struct PeriodReport {
 }
 
 /// Shares of pixels, 0 to 1.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 pub struct Masked {
     /// All.
     pub all: f64,
@@ -142,7 +144,7 @@ pub struct Masked {
 }
 
 /// Seconds.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 pub struct Seconds {
     /// Photographs decoded, tiles registered and copied.
     pub read: f64,

@@ -14,6 +14,7 @@ use nacre_base::statistics::median;
 use nacre_frames::{Frame, Linearizer, LoadedFrames, Spot};
 use nalgebra::{Matrix2, Vector2};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Fewest discs: two numbers are fitted to them in each pixel.
@@ -30,7 +31,7 @@ const MARGIN: f64 = 25.0;
 const LOGISTIC: f64 = 1.702;
 
 /// What discs did.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Told {
     /// Photographs of discs.
     pub discs: usize,

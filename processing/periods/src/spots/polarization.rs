@@ -8,12 +8,13 @@ use super::scan::Found;
 use nacre_base::statistics::median;
 use nacre_base::{Error, Result};
 use nacre_image::read_exr;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::PI;
 use std::path::Path;
 
 /// What a map of polarization did.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Helped {
     /// To be added to its orientations, in degrees; it depends on the period where periods are mixed.
     pub offset_deg: f64,

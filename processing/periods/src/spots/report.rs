@@ -3,11 +3,13 @@
 use super::response::Response;
 use nacre_base::operation::{Summary, lines};
 use nacre_image::Palette;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
 /// Result of a spot scan, in words and numbers.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "SpotsReport")]
 pub struct Report {
     /// Always `spots`.
     pub method: &'static str,
@@ -62,7 +64,7 @@ pub struct Report {
 }
 
 /// Pixels by what became of them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Counts {
     /// Period and orientation are known.
     pub resolved: usize,
@@ -79,7 +81,7 @@ pub struct Counts {
 }
 
 /// What took how long.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 pub struct Seconds {
     /// Reading and demodulating.
     pub read: f64,

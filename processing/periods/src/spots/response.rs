@@ -1,10 +1,11 @@
 //! How the panel's light follows what it is asked for.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
 /// Light that the panel gives is what it is asked for to this power; its exponent was taken out wrongly where that is not 1.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Response {
     /// The power.
     pub power: f64,

@@ -95,6 +95,10 @@ impl Operation for Settings {
     const TITLE: &'static str = "Orientation and absolute period of gratings from fringes on the panel";
     type Report = Report;
 
+    fn check_options(&self) -> Result<()> {
+        self.check()
+    }
+
     fn check(&self, input: &Path) -> Result<Work> {
         check_input(input, self)
     }

@@ -8,6 +8,7 @@ use crate::orient;
 use crate::{Design, FrameNoise, angle_difference};
 use nacre_base::statistics::{median, median_chi_square};
 use nacre_frames::LoadedFrames;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::PI;
 
@@ -33,7 +34,7 @@ const GOOD: std::ops::RangeInclusive<f64> = 0.8..=1.3;
 const SAME_EXPOSURE: f64 = 1e-6;
 
 /// What repeats tell.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct RepeatsReport {
     /// Pairs of views at angles equal modulo 180°.
     pub pairs: usize,

@@ -6,10 +6,11 @@ use crate::film::cloud::CloudPoint;
 use crate::{OrientationMaps, StokesMaps};
 use nacre_base::statistics::{median, quantile};
 use nalgebra::{Matrix3, Vector3};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Circle through the cloud of (S1/S0, S2/S0).
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct CircleCheck {
     /// Centre of the best circle; the origin when the model holds.
     pub center: [f64; 2],

@@ -9,6 +9,7 @@ use crate::film::check::{WIDEST_GAP_DEG, gap};
 use crate::film::cloud::CloudPoint;
 use nacre_base::statistics::median;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Standard deviation in degrees of the offset between two classes: 68 % of pairs of gratings with ln r from 0 to 0.2 and ζ from 20 to 160°, which
@@ -39,7 +40,7 @@ pub(crate) struct Classes {
 }
 
 /// One class in the report.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Class {
     /// Share of the pixels that carry an orientation.
     pub share: f64,

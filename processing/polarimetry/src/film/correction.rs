@@ -10,11 +10,12 @@ pub use crate::film::oblique::{Incidence, Material, curve_at};
 use crate::film::search::{Begin, refitted};
 use crate::film::stand::{Oblique, Stand};
 use num_complex::Complex;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::f64::consts::PI;
 
 /// What was done about oblique incidence.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ObliqueReport {
     /// Largest angle of incidence in the photographs, in degrees.
     pub largest_deg: f64,

@@ -98,16 +98,6 @@ impl Model {
     }
 }
 
-impl std::str::FromStr for Model {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let known = || Self::ALL.map(Self::word).join(", ");
-        let found = Self::ALL.into_iter().find(|m| m.word() == text);
-        found.ok_or_else(|| format!("{text:?} is no model; give one of {}", known()))
-    }
-}
-
 /// Fits the circles to the points of a cloud that carry modulation, simplest first: to a sample, which tells the better of two starts, and from there to all.
 pub(crate) fn candidates(points: &[CloudPoint]) -> Vec<Candidate> {
     let (mean, few) = (mean(points), thinned(points, SAMPLE));

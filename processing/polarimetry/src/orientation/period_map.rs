@@ -20,7 +20,7 @@ const TABLE_ERROR: f64 = 1e-3;
 const DEPTH_OFF: f64 = 0.1;
 
 /// From what periods are told. See `period.rs` for what both ways assume and miss.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "from", rename_all = "snake_case", deny_unknown_fields)]
 pub enum PeriodMethod {
     /// **Heuristic**: from the mean intensity, as the 2018 paper does (section 5.4).
@@ -117,7 +117,7 @@ impl fmt::Display for Metal {
 }
 
 /// What the report says of the map of periods.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct PeriodReport {
     /// What was asked for, with everything that is assumed.
     pub method: PeriodMethod,

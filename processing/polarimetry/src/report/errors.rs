@@ -10,13 +10,14 @@ use crate::fit::views::View;
 use crate::{Alignment, Design, FrameNoise, MASK_SNR, StokesMaps, angle_difference};
 use nacre_base::statistics::median;
 use nacre_frames::LoadedFrames;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Points that errors are carried through to orientations on.
 const POINTS: usize = 2000;
 
 /// Expected error of a typical orientation after the best common offset, and what it is made of.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct ErrorReport {
     /// Camera noise: the median σ.
     pub noise_deg: Option<f64>,
@@ -35,7 +36,7 @@ pub struct ErrorReport {
 }
 
 /// How the analyser's accuracy is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AngleSource {
     /// `frames.json` states it.

@@ -11,10 +11,12 @@ use crate::{
 };
 use nacre_frames::{Channel, LoadedFrames};
 use nacre_image::Palette;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Result of a polarization reconstruction, in words and numbers.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "PolarizationReport")]
 pub struct Report {
     /// Always `polarization`.
     pub method: &'static str,
@@ -77,7 +79,7 @@ pub struct Report {
 }
 
 /// How maps were made of frames of a polarization sensor.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SensorReport {
     /// Pixels along the side of the sensor's super-pixel: 2, or 4 with colour filters.
     pub superpixel_px: usize,
@@ -98,7 +100,7 @@ impl SensorReport {
 }
 
 /// How many pixels carry an orientation and how well.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Pixels {
     /// All pixels of the map.
     pub all: usize,
@@ -119,7 +121,7 @@ pub struct Pixels {
 }
 
 /// How orientations were smoothed.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SmoothingReport {
     /// `none`, `light`, `strong` or a number of rounds.
     pub strength: Smoothing,
@@ -134,7 +136,7 @@ pub struct SmoothingReport {
 }
 
 /// Noise of an average frame: variance = `shot` · I + `floor`, in linear units.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct NoiseReport {
     /// Where it comes from.
     pub source: NoiseSource,
@@ -145,7 +147,7 @@ pub struct NoiseReport {
 }
 
 /// Wall time in seconds.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct Seconds {
     /// Decoding the photographs and folding them into the fit, once again where they are moved back or angles are put right.
     pub read_and_fit: f64,

@@ -3,10 +3,11 @@
 use crate::film::choose::{Choice, UNDECIDED, UNDECIDED_SIGMA, UNEXPLAINED};
 use crate::film::curve::Film;
 use crate::film::search::at_limit;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A candidate in the report.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ModelReport {
     /// Its name; the curve with what was fitted beyond the film.
     pub model: String,
@@ -29,7 +30,7 @@ pub struct ModelReport {
 
 /// A fitted film. Gauges: one offset common to all orientations, and (r, ζ) against (1/r, -ζ) with all orientations turned
 /// by 90°, cannot be told apart.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct FilmReport {
     /// |R|.
     pub r: f64,

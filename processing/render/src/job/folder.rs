@@ -42,8 +42,8 @@ pub struct Options {
     /// Also measure the truncation error of the sums over orders and wavelengths.
     #[schemars(extend("x-advanced" = true))]
     pub check: bool,
-    /// Distance of spectral bands in nm (1 to 100) for a spectrum per pixel.
-    #[schemars(extend("x-advanced" = true))]
+    /// Distance of spectral bands in nm (1 to 100) for a spectrum per pixel: channels S0.550,000000nm and so on of the EXR.
+    #[schemars(extend("x-advanced" = true, "x-aliases" = ["spectral"]))]
     pub spectral_nm: Option<f64>,
     /// Method for tables under environments: auto is the cheapest that meets the error.
     pub method: Method,
@@ -60,14 +60,16 @@ impl Default for Options {
 }
 
 impl Options {
-    fn settings(&self) -> Settings {
+    /// Settings of a rendering.
+    pub fn settings(&self) -> Settings {
         let Self { samples, max_error, wavelengths, check, spectral_nm, method, rank } = *self;
         Settings { samples, max_error, wavelengths, check, spectral_nm, method, rank, ..Settings::default() }
     }
 }
 
 /// A report with what was asked for.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(rename = "RenderReport")]
 pub struct Written {
     #[serde(flatten)]
     report: Report,

@@ -4,13 +4,14 @@ use super::spectral::SpectralReport;
 use super::two_pass::EnvironmentReport;
 use crate::material::Notes;
 use nacre_base::operation::{Summary, lines};
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 
 /// Predicted passes, noise and time.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Prediction {
     /// Passes that the error takes, or the samples allow.
     pub passes: usize,
@@ -21,7 +22,8 @@ pub struct Prediction {
 }
 
 /// Report of a finished rendering.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "RenderingReport")]
 pub struct Report {
     /// Method, in words.
     pub method: &'static str,

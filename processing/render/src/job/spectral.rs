@@ -11,6 +11,7 @@ use crate::settings::Settings;
 use nacre_base::progress::Progress;
 use nacre_base::{Error, Result};
 use nacre_brdf::RANGE_NM;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -22,7 +23,7 @@ pub(crate) const STEPS_NM: [f64; 2] = [1.0, 100.0];
 const MOST: usize = 256 << 20;
 
 /// What spectra were like.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct SpectralReport {
     /// First and last band, in nm.
     pub range_nm: [f64; 2],

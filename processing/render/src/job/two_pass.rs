@@ -11,6 +11,7 @@ use nacre_base::progress::Progress;
 use nacre_base::random::Stream;
 use nacre_base::{Error, Result};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -61,7 +62,7 @@ const SURE: f64 = 2.0;
 const GAIN: f64 = 0.2;
 
 /// How a shape's table is rendered under environments.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct EnvironmentReport {
     /// Key of the shape in the scene.
     pub shape: String,

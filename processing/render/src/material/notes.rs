@@ -1,7 +1,7 @@
 //! Notes on the computation of a material, for reports.
 
 /// Notes on the computation of a material.
-#[derive(Clone, Debug, Default, serde::Serialize)]
+#[derive(Clone, Debug, Default, serde::Serialize, JsonSchema)]
 pub struct Notes {
     /// Method, in words.
     pub method: String,
@@ -17,3 +17,4 @@ pub struct Notes {
     /// Warnings.
     pub warnings: Vec<String>,
 }
+use schemars::JsonSchema;

@@ -8,7 +8,7 @@ pub(crate) use files::inside;
 pub use material::{Base, Blend, Bright, Color, Coverage, Diffraction, Material, Relief, Value};
 
 use nacre_base::text::{from_toml, read_text};
-use nacre_base::{Error, Result};
+use nacre_base::{Error, Result, Version};
 use nacre_optics::color::Observer;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -26,6 +26,9 @@ pub(crate) const REMEDY: &str = "correct the scene; `nacre schema scene` describ
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
+    /// Version of the format.
+    #[serde(default)]
+    pub version: Version<1>,
     /// Who looks.
     pub camera: Camera,
     /// What is seen.

@@ -5,6 +5,7 @@ use super::*;
 use crate::environment::factor;
 use crate::material::diffraction::Diffraction;
 use crate::prepared_scene::two_pass::{Curves, Fineness, Plan, Seen};
+use nacre_base::operation::perform;
 use nacre_optics::color::xyz_of_linear_srgb;
 use std::f64::consts::PI;
 
@@ -186,9 +187,8 @@ fn two_passes_are_chosen_where_they_are_cheaper() {
 fn curves_of_a_folder_are_those_of_the_table() {
     let dir = files();
     let (lut, out) = (dir.path().join("lut.exr"), dir.path().join("curves"));
-    let settings = factor::Settings { rank: Some(6), ..factor::Settings::default() };
-    let job = factor::Job { table: &lut, environment: None, layer: None, out: &out, settings, overwrite: true };
-    factor::factor(&job, &Silent).unwrap();
+    let options = factor::Options { rank: Some(6), ..factor::Options::default() };
+    perform(&options, &lut, &out, true, &Silent).unwrap();
     let asked = Settings { method: Method::TwoPass, rank: Some(6), max_error: 0.05, ..Settings::default() };
     let shape = PLANE.replace("[0.3, 1, 0]", "[0.3, 1, 0.1]\nnormal = [0, 0.1, 1]");
     let picture = |more: &str, asked: &Settings| {

@@ -5,6 +5,7 @@ mod defaults;
 
 use crate::random::{key, normals};
 use crate::surface::{SampleConfig, SampleKind};
+use nacre_base::Version;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +13,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BenchConfig {
+    /// Version of the format.
+    pub version: Version<1>,
     /// Seed of everything random: sample, defects, noise.
     pub seed: u64,
     /// The surface on the table.

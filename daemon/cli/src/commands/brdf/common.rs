@@ -6,7 +6,6 @@ use nacre_base::progress::Progress;
 use nacre_brdf::height::{self, Quality, Scale};
 use nacre_brdf::{HeightField, Method, Normalisation, Reflectance, Settings};
 use nacre_capture::Failure;
-use nacre_optics::color::Observer;
 use std::path::{Path, PathBuf};
 
 /// The surface.
@@ -127,17 +126,6 @@ impl Material {
     fn reflectance(&self) -> Reflectance {
         self.material.clone()
     }
-}
-
-/// Light and observer of a picture.
-#[derive(clap::Args)]
-pub struct Seen {
-    /// Light: E, A, A-inverse, D65, FL1 to FL12, LED-B1, LED-B3, or a CSV file.
-    #[arg(long, default_value = "E", value_name = "NAME|FILE.csv")]
-    pub illuminant: String,
-    /// Observer: 1931 (2°) or 1964 (10°).
-    #[arg(long, default_value = "1931")]
-    pub observer: Observer,
 }
 
 /// Two angles of a direction, in degrees.

@@ -64,7 +64,7 @@ impl Compare {
         side_by_side(&shown, palette, !bar.no_scale_bar).save_png(&folder.path("compared.png"))?;
         let (maps, warnings) = (&found.compared, &found.warnings);
         let report = Report { inputs: &self.inputs, aligned: !self.unaligned, palette, maps, warnings };
-        folder.write_json("report.json", &report)?;
+        folder.write_report(&report)?;
         folder.commit()?;
         let mut text = String::new();
         for map in &found.compared {

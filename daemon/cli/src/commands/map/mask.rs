@@ -38,7 +38,7 @@ impl Mask {
         console.check()?;
         let gray: Vec<u8> = found.inside.iter().map(|inside| if *inside { 255 } else { 0 }).collect();
         write_png8(&folder.path("mask.png"), found.width, found.height, 1, &gray)?;
-        folder.write_json("report.json", &found.report)?;
+        folder.write_report(&found.report)?;
         folder.commit()?;
         let report = &found.report;
         let chosen = if report.automatic { "chosen by the photograph" } else { "as given" };

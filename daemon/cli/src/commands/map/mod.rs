@@ -3,22 +3,21 @@
 mod compare;
 mod mask;
 
-use crate::commands::values::{PictureArgs, numbers};
-use crate::commands::{Estimating, carry_out};
+use crate::commands::derived::Whole;
 use crate::console::Console;
 use clap::{Subcommand, ValueEnum};
 use nacre_base::progress::Progress;
 use nacre_capture::Failure;
 use nacre_image::OutputFolder;
-use nacre_maps::{About, Curve, Edits, Encoding, Layout, Maps, export, import};
+use nacre_maps::{About, Edits, Encoding, Maps, export, import};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// What to do with maps of orientation and period.
 #[derive(Subcommand)]
 pub enum MapCommand {
-    /// Change them: periods that follow orientations, scale, turn, tile, other sizes.
-    Edit(Box<Edit>),
+    /// Edit them: rotation, copies, other sizes, periods that follow orientations.
+    Edit(Whole<Edits>),
     /// Write them as 16-bit PNGs with a short description.
     Export(Export),
     /// Read such a folder back.
@@ -27,62 +26,6 @@ pub enum MapCommand {
     Compare(compare::Compare),
     /// Which part of a sample diffracts: what a photograph under a flash shows bright.
     Mask(mask::Mask),
-}
-
-/// Arguments of `nacre map edit`.
-#[derive(clap::Args)]
-#[command(after_help = "\
-Examples:
-  nacre map edit result --period quadratic=0.8,1.6 --out blend
-  nacre map edit result --period sine-squared=0.8,1.6 --out waves
-  nacre map edit result --rotate 30 --tile 4,3 --layout mirror --out wrap
-  nacre map edit result --scale 1.05 --offset-um -0.02 --clamp 0.7,2 --out corrected
-
-Edits are done in the order of the options below. Writes orientation.exr, period.exr (those that there are), before-after.png and
-report.json.")]
-pub struct Edit {
-    /// Folder with orientation.exr, period.exr or both, or one of the files.
-    input: PathBuf,
-    /// Folder for the new maps.
-    #[arg(long)]
-    out: PathBuf,
-    /// Turn image and orientations together, anticlockwise; multiples of 90 are exact.
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
-    rotate: Option<f64>,
-    /// So many times as many pixels along each side.
-    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
-    resample: Option<f64>,
-    /// Copies along a row and a column.
-    #[arg(long, value_name = "NX,NY", value_parser = sides)]
-    tile: Option<[usize; 2]>,
-    /// Width and height in pixels: cropped, or filled with more copies.
-    #[arg(long, value_name = "W,H", value_parser = sides)]
-    size: Option<[usize; 2]>,
-    /// How copies lie: repeat, mirror or brick.
-    #[arg(long, default_value = "repeat", value_name = "repeat|mirror|brick")]
-    layout: Layout,
-    /// Turn orientations alone, anticlockwise.
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
-    orientation_offset: Option<f64>,
-    /// Periods that follow orientations, from the first at 0° to the second at 180°, in µm; or a CSV of orientation_deg,period_um.
-    #[arg(long, value_name = "quadratic=MIN,MAX|sine-squared=MIN,MAX|FILE.csv")]
-    period: Option<String>,
-    /// Factor of periods.
-    #[arg(long, value_name = "F", allow_negative_numbers = true)]
-    scale: Option<f64>,
-    /// Added to periods.
-    #[arg(long, value_name = "UM", allow_negative_numbers = true)]
-    offset_um: Option<f64>,
-    /// Least and most period in µm.
-    #[arg(long, value_name = "MIN,MAX", value_parser = |t: &str| numbers::<f64, 2>(t, "the least and the most: 0.7,2"), allow_hyphen_values = true)]
-    clamp: Option<[f64; 2]>,
-    #[command(flatten)]
-    pictures: PictureArgs,
-    /// Replace files that are already in the folder.
-    #[arg(long)]
-    force: bool,
-    #[command(flatten)]
-    estimating: Estimating,
 }
 
 /// Arguments of `nacre map export`.
@@ -128,10 +71,6 @@ pub struct Import {
     force: bool,
 }
 
-fn sides(text: &str) -> Result<[usize; 2], String> {
-    numbers(text, "two whole numbers: 4,3")
-}
-
 /// Runs it.
 pub fn run(command: &MapCommand, console: &Console) -> Result<(), Failure> {
     match command {
@@ -153,26 +92,6 @@ fn finish(console: &Console, out: &Path, maps: &Maps, report: &impl Serialize) {
         out.display()
     );
     console.result(&text, report);
-}
-
-impl Edit {
-    fn run(&self, console: &Console) -> Result<(), Failure> {
-        let edits = Edits {
-            rotate_deg: self.rotate,
-            resample: self.resample,
-            tile: self.tile,
-            size: self.size,
-            layout: self.layout,
-            orientation_offset_deg: self.orientation_offset,
-            period: self.period.as_deref().map(Curve::of).transpose()?,
-            scale: self.scale,
-            offset_um: self.offset_um,
-            clamp_um: self.clamp,
-            palette: self.pictures.palette,
-            no_scale_bar: self.pictures.bar.no_scale_bar,
-        };
-        carry_out(&edits, &self.input, &self.out, self.force, console)
-    }
 }
 
 impl Export {

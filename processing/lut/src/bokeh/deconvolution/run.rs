@@ -16,9 +16,11 @@ const PATIENCE: usize = 20;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Iterations {
-    /// As many as find more structure than noise, at most so many.
+    /// As many as find more structure than noise, at most this number.
+    #[schemars(extend("x-bare" = 500))]
     Auto(usize),
     /// So many.
+    #[schemars(extend("x-nameless" = true))]
     Count(usize),
 }
 

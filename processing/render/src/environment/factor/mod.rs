@@ -2,7 +2,7 @@
 //! factorisation, and with as many intermediate pictures as terms.
 
 mod directions;
-mod job;
+mod operation;
 mod parts;
 mod report;
 mod straight;
@@ -10,7 +10,7 @@ mod svd;
 mod tilted;
 mod written;
 
-pub use job::{Job, factor};
+pub use operation::Options;
 pub use parts::{Kind, MOST_RANK, Part, Term};
 pub use report::{PartReport, Report};
 pub use straight::Grid;

@@ -5,6 +5,8 @@ use super::straight::Grid;
 use super::svd::{Product, decompose, nonnegative};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Most terms of a part.
@@ -14,8 +16,9 @@ pub const MOST_RANK: usize = 96;
 const SPLIT: i32 = 16;
 
 /// Which factorisation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
+#[schemars(rename = "FactorKind")]
 pub enum Kind {
     /// Singular vectors: the least error at any rank; sums of few terms may be negative.
     #[default]

@@ -2,10 +2,13 @@
 
 use super::{Factors, Kind, SEPARABLE};
 use crate::environment::Table;
+use nacre_base::operation::{Summary, lines};
+use schemars::JsonSchema;
 use serde::Serialize;
+use std::fmt::Write;
 
 /// One straightened part.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct PartReport {
     /// Direction across the meridian and along it, anticlockwise from the table's right.
     pub directions_deg: [f64; 2],
@@ -20,7 +23,8 @@ pub struct PartReport {
 }
 
 /// Report of `nacre factor`.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "FactorReport")]
 pub struct Report {
     /// `low-rank`.
     pub method: &'static str,
@@ -57,6 +61,30 @@ pub struct Report {
     pub assumptions: Vec<String>,
     /// Time it took.
     pub seconds: f64,
+}
+
+impl Summary for Report {
+    fn summary(&self) -> String {
+        let mut text = format!("pattern   {}, contrast {:.1}", self.pattern, self.contrast);
+        for part in &self.parts {
+            let [across, along] = part.directions_deg;
+            let _ = write!(text, "\npart      {} terms along {across:.1}° and {along:.1}°", part.rank);
+        }
+        let [error, picture] = [self.error, self.picture_error_point].map(|e| 100.0 * e);
+        let _ = write!(
+            text,
+            "\nerror     {error:.2} % of the table (measured on the written terms), at most {picture:.1} % of a picture (a single point light)"
+        );
+        if let Some(error) = self.picture_error {
+            let _ = write!(text, "\npicture   {:.2} % in this environment", 100.0 * error);
+        }
+        let _ = write!(text, "\nmethod    {}\n{}", self.advice, lines(&[], &self.warnings));
+        text + &format!("time      {:.2} s", self.seconds)
+    }
+
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
 }
 
 impl Factors {

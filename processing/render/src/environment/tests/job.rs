@@ -1,6 +1,7 @@
 use super::{lattice, room};
-use crate::environment::factor::{Factors, Job, Kind, Settings, factor};
+use crate::environment::factor::{Factors, Kind, Options, Settings};
 use crate::environment::{Environment, Table, facing, two_pass};
+use nacre_base::operation::perform;
 use nacre_base::progress::Silent;
 use nacre_image::{Attribute, read_exr, write_exr};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -26,9 +27,9 @@ fn a_table_is_factorised_into_files() {
         row.iter_mut().enumerate().for_each(|(x, out)| *out = environment.rgb[y * 128 + x][c]);
     };
     write_exr(&sky, 128, 64, &["R", "G", "B"], &[], &light).unwrap();
-    let settings = Settings { max_error: 0.02, ..Settings::default() };
-    let job = Job { table: &lut, environment: Some(&sky), layer: None, out: &out, settings, overwrite: false };
-    let report = factor(&job, &Silent).unwrap();
+    let options = Options { max_error: 0.02, environment: Some(sky.clone()), ..Options::default() };
+    let factor = |options: &Options, overwrite| perform(options, &lut, &out, overwrite, &Silent);
+    let report = factor(&options, false).unwrap();
     assert!(report.error <= 0.02 && report.separable && report.picture_error.unwrap() < 0.02, "{report:?}");
     assert_eq!(report.pattern, "two directions");
     let across = read_exr(&out.join("part-1-across.exr")).unwrap();
@@ -36,15 +37,14 @@ fn a_table_is_factorised_into_files() {
     assert!(across.attributes.contains_key("meridian_deg") && out.join("factors.png").exists());
     assert!(std::fs::read_to_string(out.join("report.json")).unwrap().contains("\"low-rank\""));
     // What is there stays, unless it may be replaced.
-    assert!(factor(&job, &Silent).is_err());
-    assert!(factor(&Job { overwrite: true, ..job }, &Silent).is_ok());
+    assert!(factor(&options, false).is_err());
+    assert!(factor(&options, true).is_ok());
     // Of several pictures one is named.
     let names = ["day.R", "day.G", "day.B", "night.R", "night.G", "night.B"];
     write_exr(&sky, 128, 64, &names, &[], &|c, y, row| light(c % 3, y, row)).unwrap();
-    let again = Job { overwrite: true, ..job };
-    let words = factor(&again, &Silent).unwrap_err().to_string();
+    let words = factor(&options, true).unwrap_err().to_string();
     assert!(words.contains("\"day\", \"night\"") && words.contains("--layer"), "{words}");
-    let night = factor(&Job { layer: Some("night"), ..again }, &Silent).unwrap();
+    let night = factor(&Options { layer: Some("night".into()), ..options }, true).unwrap();
     assert!((night.picture_error.unwrap() - report.picture_error.unwrap()).abs() < 1e-9);
 }
 
@@ -54,17 +54,10 @@ fn bad_input_leaves_nothing_behind() {
     let [lut, sky, out] = ["lut.exr", "sky.exr", "out"].map(|name| folder.path().join(name));
     write(&lattice(32, 0.7, [0.2, 1.7], 0.17, 0.04), &lut);
     write_exr(&sky, 16, 8, &["R", "G", "B"], &[], &|_, _, row| row.fill(f32::INFINITY)).unwrap();
-    let job = Job {
-        table: &lut,
-        environment: Some(&sky),
-        layer: None,
-        out: &out,
-        settings: Settings::default(),
-        overwrite: false,
-    };
-    let words = factor(&job, &Silent).unwrap_err().to_string();
+    let options = Options { environment: Some(sky.clone()), ..Options::default() };
+    let words = perform(&options, &lut, &out, false, &Silent).unwrap_err().to_string();
     assert!(words.contains("sky.exr") && words.contains("inf"), "{words}");
-    let words = factor(&Job { table: &sky, environment: None, ..job }, &Silent).unwrap_err().to_string();
+    let words = perform(&Options::default(), &sky, &out, false, &Silent).unwrap_err().to_string();
     assert!(words.contains("sky.exr"), "{words}");
     assert!(!out.exists());
 }
@@ -187,46 +180,45 @@ fn errors_are_those_of_the_files() {
         [[0.2, 1.25, 2.3].into_iter().map(line).sum::<f64>() * (-h[0].hypot(h[1]) / 0.3).exp(); 3]
     })
     .unwrap();
-    let usual = Settings::default();
-    for (name, table, settings, between) in [
-        ("singular", &spots, Settings { rank: Some(2), ..usual }, true),
-        ("nonnegative", &spots, Settings { rank: Some(3), kind: Kind::Nonnegative, ..usual }, true),
-        ("line", &spots, Settings { kind: Kind::Line, ..usual }, false),
-        ("line of 24", &streaks, Settings { rank: Some(24), kind: Kind::Line, ..usual }, false),
-        ("parts", &streaks, Settings { rank: Some(1), parts: 3, ..usual }, true),
-        ("non-negative parts", &streaks, Settings { rank: Some(1), parts: 2, kind: Kind::Nonnegative, ..usual }, true),
-        ("parts that are lines", &streaks, Settings { parts: 3, kind: Kind::Line, ..usual }, false),
+    let usual = Options::default;
+    for (name, table, options, between) in [
+        ("singular", &spots, Options { rank: Some(2), ..usual() }, true),
+        ("nonnegative", &spots, Options { rank: Some(3), kind: Kind::Nonnegative, ..usual() }, true),
+        ("line", &spots, Options { kind: Kind::Line, ..usual() }, false),
+        ("line of 24", &streaks, Options { rank: Some(24), kind: Kind::Line, ..usual() }, false),
+        ("parts", &streaks, Options { rank: Some(1), parts: 3, ..usual() }, true),
+        ("non-negative parts", &streaks, Options { rank: Some(1), parts: 2, kind: Kind::Nonnegative, ..usual() }, true),
+        ("parts that are lines", &streaks, Options { parts: 3, kind: Kind::Line, ..usual() }, false),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let [lut, out] = ["lut.exr", "out"].map(|name| folder.path().join(name));
         write(table, &lut);
-        let job = Job { table: &lut, environment: None, layer: None, out: &out, settings, overwrite: false };
-        let report = factor(&job, &Silent).unwrap();
+        let report = perform(&options, &lut, &out, false, &Silent).unwrap();
         let read = Table::read(&lut).unwrap();
-        let error = |folder: &Path, between: bool| written_error(folder, settings.parts, &read, between);
+        let error = |folder: &Path, between: bool| written_error(folder, options.parts, &read, between);
         let truth = error(&out, between);
-        let range = if settings.parts > 1 && between {
+        let range = if options.parts > 1 && between {
             // Parts have no cells in common: the error is that of a reader between the cells of all, of none, or of some of them.
             [truth, error(&out, false)]
         } else if between {
             // A reader between cells adds the error of its interpolation, which is what curves that leave nothing out have.
             let whole = folder.path().join("whole");
-            let all = Settings { rank: Some(24), ..usual };
-            let full = factor(&Job { out: &whole, settings: all, ..job }, &Silent).unwrap();
+            let all = Options { rank: Some(24), ..usual() };
+            let full = perform(&all, &lut, &whole, false, &Silent).unwrap();
             let interpolation = error(&whole, true).powi(2) - full.error.powi(2);
             [(truth.powi(2) - interpolation).max(0.0).sqrt(); 2]
         } else {
             [truth; 2]
         };
         println!("{name}: {}, from the files {range:?}, {:?}", report.error, report.warnings);
-        assert_eq!(report.parts.len(), settings.parts, "{name}");
+        assert_eq!(report.parts.len(), options.parts, "{name}");
         let [low, high] = [range[0].min(range[1]), range[0].max(range[1])];
         // 15 %: the readings sample the table at other places than the curves were made at.
         assert!((0.85 * low..1.15 * high).contains(&report.error), "{name}: {} {range:?}", report.error);
         let rows = read_exr(&out.join("part-1-across.exr")).unwrap().height;
         assert_eq!(report.parts[0].rank, rows, "{name}");
         // An error that was asked for and is missed is said.
-        let missed = settings.rank.is_none() && report.error > settings.max_error;
+        let missed = options.rank.is_none() && report.error > options.max_error;
         assert_eq!(report.warnings.iter().any(|w| w.contains("asked for")), missed, "{name}: {:?}", report.warnings);
         assert!(!missed || !report.separable && report.advice != "two passes", "{name}: {}", report.advice);
     }
