@@ -14,7 +14,7 @@ from pathlib import Path
 import inputs
 
 HERE = Path(__file__).resolve().parent
-DOCUMENT = HERE.parents[1] / "docs/peers.md"
+DOCUMENT = HERE.parents[1] / "docs/validation/peers.md"
 NACRE = os.environ["NACRE_BIN"]
 PAIRS = 5
 
