@@ -122,7 +122,7 @@ fn devices_are_driven_by_hand_through_their_drivers() {
     assert_eq!(light(&emulated.bench), [false, false]);
 }
 
-/// What stands above the table in `docs/faults.md`.
+/// What stands above the table in `docs/validation/faults.md`.
 const HEADER: &str = "\
 # What a session makes of faults
 
@@ -213,7 +213,7 @@ fn every_fault_at_every_step_is_passed_over_or_named_and_the_session_completed()
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     fs::write(top.join("target/faults.md"), &text).unwrap();
     if std::env::var_os("NACRE_UPDATE_DOCS").is_some() {
-        fs::write(top.join("docs/faults.md"), &text).unwrap();
+        fs::write(top.join("docs/validation/faults.md"), &text).unwrap();
     }
     let named = outcomes.iter().flatten().count();
     println!("{named} of {} sessions with faults ended with an error", outcomes.len());

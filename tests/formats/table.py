@@ -1,4 +1,4 @@
-"""The table of kinds in docs/files.md: compared with the index of the files (matrix.py), or written with --update.
+"""The table of kinds in docs/reference/image-formats.md: compared with the index of the files (matrix.py), or written with --update.
 
 usage: table.py INDEX DOCUMENT [--update]
 """
@@ -41,6 +41,6 @@ if sys.argv[3:] == ["--update"]:
     document.write_text(before + BEGIN + new + END + after)
 elif old != new:
     known = set(old.splitlines())
-    print("docs/files.md has another table of formats; accept it with tests/formats/run --update:")
+    print("docs/reference/image-formats.md has another table of formats; accept it with tests/formats/run --update:")
     print("\n".join(line for line in new.splitlines() if line not in known))
     sys.exit(1)

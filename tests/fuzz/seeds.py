@@ -317,7 +317,7 @@ def sessions():
 
 
 def configs():
-    hardware = (HERE.parents[1] / "docs/hardware.md").read_text()
+    hardware = (HERE.parents[1] / "docs/guide/bench.md").read_text()
     blocks = [block.split("```")[0] for block in hardware.split("```toml\n")[1:]]
     yield from (b"0" + text for text in expected("bench/nacre.toml"))
     yield from (b"0" + block.encode() for block in blocks)

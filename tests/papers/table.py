@@ -15,7 +15,7 @@ import thesis2014
 import tog2017
 import tog2018
 
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs/papers.md"
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs/validation/papers.md"
 PAPERS = [tog2018, tog2017, cvmp2017, thesis2014]
 
 HEAD = """# Four papers, row by row

@@ -14,7 +14,7 @@ from pathlib import Path
 import inputs
 
 HERE = Path(__file__).resolve().parent
-DOCUMENT = HERE.parents[1] / "docs/peers.md"
+DOCUMENT = HERE.parents[1] / "docs/validation/peers.md"
 NACRE = os.environ["NACRE_BIN"]
 PAIRS = 5
 
@@ -109,11 +109,11 @@ def task(name):
 def table(found):
     cpu = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "")
     lines = [
-        "# Nacre and others", "",
+        "# Time and memory against other programs", "",
         f"Made by `tests/peers/run --update` on {datetime.date.today()}: {cpu}, {os.cpu_count()} threads; medians of {PAIRS} runs in turn on",
         "the same files (`tests/peers/inputs.py`). Nacre's commands are whole: they read, compute, write maps and draw pictures. Peers",
-        "(`tests/peers/peers.py`) read and compute, without the time that Python takes to start; they write nothing. Kernels without files are",
-        "compared in [charts.md](charts.md).", "",
+        "(`tests/peers/peers.py`) read and compute, without the time that Python takes to start; they write nothing. Kernels without files:",
+        "[speed](speed.md), [bokeh](bokeh.md), [surfaces](surfaces.md).", "",
         "| task | program | CPU-seconds | wall, s | peak, MB | Nacre's CPU over it | Nacre's wall over it | goal |",
         "|---|---|---|---|---|---|---|---|",
     ]

@@ -18,7 +18,7 @@ pub enum Layout {
     Angles([[f64; 2]; 2]),
 }
 
-/// Sensors and cameras with polarizers on their pixels. docs/files.md names the source of each order.
+/// Sensors and cameras with polarizers on their pixels. docs/reference/photographs.md names the source of each order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sensor {

@@ -75,7 +75,7 @@ pub enum Added {
 const USUAL: u32 = 12;
 
 /// Fringes to begin with where more are added as they are needed: with fewer, one pixel in five hundred is taken for another grating without
-/// a sign of it (docs/charts.md, spot scans).
+/// a sign of it (docs/validation/spots.md).
 const FIRST: u32 = LEAST_FRINGES as u32;
 /// How many are added at a time.
 pub(crate) const MORE: u32 = 2;

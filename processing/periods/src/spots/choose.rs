@@ -11,7 +11,7 @@ use serde::Serialize;
 const BESIDES: usize = 4;
 
 /// Fewest fringes with which hardly any pixel is taken for another grating: with 10 none of 4096 pixels was, with 8 three, with 6 one in a
-/// hundred (docs/charts.md, spot scans).
+/// hundred (docs/validation/spots.md).
 pub const LEAST_FRINGES: usize = 10;
 
 /// Part of white that a pixel gives on average, and that one of its first orders does: a dim one of those that a metal grating of 100 nm

@@ -15,7 +15,7 @@
 //! - The penalty is Laplace's factor for curves, whose parameters have priors, and k ln n for circles (BIC, Schwarz 1978).
 //! - Whether a difference may be chance is judged by the test of Vuong (1989): its standard deviation over the points.
 //!
-//! docs/models.md lists the thresholds of the decision and the scenes that need each of them.
+//! docs/validation/models.md lists the thresholds of the decision and the scenes that need each of them.
 
 use crate::film::cloud::{CloudPoint, SAMPLE, thinned};
 use crate::film::curve::{Curve, Film};

@@ -114,7 +114,7 @@ impl WithSimd for Fold<'_, '_, '_> {
 }
 
 /// Frames that are added at once, at most: every sum is loaded and stored once for all of them. They and as many that are fetched fit the eight places of a
-/// set of a first-level cache; six take a tenth longer on one processor (docs/charts.md, "Speed").
+/// set of a first-level cache; six take a tenth longer on one processor (docs/validation/speed.md).
 const TOGETHER: usize = 4;
 
 /// Pixels that are added while as many are fetched of the frames that come next.
@@ -224,8 +224,7 @@ const APART: usize = TILE + 32;
 impl WithSimd for Fit<'_, '_, '_> {
     type Output = ();
 
-    /// A few frames at a time: they often lie a multiple of a page apart, and all of them at once take half as long again then (docs/charts.md,
-    /// "Speed").
+    /// A few frames at a time: they often lie a multiple of a page apart, and all of them at once take half as long again then (docs/validation/speed.md).
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Self { maps, pivot, others, solution } = self;

@@ -3,7 +3,7 @@
 //! The work is so little that moving the numbers takes longer than calculating with them, so what counts is how many bytes
 //! go through the memory: with two frames at a time 44 per pixel and pair (2·4 of the frames, 4 of the pivot, 2·16 of the sums),
 //! and with all N frames in memory 4 N + 20 (frames in, five maps out), since the sums of a pixel never leave the caches.
-//! Measured: docs/charts.md, "Speed".
+//! Measured: docs/validation/speed.md.
 
 pub(crate) mod bracket;
 pub(crate) mod demosaic;

@@ -16,7 +16,7 @@ const SETTLED: [(&str, &str, usize); 4] = [
 ];
 
 /// Adds a sample to the sums of pixels, each by the shaders' `drawn`. Not as a picture of triangles: a card for servers took 5 to 50 times as long for
-/// these (docs/charts.md), and sums need not leave the card for each sample.
+/// these (docs/validation/graphics-cards.md), and sums need not leave the card for each sample.
 const ADDS: &str = "
 struct Area {
     first: vec2<u32>,

@@ -7,7 +7,7 @@
 //! normal). Their square matrix of powers is scaled by a factor per row and a factor per column until all rows and columns add up to 1 (Sinkhorn
 //! and Knopp 1967): what is left is reciprocal, for its factors belong to directions, and without loss. Of all such matrices it is the one nearest
 //! to scalar theory's in relative entropy, and nearer to what Maxwell's equations say of a perfect conductor than scalar theory is itself
-//! (`docs/charts.md`, `render-orders`).
+//! (`docs/validation/rendering.md`, `render-orders`).
 
 use nacre_base::{Error, Result};
 use nacre_brdf::{Reflectance, Section, most_orders};
