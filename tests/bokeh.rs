@@ -185,7 +185,7 @@ fn input_that_makes_no_sense_is_refused_by_name() {
     }
     refused("lines.png", &["--psf-sigma", "0"], "expected above 0");
     refused("lines.png", &["--psf-sigma", "-3"], "expected above 0");
-    refused("lines.png", &["--psf-sigma", "NaN"], "expected above 0");
+    refused("lines.png", &["--psf-sigma", "NaN"], "is no number");
     refused("lines.png", &["--psf-sigma", "20"], "smaller than the point spread function of 161 x 161");
     refused("lines.png", &[], "--psf-sigma");
     refused("lines.png", &["--psf", path("black.png").to_str().unwrap()], "no middle pixel");

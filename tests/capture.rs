@@ -31,7 +31,7 @@ fn a_session_is_complete_checked_and_reconstructs() {
 
 #[test]
 fn a_planned_reconstruction_follows_the_capture() {
-    let plan = PLAN.to_owned() + "reconstruct = { method = \"polarization\" }";
+    let plan = PLAN.to_owned() + "reconstruct = { operation = \"polarization\" }";
     let place = Place::new(&plan);
     nacre(place.capture("s")).expect(0);
     assert!(place.path("s/results/orientation.png").exists());
@@ -123,7 +123,7 @@ fn estimates_hold_within_ten_percent() {
 fn a_session_keeps_the_time_of_devices_and_engine() {
     let plan =
         "kind = \"polarization\"\ncamera = { exposure_ms = 40 }\nanalyser = { angles_deg = [0, 30, 60, 90, 120, 150] }
-        extras = [\"dark\", \"display_black\"]\nreconstruct = { method = \"polarization\" }";
+        extras = [\"dark\", \"display_black\"]\nreconstruct = { operation = \"polarization\" }";
     let place = Place::with_bench(plan, "camera = { width = 1024, height = 1024 }");
     let run = nacre(place.capture("s")).expect(0).json();
     let [device, engine] = ["device_s", "engine_s"].map(|key| run["timing"][key].as_f64().unwrap());
@@ -137,7 +137,7 @@ fn a_session_keeps_the_time_of_devices_and_engine() {
 /// The map that followed the frames is the one that the finished session gives.
 #[test]
 fn the_reconstruction_that_follows_equals_that_of_the_whole_session() {
-    let plan = PLAN.to_owned() + "reconstruct = { method = \"polarization\" }";
+    let plan = PLAN.to_owned() + "reconstruct = { operation = \"polarization\" }";
     let place = Place::new(&plan);
     nacre(place.capture("s")).expect(0);
     nacre(["reconstruct", "polarization", &place.text("s"), "--out", &place.text("whole")]).expect(0);

@@ -124,7 +124,7 @@ fn the_service_says_what_is_to_come() {
     service.post("/api/v1/reconstructions/estimate", &json!({})).expect(400);
 
     let metered = json!({ "plan": {
-        "kind": "polarization", "analyser": { "angles_deg": [0, 60, 120] }, "reconstruct": { "method": "polarization" }
+        "kind": "polarization", "analyser": { "angles_deg": [0, 60, 120] }, "reconstruct": { "operation": "polarization" }
     } });
     let metered = service.post("/api/v1/plans/estimate", &metered).expect(200).json();
     let of_metering = metered["metering_seconds"].as_f64().unwrap();

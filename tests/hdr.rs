@@ -16,7 +16,7 @@ const PLAN: &str = r#"
 kind = "flash"
 bracket = { step_ev = 2, at_most = 4 }
 extras = ["display_black"]
-reconstruct = { method = "hdr" }
+reconstruct = { operation = "hdr" }
 "#;
 
 fn bracket(folder: &Path) {
@@ -138,7 +138,7 @@ fn the_service_captures_and_merges_brackets() {
     let place = Place::new("");
     let service = Service::start(&place, &[]);
     let plan =
-        json!({ "plan": { "kind": "exposures", "bracket": { "at_most": 3 }, "reconstruct": { "method": "hdr" } } });
+        json!({ "plan": { "kind": "exposures", "bracket": { "at_most": 3 }, "reconstruct": { "operation": "hdr" } } });
     let id = begin(&service, &plan);
     finished(&service, &id);
     let own = service.get(&format!("/api/v1/reconstructions/{id}")).expect(200).json();

@@ -341,7 +341,7 @@ pub fn plan(angles: usize, exposure_ms: f64) -> Value {
     let angles: Vec<f64> = (0..angles).map(|k| 180.0 * k as f64 / angles as f64).collect();
     json!({ "plan": {
         "kind": "polarization", "name": "a tile", "sample": "kinematic", "camera": { "exposure_ms": exposure_ms },
-        "analyser": { "angles_deg": angles }, "reconstruct": { "method": "polarization" }
+        "analyser": { "angles_deg": angles }, "reconstruct": { "operation": "polarization" }
     } })
 }
 

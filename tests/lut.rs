@@ -340,7 +340,7 @@ fn the_service_makes_tables_of_its_sessions() {
         service.post("/api/v1/reconstructions", &asked).expect(status);
     }
     let plan =
-        json!({ "plan": { "kind": "exposures", "bracket": { "at_most": 2 }, "reconstruct": { "method": "hdr" } } });
+        json!({ "plan": { "kind": "exposures", "bracket": { "at_most": 2 }, "reconstruct": { "operation": "hdr" } } });
     let id = begin(&service, &plan);
     finished(&service, &id);
     // The panel has no orders, which the job says.

@@ -209,6 +209,13 @@ fn parts_of_files_are_sent(service: &Service, path: &str) {
     assert!(asked(&[&format!("If-None-Match: {tag}")], 304).body.is_empty());
 }
 
+/// Keys of the page's controls over an option: the page shows each value of a structure that a command line takes as a list.
+fn keys(field: &Field) -> Vec<Vec<String>> {
+    let listed = field.schema.get("x-list").and(field.schema.get("properties")).and_then(Value::as_object);
+    let inner = listed.map(|all| all.keys().map(|key| [field.path.as_slice(), &[key.clone()]].concat()).collect());
+    inner.unwrap_or_else(|| vec![field.path.clone()])
+}
+
 #[test]
 fn the_page_has_a_control_for_every_option() {
     let Some(browser) = Browser::start() else { return };
@@ -220,7 +227,7 @@ fn the_page_has_a_control_for_every_option() {
         let operation = OPERATIONS.iter().find(|o| o.name() == name).unwrap();
         let fields = operation.fields();
         let shown = fields.list.iter().filter(|f| !apart.contains(&f.path[0].as_str()));
-        for id in shown.map(|field: &Field| format!("{name}-{}", field.path.join("-").replace('_', "-"))) {
+        for id in shown.flat_map(keys).map(|keys| format!("{name}-{}", keys.join("-").replace('_', "-"))) {
             let found = browser.run(&format!("return document.getElementById('{id}') !== null"));
             assert_eq!(found, true, "the page has no #{id}");
         }

@@ -80,7 +80,7 @@ fn a_complete_session_is_left_alone() {
 /// Results that the plan asks for belong to it; where only they are missing, no frame is taken, and no share of no time is said.
 #[test]
 fn missing_results_are_made() {
-    let place = Place::new(&(TURNED.to_owned() + "reconstruct = { method = \"polarization\" }"));
+    let place = Place::new(&(TURNED.to_owned() + "reconstruct = { operation = \"polarization\" }"));
     nacre(place.capture("s")).expect(0);
     let whole = data(&place.path("s"));
     fs::remove_dir_all(place.path("s/results")).unwrap();

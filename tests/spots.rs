@@ -13,7 +13,7 @@ kind = "spots"
 name = "mosaic of periods"
 spots = { fringes = { count = 12, phases = 4 } }
 extras = ["display_black"]
-reconstruct = { method = "spots" }
+reconstruct = { operation = "spots" }
 "#;
 
 fn bench(seed: u64) -> String {
@@ -125,7 +125,7 @@ fn discs_decide_between_gratings() {
     let plan = format!(
         "kind = \"spots\"\nextras = [\"display_black\"]\n\
          spots = {{ centers_mm = [{}], diameter_mm = 80, fringes = {{ count = 5, phases = 3 }} }}\n\
-         reconstruct = {{ method = \"spots\" }}\n",
+         reconstruct = {{ operation = \"spots\" }}\n",
         centers.join(", ")
     );
     std::fs::write(path("plan.toml"), plan).unwrap();

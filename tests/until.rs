@@ -13,7 +13,7 @@ use std::process::Stdio;
 fn plan(analyser: &str, more: &str) -> String {
     format!(
         "kind = \"polarization\"\nanalyser = {{ {analyser} }}\nextras = [\"display_black\"]\n{more}
-         reconstruct = {{ method = \"polarization\", model = \"sinusoid\" }}"
+         reconstruct = {{ operation = \"polarization\", options = {{ model = \"sinusoid\" }} }}"
     )
 }
 

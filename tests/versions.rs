@@ -37,7 +37,9 @@ fn versions() -> Vec<Place> {
 /// Commands that read one file each, by the file.
 fn readers(place: &Place) -> Vec<(&'static str, Vec<String>)> {
     let line = |file: &'static str, words: &[&str]| {
-        let path = |word: &&str| if word.contains('.') || word.starts_with("session") { place.text(word) } else { (*word).into() };
+        let path = |word: &&str| {
+            if word.contains('.') || word.starts_with("session") { place.text(word) } else { (*word).into() }
+        };
         (file, words.iter().map(path).collect())
     };
     vec![
@@ -45,8 +47,14 @@ fn readers(place: &Place) -> Vec<(&'static str, Vec<String>)> {
         line("table.toml", &["plan", "estimate", "table.toml", "--sim"]),
         line("bench.toml", &["plan", "check", "plan.toml", "--sim", "--bench", "bench.toml"]),
         line("scene.toml", &["render", "scene.toml", "--samples", "2", "--force", "--out", "picture.exr"]),
-        line("geometry.json", &["calibrate", "geometry", "geometry.json", "--wavelength", "532", "--force", "--out", "new.json"]),
-        line("session/frames.json", &["reconstruct", "polarization", "session/frames.json", "--force", "--out", "maps.d"]),
+        line(
+            "geometry.json",
+            &["calibrate", "geometry", "geometry.json", "--wavelength", "532", "--force", "--out", "new.json"],
+        ),
+        line(
+            "session/frames.json",
+            &["reconstruct", "polarization", "session/frames.json", "--force", "--out", "maps.d"],
+        ),
         line("session/session.json", &["capture", "--sim", "--resume", "session"]),
     ]
 }
@@ -59,7 +67,8 @@ fn files_of_every_version_are_read() {
             assert_eq!(run.code(), 0, "{file}: {}", run.stderr());
         }
         // The session's plan asks for results, which its resume has made.
-        let report: Value = serde_json::from_slice(&fs::read(place.path("session/results/report.json")).unwrap()).unwrap();
+        let report: Value =
+            serde_json::from_slice(&fs::read(place.path("session/results/report.json")).unwrap()).unwrap();
         assert_eq!((&report["model"], &report["version"]), (&"sinusoid".into(), &1.into()));
     }
 }
@@ -74,9 +83,14 @@ fn jobs_of_every_version_are_done() {
         assert_eq!(jobs.len(), 3, "{all}");
         for job in jobs {
             let path = format!("/api/v1/reconstructions/{}", job["id"].as_str().unwrap());
-            let done = service.until(&path, |job| ["done", "failed", "set_aside"].contains(&job["state"].as_str().unwrap()));
+            let done =
+                service.until(&path, |job| ["done", "failed", "set_aside"].contains(&job["state"].as_str().unwrap()));
             assert_eq!(done["state"], "done", "{done}");
-            assert_eq!((&done["method"], &done["report"]["model"]), (&"polarization".into(), &"sinusoid".into()), "{done}");
+            assert_eq!(
+                (&done["method"], &done["report"]["model"]),
+                (&"polarization".into(), &"sinusoid".into()),
+                "{done}"
+            );
         }
         let given: Vec<&Value> = jobs.iter().map(|job| &job["options"]).collect();
         assert!(given.iter().any(|options| options["offset_deg"] == 3.0), "{given:?}");

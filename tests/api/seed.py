@@ -31,7 +31,7 @@ plan = {
     "kind": "polarization",
     "camera": {"exposure_ms": 5},
     "analyser": {"angles_deg": [0, 60, 120]},
-    "reconstruct": {"method": "polarization"},
+    "reconstruct": { "operation": "polarization" },
 }
 session = call("POST", "/api/v1/sessions", {"plan": plan})["id"]
 finished(f"/api/v1/sessions/{session}", lambda s: s["state"] == "finished" and s["has_results"])

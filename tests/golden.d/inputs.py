@@ -45,7 +45,7 @@ POLARIZATION_PLAN = """kind = "polarization"
 sample = "golden tile"
 analyser = { angles_deg = [0, 30, 60, 90, 120, 150] }
 extras = ["dark", "display_black"]
-reconstruct = { method = "polarization" }
+reconstruct = { operation = "polarization" }
 """
 
 UNTIL_PLAN = """kind = "polarization"
@@ -57,7 +57,7 @@ extras = ["display_black"]
 BRACKET_PLAN = """kind = "flash"
 bracket = { step_ev = 2, at_most = 4 }
 extras = ["display_black"]
-reconstruct = { method = "hdr" }
+reconstruct = { operation = "hdr" }
 """
 
 EXPOSURES_PLAN = """kind = "exposures"
@@ -75,20 +75,20 @@ steps = [
 BOKEH_PLAN = """kind = "flash"
 exposures_ms = [2, 8]
 extras = ["display_black"]
-reconstruct = { method = "bokeh", bokeh = { psf = { sigma = 1.5 }, iterations = { count = 3 } } }
+reconstruct = { operation = "bokeh", options = { psf = { sigma = 1.5 }, iterations = { count = 3 } } }
 """
 
 LUT_PLAN = """kind = "flash"
 exposures_ms = [2, 8]
 extras = ["display_black"]
-reconstruct = { method = "lut", lut = { wavelength_nm = 550, scale = 0.01, size = 32, center = [30, 20], max_error = 1 } }
+reconstruct = { operation = "lut", options = { wavelength_nm = 550, scale = 0.01, size = 32, center = [30, 20], max_error = 1 } }
 """
 
 SPOTS_PLAN = """kind = "spots"
 name = "mosaic of periods"
 spots = { fringes = { count = 8, phases = 4 } }
 extras = ["display_black"]
-reconstruct = { method = "spots" }
+reconstruct = { operation = "spots" }
 """
 
 # --- Scenes of the simulated photographs ---------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ pub struct Config {
     /// address of the page (`https://NAME:PORT`).
     pub hosts: Vec<String>,
     /// Who may do what; `nacre token` makes them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tokens: Vec<Token>,
     /// The bench.
     pub bench: BenchSection,

@@ -123,11 +123,26 @@ pub fn describe(document: &mut Value) {
         document["components"]["schemas"][named.trim_start_matches("#/components/schemas/")] = order;
         document["paths"][PATH.replace("{name}", operation.name())] = own;
     }
-    for (name, schema) in generator.take_definitions(true).into_iter().chain(reports.take_definitions(true)) {
-        let schemas = &mut document["components"]["schemas"];
-        debug_assert!(schemas[&name].is_null() || schemas[&name] == schema, "two schemas are called {name}");
-        schemas[name] = schema;
+    let Some(schemas) = document["components"]["schemas"].as_object_mut() else { return };
+    for (name, schema) in generator.take_definitions(true) {
+        debug_assert!(!schemas.contains_key(&name), "two schemas are called {name}");
+        schemas.insert(name, schema);
     }
+    schemas.extend(told_apart(reports.take_definitions(true), schemas));
+}
+
+/// Definitions of reports. Those that differ from a known schema of the same name get a name of their own: options that a report repeats have
+/// all their keys there.
+fn told_apart(reports: Map<String, Value>, known: &Map<String, Value>) -> Map<String, Value> {
+    let differ = |name: &&String| known.get(*name).is_some_and(|schema| *schema != reports[*name]);
+    let names: Vec<&String> = reports.keys().filter(differ).collect();
+    let mut text = Value::Object(reports.clone()).to_string();
+    for name in names {
+        for [before, after] in [["/", "\""], ["\"", "\":{"]] {
+            text = text.replace(&format!("{before}{name}{after}"), &format!("{before}{name}InReport{after}"));
+        }
+    }
+    serde_json::from_str(&text).unwrap_or(reports)
 }
 
 #[cfg(test)]

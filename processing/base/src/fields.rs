@@ -284,6 +284,8 @@ impl Field {
         match (self.text("type"), self.schema.get("minItems").and_then(Value::as_u64)) {
             (Some("array"), Some(2)) => format!("two numbers: {placeholder}"),
             (Some("array"), Some(count)) => format!("{count} numbers or lists of numbers: {placeholder}"),
+            (Some("number"), _) => "a number".into(),
+            (Some("integer"), _) => "a whole number".into(),
             _ => placeholder,
         }
     }
@@ -296,7 +298,11 @@ impl Field {
         if self.text(UNSET) == Some(text) {
             return Ok(Value::Null);
         }
-        read(&self.schema, text).ok_or_else(|| format!("{text:?} is no {}", self.placeholder()))
+        read(&self.schema, text).ok_or_else(|| match self.text("type") {
+            Some("number") => format!("{text:?} is no number"),
+            Some("integer") => format!("{text:?} is no whole number"),
+            _ => format!("{text:?} is no {}", self.placeholder()),
+        })
     }
 
     /// Puts a value where it belongs among the options.

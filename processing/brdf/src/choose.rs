@@ -38,6 +38,7 @@ const ASKED: &str = "asked for";
 
 /// What was chosen, and why.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "BrdfChoice")]
 pub struct Choice {
     /// The method.
     pub method: Method,

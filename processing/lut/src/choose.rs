@@ -39,6 +39,7 @@ const ENTRY_NS: f64 = 45.0;
 
 /// What was chosen, and why.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "LutChoice")]
 pub struct Choice {
     /// `rays`, `single` or `fixed`.
     pub method: &'static str,

@@ -79,6 +79,7 @@ pub struct Coverage {
 
 /// What took how long.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
+#[schemars(rename = "LutSeconds")]
 pub struct Seconds {
     /// Reading, and merging exposures.
     pub read: f64,

@@ -182,6 +182,12 @@ pub fn flagged(error: Error, fields: &Fields) -> Error {
             let within = |f: &&Field| id(f).starts_with(&format!("{subject}."));
             let flag = |f: &Field| format!("--{}", f.name());
             let all = || fields.list.iter().filter(within).map(flag).collect::<Vec<_>>().join(" or ");
+            // A key of a structure that a file holds.
+            let inner = |f: &&Field| f.is_structure() && subject.starts_with(&format!("{}.", id(f)));
+            if let Some(field) = fields.list.iter().find(inner) {
+                let key = subject[id(field).len() + 1..].to_owned();
+                return Error::input(flag(field), format!("{key} {problem}"), "correct the file; see --help");
+            }
             let flag = fields.list.iter().find(own).map(flag).or_else(|| Some(all()).filter(|all| !all.is_empty()));
             match flag {
                 Some(flag) => Error::Input { subject: flag, problem, remedy: remedy.replace(SCHEMA, "see --help") },

@@ -70,6 +70,7 @@ pub struct Samples {
 
 /// What took how long.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
+#[schemars(rename = "HdrSeconds")]
 pub struct Seconds {
     /// Looking at the exposures: response, registration.
     pub look: f64,

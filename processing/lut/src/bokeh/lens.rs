@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Lens {
-    /// Focal length in mm.
+    /// Focal length of the lens in mm.
     pub focal_mm: f64,
     /// f-number: focal length over the diameter of the aperture.
     #[schemars(extend("x-flag" = "f-number"))]

@@ -79,6 +79,7 @@ pub struct Deconvolution {
 
 /// Noise and where it comes from.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "BokehNoiseReport")]
 pub struct NoiseReport {
     /// Variance per unit of light.
     pub shot: f64,
@@ -151,6 +152,7 @@ pub struct Heights {
 
 /// What took how long.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
+#[schemars(rename = "BokehSeconds")]
 pub struct Seconds {
     /// Reading.
     pub read: f64,

@@ -99,6 +99,7 @@ pub struct DirectionsReport {
 
 /// One period or many.
 #[derive(Clone, Debug, Default, Serialize, JsonSchema)]
+#[schemars(rename = "FlashPeriodReport")]
 pub struct PeriodReport {
     /// `sample` or `pixel`.
     pub choice: PeriodChoice,
@@ -145,6 +146,7 @@ pub struct Masked {
 
 /// Seconds.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
+#[schemars(rename = "FlashSeconds")]
 pub struct Seconds {
     /// Photographs decoded, tiles registered and copied.
     pub read: f64,

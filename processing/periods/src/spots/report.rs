@@ -82,6 +82,7 @@ pub struct Counts {
 
 /// What took how long.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
+#[schemars(rename = "SpotsSeconds")]
 pub struct Seconds {
     /// Reading and demodulating.
     pub read: f64,

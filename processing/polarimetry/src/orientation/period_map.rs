@@ -118,6 +118,7 @@ impl fmt::Display for Metal {
 
 /// What the report says of the map of periods.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "PolarizationPeriodReport")]
 pub struct PeriodReport {
     /// What was asked for, with everything that is assumed.
     pub method: PeriodMethod,

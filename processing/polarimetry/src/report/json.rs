@@ -137,6 +137,7 @@ pub struct SmoothingReport {
 
 /// Noise of an average frame: variance = `shot` · I + `floor`, in linear units.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
+#[schemars(rename = "PolarizationNoiseReport")]
 pub struct NoiseReport {
     /// Where it comes from.
     pub source: NoiseSource,
@@ -148,6 +149,7 @@ pub struct NoiseReport {
 
 /// Wall time in seconds.
 #[derive(Clone, Debug, Default, Serialize, JsonSchema)]
+#[schemars(rename = "PolarizationSeconds")]
 pub struct Seconds {
     /// Decoding the photographs and folding them into the fit, once again where they are moved back or angles are put right.
     pub read_and_fit: f64,
