@@ -198,7 +198,7 @@ fn what_makes_no_sense_is_refused() {
     refused(dir.path(), &USUAL, "");
     let toml = dir.path().join("bench.toml");
     for (text, word) in [
-        ("camera_mm = 1", "missing field"),
+        ("camera_mm = 1", "flash_mm is missing"),
         ("words", "bench.toml"),
         ("camera_mm = 1\nflash_mm = 1000\npixel_um = 0", "pixel_um"),
     ] {
